@@ -1,0 +1,209 @@
+//! What a setup file says.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Sourced;
+
+/// A PLC, a bus and a robot, with everything a user may change.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setup {
+    /// Version of this file format: 1.
+    pub schema: u32,
+    /// Short name, as given to `--setup`.
+    pub name: String,
+    /// What stands in the cell.
+    pub title: String,
+    /// Which application the measurement runs: a built-in one's name, or a path from this file's directory.
+    pub application: String,
+    /// What the paper measured, if it measured this setup.
+    pub paper: Option<Paper>,
+    /// The PLC.
+    pub plc: Plc,
+    /// The fieldbus.
+    pub bus: Bus,
+    /// The robot and its controller.
+    pub robot: Robot,
+    /// How the application's motions are programmed.
+    pub motions: Motions,
+}
+
+/// The published figures.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Paper {
+    /// Programmed in the robot controller.
+    pub rc: Figure,
+    /// Single motions from the PLC.
+    pub sm: Figure,
+    /// One MoveContinuousSkill from the PLC.
+    pub cm: Figure,
+}
+
+/// One row of the paper's Table 2.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Figure {
+    /// Average execution time in ms.
+    pub aet_ms: f64,
+    /// Mean absolute deviation from the mean in ms.
+    pub mad_ms: f64,
+}
+
+/// The PLC.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plc {
+    /// Time from one scan to the next, in µs.
+    pub scan_cycle_us: Sourced<u32>,
+    /// Time from reading the inputs to writing the outputs, in µs. Modelled in virtual mode; in real mode the
+    /// scan takes what it takes.
+    pub scan_cost_us: Sourced<u32>,
+}
+
+/// Which fieldbus.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BusKind {
+    /// PROFINET IO: the PLC is the IO-Controller, the robot the IO-Device.
+    Profinet,
+    /// EtherNet/IP: the PLC is the scanner, the robot the adapter.
+    EthernetIp,
+    /// EtherCAT: the PLC is the MainDevice, the robot a SubDevice.
+    Ethercat,
+}
+
+/// The fieldbus.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bus {
+    /// Which one.
+    pub kind: BusKind,
+    /// Time from one cyclic frame to the next, each way, in µs.
+    pub cycle_us: Sourced<u32>,
+    /// Cycles without a frame after which a side gives the connection up.
+    pub watchdog_cycles: Sourced<u32>,
+    /// One way over the cable, in µs. Modelled in virtual mode.
+    pub cable_delay_us: Sourced<u32>,
+    /// How far the nodes' clocks may be off, in parts per million. Modelled in virtual mode.
+    pub clock_drift_ppm: Sourced<u32>,
+    /// PLC's IPv4 address.
+    pub plc_address: std::net::Ipv4Addr,
+    /// Robot's IPv4 address.
+    pub robot_address: std::net::Ipv4Addr,
+    /// Both nodes' subnet mask.
+    pub subnet_mask: std::net::Ipv4Addr,
+    /// What PROFINET needs besides.
+    pub profinet: Option<Profinet>,
+}
+
+/// How PROFINET carries its cyclic frames.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Cyclic {
+    /// RT_CLASS_UDP: UDP port 34962.
+    Udp,
+    /// RT_CLASS_1: EtherType 0x8892.
+    Rt1,
+}
+
+/// What PROFINET needs besides.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profinet {
+    /// How the cyclic frames travel.
+    pub cyclic: Cyclic,
+    /// The PLC's name of station.
+    pub plc_station_name: String,
+    /// The robot's name of station.
+    pub robot_station_name: String,
+}
+
+/// The robot and its controller.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Robot {
+    /// Maker's name for it.
+    pub model: String,
+    /// Interpolation cycle of the controller, in µs.
+    pub cycle_us: Sourced<u32>,
+    /// The controller's time quantum in µs: its interpreter notices a new command after a time evenly spread
+    /// between 0 and this.
+    pub interpreter_quantum_us: Sourced<u32>,
+    /// What one skill call costs in the robot controller besides the motion, in µs: the paper's SM pays it per
+    /// motion, RC and CM once. Interpreter dispatch and exact-stop settling.
+    pub skill_overhead_us: Sourced<u32>,
+    /// The arm's geometry.
+    pub kinematics: Kinematics,
+    /// The joints' limits.
+    pub axes: Axes,
+    /// Highest path velocity in mm/s.
+    pub path_velocity_mm_s: Sourced<f64>,
+    /// Highest path acceleration in mm/s².
+    pub path_acceleration_mm_s2: Sourced<f64>,
+    /// Tool frames by number, from the flange; number 0 is the flange and is not listed.
+    #[serde(default)]
+    pub tools: Vec<Frame>,
+    /// Base frames by number, from the robot's root; number 0 is the root and is not listed.
+    #[serde(default)]
+    pub bases: Vec<Frame>,
+}
+
+/// A numbered frame.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// Its number, 1..=15.
+    pub number: u8,
+    /// x, y, z in mm; a, b, c in degrees about z, y', x''.
+    pub mm_deg: Sourced<[f64; 6]>,
+}
+
+/// The arm's geometry.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Kinematics {
+    /// Two parallel links, a vertical stroke, a rotation: joints 1, 2 (degrees), 3 (mm, up), 4 (degrees).
+    Scara(Scara),
+}
+
+/// The numbers of a SCARA.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scara {
+    /// First link, from axis 1 to axis 2, in mm.
+    pub link_1_mm: Sourced<f64>,
+    /// Second link, from axis 2 to the quill, in mm.
+    pub link_2_mm: Sourced<f64>,
+    /// Height of the flange above the root at joint 3 = 0, in mm.
+    pub height_mm: Sourced<f64>,
+}
+
+/// The joints' limits, one entry a joint, in degrees; a linear joint in mm.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axes {
+    /// Lowest values, in degrees (mm).
+    pub lower_deg: Sourced<Vec<f64>>,
+    /// Highest values, in degrees (mm).
+    pub upper_deg: Sourced<Vec<f64>>,
+    /// Rated speeds in degrees (mm) per second.
+    pub speed_deg_s: Sourced<Vec<f64>>,
+    /// Rated accelerations in degrees (mm) per second².
+    pub acceleration_deg_s2: Sourced<Vec<f64>>,
+    /// Where the arm stands at power-on, in degrees (mm).
+    pub home_deg: Sourced<Vec<f64>>,
+}
+
+/// How the application's motions are programmed on this setup.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motions {
+    /// Programmed velocity as a share of the rated ones, in %: of `path_velocity_mm_s` for LIN, of the axes' speeds
+    /// for PTP.
+    pub velocity_percent: Sourced<f64>,
+    /// Programmed acceleration as a share of the rated ones, in %.
+    pub acceleration_percent: Sourced<f64>,
+    /// Approximation distance of blended motions, in mm.
+    pub approximation_mm: Sourced<f64>,
+}

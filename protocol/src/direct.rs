@@ -1,0 +1,99 @@
+//! A cable without a protocol: the image as it is, every cycle. For tests of the nodes that are not about a bus.
+
+use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
+use crate::image::{IMAGE_LEN, Image};
+use crate::wire::BigEndian;
+use crate::{Cycle, Duration, Instant, Machine, Port, Source, Transmit};
+
+/// One end of the cable. It is up as soon as the other end's first image is there.
+#[derive(Debug)]
+pub struct Direct {
+    cycle: Cycle,
+    watchdog: Duration,
+    output: Image,
+    input: Image,
+    last_input: Option<Instant>,
+    send: bool,
+    event: Option<LinkEvent>,
+    counters: Counters,
+}
+
+impl Direct {
+    /// An end that sends at `first` and every `period` after it, and gives up after `watchdog` without an image.
+    #[must_use]
+    pub const fn new(first: Instant, period: Duration, watchdog: Duration) -> Self {
+        Self {
+            cycle: Cycle::new(first, period),
+            watchdog,
+            output: [0; IMAGE_LEN],
+            input: [0; IMAGE_LEN],
+            last_input: None,
+            send: false,
+            event: None,
+            counters: Counters { sent: 0, received: 0, lost: 0, late: 0, malformed: 0, foreign: 0 },
+        }
+    }
+}
+
+impl Machine for Direct {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
+        let Ok(image) = frame.try_into() else {
+            self.counters.malformed += 1;
+            return;
+        };
+        self.input = image;
+        self.counters.received += 1;
+        if self.last_input.replace(now).is_none() {
+            self.event = Some(LinkEvent::Up);
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        if self.cycle.tick(now).is_some() {
+            self.send = true;
+        }
+        if self.last_input.is_some_and(|last| now.since(last) > self.watchdog) {
+            self.last_input = None;
+            self.event = Some(LinkEvent::Down(Down { cause: DownCause::Watchdog, code: 0, text: "" }));
+        }
+    }
+
+    fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if !core::mem::take(&mut self.send) {
+            return None;
+        }
+        buf.get_mut(..IMAGE_LEN)?.copy_from_slice(&self.output);
+        self.counters.sent += 1;
+        Some(Transmit { port: Port::Ethernet, to: None, len: IMAGE_LEN })
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.event.take()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        Some(self.cycle.next())
+    }
+}
+
+impl Fieldbus for Direct {
+    type Order = BigEndian;
+
+    fn set_output(&mut self, image: &Image) {
+        self.output = *image;
+    }
+
+    fn input(&self) -> Option<&Image> {
+        self.last_input.map(|_| &self.input)
+    }
+
+    fn disconnect(&mut self, _now: Instant) {
+        self.last_input = None;
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+}

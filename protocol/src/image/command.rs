@@ -1,0 +1,164 @@
+//! The image from the PLC to the robot.
+//!
+//! ```text
+//! 0..2   control          bits
+//! 2..4   life counter     u16   counts the PLC's scans
+//! 4..6   command number   u16   a new one, with `execute` set, starts a skill
+//! 6      skill            u8
+//! 7      override         u8    % of every velocity, 1..=100
+//! 8..12  total            u32   motions of the skill in all (totalNo)
+//! 12..16 written          u32   motions written into the slots so far, counted from the skill's start
+//! 16..18 program number   u16   what `RunProgram` runs
+//! 18..20 digital outputs  u16   of the PLC, inputs of the robot
+//! 20..28 start time       u64   ns on the robot's clock, 0 starts at once: for arms that must start together
+//! 28..36 zero
+//! 36..256 five slots      5 × Motion
+//! ```
+
+use super::{HEAD_LEN, Image, Motion, SLOTS, bits, codes};
+use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+
+bits! {
+    /// What the PLC wants of the robot. All are levels but for `EXECUTE`, which counts with a new command number.
+    Control: u16 {
+        /// The robot may move. Without it the robot halts.
+        ENABLE = 0,
+        /// Execute the skill of this command number.
+        EXECUTE = 1,
+        /// Stop on the path as fast as the limits allow and give up the skill.
+        HALT = 2,
+        /// Stop on the path and keep the skill.
+        SUSPEND = 3,
+        /// Go on after a suspend.
+        RESUME = 4,
+        /// Leave `Halted`, or take back an error: go to `Ready`.
+        RESET = 5,
+    }
+}
+
+codes! {
+    /// Which skill a command executes. Those of one motion have the code of its [`super::MotionKind`].
+    Skill: u8 {
+        /// No skill.
+        None = 0,
+        /// One straight line to a Cartesian target.
+        MoveLinCartesian = 1,
+        /// One point-to-point motion to a Cartesian target.
+        MovePtpCartesian = 2,
+        /// One point-to-point motion to a joint target.
+        MovePtpJoint = 3,
+        /// One circle.
+        MoveCircular = 4,
+        /// One spline.
+        MoveSpline = 5,
+        /// One straight line into contact.
+        MoveLinForceCartesian = 6,
+        /// A sequence of motions of any kind without stops: the paper's MoveContinuousSkill.
+        MoveContinuous = 16,
+        /// A program in the robot controller: the paper's RC.
+        RunProgram = 17,
+    }
+}
+
+/// The whole image from the PLC to the robot.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Command {
+    /// What the PLC wants.
+    pub control: Control,
+    /// Counts the PLC's scans, modulo 2^16.
+    pub life: u16,
+    /// Number of the command. The robot starts a skill when it sees a new one with [`Control::EXECUTE`].
+    pub number: u16,
+    /// The skill to execute.
+    pub skill: Skill,
+    /// Override in % of every velocity, 1..=100.
+    pub override_percent: u8,
+    /// Motions of this skill in all: the paper's `totalNo`.
+    pub total: u32,
+    /// Motions of this skill that are written into the slots so far.
+    pub written: u32,
+    /// Program that [`Skill::RunProgram`] runs.
+    pub program: u16,
+    /// The PLC's digital outputs, which the robot reads as inputs.
+    pub outputs: u16,
+    /// When to start, in ns on the robot's clock; 0 starts at once.
+    pub start_time_ns: u64,
+    /// Motion `k` in slot `k mod 5`.
+    pub slots: [Motion; SLOTS],
+}
+
+impl Default for Command {
+    fn default() -> Self {
+        Self {
+            control: Control::default(),
+            life: 0,
+            number: 0,
+            skill: Skill::None,
+            override_percent: 100,
+            total: 0,
+            written: 0,
+            program: 0,
+            outputs: 0,
+            start_time_ns: 0,
+            slots: [Motion::EMPTY; SLOTS],
+        }
+    }
+}
+
+impl Command {
+    /// Reads the image. What the values mean is for the robot to judge.
+    pub fn parse<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::<O>::new(image);
+        let mut command = Self {
+            control: Control(reader.u16()?),
+            life: reader.u16()?,
+            number: reader.u16()?,
+            skill: reader.u8()?.into(),
+            override_percent: reader.u8()?,
+            total: reader.u32()?,
+            written: reader.u32()?,
+            program: reader.u16()?,
+            outputs: reader.u16()?,
+            start_time_ns: reader.u64()?,
+            slots: [Motion::EMPTY; SLOTS],
+        };
+        reader.skip(HEAD_LEN - reader.offset())?;
+        for slot in &mut command.slots {
+            *slot = Motion::parse(&mut reader)?;
+        }
+        Ok(command)
+    }
+
+    /// Writes the image.
+    pub fn emit<O: ByteOrder>(&self, image: &mut Image) {
+        let mut writer = Writer::<O>::new(image);
+        writer.u16(self.control.0);
+        writer.u16(self.life);
+        writer.u16(self.number);
+        writer.u8(self.skill.into());
+        writer.u8(self.override_percent);
+        writer.u32(self.total);
+        writer.u32(self.written);
+        writer.u16(self.program);
+        writer.u16(self.outputs);
+        writer.u64(self.start_time_ns);
+        writer.pad_to(HEAD_LEN);
+        for slot in &self.slots {
+            slot.emit(&mut writer);
+        }
+    }
+
+    /// The slot of motion `index`, counted from 0.
+    #[must_use]
+    pub fn slot(&self, index: u32) -> &Motion {
+        let slot = index as usize % SLOTS;
+        self.slots.get(slot).unwrap_or(&Motion::EMPTY)
+    }
+
+    /// Writes motion `index`, counted from 0, into its slot.
+    pub fn set_slot(&mut self, index: u32, motion: Motion) {
+        if let Some(slot) = self.slots.get_mut(index as usize % SLOTS) {
+            *slot = motion;
+        }
+    }
+}

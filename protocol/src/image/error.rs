@@ -1,0 +1,76 @@
+//! What the robot refuses or stops for, as a number in the feedback image.
+
+use core::fmt;
+
+use super::codes;
+
+codes! {
+    /// Why a skill was refused or ended early. `error_motion` says which motion it speaks of.
+    ErrorNumber: u16 {
+        /// Nothing is wrong.
+        None = 0,
+        /// The skill code is not one that this robot has.
+        UnknownSkill = 1,
+        /// The motion kind is not one of the standard ones, or the slot is empty.
+        UnknownMotionKind = 2,
+        /// The motion kind is known but this robot does not run it.
+        MotionKindNotSupported = 3,
+        /// A skill was commanded in a state in which none can start.
+        NotReady = 4,
+        /// The program number is not stored in this robot.
+        UnknownProgram = 5,
+        /// A skill of no motions.
+        NoMotions = 6,
+        /// `written` ran ahead of the five slots, or backwards: motions were lost.
+        QueueOverrun = 7,
+        /// The tool number is not defined.
+        UnknownTool = 8,
+        /// The base number is not defined.
+        UnknownBase = 9,
+        /// The velocity is 0, or above what the motion kind allows.
+        VelocityOutOfRange = 10,
+        /// The acceleration is 0, or above what the motion kind allows.
+        AccelerationOutOfRange = 11,
+        /// The override is not within 1 to 100 %.
+        OverrideOutOfRange = 12,
+        /// A coordinate is not a finite number.
+        TargetNotFinite = 13,
+        /// The target is out of the arm's reach.
+        Unreachable = 14,
+        /// A joint would leave its range.
+        AxisLimit = 15,
+        /// The path passes a singular position.
+        Singular = 16,
+        /// The connection to the PLC was lost while a skill ran.
+        ConnectionLost = 17,
+        /// The PLC took back `enable` while a skill ran.
+        Disabled = 18,
+    }
+}
+
+impl fmt::Display for ErrorNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "no error",
+            Self::UnknownSkill => "the robot does not have this skill",
+            Self::UnknownMotionKind => "the slot is empty or its motion kind is not a standard one",
+            Self::MotionKindNotSupported => "this robot does not run this kind of motion",
+            Self::NotReady => "no skill can start in this state; reset first",
+            Self::UnknownProgram => "the robot has no program of this number",
+            Self::NoMotions => "the skill has no motions",
+            Self::QueueOverrun => "motions were written over before the robot took them",
+            Self::UnknownTool => "the tool number is not defined in the robot",
+            Self::UnknownBase => "the base number is not defined in the robot",
+            Self::VelocityOutOfRange => "the velocity is zero or above the limit of its motion kind",
+            Self::AccelerationOutOfRange => "the acceleration is zero or above the limit of its motion kind",
+            Self::OverrideOutOfRange => "the override is not within 1 to 100 %",
+            Self::TargetNotFinite => "a coordinate is not a finite number",
+            Self::Unreachable => "the target is out of the arm's reach",
+            Self::AxisLimit => "a joint would leave its range",
+            Self::Singular => "the path passes a singular position",
+            Self::ConnectionLost => "the connection to the PLC was lost while the skill ran",
+            Self::Disabled => "the PLC took back `enable` while the skill ran",
+            Self::Unknown(code) => return write!(f, "error number {code}"),
+        })
+    }
+}

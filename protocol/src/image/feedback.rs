@@ -1,0 +1,173 @@
+//! The image from the robot to the PLC.
+//!
+//! ```text
+//! 0..2    status            bits
+//! 2       state             u8
+//! 3       zero
+//! 4..6    command number    u16   the last one that was accepted or refused
+//! 6..8    error number      u16   0 is none
+//! 8..12   executed          u32   motions of the skill that are executed (curExec)
+//! 12..16  accepted          u32   motions of the skill that the robot has taken from the slots so far
+//! 16..20  error motion      u32   which motion, counted from 0, the error number speaks of
+//! 20..22  digital inputs    u16   of the PLC, outputs of the robot
+//! 22..24  life counter echo u16   of the last command seen
+//! 24..26  life counter      u16   counts the robot's cycles
+//! 26..28  blends suppressed u16   of the skill: motions that ended in a stop because the next one was not there
+//! 28..36  clock             u64   ns, the robot's own
+//! 36..44  execution time    u64   ns, the robot's own measure of the last skill
+//! 44..68  joints            6 × f32   degrees, mm on a linear axis
+//! 68..92  pose              6 × f32   mm and degrees (x y z a b c), tool in base
+//! 92..96  path speed        f32   mm/s
+//! 96..256 zero
+//! ```
+
+use super::{ErrorNumber, Image, bits, codes};
+use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+
+bits! {
+    /// What the robot reports beside its state.
+    Status: u16 {
+        /// The skill of the echoed command number is executing.
+        BUSY = 0,
+        /// The skill of the echoed command number ended as wanted. Stays until the next command.
+        DONE = 1,
+        /// The skill was given up by a halt.
+        ABORTED = 2,
+        /// The error number says what is wrong.
+        ERROR = 3,
+        /// The arm stands still.
+        AT_REST = 4,
+        /// Drives are on: `enable` is seen and nothing forbids to move.
+        ENABLED = 5,
+    }
+}
+
+codes! {
+    /// The state of the robot's skill execution (OPC UA Part 10, program states).
+    State: u8 {
+        /// Nothing runs; a reset leads to `Ready`.
+        Halted = 0,
+        /// A skill may start.
+        Ready = 1,
+        /// A skill runs.
+        Running = 2,
+        /// A skill waits on its path.
+        Suspended = 3,
+    }
+}
+
+/// The whole image from the robot to the PLC.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Feedback {
+    /// What is the case beside the state.
+    pub status: Status,
+    /// State of the skill execution.
+    pub state: State,
+    /// Number of the command that state, counts and error speak of.
+    pub number: u16,
+    /// What is wrong, if anything.
+    pub error: ErrorNumber,
+    /// Motions of the skill that are executed: the paper's `curExec`.
+    pub executed: u32,
+    /// Motions of the skill that the robot has taken from the slots so far.
+    pub accepted: u32,
+    /// Which motion of the skill, counted from 0, the error speaks of.
+    pub error_motion: u32,
+    /// The robot's digital outputs, which the PLC reads as inputs.
+    pub inputs: u16,
+    /// Life counter of the last command seen.
+    pub life_echo: u16,
+    /// Counts the robot's cycles, modulo 2^16.
+    pub life: u16,
+    /// Motions of the skill that were run to a stop because the next was not there in time.
+    pub blends_suppressed: u16,
+    /// The robot's own clock in ns.
+    pub clock_ns: u64,
+    /// The robot's own measure of the last skill in ns: from its acceptance to its end.
+    pub execution_ns: u64,
+    /// Joint values in degrees, mm on a linear axis.
+    pub joints: [f32; 6],
+    /// Tool in base: x, y, z in mm; a, b, c in degrees.
+    pub pose: [f32; 6],
+    /// Speed of the tool along its path in mm/s.
+    pub path_speed: f32,
+}
+
+impl Default for Feedback {
+    fn default() -> Self {
+        Self {
+            status: Status::default(),
+            state: State::Halted,
+            number: 0,
+            error: ErrorNumber::None,
+            executed: 0,
+            accepted: 0,
+            error_motion: 0,
+            inputs: 0,
+            life_echo: 0,
+            life: 0,
+            blends_suppressed: 0,
+            clock_ns: 0,
+            execution_ns: 0,
+            joints: [0.0; 6],
+            pose: [0.0; 6],
+            path_speed: 0.0,
+        }
+    }
+}
+
+impl Feedback {
+    /// Reads the image.
+    pub fn parse<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::<O>::new(image);
+        let status = Status(reader.u16()?);
+        let state = reader.u8()?.into();
+        reader.skip(1)?;
+        let mut feedback = Self {
+            status,
+            state,
+            number: reader.u16()?,
+            error: reader.u16()?.into(),
+            executed: reader.u32()?,
+            accepted: reader.u32()?,
+            error_motion: reader.u32()?,
+            inputs: reader.u16()?,
+            life_echo: reader.u16()?,
+            life: reader.u16()?,
+            blends_suppressed: reader.u16()?,
+            clock_ns: reader.u64()?,
+            execution_ns: reader.u64()?,
+            ..Self::default()
+        };
+        for value in feedback.joints.iter_mut().chain(&mut feedback.pose) {
+            *value = reader.f32()?;
+        }
+        feedback.path_speed = reader.f32()?;
+        Ok(feedback)
+    }
+
+    /// Writes the image.
+    pub fn emit<O: ByteOrder>(&self, image: &mut Image) {
+        let len = image.len();
+        let mut writer = Writer::<O>::new(image);
+        writer.u16(self.status.0);
+        writer.u8(self.state.into());
+        writer.u8(0);
+        writer.u16(self.number);
+        writer.u16(self.error.into());
+        writer.u32(self.executed);
+        writer.u32(self.accepted);
+        writer.u32(self.error_motion);
+        writer.u16(self.inputs);
+        writer.u16(self.life_echo);
+        writer.u16(self.life);
+        writer.u16(self.blends_suppressed);
+        writer.u64(self.clock_ns);
+        writer.u64(self.execution_ns);
+        for value in self.joints.iter().chain(&self.pose) {
+            writer.f32(*value);
+        }
+        writer.f32(self.path_speed);
+        writer.pad_to(len);
+    }
+}

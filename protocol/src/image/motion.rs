@@ -1,0 +1,144 @@
+//! One motion of the image.
+//!
+//! ```text
+//! 0..24  target          6 × f32   mm and degrees (x y z a b c), or joint values (degrees, mm on a linear axis)
+//! 24..36 auxiliary       3 × f32   mm: CIRC's intermediate point; N: the force vector of LIN force
+//! 36..38 velocity        u16       0.1 mm/s, or 0.01 % of the rated axis speeds for PTP
+//! 38..40 acceleration    u16       1 mm/s², or 0.01 % of the rated axis accelerations for PTP
+//! 40..42 approximation   u16       0.01 mm; 0 is an exact stop
+//! 42     kind            u8        MotionKind; 0 is an empty slot
+//! 43     tool and base   u8        tool in the high four bits, base in the low four
+//! ```
+
+use super::{MOTION_LEN, codes};
+use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+
+codes! {
+    /// The motion types of the paper's section 5.2. The skill that calls one alone has the same code.
+    MotionKind: u8 {
+        /// An empty slot.
+        None = 0,
+        /// A straight line of the tool to a Cartesian target.
+        LinCartesian = 1,
+        /// Point to point, all axes together, to a Cartesian target.
+        PtpCartesian = 2,
+        /// Point to point, all axes together, to a joint target.
+        PtpJoint = 3,
+        /// A circle through the intermediate point to a Cartesian target.
+        Circular = 4,
+        /// A spline through the targets of consecutive spline motions.
+        Spline = 5,
+        /// A straight line that ends in contact and then holds a force.
+        LinForceCartesian = 6,
+    }
+}
+
+impl MotionKind {
+    /// Whether velocity and acceleration are shares of the axes' rated values instead of mm/s and mm/s².
+    #[must_use]
+    pub const fn is_point_to_point(self) -> bool {
+        matches!(self, Self::PtpCartesian | Self::PtpJoint)
+    }
+}
+
+/// One motion, in the units of the wire.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Motion {
+    /// What kind of motion it is.
+    pub kind: MotionKind,
+    /// Where it ends: x, y, z in mm and the angles a, b, c (about z, y', x'') in degrees, in the base frame; or for
+    /// [`MotionKind::PtpJoint`] the joints in degrees, a linear axis in mm.
+    pub target: [f32; 6],
+    /// The intermediate point in mm of a circle, or the force in N; zero otherwise.
+    pub auxiliary: [f32; 3],
+    /// Path velocity in 0.1 mm/s; for PTP 0.01 % of the rated axis speeds.
+    pub velocity: u16,
+    /// Path acceleration in 1 mm/s²; for PTP 0.01 % of the rated axis accelerations.
+    pub acceleration: u16,
+    /// How far from the target in 0.01 mm the path may leave it to blend into the next motion; 0 stops there exactly.
+    pub approximation: u16,
+    /// Which tool frame, 0..=15.
+    pub tool: u8,
+    /// Which base frame, 0..=15.
+    pub base: u8,
+}
+
+impl Motion {
+    /// What an unused slot holds: all zero.
+    pub const EMPTY: Self = Self {
+        kind: MotionKind::None,
+        target: [0.0; 6],
+        auxiliary: [0.0; 3],
+        velocity: 0,
+        acceleration: 0,
+        approximation: 0,
+        tool: 0,
+        base: 0,
+    };
+
+    /// Reads the 44 bytes.
+    pub fn parse<O: ByteOrder>(reader: &mut Reader<'_, O>) -> Result<Self, Truncated> {
+        let mut motion = Self::EMPTY;
+        for coordinate in &mut motion.target {
+            *coordinate = reader.f32()?;
+        }
+        for coordinate in &mut motion.auxiliary {
+            *coordinate = reader.f32()?;
+        }
+        motion.velocity = reader.u16()?;
+        motion.acceleration = reader.u16()?;
+        motion.approximation = reader.u16()?;
+        motion.kind = reader.u8()?.into();
+        let frames = reader.u8()?;
+        (motion.tool, motion.base) = (frames >> 4, frames & 0x0F);
+        Ok(motion)
+    }
+
+    /// Writes the 44 bytes.
+    pub fn emit<O: ByteOrder>(&self, writer: &mut Writer<'_, O>) {
+        for coordinate in self.target.iter().chain(&self.auxiliary) {
+            writer.f32(*coordinate);
+        }
+        writer.u16(self.velocity);
+        writer.u16(self.acceleration);
+        writer.u16(self.approximation);
+        writer.u8(self.kind.into());
+        writer.u8(self.tool << 4 | self.base & 0x0F);
+    }
+
+    /// Length in bytes on the wire.
+    #[must_use]
+    pub const fn buffer_len(&self) -> usize {
+        MOTION_LEN
+    }
+
+    /// Path velocity in mm/s. Meaningful for Cartesian kinds.
+    #[must_use]
+    pub fn velocity_mm_s(&self) -> f64 {
+        f64::from(self.velocity) / 10.0
+    }
+
+    /// Share of the rated axis speeds, 1.0 for 100 %. Meaningful for PTP.
+    #[must_use]
+    pub fn velocity_share(&self) -> f64 {
+        f64::from(self.velocity) / 10_000.0
+    }
+
+    /// Path acceleration in mm/s². Meaningful for Cartesian kinds.
+    #[must_use]
+    pub fn acceleration_mm_s2(&self) -> f64 {
+        f64::from(self.acceleration)
+    }
+
+    /// Share of the rated axis accelerations, 1.0 for 100 %. Meaningful for PTP.
+    #[must_use]
+    pub fn acceleration_share(&self) -> f64 {
+        f64::from(self.acceleration) / 10_000.0
+    }
+
+    /// Approximation distance in mm; 0 is an exact stop.
+    #[must_use]
+    pub fn approximation_mm(&self) -> f64 {
+        f64::from(self.approximation) / 100.0
+    }
+}

@@ -1,0 +1,131 @@
+use super::*;
+use crate::wire::{BigEndian, LittleEndian};
+use proptest::prelude::*;
+
+fn sample_motion() -> Motion {
+    Motion {
+        kind: MotionKind::Circular,
+        target: [1.0, -2.0, 3.5, 0.0, 90.0, -180.0],
+        auxiliary: [4.0, 5.0, 6.0],
+        velocity: 2_500,
+        acceleration: 5_000,
+        approximation: 1_000,
+        tool: 1,
+        base: 2,
+    }
+}
+
+#[test]
+fn a_motion_is_these_44_bytes_in_either_order() {
+    let mut big = [0; MOTION_LEN];
+    let mut writer = crate::wire::Writer::<BigEndian>::new(&mut big);
+    sample_motion().emit(&mut writer);
+    assert_eq!(writer.finish(), Ok(MOTION_LEN));
+    #[rustfmt::skip]
+    let expected = [
+        0x3F, 0x80, 0, 0,  0xC0, 0, 0, 0,  0x40, 0x60, 0, 0,  0, 0, 0, 0,  0x42, 0xB4, 0, 0,  0xC3, 0x34, 0, 0,
+        0x40, 0x80, 0, 0,  0x40, 0xA0, 0, 0,  0x40, 0xC0, 0, 0,
+        0x09, 0xC4,  0x13, 0x88,  0x03, 0xE8,  4,  0x12,
+    ];
+    assert_eq!(big, expected);
+
+    let mut little = [0; MOTION_LEN];
+    sample_motion().emit(&mut crate::wire::Writer::<LittleEndian>::new(&mut little));
+    assert_eq!(&little[..8], &[0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
+    assert_eq!(&little[36..], &[0xC4, 0x09, 0x88, 0x13, 0xE8, 0x03, 4, 0x12]);
+}
+
+#[test]
+fn a_commands_head_is_these_36_bytes() {
+    let command = Command {
+        control: Control::ENABLE | Control::EXECUTE,
+        life: 0x0102,
+        number: 0x0304,
+        skill: Skill::MoveContinuous,
+        override_percent: 100,
+        total: 13,
+        written: 5,
+        program: 0x0506,
+        outputs: 0x0708,
+        start_time_ns: 0x0102_0304_0506_0708,
+        ..Command::default()
+    };
+    let mut image = [0xFF; IMAGE_LEN];
+    command.emit::<BigEndian>(&mut image);
+    #[rustfmt::skip]
+    let head = [
+        0, 3,  1, 2,  3, 4,  16, 100,  0, 0, 0, 13,  0, 0, 0, 5,  5, 6,  7, 8,
+        1, 2, 3, 4, 5, 6, 7, 8,  0, 0, 0, 0, 0, 0, 0, 0,
+    ];
+    assert_eq!(&image[..HEAD_LEN], &head);
+    assert!(image[HEAD_LEN..].iter().all(|byte| *byte == 0), "empty slots are zero");
+}
+
+#[test]
+fn a_feedbacks_head_is_these_bytes() {
+    let feedback = Feedback {
+        status: Status::BUSY | Status::ENABLED,
+        state: State::Running,
+        number: 7,
+        error: ErrorNumber::AxisLimit,
+        executed: 3,
+        accepted: 8,
+        error_motion: 9,
+        inputs: 0x1122,
+        life_echo: 0x3344,
+        life: 0x5566,
+        blends_suppressed: 2,
+        clock_ns: 1_000,
+        execution_ns: 2_000,
+        joints: [1.0; 6],
+        pose: [2.0; 6],
+        path_speed: 3.0,
+    };
+    let mut image = [0xFF; IMAGE_LEN];
+    feedback.emit::<LittleEndian>(&mut image);
+    #[rustfmt::skip]
+    let head = [
+        0x21, 0,  2,  0,  7, 0,  15, 0,  3, 0, 0, 0,  8, 0, 0, 0,  9, 0, 0, 0,  0x22, 0x11,  0x44, 0x33,  0x66, 0x55,
+        2, 0,  0xE8, 3, 0, 0, 0, 0, 0, 0,  0xD0, 7, 0, 0, 0, 0, 0, 0,
+    ];
+    assert_eq!(&image[..44], &head);
+    assert_eq!(&image[88..96], &[0, 0, 0, 0x40, 0, 0, 0x40, 0x40]);
+    assert!(image[96..].iter().all(|byte| *byte == 0));
+    assert_eq!(Feedback::parse::<LittleEndian>(&image), Ok(feedback));
+}
+
+#[test]
+fn motion_k_lives_in_slot_k_mod_5() {
+    let mut command = Command::default();
+    for index in 0..7 {
+        command.set_slot(index, Motion { velocity: index as u16, ..sample_motion() });
+    }
+    let velocities = command.slots.map(|slot| slot.velocity);
+    assert_eq!(velocities, [5, 6, 2, 3, 4]);
+    assert_eq!(command.slot(6).velocity, 6);
+}
+
+proptest! {
+    /// Every byte string of an image's length parses, and what was parsed emits the same bytes where they carry
+    /// something: unknown codes survive.
+    #[test]
+    fn any_256_bytes_survive_a_round_trip(mut bytes in proptest::collection::vec(any::<u8>(), IMAGE_LEN)) {
+        let mut image = [0; IMAGE_LEN];
+        let command = Command::parse::<BigEndian>(&bytes).unwrap();
+        command.emit::<BigEndian>(&mut image);
+        bytes[28..36].fill(0);
+        prop_assert_eq!(&image[..], &bytes[..]);
+
+        let feedback = Feedback::parse::<LittleEndian>(&bytes).unwrap();
+        feedback.emit::<LittleEndian>(&mut image);
+        bytes[3] = 0;
+        bytes[96..].fill(0);
+        prop_assert_eq!(&image[..], &bytes[..]);
+    }
+
+    #[test]
+    fn a_shorter_image_is_refused(len in 0..IMAGE_LEN) {
+        prop_assert!(Command::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err());
+        prop_assert_eq!(Feedback::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err(), len < 96);
+    }
+}

@@ -1,0 +1,81 @@
+//! The contract between a machine and whoever drives it.
+
+use core::net::SocketAddrV4;
+
+use crate::Instant;
+
+/// Where frames enter and leave a machine.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub enum Port {
+    /// Raw Ethernet: a frame is destination, source, an optional 802.1Q tag, EtherType and payload, without FCS.
+    Ethernet,
+    /// UDP over IPv4, bound to this local port: a frame is one datagram's payload.
+    Udp(u16),
+    /// One TCP connection: a frame is the next piece of an ordered byte stream, cut anywhere.
+    Stream(StreamId),
+}
+
+/// A TCP connection, numbered by the driver and never used again for another one.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct StreamId(pub u32);
+
+/// Where a frame came from.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Source {
+    /// The port that it arrived on.
+    pub port: Port,
+    /// The sender's address; none on [`Port::Ethernet`], where the frame has it.
+    pub peer: Option<SocketAddrV4>,
+}
+
+/// A frame that a machine wrote into the buffer it was given.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Transmit {
+    /// The port that it leaves by.
+    pub port: Port,
+    /// The receiver's address; none on [`Port::Ethernet`] and [`Port::Stream`].
+    pub to: Option<SocketAddrV4>,
+    /// Length in bytes of the frame, from the buffer's start.
+    pub len: usize,
+}
+
+/// What happened to a TCP connection apart from bytes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum StreamChange {
+    /// The connection is up, accepted from or made to this peer.
+    Opened(SocketAddrV4),
+    /// The connection is gone, or could not be made.
+    Closed,
+}
+
+/// A protocol endpoint, a PLC or a robot: plain state without clock, socket, thread or async.
+///
+/// There are four kinds of methods. *Getters* change nothing. *Handlers* (`handle_*`) bring in what happened.
+/// *Commands* (any other `&mut self` method) bring in what the owner wants. *Polls* (`poll_*`) hand out what
+/// follows from it.
+///
+/// The order: after one handler or command, call [`poll_transmit`](Self::poll_transmit) and
+/// [`poll_event`](Self::poll_event) until both return `None`, then read [`poll_timeout`](Self::poll_timeout) anew.
+/// `now` never runs backwards. No handler panics, blocks, or allocates once the machine is up.
+pub trait Machine {
+    /// What the machine tells its owner.
+    type Event;
+
+    /// A frame arrived. Whatever is in it, the machine counts it and goes on.
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]);
+
+    /// A TCP connection opened or closed. Machines without TCP ignore it.
+    fn handle_stream(&mut self, _now: Instant, _stream: StreamId, _change: StreamChange) {}
+
+    /// The instant of [`poll_timeout`](Self::poll_timeout) has come (or passed: the driver may be late).
+    fn handle_timeout(&mut self, now: Instant);
+
+    /// Writes the next frame to send into `buf`, which holds at least [`crate::wire::FRAME_CAPACITY`] bytes.
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit>;
+
+    /// The next event for the owner.
+    fn poll_event(&mut self) -> Option<Self::Event>;
+
+    /// When [`handle_timeout`](Self::handle_timeout) is to be called next.
+    fn poll_timeout(&self) -> Option<Instant>;
+}

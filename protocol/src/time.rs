@@ -1,0 +1,107 @@
+//! Time as every machine sees it: integer nanoseconds of a clock that somebody else reads.
+
+use core::fmt;
+use core::ops::{Add, AddAssign, Sub};
+
+pub use core::time::Duration;
+
+/// A point in time: nanoseconds since an origin that the driver chooses. It has no `now()`.
+///
+/// The clock is monotonic. Two nodes have two clocks; an `Instant` of one means nothing to the other.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct Instant(u64);
+
+impl Instant {
+    /// The clock's origin.
+    pub const ZERO: Self = Self(0);
+
+    /// The instant `nanos` nanoseconds after the origin.
+    #[must_use]
+    pub const fn from_nanos(nanos: u64) -> Self {
+        Self(nanos)
+    }
+
+    /// The instant `micros` microseconds after the origin.
+    #[must_use]
+    pub const fn from_micros(micros: u64) -> Self {
+        Self(micros.saturating_mul(1_000))
+    }
+
+    /// The instant `millis` milliseconds after the origin.
+    #[must_use]
+    pub const fn from_millis(millis: u64) -> Self {
+        Self(millis.saturating_mul(1_000_000))
+    }
+
+    /// Nanoseconds since the origin.
+    #[must_use]
+    pub const fn as_nanos(self) -> u64 {
+        self.0
+    }
+
+    /// Time from `earlier` to `self`; zero where `earlier` is later.
+    #[must_use]
+    pub const fn since(self, earlier: Self) -> Duration {
+        Duration::from_nanos(self.0.saturating_sub(earlier.0))
+    }
+
+    /// The first instant of the grid `self + k · period` (k ≥ 1) that lies after `now`, and the number of grid
+    /// points that were skipped on the way: a cyclic task that is late drops cycles, it never sends a burst.
+    ///
+    /// A zero `period` counts as one nanosecond.
+    #[must_use]
+    pub fn next_on_grid(self, period: Duration, now: Self) -> (Self, u64) {
+        let period = nanos(period).max(1);
+        let skipped = now.0.saturating_sub(self.0) / period;
+        (Self(self.0.saturating_add(period.saturating_mul(skipped.saturating_add(1)))), skipped)
+    }
+}
+
+const fn nanos(duration: Duration) -> u64 {
+    duration.as_secs().saturating_mul(1_000_000_000).saturating_add(duration.subsec_nanos() as u64)
+}
+
+impl Add<Duration> for Instant {
+    type Output = Self;
+    fn add(self, rhs: Duration) -> Self {
+        Self(self.0.saturating_add(nanos(rhs)))
+    }
+}
+
+impl AddAssign<Duration> for Instant {
+    fn add_assign(&mut self, rhs: Duration) {
+        *self = *self + rhs;
+    }
+}
+
+impl Sub<Duration> for Instant {
+    type Output = Self;
+    fn sub(self, rhs: Duration) -> Self {
+        Self(self.0.saturating_sub(nanos(rhs)))
+    }
+}
+
+impl fmt::Debug for Instant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:09}s", self.0 / 1_000_000_000, self.0 % 1_000_000_000)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_task_in_time_gets_the_next_grid_point() {
+        let (next, skipped) =
+            Instant::from_millis(5).next_on_grid(Duration::from_millis(1), Instant::from_micros(5_200));
+        assert_eq!((next, skipped), (Instant::from_millis(6), 0));
+    }
+
+    #[test]
+    fn a_task_that_is_late_skips_cycles_and_stays_on_its_grid() {
+        let (next, skipped) =
+            Instant::from_millis(5).next_on_grid(Duration::from_millis(1), Instant::from_micros(9_300));
+        assert_eq!((next, skipped), (Instant::from_millis(10), 4));
+    }
+}

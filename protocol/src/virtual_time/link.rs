@@ -1,0 +1,130 @@
+//! One direction of a cable and what it does to frames.
+
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use crate::wire::FRAME_CAPACITY;
+use crate::{Duration, Instant};
+
+/// What a cable does to the frames of one direction. Rates are in parts per million of the frames.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct Impairment {
+    /// Time that every frame takes.
+    pub delay: Duration,
+    /// Up to this much more, evenly spread.
+    pub jitter: Duration,
+    /// Frames that vanish.
+    pub loss_ppm: u32,
+    /// Frames that arrive twice.
+    pub duplicate_ppm: u32,
+    /// Frames that are held back by [`Self::reorder_by`], so that later ones pass them.
+    pub reorder_ppm: u32,
+    /// How long a reordered frame is held back.
+    pub reorder_by: Duration,
+    /// Frames in which one bit flips.
+    pub corrupt_ppm: u32,
+}
+
+/// What a cable did to the frames of one direction.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct LinkCounters {
+    /// Frames put in.
+    pub sent: u64,
+    /// Frames that vanished, by loss or a cut.
+    pub lost: u64,
+    /// Frames that arrived twice.
+    pub duplicated: u64,
+    /// Frames that were held back.
+    pub reordered: u64,
+    /// Frames in which a bit flipped.
+    pub corrupted: u64,
+}
+
+#[derive(Debug)]
+pub(super) struct Link {
+    impairment: Impairment,
+    cut: bool,
+    random: Pcg64Mcg,
+    counters: LinkCounters,
+    /// Without reordering a cable keeps the order, whatever the jitter.
+    last_arrival: Instant,
+}
+
+impl Link {
+    pub(super) fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
+        Self {
+            impairment,
+            cut: false,
+            random: Pcg64Mcg::seed_from_u64(
+                seed.rotate_left(17) ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15),
+            ),
+            counters: LinkCounters::default(),
+            last_arrival: Instant::ZERO,
+        }
+    }
+
+    pub(super) const fn set_impairment(&mut self, impairment: Impairment) {
+        self.impairment = impairment;
+    }
+
+    pub(super) const fn set_cut(&mut self, cut: bool) {
+        self.cut = cut;
+    }
+
+    pub(super) const fn counters(&self) -> LinkCounters {
+        self.counters
+    }
+
+    /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does.
+    pub(super) fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, &[u8])) {
+        self.counters.sent += 1;
+        let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
+            self.impairment;
+        if self.cut || self.chance(loss_ppm) {
+            self.counters.lost += 1;
+            return;
+        }
+        let mut arrival = now + delay + self.up_to(jitter);
+        if self.chance(reorder_ppm) {
+            self.counters.reordered += 1;
+            arrival += reorder_by;
+        } else {
+            arrival = arrival.max(self.last_arrival);
+            self.last_arrival = arrival;
+        }
+        let copies = if self.chance(duplicate_ppm) {
+            self.counters.duplicated += 1;
+            2
+        } else {
+            1
+        };
+        if self.chance(corrupt_ppm) && !frame.is_empty() && frame.len() <= FRAME_CAPACITY {
+            self.counters.corrupted += 1;
+            let mut copy = [0; FRAME_CAPACITY];
+            if let Some(copy) = copy.get_mut(..frame.len()) {
+                copy.copy_from_slice(frame);
+                let bit = self.below(copy.len() as u64 * 8);
+                if let Some(byte) = copy.get_mut((bit / 8) as usize) {
+                    *byte ^= 1 << (bit % 8);
+                }
+                (0..copies).for_each(|_| arrive(arrival, copy));
+            }
+            return;
+        }
+        (0..copies).for_each(|_| arrive(arrival, frame));
+    }
+
+    /// Draws nothing where the rate is zero, so that switching one fault on does not shift the others.
+    fn chance(&mut self, ppm: u32) -> bool {
+        ppm > 0 && self.below(1_000_000) < u64::from(ppm)
+    }
+
+    fn up_to(&mut self, limit: Duration) -> Duration {
+        let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
+        if limit == 0 { Duration::ZERO } else { Duration::from_nanos(self.below(limit)) }
+    }
+
+    fn below(&mut self, bound: u64) -> u64 {
+        ((u128::from(self.random.next_u64()) * u128::from(bound)) >> 64) as u64
+    }
+}

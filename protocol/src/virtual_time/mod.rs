@@ -1,0 +1,390 @@
+//! The driver without time: two machines, a cable, and a heap of what happens next.
+//!
+//! The same seed gives the same nanoseconds on every machine. Each side has a clock of its own with an offset and a
+//! drift, since the cycles of a PLC, a bus and a robot are not synchronised with each other. CPU time is zero here;
+//! what a scan costs is the machine's own setting.
+
+mod clock;
+mod link;
+
+pub use clock::Clock;
+pub use link::{Impairment, LinkCounters};
+
+use alloc::boxed::Box;
+use alloc::collections::{BinaryHeap, VecDeque};
+use alloc::vec;
+use alloc::vec::Vec;
+use core::cmp::Reverse;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use crate::wire::FRAME_CAPACITY;
+use crate::{Instant, Machine, Port, Source, Transmit};
+use link::Link;
+
+/// One of the two machines of a [`Pair`].
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Side {
+    /// The first one; by convention the PLC.
+    A,
+    /// The second one; by convention the robot.
+    B,
+}
+
+impl Side {
+    const fn index(self) -> usize {
+        match self {
+            Self::A => 0,
+            Self::B => 1,
+        }
+    }
+
+    /// The other side.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::A => Self::B,
+            Self::B => Self::A,
+        }
+    }
+}
+
+/// An event of one of the two machines.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Event<A, B> {
+    /// Of the first machine.
+    A(A),
+    /// Of the second machine.
+    B(B),
+}
+
+/// A frame on the cable, as a [`Pair::set_tap`] sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Tapped<'a> {
+    /// When it left, in true time.
+    pub at: Instant,
+    /// Who sent it.
+    pub from: Side,
+    /// The sender's port.
+    pub port: Port,
+    /// The sender's address; [`Ipv4Addr::UNSPECIFIED`] while it has none.
+    pub source: Ipv4Addr,
+    /// The receiver's address; none on raw Ethernet.
+    pub to: Option<SocketAddrV4>,
+    /// The frame.
+    pub frame: &'a [u8],
+}
+
+type Tap = Box<dyn FnMut(Tapped<'_>)>;
+
+/// Everything about a [`Pair`] that is not its machines.
+#[derive(Clone, Copy, Debug)]
+pub struct PairConfig {
+    /// Seed of the links' random streams.
+    pub seed: u64,
+    /// Clocks of both sides.
+    pub clocks: [Clock; 2],
+    /// What the cable does to frames that A, and that B, sends.
+    pub links: [Impairment; 2],
+    /// IP addresses that the sides have from the start.
+    pub addresses: [Option<Ipv4Addr>; 2],
+}
+
+/// A side as the driver keeps it beside its machine.
+#[derive(Debug)]
+struct Station {
+    clock: Clock,
+    link: Link,
+    address: Option<Ipv4Addr>,
+    /// True time of the machine's next timeout.
+    timeout: Option<Instant>,
+    alive: bool,
+}
+
+/// A frame in flight; ordered by arrival, then by the order in which frames were sent.
+#[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct InFlight {
+    arrives: Instant,
+    number: u64,
+    to: u8,
+    delivery: Delivery,
+}
+
+#[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct Delivery {
+    port: Port,
+    peer: Option<SocketAddrV4>,
+    frame: Vec<u8>,
+}
+
+/// Two machines on one cable, in virtual time.
+pub struct Pair<A: Machine, B: Machine> {
+    a: A,
+    b: B,
+    now: Instant,
+    stations: [Station; 2],
+    in_flight: BinaryHeap<Reverse<InFlight>>,
+    next_number: u64,
+    spare_frames: Vec<Vec<u8>>,
+    buf: Box<[u8]>,
+    events: VecDeque<Event<A::Event, B::Event>>,
+    tap: Option<Tap>,
+}
+
+impl<A: Machine, B: Machine> Pair<A, B> {
+    /// Puts two machines on a cable at true time zero.
+    pub fn new(a: A, b: B, config: PairConfig) -> Self {
+        let PairConfig {
+            seed,
+            clocks: [clock_a, clock_b],
+            links: [link_a, link_b],
+            addresses: [address_a, address_b],
+        } = config;
+        let station = |clock, impairment, address, stream| Station {
+            clock,
+            link: Link::new(impairment, seed, stream),
+            address,
+            timeout: None,
+            alive: true,
+        };
+        let mut pair = Self {
+            a,
+            b,
+            now: Instant::ZERO,
+            stations: [station(clock_a, link_a, address_a, 0), station(clock_b, link_b, address_b, 1)],
+            in_flight: BinaryHeap::new(),
+            next_number: 0,
+            spare_frames: Vec::new(),
+            buf: vec![0; FRAME_CAPACITY].into_boxed_slice(),
+            events: VecDeque::new(),
+            tap: None,
+        };
+        pair.settle(Side::A);
+        pair.settle(Side::B);
+        pair
+    }
+
+    /// True time.
+    #[must_use]
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// The first machine.
+    #[must_use]
+    pub const fn a(&self) -> &A {
+        &self.a
+    }
+
+    /// The second machine.
+    #[must_use]
+    pub const fn b(&self) -> &B {
+        &self.b
+    }
+
+    /// Gives a command to the first machine; `now` is its own clock's.
+    pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
+        let local = self.local(Side::A);
+        let result = command(&mut self.a, local);
+        self.settle(Side::A);
+        result
+    }
+
+    /// Gives a command to the second machine; `now` is its own clock's.
+    pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
+        let local = self.local(Side::B);
+        let result = command(&mut self.b, local);
+        self.settle(Side::B);
+        result
+    }
+
+    /// Gives a side an IP address, as its operating system would.
+    pub fn set_address(&mut self, side: Side, address: Option<Ipv4Addr>) {
+        self.station(side).address = address;
+    }
+
+    /// Changes what the cable does to the frames that `side` sends.
+    pub fn set_impairment(&mut self, side: Side, impairment: Impairment) {
+        self.station(side).link.set_impairment(impairment);
+    }
+
+    /// Cuts the cable, both ways, or mends it. What is in flight is lost when it is cut.
+    pub fn set_cut(&mut self, cut: bool) {
+        for station in &mut self.stations {
+            station.link.set_cut(cut);
+        }
+        if cut {
+            self.in_flight.clear();
+        }
+    }
+
+    /// Kills a node: it neither receives nor sends from now on.
+    pub fn kill(&mut self, side: Side) {
+        let station = self.station(side);
+        station.alive = false;
+        station.timeout = None;
+    }
+
+    /// What the cable did to the frames that `side` sent.
+    #[must_use]
+    pub fn link_counters(&self, side: Side) -> LinkCounters {
+        let [a, b] = &self.stations;
+        match side {
+            Side::A => a.link.counters(),
+            Side::B => b.link.counters(),
+        }
+    }
+
+    /// Shows every frame to `tap` when it leaves, before anything can happen to it.
+    pub fn set_tap(&mut self, tap: impl FnMut(Tapped<'_>) + 'static) {
+        self.tap = Some(Box::new(tap));
+    }
+
+    /// Runs until a machine has an event, or to `until` of true time, whichever is first.
+    pub fn next_event(&mut self, until: Instant) -> Option<Event<A::Event, B::Event>> {
+        loop {
+            if let Some(event) = self.events.pop_front() {
+                return Some(event);
+            }
+            if !self.step(until) {
+                self.now = self.now.max(until);
+                return None;
+            }
+        }
+    }
+
+    /// Does what happens next, unless that is after `until`. Returns whether something happened.
+    fn step(&mut self, until: Instant) -> bool {
+        let [a, b] = &self.stations;
+        let arrival = self.in_flight.peek().map(|Reverse(frame)| frame.arrives);
+        let timeout = match (a.timeout, b.timeout) {
+            (Some(of_a), Some(of_b)) if of_b < of_a => Some((of_b, Side::B)),
+            (Some(of_a), _) => Some((of_a, Side::A)),
+            (None, of_b) => of_b.map(|of_b| (of_b, Side::B)),
+        };
+        match (arrival, timeout) {
+            (Some(arrives), timeout) if timeout.is_none_or(|(at, _)| arrives <= at) => {
+                if arrives > until {
+                    return false;
+                }
+                self.now = self.now.max(arrives);
+                self.deliver();
+                true
+            }
+            (_, Some((at, side))) => {
+                if at > until {
+                    return false;
+                }
+                self.now = self.now.max(at);
+                let local = self.local(side);
+                match side {
+                    Side::A => self.a.handle_timeout(local),
+                    Side::B => self.b.handle_timeout(local),
+                }
+                self.settle(side);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    fn deliver(&mut self) {
+        let Some(Reverse(InFlight { to, delivery: Delivery { port, peer, frame }, .. })) =
+            self.in_flight.pop()
+        else {
+            return;
+        };
+        let side = if to == 0 { Side::A } else { Side::B };
+        if self.station(side).alive {
+            let local = self.local(side);
+            let source = Source { port, peer };
+            match side {
+                Side::A => self.a.handle_frame(local, source, &frame),
+                Side::B => self.b.handle_frame(local, source, &frame),
+            }
+            self.settle(side);
+        }
+        self.spare_frames.push(frame);
+    }
+
+    /// Follows the contract after a mutation: drains frames and events, then reads the timeout.
+    fn settle(&mut self, side: Side) {
+        if !self.station(side).alive {
+            return;
+        }
+        let local = self.local(side);
+        loop {
+            let transmit = match side {
+                Side::A => self.a.poll_transmit(local, &mut self.buf),
+                Side::B => self.b.poll_transmit(local, &mut self.buf),
+            };
+            let Some(transmit) = transmit else { break };
+            self.send(side, transmit);
+        }
+        match side {
+            Side::A => self.events.extend(core::iter::from_fn(|| self.a.poll_event()).map(Event::A)),
+            Side::B => self.events.extend(core::iter::from_fn(|| self.b.poll_event()).map(Event::B)),
+        }
+        let timeout = match side {
+            Side::A => self.a.poll_timeout(),
+            Side::B => self.b.poll_timeout(),
+        };
+        let station = self.station(side);
+        station.timeout = timeout.map(|local| station.clock.true_time(local));
+    }
+
+    fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
+        let now = self.now;
+        let Some(frame) = self.buf.get(..len) else { return };
+        let [a, b] = &mut self.stations;
+        let (sender, receiver) = match from {
+            Side::A => (a, b),
+            Side::B => (b, a),
+        };
+        if let Some(tap) = &mut self.tap {
+            let source = sender.address.unwrap_or(Ipv4Addr::UNSPECIFIED);
+            tap(Tapped { at: now, from, port, source, to, frame });
+        }
+        let (port, peer) = match (port, to) {
+            (Port::Udp(local), Some(to)) => {
+                let known =
+                    receiver.address.is_some_and(|address| address == *to.ip()) || to.ip().is_broadcast();
+                let Some(source) = sender.address.filter(|_| known) else { return };
+                (Port::Udp(to.port()), Some(SocketAddrV4::new(source, local)))
+            }
+            (port, _) => (port, None),
+        };
+        let (in_flight, spare_frames, number) =
+            (&mut self.in_flight, &mut self.spare_frames, &mut self.next_number);
+        sender.link.pass(now, frame, |arrives, frame| {
+            let mut copy = spare_frames.pop().unwrap_or_default();
+            copy.clear();
+            copy.extend_from_slice(frame);
+            *number += 1;
+            in_flight.push(Reverse(InFlight {
+                arrives,
+                number: *number,
+                to: from.other().index() as u8,
+                delivery: Delivery { port, peer, frame: copy },
+            }));
+        });
+    }
+
+    fn local(&self, side: Side) -> Instant {
+        let [a, b] = &self.stations;
+        match side {
+            Side::A => a.clock.local_time(self.now),
+            Side::B => b.clock.local_time(self.now),
+        }
+    }
+
+    fn station(&mut self, side: Side) -> &mut Station {
+        let [a, b] = &mut self.stations;
+        match side {
+            Side::A => a,
+            Side::B => b,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
