@@ -13,11 +13,13 @@ mod cycle;
 pub mod direct;
 pub mod fieldbus;
 pub mod image;
+mod lateness;
 mod machine;
 mod time;
 pub mod virtual_time;
 pub mod wire;
 
 pub use cycle::{Cycle, Tick};
+pub use lateness::Lateness;
 pub use machine::{Machine, Port, Source, StreamChange, StreamId, Transmit};
 pub use time::{Duration, Instant};
