@@ -21,9 +21,12 @@ pub mod alarm;
 pub mod block;
 pub mod connect;
 pub mod control;
+pub mod dcp;
 pub mod description;
+pub mod ethernet;
 pub mod record;
 pub mod rpc;
+pub mod rt;
 pub mod status;
 mod uuid;
 
@@ -32,17 +35,9 @@ pub use uuid::Uuid;
 /// UDP port of connection management (IANA `profinet-cm`).
 pub const RPC_PORT: u16 = 34964;
 
-/// UDP port of cyclic data and alarms of RT_CLASS_UDP (IANA `profinet-rt`).
-pub const RT_PORT: u16 = 34962;
-
-/// EtherType of DCP, cyclic data and alarms on raw Ethernet; also the code `LT` in connection management.
-pub const ETHERTYPE: u16 = 0x8892;
-
-/// The code `LT` in connection management for cyclic data and alarms over UDP: IPv4's EtherType.
+/// The code `LT` in connection management for cyclic data and alarms over UDP: IPv4's EtherType. On raw Ethernet it is
+/// [`ethernet::ETHER_TYPE_PROFINET`].
 pub const LT_UDP: u16 = 0x0800;
-
-/// A MAC address.
-pub type Mac = [u8; 6];
 
 #[cfg(test)]
 mod captured;

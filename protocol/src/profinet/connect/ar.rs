@@ -8,9 +8,10 @@
 //! ```
 
 use super::StationName;
+use crate::profinet::Uuid;
 use crate::profinet::block::{self, BlockReader, BlockType, BlockWriter, short};
+use crate::profinet::ethernet::Mac;
 use crate::profinet::status::{Block, Violation};
-use crate::profinet::{Mac, Uuid};
 use crate::wire::Truncated;
 
 /// ARProperties.
@@ -84,7 +85,7 @@ impl Ar {
             ar_type: body.u16()?,
             uuid: Uuid::read(body)?,
             session: body.u16()?,
-            initiator_mac: body.array()?,
+            initiator_mac: Mac(body.array()?),
             initiator_object: Uuid::read(body)?,
             properties: ArProperties(body.u32()?),
             activity_timeout: body.u16()?,
@@ -99,7 +100,7 @@ impl Ar {
             w.u16(self.ar_type);
             self.uuid.write(w);
             w.u16(self.session);
-            w.bytes(&self.initiator_mac);
+            w.bytes(&self.initiator_mac.0);
             self.initiator_object.write(w);
             w.u32(self.properties.0);
             w.u16(self.activity_timeout);
@@ -135,7 +136,7 @@ impl ArResponse {
             ar_type: body.u16()?,
             uuid: Uuid::read(body)?,
             session: body.u16()?,
-            responder_mac: body.array()?,
+            responder_mac: Mac(body.array()?),
             responder_rt_port: body.u16()?,
         })
     }
@@ -145,7 +146,7 @@ impl ArResponse {
             w.u16(self.ar_type);
             self.uuid.write(w);
             w.u16(self.session);
-            w.bytes(&self.responder_mac);
+            w.bytes(&self.responder_mac.0);
             w.u16(self.responder_rt_port);
         });
     }

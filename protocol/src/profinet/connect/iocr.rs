@@ -14,8 +14,8 @@ use alloc::vec::Vec;
 
 use super::{API, COUNT_LIMIT};
 use crate::Duration;
-use crate::profinet::Mac;
 use crate::profinet::block::{self, BlockReader, BlockType, BlockWriter, short};
+use crate::profinet::ethernet::Mac;
 use crate::profinet::status::{Block, Violation};
 use crate::wire::Truncated;
 
@@ -191,7 +191,7 @@ impl Iocr {
             watchdog_factor: body.u16()?,
             data_hold_factor: body.u16()?,
             tag_header: body.u16()?,
-            multicast_mac: body.array()?,
+            multicast_mac: Mac(body.array()?),
             objects: Vec::new(),
             consumer_statuses: Vec::new(),
         })
@@ -213,7 +213,7 @@ impl Iocr {
             w.u16(self.watchdog_factor);
             w.u16(self.data_hold_factor);
             w.u16(self.tag_header);
-            w.bytes(&self.multicast_mac);
+            w.bytes(&self.multicast_mac.0);
             w.u16(1);
             w.u32(API);
             for objects in [&self.objects, &self.consumer_statuses] {

@@ -92,7 +92,7 @@ fn wrong_modules_are_told_slot_by_slot() {
             ar_type: 1,
             uuid: crate::profinet::Uuid([3; 16]),
             session: 1,
-            responder_mac: [2; 6],
+            responder_mac: crate::profinet::ethernet::Mac([2; 6]),
             responder_rt_port: 0x8892,
         },
         iocrs: Vec::new(),
