@@ -23,6 +23,7 @@ pub mod connect;
 pub mod control;
 pub mod dcp;
 pub mod description;
+pub mod device;
 pub mod ethernet;
 pub mod record;
 pub mod rpc;
@@ -30,6 +31,7 @@ pub mod rt;
 pub mod status;
 mod uuid;
 
+pub use device::{Device, DeviceConfig};
 pub use uuid::Uuid;
 
 /// UDP port of connection management (IANA `profinet-cm`).
