@@ -27,6 +27,7 @@ const CABLE: Impairment = Impairment {
 type Bus = Pair<Controller, Device>;
 
 /// A controller and a device that does not have an address yet.
+#[expect(clippy::expect_used, reason = "a setup that is wrong fails the test")]
 fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
     let clocks = [
         Clock { offset_ns: 3_000_000_000, drift_ppb: 30_000 },
@@ -60,7 +61,7 @@ fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
         Instant::from_nanos(clocks[1].offset_ns),
     );
     let config = PairConfig { seed, clocks, links: [CABLE; 2], addresses: [Some(CONTROLLER), None] };
-    let mut bus = Pair::new(controller.unwrap(), device, config);
+    let mut bus = Pair::new(controller.expect("a cycle of 1 ms"), device, config);
     bus.command_a(|controller, _| controller.set_output(&image(0x11)));
     bus.command_b(|device, _| device.set_output(&image(0x22)));
     bus
