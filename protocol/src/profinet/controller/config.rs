@@ -11,7 +11,7 @@ use crate::profinet::connect::{
     AlarmCr, Ar, ArProperties, ConnectRequest, ExpectedModule, ExpectedSubmodule, Iocr, IocrType, RtClass,
 };
 use crate::profinet::dcp::MAX_NAME_LEN;
-use crate::profinet::description::{Description, Identity};
+use crate::profinet::description::{Description, INTERFACE_SUBSLOT, Identity};
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac, Tag};
 use crate::profinet::rt::{CycleTime, Transport, UDP_PORT, UnfitCycle};
 use crate::profinet::{LT_UDP, Uuid, rpc};
@@ -62,6 +62,17 @@ pub struct Parameter {
     pub index: u16,
     /// The record's bytes.
     pub data: Vec<u8>,
+}
+
+impl Parameter {
+    /// PDInterfaceAdjust, which Siemens controllers write to every device: the names of its ports are to be unique
+    /// within the station only (MultipleInterfaceMode.NameOfDevice).
+    #[must_use]
+    pub fn interface_adjust() -> Self {
+        // BlockType 0x0250, BlockLength 8, version 1.0, padding, MultipleInterfaceMode 1.
+        let data = vec![0x02, 0x50, 0, 8, 1, 0, 0, 0, 0, 0, 0, 1];
+        Self { slot: 0, subslot: INTERFACE_SUBSLOT, index: 0x8071, data }
+    }
 }
 
 /// A configuration that no connection can come of.
@@ -265,8 +276,10 @@ fn iocr(config: &ControllerConfig, time: CycleTime, iocr_type: IocrType, directi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profinet::block::BlockReader;
     use crate::profinet::captured;
     use crate::profinet::description::{Module, ROBOT, Submodule};
+    use crate::profinet::record::{Address, WriteRequest};
     use crate::profinet::rpc::{ARGS_LEN, HEADER_LEN};
 
     const fn submodule(subslot: u16, ident: u32, input_len: u16, output_len: u16) -> Submodule {
@@ -312,5 +325,16 @@ mod tests {
         ours.ar.session = theirs.ar.session;
         ours.ar.initiator_object = theirs.ar.initiator_object;
         assert_eq!(ours, theirs);
+    }
+
+    #[test]
+    fn the_interface_adjust_is_the_first_record_of_the_siemens_controllers_multiple_write() {
+        let datagram = captured::datagram(captured::WRITE_REQ);
+        let blocks = &datagram[HEADER_LEN + ARGS_LEN..];
+        let multiple = WriteRequest::parse(&mut BlockReader::new(blocks)).unwrap();
+        let first = multiple.parts().next().unwrap().unwrap();
+        let Parameter { slot, subslot, index, data } = Parameter::interface_adjust();
+        let Address { slot: s, subslot: ss, index: i, .. } = first.address;
+        assert_eq!((slot, subslot, index, &data[..]), (s, ss, i, first.record));
     }
 }
