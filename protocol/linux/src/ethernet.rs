@@ -93,7 +93,6 @@ impl EthernetSocket {
             sll_halen: 0,
             sll_addr: [0; 8],
         };
-        #[expect(unsafe_code, reason = "neither rustix nor socket2 knows sockaddr_ll")]
         // SAFETY: the socket is open; the address is a whole `sockaddr_ll` and its true size is given.
         let bound = unsafe {
             libc::bind(
@@ -142,7 +141,6 @@ impl EthernetSocket {
 const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
 
 fn set_option<T: Copy>(socket: BorrowedFd<'_>, name: libc::c_int, value: &T) -> std::io::Result<()> {
-    #[expect(unsafe_code, reason = "neither rustix nor socket2 has the options of SOL_PACKET")]
     // SAFETY: the socket is open; the value is a plain C structure, its true size is given, and the kernel copies it.
     let result = unsafe {
         libc::setsockopt(
@@ -163,7 +161,6 @@ fn packet_type(address: &SocketAddrAny) -> Option<u8> {
     {
         return None;
     }
-    #[expect(unsafe_code, reason = "neither rustix nor socket2 knows sockaddr_ll")]
     // SAFETY: the family says that this is a `sockaddr_ll`, the length check says that the field was written, and
     // the read does not rely on alignment.
     Some(unsafe { (&raw const (*address.as_ptr().cast::<libc::sockaddr_ll>()).sll_pkttype).read_unaligned() })

@@ -131,7 +131,6 @@ impl Interface {
     pub fn set_up(&self) -> Result<(), InterfaceError> {
         let mut request = self.request();
         self.ioctl(libc::SIOCGIFFLAGS, &mut request).map_err(|e| self.refused("reading the state", e))?;
-        #[expect(unsafe_code, reason = "a field of a C union")]
         // SAFETY: SIOCGIFFLAGS succeeded, so the kernel wrote `ifru_flags`.
         let flags = unsafe { request.ifr_ifru.ifru_flags };
         let up = flags | libc::IFF_UP as libc::c_short;
@@ -150,7 +149,6 @@ impl Interface {
         let mut request = self.request();
         self.ioctl(libc::SIOCGIFHWADDR, &mut request)
             .map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
-        #[expect(unsafe_code, reason = "a field of a C union")]
         // SAFETY: SIOCGIFHWADDR succeeded, so the kernel wrote `ifru_hwaddr`.
         let address = unsafe { request.ifr_ifru.ifru_hwaddr };
         let [a, b, c, d, e, f, ..] = address.sa_data.map(|byte| byte as u8);
@@ -160,7 +158,6 @@ impl Interface {
     fn read_ipv4(&self, what: libc::Ioctl) -> Option<Ipv4Addr> {
         let mut request = self.request();
         self.ioctl(what, &mut request).ok()?;
-        #[expect(unsafe_code, reason = "a field of a C union")]
         // SAFETY: the request succeeded, so the kernel wrote `ifru_addr`, with a sockaddr_in in it.
         let address = unsafe { request.ifr_ifru.ifru_addr };
         // A sockaddr_in has the port in the first two bytes after the family, then the address.
@@ -190,7 +187,6 @@ impl Interface {
     }
 
     fn ioctl(&self, what: libc::Ioctl, request: &mut libc::ifreq) -> std::io::Result<()> {
-        #[expect(unsafe_code, reason = "rustix and socket2 have no interface requests but the index")]
         // SAFETY: `control` is an open socket, and every request used in this file takes one `ifreq`, which the
         // kernel reads and writes during the call only.
         let result = unsafe { libc::ioctl(self.control.as_fd().as_raw_fd(), what, request) };

@@ -4,9 +4,14 @@
 //! knows as a [`protocol::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
 //! [`CyclicThread`] is that loop on a thread of its own, with real-time scheduling where it is allowed, reached
 //! over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, as an ordinary
-//! user too.
+//! user too. [`Recorder`] writes what passes an interface into a capture.
 //!
-//! This is the only crate of the workspace with `unsafe` code: system calls that rustix and socket2 do not have.
+//! This is the only crate of the workspace with `unsafe` code.
+
+#![expect(
+    unsafe_code,
+    reason = "system calls that neither rustix nor socket2 wraps; each use says why it is sound"
+)]
 
 pub mod allocation;
 pub mod clock;
@@ -17,6 +22,7 @@ mod inbox;
 mod interface;
 pub mod namespace;
 mod notifier;
+mod recorder;
 pub mod report;
 pub mod scheduling;
 mod signals;
@@ -30,6 +36,7 @@ pub use ethernet::{Ethernet, MacAddress, PROFINET};
 pub use inbox::{Inbox, Input};
 pub use interface::{Interface, InterfaceError};
 pub use notifier::Notifier;
+pub use recorder::{Recorder, RecorderError};
 pub use signals::{StopSignal, StopSignals};
 pub use udp::Udp;
 pub use wire::{PortError, Received, Wire};

@@ -145,7 +145,6 @@ impl NetworkNamespace {
             }
             enter(namespace.as_fd()).map_err(io::Error::from)
         };
-        #[expect(unsafe_code, reason = "std has no safe way to run code between fork and exec")]
         // SAFETY: between fork and exec the closure makes three system calls and neither allocates nor locks.
         unsafe {
             std::os::unix::process::CommandExt::pre_exec(command, before_exec);
@@ -165,11 +164,8 @@ fn enter(namespace: BorrowedFd<'_>) -> rustix::io::Result<()> {
 }
 
 fn unshare(flags: UnshareFlags) -> rustix::io::Result<()> {
-    #[expect(unsafe_code, reason = "rustix marks unshare as unsafe because of CLONE_FILES")]
     // SAFETY: only NEWUSER and NEWNET are used here, and they leave the table of descriptors alone.
-    unsafe {
-        rustix::thread::unshare_unsafe(flags)
-    }
+    unsafe { rustix::thread::unshare_unsafe(flags) }
 }
 
 /// A namespace belongs to a thread; a thread of its own leaves the caller's as it was.

@@ -31,7 +31,6 @@ pub fn make_real_time() -> Option<String> {
 
 fn set_fifo(priority: i32) -> std::io::Result<()> {
     let parameter = libc::sched_param { sched_priority: priority };
-    #[expect(unsafe_code, reason = "rustix has no sched_setscheduler")]
     // SAFETY: thread 0 is the calling one, and the structure is only read during the call.
     let result = unsafe {
         libc::sched_setscheduler(0, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &raw const parameter)

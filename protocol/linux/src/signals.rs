@@ -29,7 +29,6 @@ impl StopSignals {
     /// Takes the two signals over for the whole process. Call it before any other thread is there: threads inherit
     /// the mask from the one that makes them.
     pub fn block() -> std::io::Result<Self> {
-        #[expect(unsafe_code, reason = "rustix has neither signal masks nor signalfd")]
         // SAFETY: `set` is initialised by sigemptyset before it is used and outlives the calls; signalfd returns a
         // new descriptor that nobody else owns.
         unsafe {

@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use machines::{Cable, Echo, Station};
-use protocol::fieldbus::{Fieldbus as _, LinkEvent};
+use protocol::fieldbus::LinkEvent;
 use protocol::{Instant, Machine};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{
