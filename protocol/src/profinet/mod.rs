@@ -21,8 +21,10 @@ pub mod alarm;
 pub mod block;
 pub mod connect;
 pub mod control;
+mod controller;
 pub mod dcp;
 pub mod description;
+pub mod device;
 pub mod ethernet;
 pub mod record;
 pub mod rpc;
@@ -30,6 +32,8 @@ pub mod rt;
 pub mod status;
 mod uuid;
 
+pub use controller::{ConfigError, Controller, ControllerConfig, Parameter};
+pub use device::{Device, DeviceConfig};
 pub use uuid::Uuid;
 
 /// UDP port of connection management (IANA `profinet-cm`).
