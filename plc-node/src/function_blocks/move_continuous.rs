@@ -30,7 +30,7 @@ impl MoveContinuous {
             fill(command, 0, motions)?;
             Ok(true)
         });
-        if self.call.face.is_active()
+        if self.call.face.is_busy()
             && let Err(error) = fill(&mut group.command, self.call.tally.executed, motions)
         {
             self.call.fail(group, error);
