@@ -37,6 +37,8 @@ pub struct PlcNode<B> {
     run: Run,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
+    /// Command number and motions written as of the slots in `outputs`.
+    emitted: Option<(u16, u32)>,
     events: VecDeque<PlcEvent>,
 }
 
@@ -107,6 +109,7 @@ impl<B: Fieldbus> PlcNode<B> {
                 frames_before: Counters::default(),
             },
             outputs: [0; IMAGE_LEN],
+            emitted: None,
             events: VecDeque::with_capacity(EVENTS),
         }
     }
@@ -202,7 +205,18 @@ impl<B: Fieldbus> PlcNode<B> {
         if matches!(self.mode, Mode::Idle | Mode::Preparing) {
             self.prepare();
         }
-        self.group.command().emit::<B::Order>(&mut self.outputs);
+        self.emit();
+    }
+
+    /// The slots take most of the time, and they change only with a new command or with motions written.
+    fn emit(&mut self) {
+        let command = self.group.command();
+        let slots = Some((command.number, command.written));
+        if core::mem::replace(&mut self.emitted, slots) == slots {
+            command.emit_head::<B::Order>(&mut self.outputs);
+        } else {
+            command.emit::<B::Order>(&mut self.outputs);
+        }
     }
 
     /// What makes every run impossible, whatever its blocks find.
@@ -325,7 +339,7 @@ impl<B: Fieldbus> PlcNode<B> {
         self.halt = Halt::default();
         self.reset = Reset::default();
         self.group.disarm();
-        self.group.command().emit::<B::Order>(&mut self.outputs);
+        self.emit();
         self.scan.drop_outputs();
         self.bus.set_output(&self.outputs);
     }

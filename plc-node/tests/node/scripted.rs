@@ -14,7 +14,7 @@ use protocol::wire::BigEndian;
 use protocol::{Cycle, Duration, Instant, Machine, Source, Transmit};
 
 /// What the robot does wrong.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Fault {
     None,
     /// Its life counter stands still from this motion on.
@@ -68,6 +68,12 @@ impl ScriptedRobot {
             executed_in_all: 0,
             halts: 0,
         }
+    }
+
+    /// Its program starts anew while the bus goes on: it knows no command any more.
+    pub(crate) fn restart(&mut self) {
+        self.feedback = Feedback { life: self.feedback.life, ..Feedback::default() };
+        self.seen = 0;
     }
 
     fn end(&mut self, status: Status, state: State) {
