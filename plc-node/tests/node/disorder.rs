@@ -32,6 +32,7 @@ fn action() -> impl Strategy<Value = Action> {
         1 => (1..20_u32).prop_map(|at| Action::Break(Fault::Abort { at })),
         1 => (0..20_u32).prop_map(|at| Action::Break(Fault::LifeStandsStill { at })),
         1 => Just(Action::Break(Fault::Deaf)),
+        1 => Just(Action::Break(Fault::IgnoresReset)),
         1 => Just(Action::Break(Fault::None)),
     ]
 }
