@@ -73,11 +73,11 @@ pub enum PlcEvent {
 
 /// A finished run.
 ///
-/// The execution time is taken between the starts of two scans: of the one whose program set the start edge, and of
-/// the one whose inputs showed the end. Both are the actual times at which those scans read their inputs, not the
-/// grid points that they stand for: a scan that the host delayed did set its edge, or saw the end, later, and a grid
-/// point would hide that. The modelled scan cost lies after the first and before neither, so it counts as part of
-/// what the robot waits for, as on a PLC that reads its clock in its program.
+/// The execution time is taken between the starts of two scans: of the one whose program sets the start edge, and of
+/// the one whose inputs show the end. Both are the times at which those scans did read their inputs, not the grid
+/// points that they stand for: where the host delays a scan, the edge is set or the end is seen later, and a grid
+/// point would hide it. A PLC program that reads its clock at the top of the scan measures the same. What the first
+/// scan costs until its outputs are written is part of the time; what the last one costs is not.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Execution {
     /// How the sequence was run.
