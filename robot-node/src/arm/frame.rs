@@ -135,9 +135,8 @@ impl Mul for Frame {
 
     /// The pose of `rhs`, which is given in `self`, in the frame that `self` is given in.
     fn mul(self, rhs: Self) -> Self {
-        let displaced = self.rotation.rotate(rhs.position);
         Self {
-            position: core::array::from_fn(|i| self.position[i] + displaced[i]),
+            position: sum(self.position, self.rotation.rotate(rhs.position)),
             rotation: self.rotation * rhs.rotation,
         }
     }
@@ -153,6 +152,10 @@ pub fn distance(from: [f64; 3], to: [f64; 3]) -> f64 {
 #[must_use]
 pub fn length(vector: [f64; 3]) -> f64 {
     dot(vector, vector).sqrt()
+}
+
+fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

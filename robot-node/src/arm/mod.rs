@@ -54,6 +54,40 @@ impl AxisLimits {
         speed: [f64::INFINITY; AXES],
         acceleration: [f64::INFINITY; AXES],
     };
+
+    /// The joint that such speeds load most, and the share of its rated speed.
+    #[must_use]
+    pub fn speed_load(&self, speeds: &Joints) -> Load {
+        Load::highest(speeds, &self.speed)
+    }
+
+    /// The joint that such accelerations load most, and the share of its rated acceleration.
+    #[must_use]
+    pub fn acceleration_load(&self, accelerations: &Joints) -> Load {
+        Load::highest(accelerations, &self.acceleration)
+    }
+}
+
+/// The joint that is nearest to its limit.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Load {
+    /// Which joint, from 1.
+    pub axis: u8,
+    /// What it does as a share of its limit; 1 is the limit.
+    pub share: f64,
+}
+
+impl Load {
+    fn highest(values: &Joints, limits: &Joints) -> Self {
+        let mut highest = Self { axis: 1, share: 0.0 };
+        for (axis, (value, limit)) in (1..).zip(values.iter().zip(limits)) {
+            let share = value.abs() / limit;
+            if share > highest.share {
+                highest = Self { axis, share };
+            }
+        }
+        highest
+    }
 }
 
 /// An arm with its limits.

@@ -52,8 +52,7 @@ impl Kinematics for Scara {
         let [x, y, z] = flange.position;
         let square = x * x + y * y;
         let cos_2 = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
-        // The comparison is written so that a NaN is refused as well.
-        if !(cos_2.abs() <= 1.0 + 1e-9) {
+        if cos_2.is_nan() || cos_2.abs() > 1.0 + 1e-9 {
             return Err(Violation::Radius {
                 radius_mm: square.sqrt(),
                 nearest_mm: (l1 - l2).abs(),
