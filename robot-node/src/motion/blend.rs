@@ -14,7 +14,7 @@
 
 use super::curve::{Curve, Line};
 use super::segment::Segment;
-use crate::arm::{AXES, Arm, Frame, Joints, Violation, distance};
+use crate::arm::{Arm, Frame, Joints, Violation, distance};
 
 /// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of w² at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
@@ -116,14 +116,10 @@ impl Blend {
             }
             let next: Joints = core::array::from_fn(|axis| (joints[axis] - before[axis]) / step);
             let next_tool: [f64; 3] = core::array::from_fn(|i| (tool[i] - tool_before[i]) / step);
-            for axis in 0..AXES {
-                rate = rate.min(RESERVE * rated.speed[axis] / next[axis].abs());
-            }
+            rate = rate.min(RESERVE / rated.speed_load(&next).share);
             if let Some((slope, tool_slope)) = slope {
-                for axis in 0..AXES {
-                    let bend = (next[axis] - slope[axis]).abs() / step;
-                    rate = rate.min((RESERVE * axis_share * rated.acceleration[axis] / bend).sqrt());
-                }
+                let bend = core::array::from_fn(|axis| (next[axis] - slope[axis]) / step);
+                rate = rate.min((RESERVE * axis_share / rated.acceleration_load(&bend).share).sqrt());
                 rate = rate.min((tool_acceleration * step / distance(tool_slope, next_tool)).sqrt());
             }
             (before, tool_before, slope) = (joints, tool, Some((next, next_tool)));

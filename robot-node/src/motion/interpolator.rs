@@ -148,11 +148,9 @@ impl Interpolator {
         let (place, _) = self.path.ahead(factor * self.cycle_s);
         let joints = self.path.joints(place, &self.arm, &self.joints)?;
         let square = self.cycle_s * self.cycle_s;
-        let limits = self.arm.limits().acceleration;
-        let joints_keep = (0..AXES).all(|axis| {
-            let change = joints[axis] - self.joints[axis] - self.joint_step[axis];
-            change.abs() <= limits[axis] * square
-        });
+        let change =
+            core::array::from_fn(|axis| (joints[axis] - self.joints[axis] - self.joint_step[axis]) / square);
+        let joints_keep = self.arm.limits().acceleration_load(&change).share <= 1.0;
         let on_a_line = self.path.current().is_some_and(|segment| segment.tool_acceleration.is_finite());
         if !joints_keep || !on_a_line {
             return Ok(joints_keep);

@@ -5,7 +5,7 @@ use protocol::image::{ErrorNumber, Motion, MotionKind};
 use super::curve::{AxisLine, Curve, Flange, Line};
 use super::profile::Limits;
 use crate::RobotConfig;
-use crate::arm::{AXES, Arm, Frame, Joints, Violation};
+use crate::arm::{Arm, Frame, Joints, Violation};
 
 /// Points at which a line is checked for reach, joint ranges, speeds and accelerations.
 const CHECKS: usize = 32;
@@ -161,26 +161,31 @@ fn along_line(
     let rated = arm.limits();
     let step = length / CHECKS as f64;
     let (mut joints, mut slope) = (*from, None::<Joints>);
-    let (mut stretch, mut slowest_axis) = (1.0_f64, 0);
+    let (mut stretch, mut slowest_axis) = (1.0_f64, 1);
     for check in 1..=CHECKS {
         let next = curve.joints(step * check as f64, arm, &joints)?;
         let next_slope: Joints = core::array::from_fn(|axis| (next[axis] - joints[axis]) / step);
-        for axis in 0..AXES {
-            let bend = slope.map_or(0.0, |slope| (next_slope[axis] - slope[axis]) / step).abs();
-            let steepest = next_slope[axis].abs().max(slope.map_or(0.0, |slope| slope[axis].abs()));
-            let acceleration =
-                steepest * programmed.acceleration + bend * programmed.speed * programmed.speed;
-            let of_speed = steepest * programmed.speed / (RESERVE * rated.speed[axis]);
-            let of_acceleration = (acceleration / (RESERVE * rated.acceleration[axis])).sqrt();
-            let wanted = of_speed.max(of_acceleration);
-            if wanted > stretch {
-                (stretch, slowest_axis) = (wanted, axis);
+        let before = slope.unwrap_or(next_slope);
+        let acceleration = core::array::from_fn(|axis| {
+            let bend = (next_slope[axis] - before[axis]).abs() / step;
+            let steepest = next_slope[axis].abs().max(before[axis].abs());
+            steepest * programmed.acceleration + bend * programmed.speed * programmed.speed
+        });
+        let speed = next_slope.map(|slope| slope * programmed.speed);
+        let (of_speed, of_acceleration) = (rated.speed_load(&speed), rated.acceleration_load(&acceleration));
+        let needs = [
+            (of_speed.share / RESERVE, of_speed.axis),
+            ((of_acceleration.share / RESERVE).sqrt(), of_acceleration.axis),
+        ];
+        for (need, axis) in needs {
+            if need > stretch {
+                (stretch, slowest_axis) = (need, axis);
             }
         }
         (joints, slope) = (next, Some(next_slope));
     }
     if stretch > 1.0 / SINGULAR_SHARE {
-        return Err(Violation::Singular { axis: slowest_axis as u8 + 1, share: 1.0 / stretch });
+        return Err(Violation::Singular { axis: slowest_axis, share: 1.0 / stretch });
     }
     let limits = Limits {
         speed: programmed.speed / stretch,
