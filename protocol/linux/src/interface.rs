@@ -2,6 +2,7 @@
 
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::sync::Arc;
 
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with};
@@ -40,13 +41,13 @@ fn hint(error: &std::io::Error) -> &'static str {
 }
 
 /// A network interface of the namespace in which it was opened.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Interface {
     name: String,
     index: u32,
     mac: MacAddress,
     /// Any socket does: the interface requests go through it.
-    control: OwnedFd,
+    control: Arc<OwnedFd>,
 }
 
 impl Interface {
@@ -68,7 +69,8 @@ impl Interface {
             }
             Err(error) => return Err(refused("reading the index")(error)),
         };
-        let mut interface = Self { name: name.to_owned(), index, mac: MacAddress::default(), control };
+        let mut interface =
+            Self { name: name.to_owned(), index, mac: MacAddress::default(), control: Arc::new(control) };
         interface.mac = interface.read_mac().map_err(refused("reading the hardware address"))?;
         Ok(interface)
     }
@@ -94,7 +96,7 @@ impl Interface {
     /// Whether the interface is still there; a cable that is pulled leaves it there, a removed adapter does not.
     #[must_use]
     pub fn exists(&self) -> bool {
-        netdevice::index_to_name_inlined(&self.control, self.index).is_ok()
+        netdevice::index_to_name_inlined(&*self.control, self.index).is_ok()
     }
 
     /// Its IPv4 address, if it has one.

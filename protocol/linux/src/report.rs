@@ -1,10 +1,10 @@
-//! What a node reports at its end, the same for every node, fit to be sent as JSON.
+//! What a node reports of itself, the same for every node, fit to be sent as JSON.
 
 use protocol::fieldbus::Counters;
 use protocol::{Duration, Lateness};
 use serde::{Deserialize, Serialize};
 
-use crate::Finished;
+use crate::Snapshot;
 
 /// How late the runs of a cyclic task were.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
@@ -91,26 +91,17 @@ pub struct Allocations {
     pub while_cyclic: u64,
 }
 
-impl NodeReport {
-    /// Gathers the report of a thread that ended. `at_link_up` is [`crate::allocation::count`] as the task read it
-    /// when the connection came up.
-    pub fn of<M: protocol::Machine, T>(
-        finished: &Finished<M, T>,
-        cycle: &Lateness,
-        bus: Counters,
-        at_link_up: Option<u64>,
-    ) -> Self {
-        let statistics = finished.driver.statistics();
+impl From<&Snapshot> for NodeReport {
+    fn from(snapshot: &Snapshot) -> Self {
         Self {
-            cycle: cycle.into(),
-            wake: (&statistics.lateness).into(),
-            bus: bus.into(),
-            allocations: statistics.allocations.map(|all| {
-                let while_connecting = at_link_up.unwrap_or(all);
-                Allocations { while_connecting, while_cyclic: all.saturating_sub(while_connecting) }
-            }),
-            send_errors: statistics.send_errors,
-            last_send_error: statistics.last_send_error.map(|error| std::io::Error::from(error).to_string()),
+            cycle: (&snapshot.cycle).into(),
+            wake: (&snapshot.wake).into(),
+            bus: snapshot.bus.into(),
+            allocations: snapshot
+                .allocations
+                .map(|(while_connecting, while_cyclic)| Allocations { while_connecting, while_cyclic }),
+            send_errors: snapshot.send_errors,
+            last_send_error: snapshot.last_send_error.map(|error| std::io::Error::from(error).to_string()),
         }
     }
 }
