@@ -1,0 +1,6 @@
+//! The PLC node against a scripted robot, in virtual time.
+#![expect(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on stops")]
+
+mod executions;
+mod faults;
+mod scripted;
