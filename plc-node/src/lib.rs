@@ -17,6 +17,7 @@ mod event;
 pub mod function_blocks;
 mod motion_source;
 mod node;
+pub mod process;
 mod scan;
 mod sequence;
 

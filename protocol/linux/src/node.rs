@@ -1,6 +1,7 @@
 //! A node as its process runs it: what every node has in common, whichever its bus and its work.
 
 use std::fmt::Debug;
+use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -62,7 +63,7 @@ pub enum News<E, A> {
     /// An answer to an order.
     Answer(A),
     /// The interface did not take the address that the bus wanted it to have.
-    NoAddress(InterfaceError),
+    NoAddress(Ipv4Addr, InterfaceError),
     /// How it goes.
     Snapshot(Snapshot),
 }
@@ -168,7 +169,7 @@ impl<N: Node> Task<N> for Keeper {
                 let done = self.interface.set_address(address, mask);
                 node.address_set(now, done.is_ok());
                 if let Err(error) = done {
-                    news.tell(News::NoAddress(error));
+                    news.tell(News::NoAddress(address, error));
                 }
             }
             None => {}

@@ -1,5 +1,7 @@
 //! What a node reports of itself, the same for every node, fit to be sent as JSON.
 
+use std::fmt;
+
 use protocol::fieldbus::Counters;
 use protocol::{Duration, Lateness};
 use serde::{Deserialize, Serialize};
@@ -103,5 +105,31 @@ impl From<&Snapshot> for NodeReport {
             send_errors: snapshot.send_errors,
             last_send_error: snapshot.last_send_error.map(|error| std::io::Error::from(error).to_string()),
         }
+    }
+}
+
+impl fmt::Display for NodeReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let LatenessReport { runs, missed, p50_us, p99_us, max_us, .. } = &self.cycle;
+        let BusReport { sent, received, lost, late, malformed, foreign } = &self.bus;
+        writeln!(
+            f,
+            "cycle: {runs} runs, late by {p50_us:.0} µs (p50), {p99_us:.0} µs (p99), {max_us:.0} µs (max); {missed} missed"
+        )?;
+        write!(
+            f,
+            "bus: {sent} frames sent, {received} received, {lost} lost, {late} late, {malformed} malformed, {foreign} foreign"
+        )?;
+        if let Some(Allocations { while_connecting, while_cyclic }) = self.allocations {
+            write!(
+                f,
+                "\nallocations of the cyclic thread: {while_cyclic} once connected, {while_connecting} before"
+            )?;
+        }
+        if self.send_errors > 0 {
+            let last = self.last_send_error.as_deref().unwrap_or("no reason given");
+            write!(f, "\nframes that the kernel did not take: {}, at last: {last}", self.send_errors)?;
+        }
+        Ok(())
     }
 }
