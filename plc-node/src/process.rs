@@ -9,7 +9,7 @@ use std::net::SocketAddrV4;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
@@ -18,12 +18,9 @@ use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
 use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
 use serde::{Deserialize, Serialize};
-use setup::Setup;
+use setup::{BusKind, Cyclic, PROGRAM, Setup};
 
-use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError};
-
-/// The program of the robot's store that RC runs: the application.
-const PROGRAM: u16 = 1;
+use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
 const LEAD: Duration = Duration::from_millis(5);
@@ -54,7 +51,7 @@ struct Run {
     #[arg(long, value_name = "IF")]
     interface: String,
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
-    #[arg(long, value_enum)]
+    #[arg(long, value_name = "udp|rt1")]
     cyclic: Option<Cyclic>,
     /// Repetitions of each execution type.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -68,15 +65,6 @@ struct Run {
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
-}
-
-/// How PROFINET's cyclic frames travel.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-enum Cyclic {
-    /// RT_CLASS_UDP: UDP port 34962.
-    Udp,
-    /// RT_CLASS_1: EtherType 0x8892.
-    Rt1,
 }
 
 /// What only a PLC says.
@@ -174,11 +162,9 @@ impl Run {
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
         let (mut setup, application) = setup::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
-            profinet.cyclic = match cyclic {
-                Cyclic::Udp => setup::Cyclic::Udp,
-                Cyclic::Rt1 => setup::Cyclic::Rt1,
-            };
+            profinet.cyclic = cyclic;
         }
+        setup::check(&setup)?;
         let interface = Interface::open(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project; an interface that has one already keeps it where it is the same.
@@ -193,16 +179,19 @@ impl Run {
             let cycle = micros(setup.bus.cycle_us.value);
             let bus = Direct::new(start, cycle, cycle * setup.bus.watchdog_cycles.value)
                 .over_udp(DIRECT_PORT, SocketAddrV4::new(setup.bus.robot_address, DIRECT_PORT));
-            return self.supervise(
-                &setup,
-                PlcNode::new(config, bus, start),
-                "no protocol",
-                interface,
-                wires,
-                signals,
-            );
+            let node = PlcNode::new(config, bus, start);
+            return self.supervise(&setup, node, "images without a protocol", interface, wires, signals);
         }
-        anyhow::bail!("this bus does not run over a real network yet")
+        match setup.bus.kind {
+            BusKind::Profinet => {
+                let wires = Wire::profinet(&interface)?;
+                // The clock makes every start of this PLC a new one to the robot.
+                let bus = bus::profinet_controller(&setup, interface.mac(), start.as_nanos(), start)?;
+                let node = PlcNode::new(config, bus, start);
+                self.supervise(&setup, node, "PROFINET IO-Controller", interface, wires, signals)
+            }
+            other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
+        }
     }
 
     fn supervise<B: Fieldbus + Send + fmt::Debug + 'static>(

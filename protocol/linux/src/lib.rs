@@ -35,7 +35,7 @@ mod wire;
 
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
-pub use ethernet::{Ethernet, MacAddress, PROFINET};
+pub use ethernet::{Ethernet, PROFINET};
 pub use inbox::{Inbox, Input};
 pub use interface::{Interface, InterfaceError};
 pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, Snapshot};
