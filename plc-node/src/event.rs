@@ -10,7 +10,8 @@ use protocol::image::{ErrorNumber, State};
 use crate::function_blocks::BlockError;
 
 /// How a sequence is run: the paper's execution types (section 6.2).
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ExecutionType {
     /// Programmed in the robot controller; the PLC starts the program.
     Rc,
