@@ -21,6 +21,7 @@ pub mod measure;
 pub mod plan;
 pub mod progress;
 pub mod results;
+mod robot_node;
 pub mod run_directory;
 pub mod session;
 pub mod stand;

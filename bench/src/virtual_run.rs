@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use crate::robot_node::{RobotConfig, RobotEvent, RobotNode};
 use anyhow::{Context, bail};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
@@ -13,7 +14,6 @@ use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use robot_node::{RobotConfig, RobotEvent, RobotNode};
 use setup::{Application, Setup};
 
 use crate::cli::Mode;
@@ -53,7 +53,12 @@ impl VirtualRun {
     /// # Errors
     ///
     /// The setup does not describe a robot, or no connection comes about.
-    pub fn start(setup: &Setup, application: &Application, seed: u64, bus: VirtualBus) -> anyhow::Result<Self> {
+    pub fn start(
+        setup: &Setup,
+        application: &Application,
+        seed: u64,
+        bus: VirtualBus,
+    ) -> anyhow::Result<Self> {
         let mut phases = Phases::new(setup, seed);
         let mut cell = match bus {
             VirtualBus::Direct | VirtualBus::OfSetup => {
@@ -225,6 +230,10 @@ impl Phases {
 
     fn direct(&mut self, setup: &Setup, side: Side) -> Direct {
         let cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
-        Direct::new(self.first(side, setup.bus.cycle_us.value), cycle, cycle * setup.bus.watchdog_cycles.value)
+        Direct::new(
+            self.first(side, setup.bus.cycle_us.value),
+            cycle,
+            cycle * setup.bus.watchdog_cycles.value,
+        )
     }
 }
