@@ -21,6 +21,7 @@ pub mod alarm;
 pub mod block;
 pub mod connect;
 pub mod control;
+mod controller;
 pub mod dcp;
 pub mod description;
 pub mod ethernet;
@@ -30,6 +31,7 @@ pub mod rt;
 pub mod status;
 mod uuid;
 
+pub use controller::{ConfigError, Controller, ControllerConfig, Parameter};
 pub use uuid::Uuid;
 
 /// UDP port of connection management (IANA `profinet-cm`).
