@@ -21,7 +21,6 @@ pub mod measure;
 pub mod plan;
 pub mod progress;
 pub mod results;
-mod robot_node;
 pub mod run_directory;
 pub mod session;
 pub mod stand;

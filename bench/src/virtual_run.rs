@@ -5,7 +5,6 @@
 
 use std::time::Duration;
 
-use crate::robot_node::{RobotConfig, RobotEvent, RobotNode};
 use anyhow::{Context, bail};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
@@ -14,6 +13,7 @@ use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use robot_node::{RobotConfig, RobotEvent, RobotNode};
 use setup::{Application, Setup};
 
 use crate::cli::Mode;
@@ -124,7 +124,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
     let robot_config = RobotConfig::from_setup(setup)?;
-    let robot = RobotNode::new(robot_config, robot_bus, robot_start);
+    let robot = RobotNode::new(robot_config, vec![(PROGRAM, motions)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed: phases.seed,
