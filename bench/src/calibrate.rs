@@ -18,12 +18,6 @@ use crate::virtual_run;
 /// Rounds over the three numbers; each is a correction of the one before.
 const ROUNDS: usize = 3;
 
-/// Quanta are tried in steps of this, in µs.
-const QUANTUM_STEP_US: u32 = 500;
-
-/// Quanta are tried up to this, in µs.
-const QUANTUM_MOST_US: u32 = 60_000;
-
 /// What a calibration found.
 #[derive(Clone, Debug)]
 pub struct Calibration {
@@ -87,32 +81,32 @@ pub fn calibrate(
     Ok(Calibration { setup, results })
 }
 
-/// The quantum whose MADs differ least from the paper's.
+/// The quantum whose MADs differ least from the paper's, found in coarse and then in fine steps.
 fn quantum(
     setup: &Setup,
     paper: &setup::Paper,
     run: &impl Fn(&Setup, &[ExecutionType]) -> anyhow::Result<Results>,
 ) -> anyhow::Result<u32> {
     let mut trial = setup.clone();
-    let mut best = (f64::INFINITY, 0);
-    let mut try_one = |quantum_us: u32| -> anyhow::Result<()> {
+    let mut error_of = |quantum_us: u32| -> anyhow::Result<f64> {
         trial.robot.interpreter_quantum_us.value = quantum_us;
         let results = run(&trial, &[ExecutionType::Rc, ExecutionType::Sm])?;
         let error = |of, paper: setup::Figure| {
             let found = results.figure(of).map_or(0.0, |figure| figure.mad_ms);
             ((found - paper.mad_ms) / paper.mad_ms).powi(2)
         };
-        let error = error(ExecutionType::Rc, paper.rc) + error(ExecutionType::Sm, paper.sm);
-        if error < best.0 {
-            best = (error, quantum_us);
-        }
-        Ok(())
+        Ok(error(ExecutionType::Rc, paper.rc) + error(ExecutionType::Sm, paper.sm))
     };
-    let coarse = QUANTUM_STEP_US * 8;
-    (0..=QUANTUM_MOST_US / coarse).try_for_each(|step| try_one(step * coarse))?;
-    let around = best.1;
-    let first = around.saturating_sub(coarse);
-    (0..=2 * coarse / QUANTUM_STEP_US).try_for_each(|step| try_one(first + step * QUANTUM_STEP_US))?;
+    let mut best = (f64::INFINITY, 0_u32);
+    for (step, reach) in [(4_000, 60_000), (500, 3_500)] {
+        let (middle, first) = (best.1, best.1.saturating_sub(reach));
+        for quantum_us in (first..=middle + reach).step_by(step) {
+            let error = error_of(quantum_us)?;
+            if error < best.0 {
+                best = (error, quantum_us);
+            }
+        }
+    }
     Ok(best.1)
 }
 

@@ -84,7 +84,10 @@ impl Measurement<'_> {
                 let bus = VirtualBus::OfSetup;
                 let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
-                Ended { results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results }, ..ended }
+                Ended {
+                    results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results },
+                    ..ended
+                }
             }
             Mode::Real => {
                 let error = anyhow!("real mode is not built in yet; use --mode virtual");

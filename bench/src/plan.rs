@@ -82,7 +82,8 @@ mod tests {
 
     #[test]
     fn the_pauses_come_from_the_seed_and_fill_their_range() {
-        let pauses = |seed| -> Vec<_> { Plan::new(&[Rc], 1_000, seed).steps().map(|step| step.pause).collect() };
+        let pauses =
+            |seed| -> Vec<_> { Plan::new(&[Rc], 1_000, seed).steps().map(|step| step.pause).collect() };
         assert_eq!(pauses(1), pauses(1));
         assert_ne!(pauses(1), pauses(2));
         let (shortest, longest) = (*pauses(1).iter().min().unwrap(), *pauses(1).iter().max().unwrap());

@@ -44,8 +44,9 @@ impl RunDirectory {
         application: &Application,
         durability: Durability,
     ) -> anyhow::Result<Self> {
-        fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the run directory {}; choose another by --out", path.display()))?;
+        fs::create_dir_all(path).with_context(|| {
+            format!("cannot make the run directory {}; choose another by --out", path.display())
+        })?;
         let samples_path = path.join("samples.csv");
         let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
         let mut samples = match samples {
@@ -150,7 +151,10 @@ mod tests {
         };
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
         let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];
-        insta::assert_snapshot!(lines.concat(), @"");
+        insta::assert_snapshot!(lines.concat(), @r#"
+        sm,1,6477.123456,6470,0,
+        sm,2,,,,"sm failed: the robot said ""no"" and stopped"
+        "#);
     }
 
     #[test]
@@ -160,7 +164,7 @@ mod tests {
         let create = || RunDirectory::create(directory.path(), &setup, &application, Durability::Written);
         create().unwrap();
         let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
-        insta::assert_snapshot!(said, @"");
+        insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
     }
 
     #[test]

@@ -158,7 +158,11 @@ mod tests {
         let ended = runtime.block_on(session.run(&mut stand, &plan, results, interrupt)).unwrap();
         let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
         assert_eq!(read("results.json"), read("exported.json"));
-        Outcome { ended, samples: read("samples.csv"), saved: serde_json::from_str(&read("results.json")).unwrap() }
+        Outcome {
+            ended,
+            samples: read("samples.csv"),
+            saved: serde_json::from_str(&read("results.json")).unwrap(),
+        }
     }
 
     #[test]
@@ -166,15 +170,30 @@ mod tests {
         let outcome = run(0, std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Pass, Status::Complete));
         assert_eq!(outcome.saved, outcome.ended.results);
-        insta::assert_snapshot!(outcome.samples, @"");
+        insta::assert_snapshot!(outcome.samples, @"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
+        rc,1,1,1,0,
+        sm,1,2,2,0,
+        cm,1,3,3,0,
+        rc,2,4,4,0,
+        sm,2,5,5,0,
+        cm,2,6,6,0,
+        ");
     }
 
     #[test]
     fn a_repetition_that_fails_is_marked_and_those_before_it_stay() {
         let outcome = run(5, std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
-        insta::assert_snapshot!(format!("{:#}", outcome.ended.failure.unwrap()), @"");
-        insta::assert_snapshot!(outcome.samples, @"");
+        insta::assert_snapshot!(format!("{:#}", outcome.ended.failure.unwrap()), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
+        insta::assert_snapshot!(outcome.samples, @r#"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
+        rc,1,1,1,0,
+        sm,1,2,2,0,
+        cm,1,3,3,0,
+        rc,2,4,4,0,
+        sm,2,,,,"the connection to the robot was lost"
+        "#);
     }
 
     #[test]

@@ -108,7 +108,9 @@ fn legend(results: &Results) -> String {
     }
     if results.without_skill_overhead.is_some() {
         let whence = if results.mode == "real" { ", from a virtual run" } else { "" };
-        lines.push(format!("  h = 0: a skill call costs nothing but its motion and the cycles it waits for{whence}."));
+        lines.push(format!(
+            "  h = 0: a skill call costs nothing but its motion and the cycles it waits for{whence}."
+        ));
     }
     let suppressed: u32 = ExecutionType::ALL
         .iter()
@@ -116,7 +118,9 @@ fn legend(results: &Results) -> String {
         .flat_map(|result| &result.blends_suppressed)
         .sum();
     if suppressed > 0 {
-        lines.push(format!("  {suppressed} blends became stops, because the next motion was not there in time."));
+        lines.push(format!(
+            "  {suppressed} blends became stops, because the next motion was not there in time."
+        ));
     }
     if results.mode == "real" {
         let cycle = &results.cycle;
@@ -172,18 +176,62 @@ mod tests {
     #[test]
     fn figures_stand_beside_the_papers_and_the_calibrated_ones_are_marked() {
         let mut results = results(Mode::Virtual, &ExecutionType::ALL);
-        for (of, micros) in [(ExecutionType::Rc, 3_725_500), (ExecutionType::Sm, 6_480_000), (ExecutionType::Cm, 3_730_000)] {
+        for (of, micros) in
+            [(ExecutionType::Rc, 3_725_500), (ExecutionType::Sm, 6_480_000), (ExecutionType::Cm, 3_730_000)]
+        {
             results.record(of, &run(micros - 3_000));
             results.record(of, &run(micros + 3_000));
         }
         let mut without = results.clone();
         without.record(ExecutionType::Sm, &run(4_900_000));
         results.without_skill_overhead = Some(without.as_without_overhead());
-        insta::assert_snapshot!(render(&results), @"");
+        insta::assert_snapshot!(render(&results), @"
+        Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
+        pick-and-place, 2 repetitions, virtual mode, seed 7
+
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────
+                       AET       MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD         AET − paper
+        ═══════════════════════════════════════════════════════════════════════════════════════════════════════
+         RC     3725.5 ms*   3.0 ms*   2    3725.5 ms       3.0 ms     3725 ms      3.6 ms   +0.5 ms (+0.01 %)
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────
+         SM     6480.0 ms*   3.0 ms*   2    5953.3 ms     702.2 ms     6477 ms     11.3 ms   +3.0 ms (+0.05 %)
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────
+         CM     3730.0 ms    3.0 ms    2    3730.0 ms       3.0 ms     3729 ms      3.3 ms   +1.0 ms (+0.03 %)
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────
+         AETi      42.4 %*                     37.3 %                     42 %
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────
+
+        * calibrated on the paper's figure beside it, so no prediction:
+            motions.velocity_percent = 1 from RC's AET
+            robot.skill_overhead_us = 1 from SM's AET
+            robot.interpreter_quantum_us = 1 from the MADs of RC and SM
+          Predicted: CM, and with h = 0 all of SM − CM but for the speed.
+          h = 0: a skill call costs nothing but its motion and the cycles it waits for.
+          Cyclic frames: 0 sent, 0 received, 0 lost.
+        ");
     }
 
     #[test]
     fn a_type_that_was_not_asked_for_has_no_row_and_one_without_a_sample_no_figure() {
-        insta::assert_snapshot!(render(&results(Mode::Real, &[ExecutionType::Rc])), @"");
+        insta::assert_snapshot!(render(&results(Mode::Real, &[ExecutionType::Rc])), @"
+        Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
+        pick-and-place, 2 repetitions, real mode, seed 7
+
+        ────────────────────────────────────────────────────────────
+                AET   MAD   n   paper AET   paper MAD   AET − paper
+        ════════════════════════════════════════════════════════════
+         RC       –     –   0     3725 ms      3.6 ms             –
+        ────────────────────────────────────────────────────────────
+         AETi     –                  42 %
+        ────────────────────────────────────────────────────────────
+
+        * calibrated on the paper's figure beside it, so no prediction:
+            motions.velocity_percent = 1 from RC's AET
+            robot.skill_overhead_us = 1 from SM's AET
+            robot.interpreter_quantum_us = 1 from the MADs of RC and SM
+          Predicted: CM, and with h = 0 all of SM − CM but for the speed.
+          Cycles late by p50 / p99 / max: PLC 0 / 0 / 0 µs, 0 missed; robot 0 / 0 / 0 µs, 0 missed.
+          Cyclic frames: 0 sent, 0 received, 0 lost.
+        ");
     }
 }

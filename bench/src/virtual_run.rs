@@ -53,7 +53,12 @@ impl VirtualRun {
     /// # Errors
     ///
     /// The setup does not describe a robot, or no connection comes about.
-    pub fn start(setup: &Setup, application: &Application, seed: u64, bus: VirtualBus) -> anyhow::Result<Self> {
+    pub fn start(
+        setup: &Setup,
+        application: &Application,
+        seed: u64,
+        bus: VirtualBus,
+    ) -> anyhow::Result<Self> {
         let mut phases = Phases::new(setup, seed);
         let mut cell = match bus {
             VirtualBus::Direct | VirtualBus::OfSetup => {
@@ -119,7 +124,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
     let robot_config = RobotConfig::from_setup(setup)?;
-    let robot = RobotNode::new(robot_config, robot_bus, robot_start);
+    let robot = RobotNode::new(robot_config, vec![(PROGRAM, motions)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed: phases.seed,
@@ -225,6 +230,10 @@ impl Phases {
 
     fn direct(&mut self, setup: &Setup, side: Side) -> Direct {
         let cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
-        Direct::new(self.first(side, setup.bus.cycle_us.value), cycle, cycle * setup.bus.watchdog_cycles.value)
+        Direct::new(
+            self.first(side, setup.bus.cycle_us.value),
+            cycle,
+            cycle * setup.bus.watchdog_cycles.value,
+        )
     }
 }
