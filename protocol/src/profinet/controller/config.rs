@@ -10,14 +10,10 @@ use crate::Duration;
 use crate::profinet::connect::{
     AlarmCr, Ar, ArProperties, ConnectRequest, ExpectedModule, ExpectedSubmodule, Iocr, IocrType, RtClass,
 };
-use crate::profinet::dcp::MAX_NAME_LEN;
-use crate::profinet::description::{Description, INTERFACE_SUBSLOT, Identity};
+use crate::profinet::description::{Description, INTERFACE_SUBSLOT, PLC};
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac, Tag};
 use crate::profinet::rt::{CycleTime, Transport, UDP_PORT, UnfitCycle};
-use crate::profinet::{LT_UDP, Uuid, rpc};
-
-/// Identity of this controller: no vendor stands behind a test bench, and 0xFFFF belongs to none.
-const IDENTITY: Identity = Identity { vendor: 0xFFFF, device: 0x0002 };
+use crate::profinet::{LT_UDP, Uuid, is_station_name, rpc};
 
 /// CMInitiatorActivityTimeoutFactor, in 100 ms: the device gives a connection up that stands still for so long.
 const ACTIVITY_TIMEOUT: u16 = 200;
@@ -94,8 +90,11 @@ pub enum ConfigError {
         /// The longest time that the transport has.
         limit: Duration,
     },
-    /// A station name is empty or too long.
-    #[error("the station name {0:?} is empty or longer than 240 bytes")]
+    /// A station name is empty or has what DCP does not allow.
+    #[error(
+        "the station name {0:?} is not one: lower-case letters, digits and hyphens, in parts of up to 63 characters \
+         separated by dots, 240 in all"
+    )]
     StationName(String),
     /// The two stations cannot reach each other.
     #[error(
@@ -149,7 +148,7 @@ pub(super) const OUTPUT: u16 = 2;
 impl Plan {
     pub(super) fn new(config: &ControllerConfig, ar: Uuid) -> Result<Self, ConfigError> {
         for name in [&config.station_name, &config.device_station_name] {
-            if !(1..=MAX_NAME_LEN).contains(&name.len()) {
+            if name.is_empty() || !is_station_name(name.as_bytes()) {
                 return Err(ConfigError::StationName(name.clone()));
             }
         }
@@ -180,7 +179,7 @@ impl Plan {
                 uuid: ar,
                 session: 0,
                 initiator_mac: config.mac,
-                initiator_object: rpc::object(1, IDENTITY),
+                initiator_object: rpc::object(1, PLC.identity),
                 properties: ArProperties(
                     ArProperties::ACTIVE
                         | ArProperties::PARAMETERIZATION_BY_INITIATOR

@@ -92,7 +92,7 @@ fn the_cyclic_frame_has_every_byte_where_p_net_has_it() {
 #[test]
 fn the_captured_set_of_an_address_is_answered_once_the_owner_has_done_it() {
     let mut rig = p_net();
-    rig.device.core.station = Station::new(P_NET_MAC, P_NET, b"rt-labs-dev", None);
+    rig.device.core.station = Station::device(P_NET_MAC, P_NET, b"rt-labs-dev", None);
     assert!(rig.receive(Port::Ethernet, &frame(captured::DCP_SET_REQ)).is_empty());
     let address = Ipv4Addr::new(172, 16, 2, 10);
     assert_eq!(rig.events(), [LinkEvent::SetAddress { address, mask: MASK, gateway: address }]);
