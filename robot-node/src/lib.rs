@@ -13,5 +13,5 @@ pub mod motion;
 mod node;
 
 pub use config::{ConfigError, RobotConfig};
-pub use controller::Controller;
-pub use node::{RobotEvent, RobotNode, Sample};
+pub use controller::{Controller, Ending, RobotEvent};
+pub use node::{RobotNode, Sample};

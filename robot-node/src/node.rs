@@ -6,8 +6,7 @@ use protocol::fieldbus::Fieldbus;
 use protocol::image::{Command, IMAGE_LEN, Image, Motion, State};
 use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 
-pub use crate::controller::RobotEvent;
-use crate::{Controller, RobotConfig};
+use crate::{Controller, RobotConfig, RobotEvent};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
