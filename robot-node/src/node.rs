@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
-use protocol::image::{Command, IMAGE_LEN, Image, Motion, State};
+use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
 use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 
 use crate::{Controller, RobotConfig, RobotEvent};
@@ -156,10 +156,14 @@ impl<B: Fieldbus> RobotNode<B> {
             self.connected = false;
             return;
         };
-        if self.connected && *image == self.image {
-            return;
-        }
-        if let Ok(command) = Command::parse::<B::Order>(image) {
+        // Every scan changes the head, but the slots only change with the motions.
+        let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
+            let slots = self.command.slots;
+            Command::parse_head::<B::Order>(image).map(|head| Command { slots, ..head })
+        } else {
+            Command::parse::<B::Order>(image)
+        };
+        if let Ok(command) = command {
             (self.command, self.image, self.connected) = (command, *image, true);
         }
     }

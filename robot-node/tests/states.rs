@@ -282,7 +282,7 @@ fn a_stalled_host_does_not_lengthen_the_motion() {
     assert_eq!(program_ends_at(1_001..2_001), undisturbed);
     assert_eq!(
         program_ends_at(1_001..6_001),
-        undisturbed.map(|ms| ms + 4_000),
-        "of a longer one a second is made up for"
+        undisturbed.map(|ms| ms + 3_996),
+        "of a longer one 250 cycles are made up for"
     );
 }
