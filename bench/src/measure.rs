@@ -15,6 +15,7 @@ use crate::host::{Host, date};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::results::{self, Results};
+use crate::rig::{Rig, RigConfig, RigError};
 use crate::run_directory::{Durability, RunDirectory};
 use crate::session::{Ended, Session};
 use crate::table;
@@ -78,9 +79,9 @@ impl Measurement<'_> {
         session.directory.write_host(&host.to_json().context("cannot write the host as JSON")?)?;
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
-        let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
         let mut ended = match self.options.mode {
             Mode::Virtual => {
+                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
                 let bus = VirtualBus::OfSetup;
                 let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
@@ -90,8 +91,26 @@ impl Measurement<'_> {
                 }
             }
             Mode::Real => {
-                let error = anyhow!("real mode is not built in yet; use --mode virtual");
-                return Err(Failure::new(Exit::EnvironmentUnusable, error));
+                let config = RigConfig {
+                    cyclic: self.setup.bus.profinet.as_ref().map(|profinet| profinet.cyclic),
+                    seed: self.options.seed,
+                    ..RigConfig::new(&self.options.setup)
+                };
+                let unusable = |error: RigError| Failure::new(error.exit(), error);
+                let mut interrupt = Box::pin(interrupt);
+                let mut rig = tokio::select! {
+                    () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
+                    rig = Rig::start(&config) => rig.map_err(unusable)?,
+                };
+                if !self.options.quiet {
+                    rig.warnings().iter().for_each(|warning| eprintln!("warning: {warning}"));
+                }
+                let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+                let left = rig.stop().await;
+                if ended.failure.is_none() {
+                    left.map_err(unusable)?;
+                }
+                ended
             }
         };
         session.finish(&mut ended.results)?;
