@@ -54,12 +54,14 @@ impl PlcConfig {
         }
     }
 
-    /// The timeouts in scans, which is how the program counts.
+    /// The timeouts in scans, which is how the program counts. A life counter of 16 bits tells before from after over
+    /// half its range, so a robot is waited for no longer than that.
     pub(crate) fn patience(&self) -> Patience {
         let scans = |timeout: Duration| {
             let scans = timeout.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));
             u32::try_from(scans).unwrap_or(u32::MAX).max(1)
         };
-        Patience { answer_scans: scans(self.answer_timeout), silent_scans: scans(self.silent_timeout) }
+        let answer_scans = scans(self.answer_timeout).min(0x7FFF);
+        Patience { answer_scans, silent_scans: scans(self.silent_timeout) }
     }
 }

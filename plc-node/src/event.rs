@@ -10,7 +10,8 @@ use protocol::image::{ErrorNumber, State};
 use crate::function_blocks::BlockError;
 
 /// How a sequence is run: the paper's execution types (section 6.2).
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ExecutionType {
     /// Programmed in the robot controller; the PLC starts the program.
     Rc,
@@ -73,11 +74,11 @@ pub enum PlcEvent {
 
 /// A finished run.
 ///
-/// The execution time is taken between the starts of two scans: of the one whose program set the start edge, and of
-/// the one whose inputs showed the end. Both are the actual times at which those scans read their inputs, not the
-/// grid points that they stand for: a scan that the host delayed did set its edge, or saw the end, later, and a grid
-/// point would hide that. The modelled scan cost lies after the first and before neither, so it counts as part of
-/// what the robot waits for, as on a PLC that reads its clock in its program.
+/// The execution time is taken between the starts of two scans: of the one whose program sets the start edge, and of
+/// the one whose inputs show the end. Both are the times at which those scans did read their inputs, not the grid
+/// points that they stand for: where the host delays a scan, the edge is set or the end is seen later, and a grid
+/// point would hide it. A PLC program that reads its clock at the top of the scan measures the same. What the first
+/// scan costs until its outputs are written is part of the time; what the last one costs is not.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Execution {
     /// How the sequence was run.

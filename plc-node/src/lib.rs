@@ -12,11 +12,13 @@
 //! Nothing here reads a clock, opens a socket or allocates after [`PlcNode::new`]; time and frames are arguments.
 
 mod axes_group;
+pub mod bus;
 mod config;
 mod event;
 pub mod function_blocks;
 mod motion_source;
 mod node;
+pub mod process;
 mod scan;
 mod sequence;
 

@@ -34,9 +34,14 @@ pub struct PlcNode<B> {
     reset: Reset,
     /// A run failed: whether or not the robot shows it yet, its skill must not go on.
     must_halt: bool,
+    /// PLC's life counter in the first image without a reset that did not help: robots that take a reset by its edge
+    /// have to see it before the next one.
+    reset_withdrawn: Option<u16>,
     run: Run,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
+    /// Command number and motions written as of the slots in `outputs`.
+    emitted: Option<(u16, u32)>,
     events: VecDeque<PlcEvent>,
 }
 
@@ -100,6 +105,7 @@ impl<B: Fieldbus> PlcNode<B> {
             halt: Halt::default(),
             reset: Reset::default(),
             must_halt: false,
+            reset_withdrawn: None,
             run: Run {
                 sequence: Sequence::new(ExecutionType::Rc, config.program),
                 started_at: start,
@@ -107,6 +113,7 @@ impl<B: Fieldbus> PlcNode<B> {
                 frames_before: Counters::default(),
             },
             outputs: [0; IMAGE_LEN],
+            emitted: None,
             events: VecDeque::with_capacity(EVENTS),
         }
     }
@@ -202,7 +209,18 @@ impl<B: Fieldbus> PlcNode<B> {
         if matches!(self.mode, Mode::Idle | Mode::Preparing) {
             self.prepare();
         }
-        self.group.command().emit::<B::Order>(&mut self.outputs);
+        self.emit();
+    }
+
+    /// The slots take most of the time, and they change only with a new command or with motions written.
+    fn emit(&mut self) {
+        let command = self.group.command();
+        let slots = Some((command.number, command.written));
+        if core::mem::replace(&mut self.emitted, slots) == slots {
+            command.emit_head::<B::Order>(&mut self.outputs);
+        } else {
+            command.emit::<B::Order>(&mut self.outputs);
+        }
     }
 
     /// What makes every run impossible, whatever its blocks find.
@@ -278,12 +296,19 @@ impl<B: Fieldbus> PlcNode<B> {
         self.mode = Mode::Preparing;
         let executing = is_executing(&feedback);
         let halted = self.halt.call(executing || self.must_halt, &mut self.group);
-        if halted.done {
+        if halted.done || halted.error {
             self.halt.call(false, &mut self.group);
-            self.must_halt = false;
+            self.must_halt &= halted.error;
         }
-        let wanted = !executing && !self.must_halt && !halted.busy;
+        if self.reset_withdrawn.is_some_and(|life| self.group.has_seen(life)) {
+            self.reset_withdrawn = None;
+        }
+        let wanted = !executing && !self.must_halt && !halted.busy && self.reset_withdrawn.is_none();
         let reset = self.reset.call(wanted, &mut self.group);
+        if reset.error {
+            self.reset.call(false, &mut self.group);
+            self.reset_withdrawn = Some(self.group.command().life);
+        }
         if reset.done {
             self.reset.call(false, &mut self.group);
             if wanted && !self.group.is_silent() {
@@ -324,8 +349,9 @@ impl<B: Fieldbus> PlcNode<B> {
         self.mode = Mode::Preparing;
         self.halt = Halt::default();
         self.reset = Reset::default();
+        self.reset_withdrawn = None;
         self.group.disarm();
-        self.group.command().emit::<B::Order>(&mut self.outputs);
+        self.emit();
         self.scan.drop_outputs();
         self.bus.set_output(&self.outputs);
     }

@@ -43,6 +43,12 @@ pub enum BlockError {
         /// How many scans the block waited.
         scans: u32,
     },
+    /// The robot is connected, but does not get into the state that it was asked for.
+    #[error("the robot did not follow in {scans} scans; what keeps it from doing so is shown on its side")]
+    StateNotReached {
+        /// How many scans the block waited.
+        scans: u32,
+    },
     /// The robot echoes another command than the one it was executing.
     #[error("the robot was executing command {expected} and now speaks of {found}; was it restarted?")]
     Forgotten {
@@ -107,6 +113,7 @@ impl BlockError {
             Self::CountedBackwards { .. } => 0x800A,
             Self::EndedEarly { .. } => 0x800B,
             Self::NothingToDo(_) => 0x800C,
+            Self::StateNotReached { .. } => 0x800D,
         }
     }
 }

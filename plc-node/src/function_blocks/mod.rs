@@ -34,3 +34,6 @@ pub use single_motion::{
 pub(crate) use skill::Tally;
 pub use state_commands::{Halt, Reset, Resume, Suspend};
 pub(crate) use state_commands::{is_executing, is_ready};
+
+#[cfg(test)]
+mod exploration;

@@ -30,7 +30,7 @@ impl MoveContinuous {
             fill(command, 0, motions)?;
             Ok(true)
         });
-        if self.call.face.is_active()
+        if self.call.face.is_busy()
             && let Err(error) = fill(&mut group.command, self.call.tally.executed, motions)
         {
             self.call.fail(group, error);
@@ -59,4 +59,121 @@ fn fill(command: &mut Command, executed: u32, motions: &mut dyn MotionSource) ->
         command.written += 1;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MotionList, Patience};
+    use proptest::prelude::*;
+    use protocol::image::{Feedback, MotionKind, State, Status};
+
+    /// What happens between two scans: what gets through, and what the robot does.
+    #[derive(Clone, Copy, Debug)]
+    struct Between {
+        command_arrives: bool,
+        takes: u32,
+        executes: u32,
+        feedback_arrives: bool,
+    }
+
+    fn between() -> impl Strategy<Value = Between> {
+        (any::<bool>(), 0..=6_u32, 0..=6_u32, any::<bool>()).prop_map(
+            |(command_arrives, takes, executes, feedback_arrives)| Between {
+                command_arrives,
+                takes,
+                executes,
+                feedback_arrives,
+            },
+        )
+    }
+
+    fn list(count: u16) -> Vec<Motion> {
+        let motion = |velocity| Motion { kind: MotionKind::LinCartesian, velocity, ..Motion::EMPTY };
+        (1..=count).map(motion).collect()
+    }
+
+    /// A robot that takes motions from the slots and executes them whenever it likes.
+    #[derive(Default)]
+    struct Robot {
+        command: Command,
+        feedback: Feedback,
+        taken: Vec<Motion>,
+    }
+
+    impl Robot {
+        fn go_on(&mut self, Between { takes, executes, .. }: Between) {
+            if self.command.number == 0 {
+                return;
+            }
+            let feedback = &mut self.feedback;
+            (feedback.number, feedback.state, feedback.status) =
+                (self.command.number, State::Running, Status::BUSY);
+            for _ in 0..takes.min(self.command.written - feedback.accepted) {
+                self.taken.push(*self.command.slot(feedback.accepted));
+                feedback.accepted += 1;
+            }
+            feedback.executed += executes.min(feedback.accepted - feedback.executed);
+            if feedback.executed == self.command.total {
+                (feedback.state, feedback.status) = (State::Ready, Status::DONE);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_motion_arrives_once_and_in_order_and_no_slot_in_use_is_touched(
+            count in 1..=40_u16,
+            script in proptest::collection::vec(between(), 1..200),
+        ) {
+            let motions = list(count);
+            let mut source = MotionList::from(motions.clone());
+            let mut group = AxesGroup::new(100, Patience { answer_scans: 10_000, silent_scans: 10_000 });
+            let (mut block, mut robot) = (MoveContinuous::default(), Robot::default());
+            let mut seen = robot.feedback;
+            let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
+            for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
+                group.read(Some(seen));
+                let outputs = block.call(true, &mut source, &mut group);
+                prop_assert!(!outputs.error, "{:?}", block.error());
+                let Command { written, total, .. } = *group.command();
+                prop_assert!(written <= total.min(robot.feedback.executed + 5), "ahead of the slots");
+                for index in robot.feedback.executed..written {
+                    prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
+                }
+                if between.command_arrives {
+                    robot.command = *group.command();
+                }
+                robot.go_on(between);
+                if between.feedback_arrives {
+                    seen = robot.feedback;
+                }
+            }
+            prop_assert!(block.call(true, &mut source, &mut group).done);
+            prop_assert_eq!(robot.taken, motions);
+        }
+    }
+
+    #[test]
+    fn a_source_that_ends_early_is_an_error_that_says_where() {
+        #[derive(Debug)]
+        struct Short;
+        impl MotionSource for Short {
+            fn total(&self) -> u32 {
+                9
+            }
+            fn get(&mut self, index: u32) -> Option<Motion> {
+                (index < 6).then_some(Motion::EMPTY)
+            }
+        }
+        let mut group = AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 10 });
+        let mut block = MoveContinuous::default();
+        group.read(Some(Feedback::default()));
+        assert!(block.call(true, &mut Short, &mut group).busy);
+        let number = group.command().number;
+        let feedback = Feedback { number, status: Status::BUSY, executed: 2, ..Feedback::default() };
+        group.read(Some(feedback));
+        assert!(block.call(true, &mut Short, &mut group).error);
+        assert_eq!(block.error(), Some(BlockError::SourceEnded { index: 6, total: 9 }));
+    }
 }

@@ -2,7 +2,8 @@
 //! Resume).
 //!
 //! Each sets its control bit with `Execute`'s rising edge and takes it back at its end. An end counts only once the
-//! robot has seen the bit, by the life counter that it echoes: a state from before would be no answer.
+//! robot has seen the bit, by the life counter that it echoes: a state from before would be no answer. A robot that
+//! does not follow in time ends the block with an error, and the bit goes back too, so that asking again is an edge.
 
 use protocol::image::{Control, Feedback, State, Status};
 
@@ -16,6 +17,8 @@ pub(super) struct StateCommand {
     pub(super) face: Face,
     /// The PLC's life counter in the first image with the bit.
     pub(super) since: u16,
+    /// Scans since the start.
+    pub(super) waited: u32,
 }
 
 impl StateCommand {
@@ -30,10 +33,13 @@ impl StateCommand {
     ) -> Outputs {
         let started = self.face.call(execute);
         if started {
-            self.since = group.command.life;
+            (self.since, self.waited) = (group.command.life, 0);
         }
         if self.face.is_busy() {
             let seen = group.has_seen(self.since);
+            let scans = self.waited;
+            let late = scans >= group.answer_scans();
+            self.waited = self.waited.saturating_add(1);
             let end = match &group.feedback {
                 None => Some(End::Error(BlockError::NotConnected)),
                 Some(feedback) if started => before(feedback).err().map(End::Error),
@@ -43,6 +49,7 @@ impl StateCommand {
                 }
                 Some(_) => None,
             };
+            let end = end.or_else(|| late.then_some(End::Error(BlockError::StateNotReached { scans })));
             if let Some(end) = end {
                 self.face.end(end);
             }

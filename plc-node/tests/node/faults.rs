@@ -2,11 +2,11 @@
 
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 use plc_node::{FailureCause, PlcEvent, PlcNode, StartError};
-use protocol::Duration;
 use protocol::direct::Direct;
 use protocol::fieldbus::DownCause;
 use protocol::image::{Control, ErrorNumber};
 use protocol::virtual_time::Side;
+use protocol::{Duration, Instant};
 
 use crate::scripted::{
     BUS, Cell, Fault, WATCHDOG, cell, config, motions, pause, run, run_to_failure, start, until_ready,
@@ -171,4 +171,16 @@ fn a_disconnect_fails_the_run_and_leaves_nothing_to_execute_on_the_bus() {
     cell.command_a(|plc, now| plc.disconnect(now));
     assert_eq!(wait_for_failure(&mut cell).cause, FailureCause::Aborted);
     assert!(!cell.a().sample().control.contains(Control::EXECUTE));
+}
+
+#[test]
+fn a_reset_that_did_not_help_is_tried_again_as_an_edge() {
+    let mut cell = cell(13);
+    cell.command_b(|robot, _| robot.fault = Fault::IgnoresReset);
+    pause(&mut cell, Duration::from_millis(50));
+    cell.command_b(|robot, _| robot.fault = Fault::None);
+    pause(&mut cell, Duration::from_millis(100));
+    assert!(!cell.a().is_ready(), "this robot takes the reset by its edge");
+    until_ready(&mut cell);
+    assert!(cell.now() < Instant::from_millis(230), "one answer timeout and a robot cycle each way");
 }

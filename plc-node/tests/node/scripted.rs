@@ -14,7 +14,7 @@ use protocol::wire::BigEndian;
 use protocol::{Cycle, Duration, Instant, Machine, Source, Transmit};
 
 /// What the robot does wrong.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Fault {
     None,
     /// Its life counter stands still from this motion on.
@@ -32,6 +32,8 @@ pub(crate) enum Fault {
     },
     /// It never takes a command up.
     Deaf,
+    /// It sees a reset and does not follow.
+    IgnoresReset,
 }
 
 /// The scripted robot.
@@ -44,6 +46,8 @@ pub(crate) struct ScriptedRobot {
     pub(crate) fault: Fault,
     feedback: Feedback,
     seen: u16,
+    /// A reset counts once each time it is set.
+    reset_armed: bool,
     total: u32,
     left: u32,
     /// Motions that it took from the slots, over all skills.
@@ -62,12 +66,19 @@ impl ScriptedRobot {
             fault: Fault::None,
             feedback: Feedback::default(),
             seen: 0,
+            reset_armed: true,
             total: 0,
             left: 0,
             taken: Vec::new(),
             executed_in_all: 0,
             halts: 0,
         }
+    }
+
+    /// Its program starts anew while the bus goes on: it knows no command any more.
+    pub(crate) fn restart(&mut self) {
+        self.feedback = Feedback { life: self.feedback.life, ..Feedback::default() };
+        self.seen = 0;
     }
 
     fn end(&mut self, status: Status, state: State) {
@@ -93,14 +104,18 @@ impl ScriptedRobot {
 
     fn wait(&mut self, command: &Command) {
         let control = command.control;
+        self.reset_armed |= !control.contains(Control::RESET);
         self.feedback.status.set(Status::ENABLED, control.contains(Control::ENABLE));
         self.feedback.status.set(Status::AT_REST, true);
         if control.contains(Control::HALT) {
             self.halts += 1;
             self.feedback.state = State::Halted;
-        } else if control.contains(Control::RESET | Control::ENABLE) {
-            self.feedback.status.set(Status::ERROR, false);
-            self.feedback.state = State::Ready;
+        } else if control.contains(Control::RESET | Control::ENABLE) && self.reset_armed {
+            self.reset_armed = false;
+            if self.fault != Fault::IgnoresReset {
+                self.feedback.status.set(Status::ERROR, false);
+                self.feedback.state = State::Ready;
+            }
         }
         let new = control.contains(Control::EXECUTE) && command.number != self.seen;
         if new && self.feedback.state == State::Ready && self.fault != Fault::Deaf {

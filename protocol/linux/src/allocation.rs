@@ -10,6 +10,7 @@ use std::cell::Cell;
 thread_local! {
     static ARMED: Cell<bool> = const { Cell::new(false) };
     static COUNT: Cell<u64> = const { Cell::new(0) };
+    static INSTALLED: Cell<bool> = const { Cell::new(false) };
 }
 
 /// The system's allocator, counting.
@@ -62,9 +63,15 @@ pub fn arm() -> bool {
     ARMED.set(true);
     COUNT.set(0);
     drop(std::hint::black_box(Box::new(0_u64)));
-    let counting = count() > 0;
+    INSTALLED.set(count() > 0);
     COUNT.set(0);
-    counting
+    INSTALLED.get()
+}
+
+/// Whether this thread's allocations are counted.
+#[must_use]
+pub fn is_armed() -> bool {
+    INSTALLED.get() && ARMED.get()
 }
 
 /// Stops counting.

@@ -6,10 +6,10 @@ use std::thread::JoinHandle;
 
 use protocol::{Instant, Machine};
 
-use crate::{Driver, DriverError, Notifier, Owner, scheduling};
+use crate::{Driver, DriverError, Notifier, Owner, Statistics, scheduling};
 
 /// Commands or news that may wait at once.
-const RING_CAPACITY: usize = 256;
+const RING_CAPACITY: usize = 64;
 
 /// What the owner of a machine does on the cyclic thread. Like [`Owner`], it must not block, allocate, lock or log.
 pub trait Task<M: Machine>: Send + 'static {
@@ -18,11 +18,12 @@ pub trait Task<M: Machine>: Send + 'static {
     /// What it tells.
     type News: Send + 'static;
 
-    /// A command came. `Break` ends the thread.
+    /// A command came; `statistics` is what the driver did so far. `Break` ends the thread.
     fn command(
         &mut self,
         now: Instant,
         machine: &mut M,
+        statistics: &Statistics,
         command: Self::Command,
         news: &mut Outbox<Self::News>,
     ) -> ControlFlow<()>;
@@ -56,7 +57,7 @@ pub struct Outbox<N> {
 }
 
 impl<N> Outbox<N> {
-    /// Tells the other thread; where that one is 256 news behind, the news is dropped and counted.
+    /// Tells the other thread; where that one is 64 news behind, the news is dropped and counted.
     pub fn tell(&mut self, news: N) {
         if self.ring.push(news).is_err() {
             self.dropped += 1;
@@ -65,7 +66,7 @@ impl<N> Outbox<N> {
     }
 }
 
-/// The thread is 256 commands behind, or gone.
+/// The thread is 64 commands behind, or gone.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the cyclic thread takes no more commands: it is far behind, or it ended")]
 pub struct RingFull;
@@ -164,10 +165,10 @@ struct RingOwner<M: Machine, T: Task<M>> {
 }
 
 impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
-    fn wake(&mut self, now: Instant, machine: &mut M) -> ControlFlow<()> {
+    fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
         // One command a wake: the machine's contract wants everything sent between two changes.
         if let Ok(command) = self.commands.pop() {
-            self.task.command(now, machine, command, &mut self.outbox)?;
+            self.task.command(now, machine, statistics, command, &mut self.outbox)?;
         }
         if self.task.deadline().is_some_and(|deadline| deadline <= now) {
             self.task.expired(now, machine)?;

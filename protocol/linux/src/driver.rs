@@ -35,8 +35,8 @@ pub enum DriverError {
 /// Who owns the machine: it brings commands in and takes events out, on the cyclic thread, and so must not block,
 /// allocate, lock or log.
 pub trait Owner<M: Machine> {
-    /// The thread woke, or is about to sleep; now is the time for commands. `Break` ends the loop.
-    fn wake(&mut self, now: Instant, machine: &mut M) -> ControlFlow<()>;
+    /// The thread is about to sleep; now is the time for commands. `Break` ends the loop.
+    fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()>;
 
     /// The machine has an event. `Break` ends the loop once everything is sent.
     fn event(&mut self, now: Instant, machine: &mut M, event: M::Event) -> ControlFlow<()>;
@@ -82,7 +82,7 @@ pub struct Driver<M> {
 }
 
 impl<M: Machine> Driver<M> {
-    /// A driver that has not started; `notifier` wakes it.
+    /// A driver that has not started, for a machine whose wires are on `interface`; `notifier` wakes it.
     pub fn new(machine: M, interface: Interface, wires: Vec<Wire>, notifier: Notifier) -> Self {
         Self {
             machine,
@@ -93,11 +93,6 @@ impl<M: Machine> Driver<M> {
             send_buffer: Box::new([0; FRAME_CAPACITY]),
             statistics: Statistics::default(),
         }
-    }
-
-    /// The interface that the machine is on.
-    pub const fn interface(&self) -> &Interface {
-        &self.interface
     }
 
     /// The machine.
@@ -214,7 +209,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
 
     fn wake(&mut self) -> Result<ControlFlow<()>, DriverError> {
         let now = clock::now();
-        let flow = self.owner.wake(now, self.machine);
+        let flow = self.owner.wake(now, self.machine, self.statistics);
         let drained = self.drain(now)?;
         Ok(if flow.is_break() { flow } else { drained })
     }

@@ -1,8 +1,9 @@
 //! Raw Ethernet: an `AF_PACKET` socket for one EtherType on one interface.
 
-use std::fmt;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 
+use protocol::profinet::dcp::{HELLO_MULTICAST, IDENTIFY_MULTICAST};
+use protocol::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac};
 use rustix::io::Errno;
 use rustix::net::{
     AddressFamily, Protocol, RecvFlags, SendFlags, SocketAddrAny, SocketFlags, SocketType, recvfrom, send,
@@ -10,23 +11,6 @@ use rustix::net::{
 };
 
 use crate::{Interface, PortError, Received};
-
-/// A MAC address.
-#[derive(Clone, Copy, PartialEq, Eq, Default, Hash)]
-pub struct MacAddress(pub [u8; 6]);
-
-impl fmt::Display for MacAddress {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [a, b, c, d, e, g] = self.0;
-        write!(f, "{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}")
-    }
-}
-
-impl fmt::Debug for MacAddress {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
-    }
-}
 
 const BROADCAST: [u8; 6] = [0xFF; 6];
 
@@ -36,18 +20,18 @@ pub struct Ethernet {
     /// The EtherType of the frames, behind a priority tag if they have one.
     pub ethertype: u16,
     /// Groups to join.
-    pub groups: &'static [MacAddress],
+    pub groups: &'static [Mac],
 }
 
-/// PROFINET: EtherType 0x8892; the groups that every station listens to (IEC 61158-6-10, multicast addresses): DCP
+/// PROFINET: its EtherType, and the groups that every station listens to (IEC 61158-6-10, multicast addresses): DCP
 /// Identify, DCP Hello, and the fast and slow alarm groups.
 pub const PROFINET: Ethernet = Ethernet {
-    ethertype: 0x8892,
+    ethertype: ETHER_TYPE_PROFINET,
     groups: &[
-        MacAddress([0x01, 0x0E, 0xCF, 0x00, 0x00, 0x00]),
-        MacAddress([0x01, 0x0E, 0xCF, 0x00, 0x00, 0x01]),
-        MacAddress([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x01]),
-        MacAddress([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x02]),
+        IDENTIFY_MULTICAST,
+        HELLO_MULTICAST,
+        Mac([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x01]),
+        Mac([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x02]),
     ],
 };
 
@@ -55,8 +39,8 @@ pub const PROFINET: Ethernet = Ethernet {
 #[derive(Debug)]
 pub(crate) struct EthernetSocket {
     socket: OwnedFd,
-    mac: MacAddress,
-    groups: &'static [MacAddress],
+    mac: Mac,
+    groups: &'static [Mac],
 }
 
 impl EthernetSocket {

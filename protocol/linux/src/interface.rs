@@ -2,11 +2,12 @@
 
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::sync::Arc;
 
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with};
 
-use crate::MacAddress;
+use protocol::profinet::ethernet::Mac;
 
 /// Why an interface cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -40,13 +41,13 @@ fn hint(error: &std::io::Error) -> &'static str {
 }
 
 /// A network interface of the namespace in which it was opened.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Interface {
     name: String,
     index: u32,
-    mac: MacAddress,
+    mac: Mac,
     /// Any socket does: the interface requests go through it.
-    control: OwnedFd,
+    control: Arc<OwnedFd>,
 }
 
 impl Interface {
@@ -68,7 +69,8 @@ impl Interface {
             }
             Err(error) => return Err(refused("reading the index")(error)),
         };
-        let mut interface = Self { name: name.to_owned(), index, mac: MacAddress::default(), control };
+        let mut interface =
+            Self { name: name.to_owned(), index, mac: Mac::default(), control: Arc::new(control) };
         interface.mac = interface.read_mac().map_err(refused("reading the hardware address"))?;
         Ok(interface)
     }
@@ -87,14 +89,14 @@ impl Interface {
 
     /// Its own MAC address.
     #[must_use]
-    pub const fn mac(&self) -> MacAddress {
+    pub const fn mac(&self) -> Mac {
         self.mac
     }
 
     /// Whether the interface is still there; a cable that is pulled leaves it there, a removed adapter does not.
     #[must_use]
     pub fn exists(&self) -> bool {
-        netdevice::index_to_name_inlined(&self.control, self.index).is_ok()
+        netdevice::index_to_name_inlined(&*self.control, self.index).is_ok()
     }
 
     /// Its IPv4 address, if it has one.
@@ -145,14 +147,14 @@ impl Interface {
         InterfaceError::Refused { name: self.name.clone(), action, source }
     }
 
-    fn read_mac(&self) -> Result<MacAddress, Errno> {
+    fn read_mac(&self) -> Result<Mac, Errno> {
         let mut request = self.request();
         self.ioctl(libc::SIOCGIFHWADDR, &mut request)
             .map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
         // SAFETY: SIOCGIFHWADDR succeeded, so the kernel wrote `ifru_hwaddr`.
         let address = unsafe { request.ifr_ifru.ifru_hwaddr };
         let [a, b, c, d, e, f, ..] = address.sa_data.map(|byte| byte as u8);
-        Ok(MacAddress([a, b, c, d, e, f]))
+        Ok(Mac([a, b, c, d, e, f]))
     }
 
     fn read_ipv4(&self, what: libc::Ioctl) -> Option<Ipv4Addr> {
@@ -214,7 +216,7 @@ mod tests {
     #[test]
     fn the_loopback_has_no_hardware_address_and_the_usual_ip_address() {
         let lo = Interface::open("lo").unwrap();
-        assert_eq!(lo.mac(), MacAddress([0; 6]));
+        assert_eq!(lo.mac(), Mac([0; 6]));
         assert!(lo.exists());
         assert_eq!(lo.address(), Some(Ipv4Addr::LOCALHOST));
     }

@@ -4,7 +4,6 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
 
 use rustix::event::{EventfdFlags, eventfd};
-use rustix::io::Errno;
 
 /// Wakes whoever polls it; any number of notifications before that count as one. Clones are the same notifier.
 #[derive(Clone, Debug)]
@@ -12,7 +11,7 @@ pub struct Notifier(Arc<OwnedFd>);
 
 impl Notifier {
     /// A notifier that nobody has notified yet.
-    pub fn new() -> Result<Self, Errno> {
+    pub fn new() -> std::io::Result<Self> {
         Ok(Self(Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?)))
     }
 

@@ -1,10 +1,12 @@
-//! What a node reports at its end, the same for every node, fit to be sent as JSON.
+//! What a node reports of itself, the same for every node, fit to be sent as JSON.
+
+use std::fmt;
 
 use protocol::fieldbus::Counters;
 use protocol::{Duration, Lateness};
 use serde::{Deserialize, Serialize};
 
-use crate::Finished;
+use crate::Snapshot;
 
 /// How late the runs of a cyclic task were.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
@@ -91,26 +93,43 @@ pub struct Allocations {
     pub while_cyclic: u64,
 }
 
-impl NodeReport {
-    /// Gathers the report of a thread that ended. `at_link_up` is [`crate::allocation::count`] as the task read it
-    /// when the connection came up.
-    pub fn of<M: protocol::Machine, T>(
-        finished: &Finished<M, T>,
-        cycle: &Lateness,
-        bus: Counters,
-        at_link_up: Option<u64>,
-    ) -> Self {
-        let statistics = finished.driver.statistics();
+impl From<&Snapshot> for NodeReport {
+    fn from(snapshot: &Snapshot) -> Self {
         Self {
-            cycle: cycle.into(),
-            wake: (&statistics.lateness).into(),
-            bus: bus.into(),
-            allocations: statistics.allocations.map(|all| {
-                let while_connecting = at_link_up.unwrap_or(all);
-                Allocations { while_connecting, while_cyclic: all.saturating_sub(while_connecting) }
-            }),
-            send_errors: statistics.send_errors,
-            last_send_error: statistics.last_send_error.map(|error| std::io::Error::from(error).to_string()),
+            cycle: (&snapshot.cycle).into(),
+            wake: (&snapshot.wake).into(),
+            bus: snapshot.bus.into(),
+            allocations: snapshot
+                .allocations
+                .map(|(while_connecting, while_cyclic)| Allocations { while_connecting, while_cyclic }),
+            send_errors: snapshot.send_errors,
+            last_send_error: snapshot.last_send_error.map(|error| std::io::Error::from(error).to_string()),
         }
+    }
+}
+
+impl fmt::Display for NodeReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let LatenessReport { runs, missed, p50_us, p99_us, max_us, .. } = &self.cycle;
+        let BusReport { sent, received, lost, late, malformed, foreign } = &self.bus;
+        writeln!(
+            f,
+            "cycle: {runs} runs, late by {p50_us:.0} µs (p50), {p99_us:.0} µs (p99), {max_us:.0} µs (max); {missed} missed"
+        )?;
+        write!(
+            f,
+            "bus: {sent} frames sent, {received} received, {lost} lost, {late} late, {malformed} malformed, {foreign} foreign"
+        )?;
+        if let Some(Allocations { while_connecting, while_cyclic }) = self.allocations {
+            write!(
+                f,
+                "\nallocations of the cyclic thread: {while_cyclic} once connected, {while_connecting} before"
+            )?;
+        }
+        if self.send_errors > 0 {
+            let last = self.last_send_error.as_deref().unwrap_or("no reason given");
+            write!(f, "\nframes that the kernel did not take: {}, at last: {last}", self.send_errors)?;
+        }
+        Ok(())
     }
 }

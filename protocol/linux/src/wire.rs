@@ -4,11 +4,13 @@ use std::net::SocketAddrV4;
 use std::os::fd::BorrowedFd;
 
 use protocol::Port;
+use protocol::profinet::RPC_PORT;
+use protocol::profinet::rt::UDP_PORT;
 use rustix::io::Errno;
 
 use crate::ethernet::EthernetSocket;
 use crate::udp::UdpPort;
-use crate::{Ethernet, Interface, Udp};
+use crate::{Ethernet, Interface, PROFINET, Udp};
 
 /// Why a port cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -99,6 +101,15 @@ impl Wire {
     /// Opens a UDP port.
     pub fn udp(interface: &Interface, udp: Udp) -> Result<Self, PortError> {
         Ok(Self(Kind::Udp(UdpPort::open(interface, udp)?)))
+    }
+
+    /// The ports of a PROFINET station: raw Ethernet, connection management, and cyclic data over UDP.
+    pub fn profinet(interface: &Interface) -> Result<Vec<Self>, PortError> {
+        Ok(vec![
+            Self::ethernet(interface, PROFINET)?,
+            Self::udp(interface, Udp { port: RPC_PORT })?,
+            Self::udp(interface, Udp { port: UDP_PORT })?,
+        ])
     }
 
     /// The machine's name for it.

@@ -15,8 +15,8 @@ use protocol::fieldbus::LinkEvent;
 use protocol::{Instant, Machine};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{
-    CyclicThread, Driver, DriverError, Finished, Interface, Notifier, Outbox, PROFINET, Task, Udp, Wire,
-    clock, veth,
+    CyclicThread, Driver, DriverError, Finished, Interface, Notifier, Outbox, PROFINET, Statistics, Task,
+    Udp, Wire, clock, veth,
 };
 
 #[global_allocator]
@@ -86,7 +86,14 @@ impl<M: Machine<Event = LinkEvent>> Task<M> for Watch {
     type Command = ();
     type News = LinkEvent;
 
-    fn command(&mut self, _: Instant, _: &mut M, (): (), _: &mut Outbox<LinkEvent>) -> ControlFlow<()> {
+    fn command(
+        &mut self,
+        _: Instant,
+        _: &mut M,
+        _: &Statistics,
+        (): (),
+        _: &mut Outbox<LinkEvent>,
+    ) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
 

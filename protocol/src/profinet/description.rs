@@ -21,6 +21,8 @@ pub struct Submodule {
     pub input_len: u16,
     /// Bytes from controller to device.
     pub output_len: u16,
+    /// Indices of the parameter records that a controller may write before PrmEnd.
+    pub parameters: &'static [u16],
 }
 
 /// A module: what is in one slot.
@@ -73,15 +75,33 @@ pub const ROBOT: Description = Description {
             slot: 0,
             ident: 0x0000_0001,
             submodules: &[
-                Submodule { subslot: 1, ident: 0x0000_0001, input_len: 0, output_len: 0 },
-                Submodule { subslot: INTERFACE_SUBSLOT, ident: 0x0000_8000, input_len: 0, output_len: 0 },
-                Submodule { subslot: PORT_SUBSLOT, ident: 0x0000_8001, input_len: 0, output_len: 0 },
+                Submodule { subslot: 1, ident: 0x0000_0001, input_len: 0, output_len: 0, parameters: &[] },
+                Submodule {
+                    subslot: INTERFACE_SUBSLOT,
+                    ident: 0x0000_8000,
+                    input_len: 0,
+                    output_len: 0,
+                    parameters: &[],
+                },
+                Submodule {
+                    subslot: PORT_SUBSLOT,
+                    ident: 0x0000_8001,
+                    input_len: 0,
+                    output_len: 0,
+                    parameters: &[],
+                },
             ],
         },
         Module {
             slot: 1,
             ident: 0x0000_0100,
-            submodules: &[Submodule { subslot: 1, ident: 0x0000_0101, input_len: 256, output_len: 256 }],
+            submodules: &[Submodule {
+                subslot: 1,
+                ident: 0x0000_0101,
+                input_len: 256,
+                output_len: 256,
+                parameters: &[],
+            }],
         },
     ],
 };

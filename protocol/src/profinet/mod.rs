@@ -24,6 +24,7 @@ pub mod control;
 mod controller;
 pub mod dcp;
 pub mod description;
+pub mod device;
 pub mod ethernet;
 pub mod record;
 pub mod rpc;
@@ -32,6 +33,7 @@ pub mod status;
 mod uuid;
 
 pub use controller::{ConfigError, Controller, ControllerConfig, Parameter};
+pub use device::{Device, DeviceConfig};
 pub use uuid::Uuid;
 
 /// UDP port of connection management (IANA `profinet-cm`).

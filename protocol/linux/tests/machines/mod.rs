@@ -4,8 +4,9 @@ use std::net::SocketAddrV4;
 
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
+use protocol::profinet::ethernet::Mac;
 use protocol::{Cycle, Duration, Instant, Lateness, Machine, Port, Source, Tick, Transmit};
-use protocol_linux::{Interface, MacAddress};
+use protocol_linux::Interface;
 
 pub(crate) const UDP_PORT: u16 = 34962;
 const PERIOD: Duration = Duration::from_millis(1);
@@ -32,7 +33,7 @@ pub(crate) struct Station {
 }
 
 impl Station {
-    pub(crate) fn new(cable: Cable, mac: MacAddress, peer: SocketAddrV4, now: Instant) -> Self {
+    pub(crate) fn new(cable: Cable, mac: Mac, peer: SocketAddrV4, now: Instant) -> Self {
         Self {
             direct: Direct::new(now + PERIOD, PERIOD, Duration::from_secs(1)),
             cable,
@@ -46,7 +47,7 @@ impl Station {
     }
 }
 
-fn head(mac: MacAddress, cable: Cable) -> Vec<u8> {
+fn head(mac: Mac, cable: Cable) -> Vec<u8> {
     let tag = match cable {
         Cable::Untagged => vec![],
         Cable::PriorityTagged => vec![0x81, 0x00, 0xC0, 0x00],
@@ -93,7 +94,7 @@ impl Machine for Station {
 /// Asks every cycle and measures when the answer is there; or answers.
 #[derive(Debug)]
 pub(crate) struct Echo {
-    mac: MacAddress,
+    mac: Mac,
     cycle: Option<Cycle>,
     send: Option<u64>,
     pub(crate) asked: u64,

@@ -270,7 +270,7 @@ mod tests {
     use crate::profinet::rpc::{ARGS_LEN, HEADER_LEN};
 
     const fn submodule(subslot: u16, ident: u32, input_len: u16, output_len: u16) -> Submodule {
-        Submodule { subslot, ident, input_len, output_len }
+        Submodule { subslot, ident, input_len, output_len, parameters: &[] }
     }
 
     /// The modules of the p-net sample device that the captured Connect expects.
