@@ -79,7 +79,7 @@ impl Measurement<'_> {
         session.directory.write_host(&host.to_json().context("cannot write the host as JSON")?)?;
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
-        let mut ended = match self.options.mode {
+        let ended = match self.options.mode {
             Mode::Virtual => {
                 let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
                 let bus = VirtualBus::OfSetup;
@@ -110,10 +110,15 @@ impl Measurement<'_> {
                 if ended.failure.is_none() {
                     left.map_err(unusable)?;
                 }
-                ended
+                // Not before the measurement is over, which it would disturb.
+                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                Ended {
+                    results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results },
+                    ..ended
+                }
             }
         };
-        session.finish(&mut ended.results)?;
+        session.finish(&ended.results)?;
         Ok((ended, path))
     }
 
