@@ -7,10 +7,12 @@
 //! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
 
 pub mod arm;
+pub mod bus;
 mod config;
 pub mod controller;
 pub mod motion;
 mod node;
+pub mod process;
 
 pub use config::{ConfigError, RobotConfig};
 pub use controller::{Controller, Ending, RobotEvent};

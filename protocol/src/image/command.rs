@@ -139,6 +139,19 @@ impl Command {
     /// Writes the image.
     pub fn emit<O: ByteOrder>(&self, image: &mut Image) {
         let mut writer = Writer::<O>::new(image);
+        self.write_head(&mut writer);
+        for slot in &self.slots {
+            slot.emit(&mut writer);
+        }
+    }
+
+    /// Writes the head over an image that holds this command's slots already. A scan changes the life counter every
+    /// time and the slots hardly ever.
+    pub fn emit_head<O: ByteOrder>(&self, image: &mut Image) {
+        self.write_head(&mut Writer::<O>::new(image));
+    }
+
+    fn write_head<O: ByteOrder>(&self, writer: &mut Writer<'_, O>) {
         writer.u16(self.control.0);
         writer.u16(self.life);
         writer.u16(self.number);
@@ -150,9 +163,6 @@ impl Command {
         writer.u16(self.outputs);
         writer.u64(self.start_time_ns);
         writer.pad_to(HEAD_LEN);
-        for slot in &self.slots {
-            slot.emit(&mut writer);
-        }
     }
 
     /// The slot of motion `index`, counted from 0.
