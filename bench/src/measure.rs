@@ -79,7 +79,7 @@ impl Measurement<'_> {
         session.directory.write_host(&host.to_json().context("cannot write the host as JSON")?)?;
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
-        let mut ended = match self.options.mode {
+        let ended = match self.options.mode {
             Mode::Virtual => {
                 let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
                 let bus = VirtualBus::OfSetup;
@@ -113,7 +113,7 @@ impl Measurement<'_> {
                 ended
             }
         };
-        session.finish(&mut ended.results)?;
+        session.finish(&ended.results)?;
         Ok((ended, path))
     }
 
