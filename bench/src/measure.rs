@@ -110,7 +110,12 @@ impl Measurement<'_> {
                 if ended.failure.is_none() {
                     left.map_err(unusable)?;
                 }
-                ended
+                // Not before the measurement is over, which it would disturb.
+                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                Ended {
+                    results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results },
+                    ..ended
+                }
             }
         };
         session.finish(&ended.results)?;
