@@ -18,6 +18,7 @@
 mod event;
 mod execution;
 
+use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocol::Instant;
@@ -224,6 +225,7 @@ impl Controller {
     /// Runs the skill for one cycle.
     fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
+        let waited_for_motions = self.interpolator.path().is_finished();
         if !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none() {
             self.take_motions(&mut execution, command);
         }
@@ -238,17 +240,22 @@ impl Controller {
             if checked && there && at >= until && !self.hold {
                 execution.phase = Phase::Driving;
             }
-        }
-        match execution.phase {
-            Phase::Dispatch { .. } => self.interpolator.stand_still(),
-            Phase::Driving | Phase::Stopping(_) => self.drive(at, &mut execution),
-            Phase::Settling { .. } => self.interpolator.stand_still(),
+            // The motion starts at this tick: the next one finds the arm a cycle further.
+            self.interpolator.stand_still();
+        } else if waited_for_motions || matches!(execution.phase, Phase::Settling { .. }) {
+            self.interpolator.stand_still();
+        } else {
+            self.drive(at, &mut execution);
         }
         self.feedback.executed = self.interpolator.path().executed();
         self.feedback.accepted = execution.accepted;
         match execution.phase {
             Phase::Settling { until } if at >= until => self.finish(at, &execution, Ending::Done),
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
+            Phase::Driving if execution.bad.is_some() && waited_for_motions => {
+                let (motion, violation) = execution.bad.unwrap_or((0, ErrorNumber::None.into()));
+                self.finish(at, &execution, Ending::Fault { error: violation.number(), motion });
+            }
             _ => {
                 let held = self.hold && self.interpolator.is_at_rest();
                 self.state = if held { State::Suspended } else { State::Running };
@@ -289,32 +296,23 @@ impl Controller {
 
     fn drive(&mut self, at: Instant, execution: &mut Execution) {
         let stopping = matches!(execution.phase, Phase::Stopping(_));
-        if self.interpolator.path().is_finished() {
-            self.interpolator.stand_still();
-        } else {
-            let target = if stopping || self.hold { 0.0 } else { self.factor };
-            match self.interpolator.drive(target) {
-                Ok(step) => {
-                    if let Some(motion) = step.suppressed {
-                        self.suppressed(motion);
-                    }
-                    if let (Some(left), true, false) = (step.ended, execution.is_complete(), stopping) {
-                        let ended_at = at - core::time::Duration::from_secs_f64(left.min(1.0));
-                        let until = ended_at + self.config.skill_overhead / 2;
-                        execution.phase = Phase::Settling { until };
-                    }
+        let target = if stopping || self.hold { 0.0 } else { self.factor };
+        match self.interpolator.drive(target) {
+            Ok(step) => {
+                if let Some(motion) = step.suppressed {
+                    self.suppressed(motion);
                 }
-                Err(violation) => {
-                    // The check before the start found the whole path free; what is left is a plan that is wrong.
-                    self.interpolator.clear();
-                    let motion = self.feedback.executed;
-                    execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+                if let (Some(left), true, false) = (step.ended, execution.is_complete(), stopping) {
+                    let ended_at = at - Duration::from_secs_f64(left.min(1.0));
+                    execution.phase = Phase::Settling { until: ended_at + self.config.skill_overhead / 2 };
                 }
             }
-        }
-        let starved = self.interpolator.path().is_finished() && self.interpolator.is_at_rest();
-        if let (Phase::Driving, true, Some((motion, violation))) = (execution.phase, starved, execution.bad) {
-            execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+            Err(violation) => {
+                // The checks before the start found the path free; what is left is a plan that is wrong.
+                self.interpolator.clear();
+                let motion = self.feedback.executed;
+                execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+            }
         }
     }
 

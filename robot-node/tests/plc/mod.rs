@@ -1,5 +1,11 @@
 //! A PLC that a test tells what to write, and a robot, on a cable without a protocol, in virtual time.
-#![allow(clippy::allow_attributes, dead_code, reason = "each test file uses its part of it")]
+#![allow(
+    clippy::allow_attributes,
+    clippy::unwrap_used,
+    dead_code,
+    unreachable_pub,
+    reason = "each test file uses its part of it"
+)]
 
 use std::time::Duration;
 
