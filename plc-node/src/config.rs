@@ -65,3 +65,30 @@ impl PlcConfig {
         Patience { answer_scans, silent_scans: scans(self.silent_timeout) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn setup_a_gives_the_cycles_of_the_paper_and_its_timeouts_in_scans() {
+        let setup = setup::setup("A").unwrap();
+        let motions = setup::motions(&setup, &setup::application(&setup.application).unwrap());
+        let config = PlcConfig::from_setup(&setup, motions, 1);
+        assert_eq!(
+            (config.scan_cycle, config.scan_cost),
+            (Duration::from_millis(1), Duration::from_micros(150))
+        );
+        assert_eq!(config.motions.total(), 13);
+        // 1 s, the interpreter's 12 ms and the call's 140 ms; a watchdog of 100 bus cycles of 1 ms.
+        assert_eq!(config.patience(), Patience { answer_scans: 1_152, silent_scans: 100 });
+    }
+
+    #[test]
+    fn a_timeout_of_whatever_length_stays_within_half_the_life_counter() {
+        let setup = setup::setup("A").unwrap();
+        let mut config = PlcConfig::from_setup(&setup, Vec::new(), 1);
+        (config.answer_timeout, config.silent_timeout) = (Duration::MAX, Duration::ZERO);
+        assert_eq!(config.patience(), Patience { answer_scans: 0x7FFF, silent_scans: 1 });
+    }
+}

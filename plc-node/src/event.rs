@@ -178,3 +178,32 @@ pub enum StartError {
     #[error("the application has no motions, so there is nothing for {0} to run")]
     NoMotions(ExecutionType),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn execution_types_have_the_names_that_the_command_line_takes() {
+        for execution_type in ExecutionType::ALL {
+            assert_eq!(execution_type.to_string().parse(), Ok(execution_type));
+        }
+        assert_eq!("CM".parse(), Ok(ExecutionType::Cm));
+        let unknown = "ptp".parse::<ExecutionType>().unwrap_err().to_string();
+        assert!(unknown.starts_with("there is no execution type `ptp`: rc runs"), "{unknown}");
+    }
+
+    #[test]
+    fn a_failure_says_what_was_run_how_far_it_came_what_is_wrong_and_what_to_do() {
+        let failure = Failure {
+            execution_type: ExecutionType::Sm,
+            executed: 7,
+            cause: FailureCause::Robot { number: ErrorNumber::AxisLimit, motion: 7 },
+        };
+        assert_eq!(
+            failure.to_string(),
+            "sm failed with 7 motions executed: the robot reports error 15 at motion 7 of the sequence, counted from \
+             0: a joint would leave its range; correct that motion"
+        );
+    }
+}

@@ -2,11 +2,12 @@
 //! paper compares.
 //!
 //! ```text
-//! node             PlcNode: a Machine over any Fieldbus; readiness, runs, failures
-//! ├─ scan          inputs → program → outputs on an absolute grid
-//! ├─ sequence      RC, SM and CM as a PLC program steps through them
-//! ├─ function_blocks  PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
-//! └─ axes_group    the robot as the program sees it: one command, one feedback, the command number
+//! node                 PlcNode: a Machine over any Fieldbus; runs and failures
+//! ├─ scan              inputs → program → outputs on an absolute grid
+//! ├─ readiness         leads the robot to Ready
+//! ├─ sequence          RC, SM and CM as a PLC program steps through them
+//! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
+//! └─ axes_group        the robot as the program sees it: one command, one feedback, the command number
 //! ```
 //!
 //! Nothing here reads a clock, opens a socket or allocates after [`PlcNode::new`]; time and frames are arguments.
@@ -19,6 +20,7 @@ pub mod function_blocks;
 mod motion_source;
 mod node;
 pub mod process;
+mod readiness;
 mod scan;
 mod sequence;
 

@@ -6,7 +6,8 @@ use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
 use protocol::{Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 
-use crate::function_blocks::{BlockError, Halt, Reset, is_executing, is_ready};
+use crate::function_blocks::BlockError;
+use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
 use crate::{
     AxesGroup, Execution, ExecutionType, Failure, FailureCause, MotionSource, PlcConfig, PlcEvent, Scan,
@@ -30,13 +31,7 @@ pub struct PlcNode<B> {
     motions: Box<dyn MotionSource>,
     connected: bool,
     mode: Mode,
-    halt: Halt,
-    reset: Reset,
-    /// A run failed: whether or not the robot shows it yet, its skill must not go on.
-    must_halt: bool,
-    /// PLC's life counter in the first image without a reset that did not help: robots that take a reset by its edge
-    /// have to see it before the next one.
-    reset_withdrawn: Option<u16>,
+    readiness: Readiness,
     run: Run,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
@@ -102,10 +97,7 @@ impl<B: Fieldbus> PlcNode<B> {
             motions: config.motions,
             connected: false,
             mode: Mode::Preparing,
-            halt: Halt::default(),
-            reset: Reset::default(),
-            must_halt: false,
-            reset_withdrawn: None,
+            readiness: Readiness::default(),
             run: Run {
                 sequence: Sequence::new(ExecutionType::Rc, config.program),
                 started_at: start,
@@ -279,42 +271,19 @@ impl<B: Fieldbus> PlcNode<B> {
         };
         self.group.release(self.group.command().number);
         self.mode = Mode::Preparing;
-        self.must_halt = true;
+        self.readiness = Readiness::after_failure();
         self.push(PlcEvent::Failed(Failure { execution_type, executed, cause }));
     }
 
-    /// Keeps the robot enabled; halts what it should not do, resets it, and says when it is ready.
+    /// What the program does while no sequence runs.
     fn prepare(&mut self) {
-        let Some(feedback) = self.group.feedback().copied() else {
-            self.mode = Mode::Preparing;
-            return;
-        };
-        self.group.set_control(Control::ENABLE, true);
-        if self.mode == Mode::Idle && is_ready(&feedback) && !self.group.is_silent() {
+        if self.mode == Mode::Idle && Readiness::holds(&self.group) {
             return;
         }
         self.mode = Mode::Preparing;
-        let executing = is_executing(&feedback);
-        let halted = self.halt.call(executing || self.must_halt, &mut self.group);
-        if halted.done || halted.error {
-            self.halt.call(false, &mut self.group);
-            self.must_halt &= halted.error;
-        }
-        if self.reset_withdrawn.is_some_and(|life| self.group.has_seen(life)) {
-            self.reset_withdrawn = None;
-        }
-        let wanted = !executing && !self.must_halt && !halted.busy && self.reset_withdrawn.is_none();
-        let reset = self.reset.call(wanted, &mut self.group);
-        if reset.error {
-            self.reset.call(false, &mut self.group);
-            self.reset_withdrawn = Some(self.group.command().life);
-        }
-        if reset.done {
-            self.reset.call(false, &mut self.group);
-            if wanted && !self.group.is_silent() {
-                self.mode = Mode::Idle;
-                self.push(PlcEvent::Ready);
-            }
+        if self.readiness.scan(&mut self.group) {
+            self.mode = Mode::Idle;
+            self.push(PlcEvent::Ready);
         }
     }
 
@@ -347,9 +316,7 @@ impl<B: Fieldbus> PlcNode<B> {
     fn disarm(&mut self) {
         self.connected = false;
         self.mode = Mode::Preparing;
-        self.halt = Halt::default();
-        self.reset = Reset::default();
-        self.reset_withdrawn = None;
+        self.readiness = Readiness::default();
         self.group.disarm();
         self.emit();
         self.scan.drop_outputs();

@@ -155,6 +155,38 @@ mod tests {
     }
 
     #[test]
+    fn a_source_is_asked_for_each_motion_once_and_in_order_so_that_it_can_stream() {
+        const TOTAL: u32 = 1_000_000;
+        #[derive(Debug)]
+        struct Stream(u32);
+        impl MotionSource for Stream {
+            fn total(&self) -> u32 {
+                TOTAL
+            }
+            fn get(&mut self, index: u32) -> Option<Motion> {
+                assert_eq!(index, core::mem::replace(&mut self.0, index + 1));
+                Some(Motion::EMPTY)
+            }
+        }
+        let mut source = Stream(0);
+        let mut group = AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 10 });
+        let mut block = MoveContinuous::default();
+        group.read(Some(Feedback::default()));
+        assert!(block.call(true, &mut source, &mut group).busy);
+        let mut feedback =
+            Feedback { number: group.command().number, status: Status::BUSY, ..Feedback::default() };
+        while feedback.executed < TOTAL {
+            feedback.executed += 1;
+            feedback.status = if feedback.executed == TOTAL { Status::DONE } else { Status::BUSY };
+            group.read(Some(feedback));
+            let outputs = block.call(true, &mut source, &mut group);
+            assert!(outputs.busy || outputs.done, "{:?}", block.error());
+        }
+        assert!(block.call.outputs().done);
+        assert_eq!(source.0, TOTAL);
+    }
+
+    #[test]
     fn a_source_that_ends_early_is_an_error_that_says_where() {
         #[derive(Debug)]
         struct Short;

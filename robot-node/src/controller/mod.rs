@@ -30,7 +30,7 @@ pub use event::{Ending, RobotEvent};
 use execution::{Execution, Phase, Programs};
 
 use crate::RobotConfig;
-use crate::arm::{Frame, Joints, Violation};
+use crate::arm::{AXES, Frame, Joints, Violation};
 use crate::motion::{Appended, Interpolator, Segment};
 
 /// Events that wait for the owner; it takes them after every call.
@@ -64,6 +64,8 @@ pub struct Controller {
     tool: Frame,
     base_inverse: Frame,
     feedback: Feedback,
+    /// The joints that the feedback shows.
+    reported: Joints,
     events: VecDeque<RobotEvent>,
 }
 
@@ -89,6 +91,7 @@ impl Controller {
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
             feedback: Feedback::default(),
+            reported: [0.0; AXES],
             events: VecDeque::with_capacity(EVENTS),
         };
         controller.report_position();
@@ -385,7 +388,7 @@ impl Controller {
 
     fn report(&mut self, at: Instant, command: Option<&Command>) {
         let at_rest = self.interpolator.is_at_rest();
-        if !at_rest {
+        if self.reported != *self.interpolator.joints() {
             self.report_position();
         }
         let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
@@ -414,6 +417,7 @@ impl Controller {
             }
         }
         let joints = self.interpolator.joints();
+        self.reported = *joints;
         let pose = self.base_inverse * (self.config.arm.forward(joints) * self.tool);
         self.feedback.joints = joints.map(|joint| joint as f32);
         self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);

@@ -99,7 +99,9 @@ impl Blend {
     fn find_rate(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
         let corner = first.tool_at(&first.end, arm);
         let axis_share = first.axis_share.min(second.axis_share);
-        let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
+        let is_parabola = matches!((&first.curve, &second.curve), (Curve::Line(_), Curve::Line(_)));
+        let reserve = if is_parabola { 1.0 } else { RESERVE };
+        let tool_acceleration = reserve * first.tool_acceleration.min(second.tool_acceleration);
         let rated = arm.limits();
         let mut rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
