@@ -5,7 +5,7 @@ mod plc;
 use std::fmt::Write;
 use std::time::Duration;
 
-use plc::{application, config};
+use plc::{application, shipped_config as config};
 use protocol::Instant;
 use protocol::image::{Command, Control, Motion, SLOTS, Skill, State, Status};
 use robot_node::{Controller, RobotConfig};

@@ -31,7 +31,10 @@ fn ready_at_the_lines_start() -> Cell {
 #[test]
 fn a_readable_run() {
     let mut cell = Cell::ready(Vec::new());
-    cell.call(Skill::MoveContinuous, application());
+    let mut motions = vec![ptp(0.0, 0.0, 100.0, 10), lin(0.0, 0.0, 50.0, 10), lin(0.0, 0.0, 20.0, 0)];
+    motions.extend([lin(0.0, 0.0, 100.0, 10), ptp(150.0, 0.0, 140.0, 10), ptp(300.0, 0.0, 100.0, 10)]);
+    motions.extend([lin(300.0, 0.0, 50.0, 10), lin(300.0, 0.0, 20.0, 0)]);
+    cell.call(Skill::MoveContinuous, motions);
     let start = cell.pair.now();
     let mut text = String::new();
     let mut before = None;

@@ -17,6 +17,7 @@
 
 mod event;
 mod execution;
+mod report;
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -30,7 +31,7 @@ pub use event::{Ending, RobotEvent};
 use execution::{Execution, Phase, Programs};
 
 use crate::RobotConfig;
-use crate::arm::{AXES, Frame, Joints, Violation};
+use crate::arm::{AXES, Frame, Joints};
 use crate::motion::{Appended, Interpolator, Segment};
 
 /// Events that wait for the owner; it takes them after every call.
@@ -220,11 +221,6 @@ impl Controller {
         }
     }
 
-    fn cleared_feedback(&self) -> Feedback {
-        let Feedback { life, life_echo, joints, pose, .. } = self.feedback;
-        Feedback { life, life_echo, joints, pose, ..Feedback::default() }
-    }
-
     /// Runs the skill for one cycle.
     fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
@@ -319,11 +315,6 @@ impl Controller {
         }
     }
 
-    fn suppressed(&mut self, motion: u32) {
-        self.feedback.blends_suppressed = self.feedback.blends_suppressed.saturating_add(1);
-        self.event(RobotEvent::BlendSuppressed { motion });
-    }
-
     /// Ends what runs, on the path; without a skill the state alone changes.
     fn give_up(&mut self, at: Instant, ending: Ending) {
         self.pending = None;
@@ -359,68 +350,6 @@ impl Controller {
             }
         }
         self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution: execution_time });
-    }
-
-    /// Refuses a command: its number is echoed with the error.
-    fn refuse(&mut self, number: u16, motion: u32, cause: Violation) {
-        self.feedback.number = number;
-        self.feedback.status.set(Status::DONE, false);
-        self.feedback.status.set(Status::ABORTED, false);
-        self.set_error(cause.number(), motion);
-        self.refuse_motion(number, motion, cause);
-    }
-
-    fn refuse_motion(&mut self, number: u16, motion: u32, cause: Violation) {
-        self.event(RobotEvent::Refused { number, error: cause.number(), motion, cause });
-    }
-
-    fn set_error(&mut self, error: ErrorNumber, motion: u32) {
-        self.feedback.status.set(Status::ERROR, true);
-        (self.feedback.error, self.feedback.error_motion) = (error, motion);
-    }
-
-    fn event(&mut self, event: RobotEvent) {
-        if self.events.len() == EVENTS {
-            self.events.pop_front();
-        }
-        self.events.push_back(event);
-    }
-
-    fn report(&mut self, at: Instant, command: Option<&Command>) {
-        let at_rest = self.interpolator.is_at_rest();
-        if self.reported != *self.interpolator.joints() {
-            self.report_position();
-        }
-        let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
-        let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
-        let feedback = &mut self.feedback;
-        feedback.state = self.state;
-        feedback.status.set(Status::BUSY, busy);
-        feedback.status.set(Status::AT_REST, at_rest);
-        feedback.status.set(Status::ENABLED, enabled);
-        feedback.path_speed = self.interpolator.path_speed() as f32;
-        feedback.clock_ns = at.as_nanos();
-        feedback.life = feedback.life.wrapping_add(1);
-        if let Some(command) = command {
-            feedback.life_echo = command.life;
-        }
-    }
-
-    /// Joints, and the tool of the present motion in its base.
-    fn report_position(&mut self) {
-        if let Some(segment) = self.interpolator.path().current() {
-            if segment.tool != self.tool {
-                self.tool = segment.tool;
-            }
-            if segment.base_inverse != self.base_inverse {
-                self.base_inverse = segment.base_inverse;
-            }
-        }
-        let joints = self.interpolator.joints();
-        self.reported = *joints;
-        let pose = self.base_inverse * (self.config.arm.forward(joints) * self.tool);
-        self.feedback.joints = joints.map(|joint| joint as f32);
-        self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);
     }
 
     /// The skill that runs, if one does.
