@@ -44,11 +44,9 @@ use node::{NodeProcess, Said};
 static ALLOCATOR: protocol_linux::allocation::AllocationCounter =
     protocol_linux::allocation::AllocationCounter;
 
-/// The first argument with which this program is a node; no option of the bench begins like that.
-const NODE: [(&str, fn(Vec<OsString>) -> ExitCode); 2] = [
-    ("__plc-node", |args| plc_node::process::main(args)),
-    ("__robot-node", |args| robot_node::process::main(args)),
-];
+/// First arguments with which this program is a node; no option of the bench begins like that.
+const PLC_NODE: &str = "__plc-node";
+const ROBOT_NODE: &str = "__robot-node";
 
 /// How long a connection may take before the rig gives up. A real one takes less than a second.
 const CONNECT: Duration = Duration::from_secs(10);
@@ -67,9 +65,12 @@ const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 pub fn run_as_node() -> Option<ExitCode> {
     let mut args = std::env::args_os().skip(1);
     let first = args.next()?;
-    let (name, main) = NODE.iter().find(|(name, _)| first == *name)?;
-    let name = name.trim_start_matches('_');
-    Some(main(std::iter::once(name.into()).chain(args).collect()))
+    let main = match first.to_str()? {
+        PLC_NODE => plc_node::process::main,
+        ROBOT_NODE => robot_node::process::main,
+        _ => return None,
+    };
+    Some(main(std::iter::once(first).chain(args).collect::<Vec<_>>()))
 }
 
 /// Makes this process root of a user namespace of its own, so that it may make networks; does nothing where it may
@@ -152,13 +153,12 @@ impl Rig {
         // Room for all that two nodes say while the bench writes a file.
         let (sayings, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
-        let [(plc_name, _), (robot_name, _)] = NODE;
         let robot_args =
             [config.args(cable::ROBOT), vec!["--seed".into(), config.seed.to_string().into()]].concat();
         let robot = NodeProcess::spawn(
             Which::Robot,
             &program,
-            robot_name,
+            ROBOT_NODE,
             robot_args,
             cable.robot(),
             sayings.clone(),
@@ -166,7 +166,7 @@ impl Rig {
         let plc = NodeProcess::spawn(
             Which::Plc,
             &program,
-            plc_name,
+            PLC_NODE,
             config.args(cable::PLC),
             cable.plc(),
             sayings,
@@ -247,12 +247,10 @@ impl Rig {
     /// then either.
     pub async fn stop(mut self) -> Result<Reports, RigError> {
         // The controller goes first: it releases the connection, and the device sees it go in order.
-        for which in [Which::Plc, Which::Robot] {
-            self.node(which).tell(&Instruction::<()>::Stop).await;
-            self.until_its_end(which).await?;
-        }
+        let plc = self.end(Which::Plc).await;
+        let robot = self.end(Which::Robot).await;
         self.cable.end_capture()?;
-        Ok(self.reports)
+        plc.and(robot).map(|()| self.reports.clone())
     }
 
     async fn wait_until_ready(&mut self, started: Instant) -> Result<(), RigError> {
@@ -353,8 +351,12 @@ impl Rig {
         answered.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
     }
 
-    /// Waits until a node that was told to stop has done so, and has been reaped.
-    async fn until_its_end(&mut self, which: Which) -> Result<(), RigError> {
+    /// Tells a node to stop and waits until it has, and has been reaped.
+    async fn end(&mut self, which: Which) -> Result<(), RigError> {
+        if self.node(which).has_ended() {
+            return Ok(());
+        }
+        self.node(which).tell(&Instruction::<()>::Stop).await;
         let end = async {
             loop {
                 match self.next_saying().await {

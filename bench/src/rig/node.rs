@@ -27,7 +27,6 @@ const OBITUARY: Duration = Duration::from_millis(500);
 
 /// What a node said, or what can be said of it.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "a few messages a second")]
 pub(super) enum Said {
     Plc(PlcSaying),
     Robot(RobotSaying),
@@ -41,7 +40,8 @@ pub(super) struct NodeProcess {
     child: Child,
     stdin: Option<ChildStdin>,
     last_words: Arc<Mutex<VecDeque<String>>>,
-    listener: JoinHandle<()>,
+    /// None once the obituary is written.
+    listener: Option<JoinHandle<()>>,
 }
 
 impl NodeProcess {
@@ -74,7 +74,7 @@ impl NodeProcess {
         }
         let last_words = Arc::default();
         let listener = tokio::spawn(remember(stderr, Arc::clone(&last_words)));
-        Ok(Self { which, child, stdin, last_words, listener })
+        Ok(Self { which, child, stdin, last_words, listener: Some(listener) })
     }
 
     pub(super) fn id(&self) -> Option<u32> {
@@ -91,6 +91,11 @@ impl NodeProcess {
         let _ = stdin.write_all(&line).await;
     }
 
+    /// Whether its end has been noticed.
+    pub(super) const fn has_ended(&self) -> bool {
+        self.listener.is_none()
+    }
+
     /// What the node last wrote on standard error.
     pub(super) fn last_words(&self) -> Vec<String> {
         self.last_words.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
@@ -100,7 +105,9 @@ impl NodeProcess {
     pub(super) async fn obituary(&mut self) -> RigError {
         // Its standard output is closed; what it still has to say on the other one comes within moments.
         let status = timeout(OBITUARY, self.child.wait()).await;
-        let _ = timeout(OBITUARY, &mut self.listener).await;
+        if let Some(listener) = self.listener.take() {
+            let _ = timeout(OBITUARY, listener).await;
+        }
         RigError::NodeEnded {
             which: self.which,
             status: status.ok().and_then(Result::ok),
