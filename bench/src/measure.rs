@@ -9,7 +9,7 @@ use anyhow::{Context, anyhow};
 use setup::{Application, Setup};
 use tokio::signal::unix::{SignalKind, signal};
 
-use crate::cli::{Mode, RunOptions};
+use crate::cli::{Capture, Mode, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::host::{Host, date};
 use crate::plan::Plan;
@@ -20,6 +20,9 @@ use crate::run_directory::{Durability, RunDirectory};
 use crate::session::{Ended, Session};
 use crate::table;
 use crate::virtual_run::{self, VirtualBus, VirtualRun};
+
+/// What passes the PLC's interface, in the run directory.
+const CAPTURE: &str = "plc.pcapng";
 
 /// Runs a setup and prints the table.
 ///
@@ -36,6 +39,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         };
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
+    }
+    if options.mode == Mode::Virtual && options.capture != Capture::Never {
+        let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
+        return Err(Failure::new(Exit::Usage, error));
     }
     let measurement = Measurement {
         plan: Plan::new(&options.types, options.reps, options.seed),
@@ -91,35 +98,47 @@ impl Measurement<'_> {
                 }
             }
             Mode::Real => {
-                let config = RigConfig {
-                    cyclic: self.setup.bus.profinet.as_ref().map(|profinet| profinet.cyclic),
-                    seed: self.options.seed,
-                    ..RigConfig::new(&self.options.setup)
-                };
-                let unusable = |error: RigError| Failure::new(error.exit(), error);
-                let mut interrupt = Box::pin(interrupt);
-                let mut rig = tokio::select! {
-                    () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
-                    rig = Rig::start(&config) => rig.map_err(unusable)?,
-                };
-                if !self.options.quiet {
-                    rig.warnings().iter().for_each(|warning| eprintln!("warning: {warning}"));
-                }
-                let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
-                let left = rig.stop().await;
-                if ended.failure.is_none() {
-                    left.map_err(unusable)?;
-                }
-                // Not before the measurement is over, which it would disturb.
+                let ended = self.run_real(&mut session, results, interrupt).await?;
+                // Afterwards, so that it takes no core from the nodes.
                 let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
-                Ended {
-                    results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results },
-                    ..ended
-                }
+                let without_skill_overhead = without_overhead.finish()?;
+                Ended { results: Results { without_skill_overhead, ..ended.results }, ..ended }
             }
         };
         session.finish(&ended.results)?;
         Ok((ended, path))
+    }
+
+    /// Runs the plan on two processes, which read the setup as it stands in the run directory.
+    async fn run_real(
+        &self,
+        session: &mut Session,
+        results: Results,
+        interrupt: impl Future<Output = ()>,
+    ) -> Result<Ended, Failure> {
+        let capture = session.directory.path().join(CAPTURE);
+        let config = RigConfig {
+            seed: self.options.seed,
+            capture: (self.options.capture != Capture::Never).then(|| capture.clone()),
+            ..RigConfig::new(session.directory.path().join("setup.toml"))
+        };
+        let unusable = |error: RigError| Failure::new(error.exit(), error);
+        let mut interrupt = std::pin::pin!(interrupt);
+        let mut rig = tokio::select! {
+            () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
+            rig = Rig::start(&config) => rig.map_err(unusable)?,
+        };
+        rig.warnings().iter().for_each(|warning| session.progress.warn(warning));
+        let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        let stopped = rig.stop().await;
+        if ended.failure.is_none() {
+            stopped.map_err(unusable)?;
+        }
+        if self.options.capture == Capture::OnFailure && ended.exit != Exit::RunFailed {
+            let removed = std::fs::remove_file(&capture);
+            removed.with_context(|| format!("cannot remove the capture {}", capture.display()))?;
+        }
+        Ok(ended)
     }
 
     fn default_directory(&self, started: SystemTime) -> PathBuf {
