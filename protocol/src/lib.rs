@@ -21,5 +21,5 @@ pub mod wire;
 
 pub use cycle::{Cycle, Tick};
 pub use lateness::Lateness;
-pub use machine::{Machine, Port, Source, StreamChange, StreamId, Transmit};
+pub use machine::{Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 pub use time::{Duration, Instant};
