@@ -11,6 +11,7 @@ extern crate alloc;
 
 mod cycle;
 pub mod direct;
+pub mod ethernet_ip;
 pub mod fieldbus;
 pub mod image;
 mod lateness;
