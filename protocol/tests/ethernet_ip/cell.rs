@@ -15,8 +15,8 @@ pub(crate) const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
 pub(crate) type Bus = Pair<Scanner, Adapter>;
 pub(crate) type News = Event<LinkEvent, LinkEvent>;
 
-pub(crate) fn adapter() -> Adapter {
-    Adapter::new(AdapterConfig {
+pub(crate) fn adapter_config() -> AdapterConfig {
+    AdapterConfig {
         description: &SKILL_ROBOT,
         serial_number: 0x1234_5678,
         address: ROBOT,
@@ -24,7 +24,11 @@ pub(crate) fn adapter() -> Adapter {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: [2, 0, 0, 0, 0, 2],
         first_id: 0x0100_0000,
-    })
+    }
+}
+
+pub(crate) fn adapter() -> Adapter {
+    Adapter::new(adapter_config())
 }
 
 /// A scanner that wants the outputs of the robot, every millisecond.

@@ -396,8 +396,16 @@ impl Rig {
 
     /// Whether the good scanner still gets its data on time and an answer to what it asks.
     pub(crate) fn assert_good_scanner_is_served(&mut self) {
+        self.assert_good_scanner_is_served_beside(1);
+    }
+
+    /// The same where so many class 1 connections are open in all.
+    pub(crate) fn assert_good_scanner_is_served_beside(&mut self, connections: usize) {
+        assert_eq!(self.adapter.connections().0, connections, "class 1 connections");
         let good = self.good.as_ref().expect("there is no good scanner");
         let (client, id) = (good.client, good.opened.t_o_id);
+        // From between two grid points, so that none of them falls on the window's edge.
+        self.advance(Duration::from_nanos(1_500_000 - self.now.as_nanos() % 1_000_000));
         self.datagrams.clear();
         self.advance(Duration::from_millis(10));
         let frames: Vec<_> = self

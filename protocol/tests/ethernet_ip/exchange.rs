@@ -5,12 +5,13 @@ use std::fmt::Write as _;
 use std::rc::Rc;
 
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
-use protocol::ethernet_ip::{IO_PORT, Scanner, ScannerConfig};
+use protocol::ethernet_ip::description::{Assembly, Description, Role, SKILL_ROBOT};
+use protocol::ethernet_ip::{Adapter, AdapterConfig, IO_PORT, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
-use protocol::virtual_time::{Event, Impairment, Side};
-use protocol::{Duration, Instant, Machine, Port};
+use protocol::virtual_time::{Clock, Event, Impairment, PairConfig, Side};
+use protocol::{Duration, Instant, Machine, Port, StreamChange, StreamId};
 
-use crate::cell::{Bus, News, PLC, ROBOT, adapter, bus_of, cable, image, run, up, wanted};
+use crate::cell::{Bus, News, PLC, ROBOT, adapter, adapter_config, bus_of, cable, image, run, up, wanted};
 
 fn cause(news: &News) -> (Side, Option<DownCause>) {
     let down = |event: &LinkEvent| match event {
@@ -319,4 +320,60 @@ fn an_adapter_of_another_address_is_not_listened_to() {
         );
     });
     assert_eq!(bus.a().counters().foreign, 1);
+}
+
+#[test]
+fn a_scanner_that_lost_its_session_keeps_the_images_going_and_connects_again_to_close() {
+    let mut bus = up(wanted());
+    bus.command_a(|scanner, now| scanner.handle_stream(now, StreamId(1), StreamChange::Closed));
+    bus.command_b(|robot, now| robot.handle_stream(now, StreamId(1), StreamChange::Closed));
+    assert_eq!(run(&mut bus, 1_000), []);
+    bus.command_a(|scanner, now| scanner.disconnect(now));
+    let events = run(&mut bus, 100);
+    let told: Vec<_> = events.iter().map(|(_, news)| cause(news)).collect();
+    assert_eq!(told, [(Side::B, Some(DownCause::ClosedByPeer)), (Side::A, Some(DownCause::ClosedHere))]);
+    assert_eq!(bus.b().sessions(), 0);
+}
+
+#[test]
+fn a_disconnect_before_the_connection_is_up_gives_the_attempt_up() {
+    for micros in [900, 1_010, 1_040, 1_080, 1_120, 1_170, 1_220] {
+        let mut bus = bus_of(wanted(), cable(), 1);
+        bus.next_event(Instant::from_micros(micros));
+        bus.command_a(|scanner, now| scanner.disconnect(now));
+        let events = run(&mut bus, 20_000);
+        assert_eq!(cause(&events.last().unwrap().1), (Side::A, Some(DownCause::ClosedHere)), "{micros} µs");
+        assert_eq!((bus.b().connections(), bus.b().sessions()), ((0, 0), 0), "{micros} µs");
+        assert_eq!(bus.a().poll_timeout(), None);
+    }
+}
+
+/// Another device than the robot: small assemblies, no configuration, numbers above 255.
+static CONVEYOR: Description = Description {
+    vendor: 77,
+    assemblies: &[
+        Assembly { instance: 0x301, role: Role::Produced, size: 16, name: "Position" },
+        Assembly { instance: 0x302, role: Role::Consumed, size: 4, name: "Speed" },
+    ],
+    ..SKILL_ROBOT
+};
+
+#[test]
+fn an_adapter_with_other_assemblies_sizes_and_intervals_is_driven_all_the_same() {
+    let config = ScannerConfig {
+        o_t_rpi_us: 4_000,
+        t_o_rpi_us: 10_000,
+        multiplier: TimeoutMultiplier::new(0).unwrap(),
+        ..ScannerConfig::exclusive_owner(ROBOT, &CONVEYOR, 1_000)
+    };
+    let device = AdapterConfig { description: &CONVEYOR, ..adapter_config() };
+    let addresses = [Some(PLC), Some(ROBOT)];
+    let pair = PairConfig { seed: 1, clocks: [Clock::default(); 2], links: [cable(); 2], addresses };
+    let mut bus = Bus::new(Scanner::new(config, Instant::from_millis(1)), Adapter::new(device), pair);
+    bus.command_a(|scanner, _| scanner.set_output(&image(1)));
+    bus.command_b(|robot, _| robot.set_output(&image(9)));
+    run(&mut bus, 1_000);
+    assert_eq!(bus.b().input().map(|input| input[..5].to_vec()), Some(vec![1, 2, 3, 4, 0]));
+    assert_eq!(bus.a().input().map(|input| input[15..17].to_vec()), Some(vec![24, 0]));
+    assert_eq!((bus.a().counters().sent, bus.b().counters().sent), (250, 99));
 }

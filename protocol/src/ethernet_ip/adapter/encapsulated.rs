@@ -3,8 +3,8 @@
 use alloc::boxed::Box;
 use core::net::SocketAddrV4;
 
-use super::core::{Context, Core};
 use super::sessions::Session;
+use super::state::{Context, State};
 use crate::ethernet_ip::cpf::{Item, Packet, kind, write_address, write_item};
 use crate::ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Message, PROTOCOL_VERSION, Status};
 use crate::ethernet_ip::objects::write_identity_item;
@@ -34,7 +34,7 @@ fn reply(header: &Header, status: Status, buf: &mut [u8], body: impl FnOnce(&mut
 
 /// Answers a message that came over TCP.
 pub(super) fn answer(
-    core: &mut Core,
+    state: &mut State,
     now: Instant,
     session: &mut Session,
     next_handle: &mut u32,
@@ -44,12 +44,12 @@ pub(super) fn answer(
     let (header, data) = match message {
         Message::Whole(header, data) => (header, data),
         Message::TooLong(header) => {
-            core.counters.malformed += 1;
+            state.counters.malformed += 1;
             return reply(&header, Status::InvalidLength, buf, |_| {});
         }
     };
     if header.options != 0 {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return Answer::None;
     }
     match header.command {
@@ -61,29 +61,29 @@ pub(super) fn answer(
         {
             reply(&header, Status::InvalidSession, buf, |_| {})
         }
-        Command::SendRRData => send_rr_data(core, now, session, &header, data, buf),
-        Command::SendUnitData => send_unit_data(core, now, session.stream, session.peer, &header, data, buf),
-        _ => list(core, &header, buf),
+        Command::SendRRData => send_rr_data(state, now, session, &header, data, buf),
+        Command::SendUnitData => send_unit_data(state, now, session.stream, session.peer, &header, data, buf),
+        _ => list(state, &header, buf),
     }
 }
 
 /// Answers a message that came over UDP: one a datagram. Returns the reply's length.
-pub(super) fn answer_datagram(core: &mut Core, datagram: &[u8], buf: &mut [u8]) -> Option<usize> {
+pub(super) fn answer_datagram(state: &mut State, datagram: &[u8], buf: &mut [u8]) -> Option<usize> {
     let whole = Header::parse(datagram)
         .ok()
         .filter(|header| header.options == 0 && datagram.len() == HEADER_LEN + usize::from(header.length));
     let Some(header) = whole else {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return None;
     };
-    match list(core, &header, buf) {
+    match list(state, &header, buf) {
         Answer::Reply(len) => Some(len),
         Answer::None | Answer::Close => None,
     }
 }
 
 /// The commands that need no session.
-fn list(core: &Core, header: &Header, buf: &mut [u8]) -> Answer {
+fn list(state: &State, header: &Header, buf: &mut [u8]) -> Answer {
     match header.command {
         Command::Nop => Answer::None,
         Command::ListServices => reply(header, Status::Success, buf, |writer| {
@@ -96,7 +96,7 @@ fn list(core: &Core, header: &Header, buf: &mut [u8]) -> Answer {
         }),
         Command::ListIdentity => reply(header, Status::Success, buf, |writer| {
             writer.u16(1);
-            write_identity_item(&core.device, writer);
+            write_identity_item(&state.device, writer);
         }),
         // There are no interfaces but CIP's own.
         Command::ListInterfaces => reply(header, Status::Success, buf, |writer| writer.u16(0)),
@@ -145,7 +145,7 @@ fn write_head(writer: &mut Writer<'_>, items: u16) {
 }
 
 fn send_rr_data(
-    core: &mut Core,
+    state: &mut State,
     now: Instant,
     session: &Session,
     header: &Header,
@@ -160,11 +160,11 @@ fn send_rr_data(
         ..
     }) = packet
     else {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return reply(header, Status::IncorrectData, buf, |_| {});
     };
     if request.is_empty() {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return reply(header, Status::IncorrectData, buf, |_| {});
     }
     let mut context = Context {
@@ -175,8 +175,8 @@ fn send_rr_data(
         reply_socket_t_o: None,
         depth: 0,
     };
-    core.with_scratch(|core, scratch| {
-        let len = core.route(&mut context, request, scratch);
+    state.with_scratch(|state, scratch| {
+        let len = state.route(&mut context, request, scratch);
         let cip = scratch.get(..len).unwrap_or_default();
         reply(header, Status::Success, buf, |writer| {
             write_head(writer, 2 + u16::from(context.reply_socket_t_o.is_some()));
@@ -190,7 +190,7 @@ fn send_rr_data(
 }
 
 fn send_unit_data(
-    core: &mut Core,
+    state: &mut State,
     now: Instant,
     stream: StreamId,
     peer: SocketAddrV4,
@@ -204,20 +204,20 @@ fn send_unit_data(
         ..
     }) = packet(data)
     else {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return reply(header, Status::IncorrectData, buf, |_| {});
     };
     let mut reader = Reader::new(message);
     let (Ok(count), request) = (reader.u16(), reader.rest()) else {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return Answer::None;
     };
-    let Some(connection) = core.explicit.heard(now, stream, o_t_id) else {
-        core.counters.foreign += 1;
+    let Some(connection) = state.explicit.heard(now, stream, o_t_id) else {
+        state.counters.foreign += 1;
         return Answer::None;
     };
     if message.len() > usize::from(connection.o_t_size) || request.is_empty() {
-        core.counters.malformed += 1;
+        state.counters.malformed += 1;
         return Answer::None;
     }
     let (t_o_id, room) = (connection.t_o_id, usize::from(connection.t_o_size.saturating_sub(2)));
@@ -231,20 +231,20 @@ fn send_unit_data(
             });
         })
     };
-    if let Some(cip) = core.explicit.repeated(o_t_id, count) {
+    if let Some(cip) = state.explicit.repeated(o_t_id, count) {
         return write(buf, cip);
     }
     let mut context = Context { now, peer, stream, socket_t_o: None, reply_socket_t_o: None, depth: 0 };
-    core.with_scratch(|core, scratch| {
+    state.with_scratch(|state, scratch| {
         let room = room.min(scratch.len());
-        let len = core.route(&mut context, request, scratch.get_mut(..room).unwrap_or_default());
+        let len = state.route(&mut context, request, scratch.get_mut(..room).unwrap_or_default());
         let cip = scratch.get(..len).unwrap_or_default();
-        core.explicit.remember(o_t_id, count, cip);
+        state.explicit.remember(o_t_id, count, cip);
         write(buf, cip)
     })
 }
 
-impl Core {
+impl State {
     /// Lends out the place for CIP replies.
     fn with_scratch<R>(&mut self, work: impl FnOnce(&mut Self, &mut [u8]) -> R) -> R {
         let mut scratch = core::mem::replace(&mut self.scratch, Box::new([]));

@@ -2,9 +2,9 @@
 
 use core::net::SocketAddrV4;
 
-use super::core::{Context, Core};
 use super::explicit::{ExplicitConnection, MAX_SIZE};
 use super::io::{IoConnection, Kind, Producer};
+use super::state::{Context, State};
 use crate::ethernet_ip::IO_PORT;
 use crate::ethernet_ip::cip::{Application, Violation, class};
 use crate::ethernet_ip::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
@@ -30,7 +30,7 @@ struct Points {
     named: [Option<u32>; 3],
 }
 
-impl Core {
+impl State {
     /// Opens a connection, or says why not.
     pub(super) fn open(
         &mut self,

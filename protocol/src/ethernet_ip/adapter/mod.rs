@@ -3,21 +3,21 @@
 //! Requests are taken out of their TCP streams one at a time, when the driver asks for the next frame to send: a
 //! flood of requests needs no queue, and cyclic frames always go before replies.
 
-mod core;
 mod encapsulated;
 mod establish;
 mod explicit;
 mod io;
 mod router;
 mod sessions;
+mod state;
 
-use ::core::net::{Ipv4Addr, SocketAddrV4};
 use alloc::boxed::Box;
 use alloc::vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
-use self::core::Core;
 use self::encapsulated::{Answer, answer_datagram};
 use self::sessions::Sessions;
+use self::state::State;
 use super::connection::Priority;
 use super::description::Description;
 use super::encapsulation::MAX_MESSAGE_LEN;
@@ -51,7 +51,7 @@ pub struct AdapterConfig {
 /// An EtherNet/IP adapter.
 #[derive(Debug)]
 pub struct Adapter {
-    core: Core,
+    state: State,
     sessions: Sessions,
     datagram: Box<[u8]>,
     /// A UDP request that waits for its answer: who sent it, and its length.
@@ -65,7 +65,7 @@ impl Adapter {
         let AdapterConfig { description, serial_number, address, mask, gateway, mac, first_id } = config;
         let device = Device::new(description, serial_number, Network::new(address, mask, gateway, mac));
         Self {
-            core: Core::new(device, first_id),
+            state: State::new(device, first_id),
             sessions: Sessions::new(description.sessions.into(), first_id),
             datagram: vec![0; MAX_MESSAGE_LEN].into_boxed_slice(),
             waiting: None,
@@ -76,9 +76,9 @@ impl Adapter {
     /// change at any time.
     #[must_use]
     pub fn dscp(&self, port: Port) -> u8 {
-        let qos = &self.core.device.qos;
+        let qos = &self.state.device.qos;
         match port {
-            Port::Udp(IO_PORT) => qos.cyclic(self.core.io.priority().unwrap_or(Priority::Scheduled)),
+            Port::Udp(IO_PORT) => qos.cyclic(self.state.io.priority().unwrap_or(Priority::Scheduled)),
             _ => qos.explicit(),
         }
     }
@@ -86,7 +86,7 @@ impl Adapter {
     /// How many connections are open: class 1, and class 3.
     #[must_use]
     pub fn connections(&self) -> (usize, usize) {
-        (self.core.io.len(), self.core.explicit.len())
+        (self.state.io.len(), self.state.explicit.len())
     }
 
     /// How many TCP connections are open.
@@ -101,16 +101,16 @@ impl Machine for Adapter {
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match (from.port, from.peer) {
-            (Port::Udp(IO_PORT), Some(peer)) => self.core.consume(now, *peer.ip(), frame),
+            (Port::Udp(IO_PORT), Some(peer)) => self.state.consume(now, *peer.ip(), frame),
             (Port::Udp(ENCAPSULATION_PORT), Some(peer)) => match self.datagram.get_mut(..frame.len()) {
                 Some(place) => {
                     place.copy_from_slice(frame);
                     self.waiting = Some((peer, frame.len()));
                 }
-                None => self.core.counters.malformed += 1,
+                None => self.state.counters.malformed += 1,
             },
             (Port::Stream(stream), _) => self.sessions.receive(now, stream, frame),
-            _ => self.core.counters.foreign += 1,
+            _ => self.state.counters.foreign += 1,
         }
     }
 
@@ -131,22 +131,22 @@ impl Machine for Adapter {
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        self.core.check_watchdogs(now);
-        self.sessions.check_inactivity(now, self.core.device.network.inactivity());
+        self.state.check_watchdogs(now);
+        self.sessions.check_inactivity(now, self.state.device.network.inactivity());
         self.drop_orphans();
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if let Some(transmit) = self.core.produce(now, buf) {
+        if let Some(transmit) = self.state.produce(now, buf) {
             return Some(transmit);
         }
         if let Some((peer, len)) = self.waiting.take() {
             let request = self.datagram.get(..len).unwrap_or_default();
-            if let Some(len) = answer_datagram(&mut self.core, request, buf) {
+            if let Some(len) = answer_datagram(&mut self.state, request, buf) {
                 return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
             }
         }
-        while let Some((stream, answer)) = self.sessions.answer_next(now, &mut self.core, buf) {
+        while let Some((stream, answer)) = self.sessions.answer_next(now, &mut self.state, buf) {
             match answer {
                 Answer::Reply(len) => return Some(Transmit { port: Port::Stream(stream), to: None, len }),
                 Answer::None => {}
@@ -160,12 +160,12 @@ impl Machine for Adapter {
     }
 
     fn poll_event(&mut self) -> Option<LinkEvent> {
-        self.core.events.pop_front()
+        self.state.events.pop_front()
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        let sessions = self.sessions.next_inactivity(self.core.device.network.inactivity());
-        [self.core.next_timeout(), sessions].into_iter().flatten().min()
+        let sessions = self.sessions.next_inactivity(self.state.device.network.inactivity());
+        [self.state.next_timeout(), sessions].into_iter().flatten().min()
     }
 }
 
@@ -173,7 +173,7 @@ impl Adapter {
     /// Class 3 connections end with the TCP connection that carries them.
     fn drop_orphans(&mut self) {
         let sessions = &self.sessions;
-        self.core.explicit.retain(|stream| sessions.has(stream));
+        self.state.explicit.retain(|stream| sessions.has(stream));
     }
 }
 
@@ -181,22 +181,22 @@ impl Fieldbus for Adapter {
     type Order = LittleEndian;
 
     fn set_output(&mut self, image: &Image) {
-        if self.core.device.produced != *image {
-            self.core.device.produced = *image;
-            self.core.io.data_changed();
+        if self.state.device.produced != *image {
+            self.state.device.produced = *image;
+            self.state.io.data_changed();
         }
     }
 
     fn input(&self) -> Option<&Image> {
-        self.core.is_up().then_some(&self.core.device.consumed)
+        self.state.is_up().then_some(&self.state.device.consumed)
     }
 
     /// Drops every connection and takes no new ones: a target has no message to end a connection with.
     fn disconnect(&mut self, _now: Instant) {
-        self.core.close_all(DownCause::ClosedHere);
+        self.state.close_all(DownCause::ClosedHere);
     }
 
     fn counters(&self) -> Counters {
-        self.core.counters
+        self.state.counters
     }
 }

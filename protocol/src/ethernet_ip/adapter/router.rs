@@ -1,6 +1,6 @@
 //! The message router: which object a request goes to. The Connection Manager's own services are here.
 
-use super::core::{Context, Core};
+use super::state::{Context, State};
 use crate::ethernet_ip::cip::{
     General, Path, PathError, Request, Segment, Violation, answer, class, refuse, service,
 };
@@ -12,7 +12,7 @@ use crate::fieldbus::{Down, DownCause};
 /// How deep services may stand in each other: Unconnected_Send, Multiple_Service, and one service.
 const MAX_DEPTH: u8 = 2;
 
-impl Core {
+impl State {
     /// Answers a request. Returns the reply's length, 0 where there is no room for any.
     pub(super) fn route(&mut self, context: &mut Context, message: &[u8], reply: &mut [u8]) -> usize {
         let request = match Request::parse(message) {

@@ -4,8 +4,8 @@ use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use core::net::SocketAddrV4;
 
-use super::core::Core;
 use super::encapsulated::{Answer, answer};
+use super::state::State;
 use crate::ethernet_ip::encapsulation::Reassembly;
 use crate::{Duration, Instant, StreamId};
 
@@ -116,7 +116,7 @@ impl Sessions {
     pub(super) fn answer_next(
         &mut self,
         now: Instant,
-        core: &mut Core,
+        state: &mut State,
         buf: &mut [u8],
     ) -> Option<(StreamId, Answer)> {
         let room = self.slots.len();
@@ -127,7 +127,7 @@ impl Sessions {
             match reassembly.next_message() {
                 Some(message) => {
                     self.turn = index + 1;
-                    let answer = answer(core, now, session, &mut self.next_handle, message, buf);
+                    let answer = answer(state, now, session, &mut self.next_handle, message, buf);
                     return Some((session.stream, answer));
                 }
                 None => *pending = false,

@@ -43,6 +43,7 @@ impl Device {
 impl Object for Identity {
     const REVISION: u16 = 1;
     const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8];
+    const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 6, 7];
 
     fn get(
         device: &Device,

@@ -21,6 +21,7 @@ pub(super) struct MessageRouter;
 impl Object for MessageRouter {
     const REVISION: u16 = 1;
     const ATTRIBUTES: &'static [u16] = &[1, 2];
+    const CLASS_ATTRIBUTES: &'static [u16] = &[1, 4, 5, 6, 7];
 
     fn get(
         device: &Device,
@@ -34,6 +35,20 @@ impl Object for MessageRouter {
                 CLASSES.iter().for_each(|class| writer.u16(*class));
             }
             2 => writer.u16(device.description.explicit.into()),
+            _ => return Err(Violation::UnknownAttribute),
+        }
+        Ok(())
+    }
+
+    fn get_of_class(_device: &Device, attribute: u16, writer: &mut Writer<'_>) -> Result<(), Violation> {
+        match attribute {
+            1 => writer.u16(Self::REVISION),
+            2 | 3 => writer.u16(1),
+            // Optional attributes and services that are there, with their count before them.
+            4 => [2, 1, 2].iter().for_each(|number| writer.u16(*number)),
+            5 => [1, service::MULTIPLE_SERVICE.into()].iter().for_each(|number| writer.u16(*number)),
+            6 => writer.u16(7),
+            7 => writer.u16(2),
             _ => return Err(Violation::UnknownAttribute),
         }
         Ok(())

@@ -57,7 +57,9 @@ trait Object {
     const REVISION: u16;
     /// Attributes of an instance, in the order in which Get_Attributes_All has them.
     const ATTRIBUTES: &'static [u16];
-    /// Whether the class has Get_Attributes_All.
+    /// Attributes of the class, in the order in which its Get_Attributes_All has them.
+    const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 3];
+    /// Whether the instances have Get_Attributes_All.
     const HAS_ALL: bool = true;
 
     /// The highest instance.
@@ -90,7 +92,7 @@ trait Object {
             1 => writer.u16(Self::REVISION),
             2 => writer.u16(number(Self::max_instance(device) as usize)),
             3 => writer.u16(number(Self::instances(device))),
-            6 => writer.u16(7),
+            6 => writer.u16(Self::CLASS_ATTRIBUTES.iter().copied().max().unwrap_or(0)),
             7 => writer.u16(Self::ATTRIBUTES.iter().copied().max().unwrap_or(0)),
             _ => return Err(Violation::UnknownAttribute),
         }
@@ -108,9 +110,6 @@ trait Object {
         Err(Violation::UnknownService)
     }
 }
-
-/// The class attributes that Get_Attributes_All of a class has.
-const CLASS_ATTRIBUTES: &[u16] = &[1, 2, 3, 6, 7];
 
 /// Answers a request to any object but for the services of the Connection Manager.
 pub(super) fn serve(
@@ -154,7 +153,7 @@ fn serve_class<O: Object>(
     };
     match service {
         service::GET_ATTRIBUTES_ALL if instance == 0 => {
-            CLASS_ATTRIBUTES.iter().try_for_each(|id| O::get_of_class(device, *id, writer))?;
+            O::CLASS_ATTRIBUTES.iter().try_for_each(|id| O::get_of_class(device, *id, writer))?;
             Ok(General::Success)
         }
         service::GET_ATTRIBUTES_ALL if O::HAS_ALL => {
@@ -169,7 +168,7 @@ fn serve_class<O: Object>(
         service::SET_ATTRIBUTE_SINGLE => {
             let attribute = attribute()?;
             if instance == 0 || !O::ATTRIBUTES.contains(&attribute) {
-                let known = instance == 0 && CLASS_ATTRIBUTES.contains(&attribute);
+                let known = instance == 0 && O::CLASS_ATTRIBUTES.contains(&attribute);
                 return Err(if known { Violation::NotSettable } else { Violation::UnknownAttribute });
             }
             O::set(device, instance, attribute, data)?;

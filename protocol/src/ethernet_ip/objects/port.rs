@@ -45,6 +45,7 @@ impl core::fmt::Write for Dotted {
 impl Object for Port {
     const REVISION: u16 = 2;
     const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 7];
+    const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 3, 8, 9];
 
     fn get(
         device: &Device,

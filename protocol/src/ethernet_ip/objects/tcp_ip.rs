@@ -19,7 +19,6 @@ pub(in super::super) struct Network {
     pub(in super::super) mask: Ipv4Addr,
     pub(in super::super) gateway: Ipv4Addr,
     pub(in super::super) mac: [u8; 6],
-    ttl: u8,
     inactivity_s: u16,
 }
 
@@ -30,11 +29,11 @@ impl Network {
         gateway: Ipv4Addr,
         mac: [u8; 6],
     ) -> Self {
-        Self { address, mask, gateway, mac, ttl: 1, inactivity_s: DEFAULT_INACTIVITY_S }
+        Self { address, mask, gateway, mac, inactivity_s: DEFAULT_INACTIVITY_S }
     }
 
     pub(super) const fn restore_defaults(&mut self) {
-        (self.ttl, self.inactivity_s) = (1, DEFAULT_INACTIVITY_S);
+        self.inactivity_s = DEFAULT_INACTIVITY_S;
     }
 
     /// How long a TCP connection may be silent; none where it may be so for ever.
@@ -85,7 +84,8 @@ impl Object for TcpIpInterface {
             6 => writer.u16(0),
             // No safety network number.
             7 => writer.zeros(6),
-            8 => writer.u8(network.ttl),
+            // Multicasts stay on their network: time to live 1.
+            8 => writer.u8(1),
             9 => {
                 // Allocation by the default algorithm.
                 writer.u16(0);
@@ -109,13 +109,6 @@ impl Object for TcpIpInterface {
             3 => match u32::from_le_bytes(exactly(data)?) {
                 0 => Ok(()),
                 _ => Err(Violation::BadAttributeValue),
-            },
-            8 => match exactly(data)? {
-                [0] => Err(Violation::BadAttributeValue),
-                [ttl] => {
-                    network.ttl = ttl;
-                    Ok(())
-                }
             },
             13 => match u16::from_le_bytes(exactly(data)?) {
                 seconds @ 0..=3600 => {

@@ -63,6 +63,8 @@ pub struct Scanner {
     connect: bool,
     to_close: VecDeque<StreamId>,
     keep_alive_at: Option<Instant>,
+    /// Connects only to close what it left open.
+    leaving: bool,
     triad: Triad,
     t_o_id: u32,
     io: Option<Io>,
@@ -99,6 +101,7 @@ impl Scanner {
             connect: false,
             to_close: VecDeque::with_capacity(8),
             keep_alive_at: None,
+            leaving: false,
             triad,
             t_o_id: config.first_id,
             io: None,
@@ -166,7 +169,7 @@ impl Scanner {
 
     /// The connection is lost or did not come about: begin anew later.
     fn fail(&mut self, now: Instant, down: Down) {
-        let ended = self.step == Step::Closing;
+        let ended = self.leaving || self.step == Step::Closing;
         self.abandon();
         self.deadline = (!ended).then_some(now + self.config.retry_after);
         let down = if ended { Down { cause: DownCause::ClosedHere, code: 0, text: "" } } else { down };
@@ -212,7 +215,11 @@ impl Scanner {
             (Step::Registering, Command::RegisterSession) => {
                 if header.status == Status::Success {
                     self.session = header.session;
-                    self.enter(now, Step::Identifying, Say::Identify);
+                    if self.leaving {
+                        self.enter(now, Step::Closing, Say::Close);
+                    } else {
+                        self.enter(now, Step::Identifying, Say::Identify);
+                    }
                 } else {
                     let (code, text) = (header.status.into(), header.status.words());
                     self.fail(now, Down { cause: DownCause::Refused, code, text });
@@ -460,18 +467,28 @@ impl Fieldbus for Scanner {
         self.up.then_some(&self.input)
     }
 
-    /// Closes the connection by a Forward_Close and the session behind it; [`LinkEvent::Down`] tells when it is done.
+    /// Closes the connection by a Forward_Close and the session behind it, over a new TCP connection where the old one
+    /// is gone. [`LinkEvent::Down`] tells when it is done.
     fn disconnect(&mut self, now: Instant) {
+        if self.leaving {
+            return;
+        }
+        self.leaving = true;
         self.up = false;
-        self.connect = false;
-        if self.step == Step::Running && self.stream.is_some() {
-            self.io = None;
-            self.keep_alive_at = None;
-            self.enter(now, Step::Closing, Say::Close);
-        } else if self.step != Step::Closing {
-            self.abandon();
-            self.step = Step::Closing;
-            self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
+        self.keep_alive_at = None;
+        match (self.step, self.stream) {
+            (Step::Running, Some(_)) => {
+                self.io = None;
+                self.enter(now, Step::Closing, Say::Close);
+            }
+            (Step::Running, None) => {
+                self.io = None;
+                self.connect(now);
+            }
+            _ => {
+                self.connect = false;
+                self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
+            }
         }
     }
 

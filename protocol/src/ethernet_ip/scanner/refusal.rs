@@ -70,41 +70,60 @@ impl Refusal {
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Asked { key, consumed, produced, configuration, rpi_us } = self.asked;
         write!(f, "the adapter {} refused the connection: {}", self.target, self.words())?;
         write!(f, " (general status 0x{:02X}", u8::from(self.general))?;
         if let Some(extended) = self.extended {
             write!(f, ", extended status 0x{:04X}", u16::from(extended))?;
         }
         f.write_str("); asked for ")?;
-        match self.extended {
-            Some(
-                Extended::VendorOrProductMismatch | Extended::DeviceTypeMismatch | Extended::RevisionMismatch,
-            ) => write_key(f, key)?,
-            None if self.general == General::KeyFailure => write_key(f, key)?,
-            Some(Extended::InvalidOtSize) => {
-                write!(f, "{} bytes O→T to assembly {}", consumed.1, consumed.0)?;
-            }
-            Some(Extended::InvalidToSize) => {
-                write!(f, "{} bytes T→O from assembly {}", produced.1, produced.0)?;
-            }
-            Some(Extended::RpiNotSupported | Extended::RpiNotAcceptable) => {
-                write!(f, "a packet every {} µs O→T and every {} µs T→O", rpi_us.0, rpi_us.1)?;
-            }
-            _ => {
-                write!(f, "O→T assembly {} and T→O assembly {}", consumed.0, produced.0)?;
-                if let Some(configuration) = configuration {
-                    write!(f, " with configuration assembly {configuration}")?;
-                }
-            }
-        }
+        self.write_asked(f)?;
         if let Some(size) = self.extra {
             write!(f, "; the device has {size} bytes there")?;
         }
-        if let Some(found) = self.found {
+        if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
         }
         Ok(())
+    }
+}
+
+impl Refusal {
+    const fn is_about_key(&self) -> bool {
+        matches!(
+            (self.general, self.extended),
+            (General::KeyFailure, None)
+                | (
+                    _,
+                    Some(
+                        Extended::VendorOrProductMismatch
+                            | Extended::DeviceTypeMismatch
+                            | Extended::RevisionMismatch
+                    )
+                )
+        )
+    }
+
+    fn write_asked(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Asked { key, consumed, produced, configuration, rpi_us } = self.asked;
+        match self.extended {
+            _ if self.is_about_key() => write_key(f, key),
+            Some(Extended::InvalidOtSize) => {
+                write!(f, "{} bytes O→T to assembly {}", consumed.1, consumed.0)
+            }
+            Some(Extended::InvalidToSize) => {
+                write!(f, "{} bytes T→O from assembly {}", produced.1, produced.0)
+            }
+            Some(Extended::RpiNotSupported | Extended::RpiNotAcceptable) => {
+                write!(f, "a packet every {} µs O→T and every {} µs T→O", rpi_us.0, rpi_us.1)
+            }
+            _ => {
+                write!(f, "O→T assembly {} and T→O assembly {}", consumed.0, produced.0)?;
+                match configuration {
+                    Some(configuration) => write!(f, " with configuration assembly {configuration}"),
+                    None => Ok(()),
+                }
+            }
+        }
     }
 }
 

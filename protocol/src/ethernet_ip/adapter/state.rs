@@ -21,7 +21,7 @@ const ENVELOPE_LEN: usize = 24 + 16 + 20;
 const EVENTS: usize = 8;
 
 #[derive(Debug)]
-pub(super) struct Core {
+pub(super) struct State {
     pub(super) device: Device,
     pub(super) io: IoConnections,
     pub(super) explicit: ExplicitConnections,
@@ -49,7 +49,7 @@ pub(super) struct Context {
     pub(super) depth: u8,
 }
 
-impl Core {
+impl State {
     pub(super) fn new(device: Device, first_id: u32) -> Self {
         let description = device.description;
         Self {
