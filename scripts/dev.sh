@@ -1,0 +1,120 @@
+#!/usr/bin/env bash
+# What a contributor and CI do, one verb each. `scripts/dev.sh help` lists them.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# PROFINET gate: nothing malformed, short or in error, no reserved bit set, nothing on its ports that is not it.
+PROFINET_TRAFFIC='pn_rt || dcerpc'
+PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn_dcp || dcerpc || lldp || udp.port in {34962 .. 34964}) && (_ws.malformed || _ws.short || _ws.expert.severity >= 0x00600000 || pn_rt.transfer_status != 0 || pn_rt.ds_res3 == 1 || pn_rt.ds_Reserved_2 == 1 || (udp.port == 34964 && !dcerpc && !icmp) || (udp.port in {34962 .. 34963} && !pn_rt && !icmp))'
+
+verb_help() { #: list the verbs
+    echo "usage: scripts/dev.sh VERB"
+    sed -n 's/^verb_\([a-z_]*\)() { #: \(.*\)/  \1\t\2/p' "scripts/dev.sh" | tr _ - | expand -t 14
+}
+
+verb_setup() { #: install what a new Debian machine lacks (as root)
+    local missing=()
+    command -v tshark >/dev/null && command -v editcap >/dev/null || missing+=(tshark)
+    command -v ip >/dev/null || missing+=(iproute2)
+    command -v setpriv >/dev/null || missing+=(util-linux)
+    command -v shellcheck >/dev/null || missing+=(shellcheck)
+    command -v cc >/dev/null || missing+=(gcc libc6-dev)
+    if [ ${#missing[@]} -gt 0 ]; then
+        apt-get update -qq
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
+    fi
+    command -v cargo >/dev/null || { echo "cargo is missing: install Rust 1.95 or newer" >&2; exit 1; }
+}
+
+verb_format() { #: fail where the formatting differs
+    cargo fmt --all --check
+}
+
+verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
+    cargo clippy --workspace --all-targets --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+    shellcheck scripts/*.sh .ci/run
+}
+
+verb_purity() { #: prove that `protocol` can name no clock, socket, thread or file
+    # It is `no_std`, and so is all that it depends on: a crate for a target without an operating system cannot
+    # reach one. Where that target is not installed, the attribute and the dependencies' features are the proof.
+    grep -q '^#!\[cfg_attr(not(test), no_std)\]' protocol/src/lib.rs
+    if grep -rnE 'extern crate std|\bstd::' protocol/src --include='*.rs' | grep -vE '/tests?(/|\.rs)|//'; then
+        echo "protocol names std" >&2
+        exit 1
+    fi
+    local allowed="protocol rand_core rand_pcg thiserror thiserror-impl"
+    local found
+    found=$(cargo tree -p protocol -e normal --prefix none --no-dedupe --locked | awk '{print $1}' | sort -u)
+    for crate in $found; do
+        case " $allowed proc-macro2 quote syn unicode-ident " in
+            *" $crate "*) ;;
+            *) echo "protocol depends on $crate: is it no_std and free of clocks and sockets?" >&2; exit 1 ;;
+        esac
+    done
+    if cargo tree -p protocol -e features,normal --locked | grep -E '(thiserror|rand_core|rand_pcg) feature "std"'; then
+        echo "a dependency of protocol has its std feature on" >&2
+        exit 1
+    fi
+    local unsafe_users
+    unsafe_users=$(grep -rlE '\bunsafe\b' --include='*.rs' . | grep -vE '^\./(target|protocol/linux)/' || true)
+    [ -z "$unsafe_users" ] || { echo "unsafe outside protocol-linux: $unsafe_users" >&2; exit 1; }
+    echo "protocol is pure; unsafe stands in protocol-linux alone"
+}
+
+verb_test() { #: the README's test command
+    cargo test --workspace --locked
+}
+
+# gate_profinet CAPTURE: prints what is wrong in a capture; fails where something is, or where nothing is in it.
+gate_profinet() {
+    local frames faults
+    frames=$(tshark -n -r "$1" -Y "$PROFINET_TRAFFIC" 2>/dev/null | wc -l)
+    faults=$(tshark -n -r "$1" -2 -Y "$PROFINET_FAULTS" 2>/dev/null | tee /dev/stderr | wc -l)
+    echo "$1: $frames PROFINET frames, $faults faults"
+    [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
+}
+
+verb_wire() { #: a short real run over udp and over rt1, each capture through tshark's gate
+    cargo build -p bench --locked
+    local out
+    out=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$out'" EXIT
+    for cyclic in udp rt1; do
+        cargo run -p bench --locked -- --setup A --cyclic "$cyclic" --reps 1 --capture always --out "$out/$cyclic"
+        for capture in "$out/$cyclic"/*.pcapng; do
+            gate_profinet "$capture"
+            # The gate must see a fault that is there: the same capture with one byte in a hundred changed.
+            editcap --seed 1 -E 0.01 "$capture" "$out/broken.pcapng" 2>/dev/null
+            if gate_profinet "$out/broken.pcapng" >/dev/null 2>&1; then
+                echo "the gate did not see the faults put into $capture" >&2
+                exit 1
+            fi
+        done
+    done
+}
+
+verb_user() { #: the same run as an ordinary user, without any privilege (as root)
+    cargo build -p bench --locked
+    local home
+    home=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$home'" EXIT
+    install -m 755 "${CARGO_TARGET_DIR:-target}/debug/bench" "$home/bench"
+    chown 65534:65534 "$home"
+    (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
+        ./bench --setup A --reps 1)
+}
+
+verb_ci() { #: everything above but setup
+    for verb in format lint purity test wire user; do
+        echo "== $verb"
+        "verb_$verb"
+    done
+}
+
+verb=${1:-help}
+declare -F "verb_${verb//-/_}" >/dev/null || { verb_help >&2; exit 2; }
+"verb_${verb//-/_}"
