@@ -146,7 +146,7 @@ impl<'a> Packet<'a> {
 }
 
 /// A socket address is written most significant byte first, unlike everything else (volume 2, 2-6.3.3).
-fn read_address(reader: Reader<'_>) -> Result<SocketAddrV4, Truncated> {
+pub(super) fn read_address(reader: Reader<'_>) -> Result<SocketAddrV4, Truncated> {
     let mut reader = reader.in_order::<BigEndian>();
     reader.skip(2)?;
     let port = reader.u16()?;

@@ -13,6 +13,7 @@ pub mod class1;
 pub mod connection;
 pub mod cpf;
 pub mod description;
+pub mod discovery;
 pub mod encapsulation;
 mod objects;
 pub mod scanner;
