@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::ethernet_ip::class1::Frame;
+use crate::ethernet_ip::class1::{Frame, RUN_IDLE_LEN};
 use crate::ethernet_ip::connection::{
     Inhibit, Parameters, Priority, SequenceCheck, Triad, Trigger, Watchdog,
 };
@@ -77,6 +77,17 @@ pub(super) enum Taken {
     WrongSize,
     Late,
     Fresh { missing: u32 },
+}
+
+impl IoConnection {
+    /// Whether a frame with so many bytes behind its sequence count may be one of this connection. A heartbeat comes
+    /// with a run/idle header or without one, whatever was agreed on.
+    const fn takes(&self, len: usize) -> bool {
+        match self.kind {
+            Kind::ExclusiveOwner => len == self.o_t_len,
+            Kind::InputOnly | Kind::ListenOnly => len == 0 || len == RUN_IDLE_LEN as usize,
+        }
+    }
 }
 
 impl Producer {
@@ -179,7 +190,7 @@ impl IoConnections {
             connection.o_t_id == frame.connection && connection.originator == peer
         };
         let Some(connection) = self.open.iter_mut().find(is_its) else { return Taken::Foreign };
-        if frame.payload.len() != connection.o_t_len {
+        if !connection.takes(frame.payload.len()) {
             return Taken::WrongSize;
         }
         let Some(missing) = connection.sequence.accept(frame.sequence) else { return Taken::Late };
