@@ -234,6 +234,18 @@ fn a_forward_open_reply_of_another_connection_or_with_interval_0_opens_nothing()
 }
 
 #[test]
+fn an_adapter_that_names_the_intervals_it_would_serve_is_quoted() {
+    let (mut dialogue, question) = asked_for_identity();
+    let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+    // Extended status 0x0112, two minima, 2000 µs O→T and 4000 µs T→O.
+    let reply = [0xD4, 0, 1, 6, 0x12, 1, 2, 2, 0xD0, 7, 0, 0, 0xA0, 0x0F, 0, 0];
+    let request = said[0].clone();
+    dialogue.reply_cip(&request, &reply);
+    let words = dialogue.scanner.refusal().unwrap().to_string();
+    assert!(words.ends_with("the device would take 2000 µs O→T and 4000 µs T→O"), "{words}");
+}
+
+#[test]
 fn an_adapter_that_asks_for_intervals_of_an_hour_does_not_overflow_the_clock() {
     let (mut dialogue, question) = asked_for_identity();
     let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);

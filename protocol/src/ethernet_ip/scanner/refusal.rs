@@ -3,9 +3,11 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use crate::ethernet_ip::Reader;
 use crate::ethernet_ip::cip::{ElectronicKey, Extended, General, Reply, Revision};
 use crate::ethernet_ip::description::Identity;
 use crate::fieldbus::{Down, DownCause};
+use crate::wire::Truncated;
 
 /// A refused request, with what was asked and what is there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -16,8 +18,10 @@ pub struct Refusal {
     pub general: General,
     /// Extended status of its reply.
     pub extended: Option<Extended>,
-    /// The word behind the extended status.
-    pub extra: Option<u16>,
+    /// The size that the device has instead, in bytes, if it tells.
+    pub size: Option<u16>,
+    /// The packet intervals O→T and T→O that the device would serve, in µs, if it tells.
+    pub intervals_us: Option<(u32, u32)>,
     /// What was asked.
     pub asked: Asked,
     /// Who the device says it is.
@@ -47,7 +51,18 @@ impl Refusal {
         found: Option<Identity>,
     ) -> Self {
         let extended = reply.word(0).map(Extended::from);
-        Self { target, general: reply.general, extended, extra: reply.word(1), asked, found }
+        let (mut size, mut intervals_us) = (None, None);
+        match extended {
+            Some(
+                Extended::InvalidConnectionSize
+                | Extended::InvalidConfigurationSize
+                | Extended::InvalidOtSize
+                | Extended::InvalidToSize,
+            ) => size = reply.word(1),
+            Some(Extended::RpiNotAcceptable) => intervals_us = read_intervals(reply.additional).ok(),
+            _ => {}
+        }
+        Self { target, general: reply.general, extended, size, intervals_us, asked, found }
     }
 
     /// What the status says.
@@ -77,8 +92,15 @@ impl fmt::Display for Refusal {
         }
         f.write_str("); asked for ")?;
         self.write_asked(f)?;
-        if let Some(size) = self.extra {
+        if let Some(size) = self.size {
             write!(f, "; the device has {size} bytes there")?;
+        }
+        match self.intervals_us {
+            Some((o_t, t_o)) => write!(f, "; the device would take {o_t} µs O→T and {t_o} µs T→O")?,
+            None if self.extended == Some(Extended::RpiNotSupported) => {
+                f.write_str("; the device's EDS file has its shortest and longest interval")?;
+            }
+            None => {}
         }
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
@@ -125,6 +147,13 @@ impl Refusal {
             }
         }
     }
+}
+
+/// What stands behind extended status 0x0112: what kind of limit each interval is, u8 and u8, and the intervals.
+fn read_intervals(additional: &[u8]) -> Result<(u32, u32), Truncated> {
+    let mut reader = Reader::new(additional);
+    reader.skip(4)?;
+    Ok((reader.u32()?, reader.u32()?))
 }
 
 fn write_key(f: &mut fmt::Formatter<'_>, key: Option<ElectronicKey>) -> fmt::Result {
