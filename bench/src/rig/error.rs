@@ -33,21 +33,24 @@ impl fmt::Display for Which {
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
     /// The host does not let this user make networks.
-    #[error("{0}; `--mode virtual` needs none of this")]
-    Namespace(#[from] NamespaceError),
+    #[error("{reason}; `--mode virtual` needs none of this")]
+    Namespace {
+        /// What the host refused, and what to enable.
+        reason: NamespaceError,
+    },
     /// The new interfaces cannot be set up.
-    #[error("setting up the cable between the nodes: {0}")]
+    #[error(transparent)]
     Interface(#[from] InterfaceError),
     /// The capture cannot be made.
     #[error(transparent)]
     Capture(#[from] RecorderError),
     /// A node cannot be started.
-    #[error("cannot start the {which}: {source}")]
+    #[error("cannot start the {which}: {reason}")]
     Spawn {
         /// Which node.
         which: Which,
         /// What the system said.
-        source: io::Error,
+        reason: io::Error,
     },
     /// A node ended that should not have.
     #[error("the {which} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_words))]
@@ -103,6 +106,13 @@ pub enum RigError {
     },
 }
 
+// Not `#[from]`: that would make it the source too, and whoever prints the chain would print it twice.
+impl From<NamespaceError> for RigError {
+    fn from(reason: NamespaceError) -> Self {
+        Self::Namespace { reason }
+    }
+}
+
 impl RigError {
     /// The code with which the bench ends for it.
     #[must_use]
@@ -110,7 +120,7 @@ impl RigError {
         // Exit code 5 of a node says that the host lacks what it needs.
         let unusable = |status: &ExitStatus| status.code() == Some(Exit::EnvironmentUnusable as i32);
         match self {
-            Self::Namespace(_) | Self::Interface(_) | Self::Spawn { .. } | Self::NotConnected { .. } => {
+            Self::Namespace { .. } | Self::Interface(_) | Self::Spawn { .. } | Self::NotConnected { .. } => {
                 Exit::EnvironmentUnusable
             }
             Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {

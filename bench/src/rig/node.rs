@@ -62,7 +62,7 @@ impl NodeProcess {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.process_group(0).kill_on_drop(true);
         network.confine(command.as_std_mut())?;
-        let failed = |source| RigError::Spawn { which, source };
+        let failed = |reason| RigError::Spawn { which, reason };
         let mut child = command.spawn().map_err(failed)?;
         let missing = || failed(std::io::Error::other("a pipe is missing"));
         let stdin = child.stdin.take();
