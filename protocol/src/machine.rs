@@ -96,7 +96,7 @@ pub trait Machine {
     }
 
     /// The DSCP, 0 to 63, that packets leaving by this port are to carry. The driver asks before it sends, so that a
-    /// change holds from the next frame on.
+    /// change holds from the next frame on. For TCP connections that it has not numbered yet it asks with number 0.
     fn dscp(&self, _port: Port) -> u8 {
         0
     }

@@ -174,6 +174,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             }
             deadline = self.machine.poll_timeout();
             let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
+            self.streams.follow(self.machine.dscp(Streams::UNNUMBERED));
             self.streams.await_in(waits, 1 + self.wires.len());
             match waits.wait(wake.map(|wake| wake.since(clock::now()))) {
                 Ok(()) | Err(Errno::INTR) => {}

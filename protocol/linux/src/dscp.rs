@@ -6,7 +6,7 @@ use std::os::fd::BorrowedFd;
 use socket2::SockRef;
 
 /// The DSCP that a socket's packets carry, as far as it was set.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Marking(Cell<u8>);
 
 impl Marking {

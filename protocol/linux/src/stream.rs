@@ -11,7 +11,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use protocol::wire::FRAME_CAPACITY;
-use protocol::{Instant, StreamChange, StreamId};
+use protocol::{Instant, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use rustix::net::{RecvFlags, SendFlags, recv, send};
@@ -106,6 +106,8 @@ struct Place {
 pub(crate) struct Streams {
     interface: Interface,
     listener: Option<Socket>,
+    /// What the answers to clients carry before they are accepted, and their connections at first.
+    marking: Marking,
     /// No clients are accepted until then.
     rests_until: Option<Instant>,
     places: Box<[Place]>,
@@ -130,6 +132,7 @@ impl Streams {
         Ok(Self {
             interface: interface.clone(),
             listener,
+            marking: Marking::default(),
             rests_until: None,
             places: std::iter::repeat_with(Place::vacant).take(CONNECTIONS).collect(),
             turn: 0,
@@ -153,6 +156,16 @@ impl Streams {
         waits.set(first, listener.map(|listener| (listener.as_fd(), PollFlags::IN)));
         for (index, place) in self.places.iter().enumerate() {
             waits.set(first + 1 + index, place.awaits());
+        }
+    }
+
+    /// The port of connections that have no number yet: no connection ever has this one.
+    pub(crate) const UNNUMBERED: Port = Port::Stream(StreamId(0));
+
+    /// Makes the answers to clients carry this DSCP from now on.
+    pub(crate) fn follow(&self, dscp: u8) {
+        if let Some(listener) = &self.listener {
+            self.marking.follow(listener.as_fd(), dscp);
         }
     }
 
@@ -248,7 +261,7 @@ impl Streams {
     fn fresh_id(&mut self) -> StreamId {
         loop {
             let id = StreamId(self.next_id);
-            self.next_id = self.next_id.wrapping_add(1);
+            self.next_id = self.next_id.wrapping_add(1).max(1);
             if self.place(id).is_none() {
                 return id;
             }
@@ -288,7 +301,7 @@ impl Streams {
             // A client that is gone already fails here.
             let Some(peer) = peer.filter(|_| prepare(&socket).is_ok()) else { continue };
             let id = self.fresh_id();
-            let marking = Marking::default();
+            let marking = self.marking.clone();
             self.places.get_mut(index)?.occupy(Connection { id, socket, peer, state: State::Open, marking });
             self.statistics.accepted += 1;
             return Some(News::Change(id, StreamChange::Opened(peer)));

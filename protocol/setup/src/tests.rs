@@ -196,3 +196,27 @@ fn a_written_setup_reads_like_one() {
     kind = "profinet"
     "#);
 }
+
+#[test]
+fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of_them() {
+    let with = |cycle_us: u32, watchdog: u32, section: &str| {
+        let text = changed("\"profinet\"", "\"ethernet-ip\"")
+            .replacen("cycle_us = { value = 1000, from = \"paper\", note = \"section 6.2\" }\nwatchdog_cycles = { value = 100,",
+                &format!("cycle_us = {{ value = {cycle_us}, from = \"paper\" }}\nwatchdog_cycles = {{ value = {watchdog},"), 1)
+            .replacen("[robot]", &format!("{section}\n[robot]"), 1);
+        refusal(&text)
+    };
+    let multiplier = |value: u32| {
+        format!("[bus.ethernet_ip]\ntimeout_multiplier = {{ value = {value}, from = \"assumed\" }}\n")
+    };
+    let said = [with(400, 100, ""), with(1000, 513, ""), with(1000, 100, &multiplier(100))];
+    for (said, key) in
+        said.iter().zip(["bus.cycle_us", "bus.watchdog_cycles", "bus.ethernet_ip.timeout_multiplier"])
+    {
+        assert!(said.contains(key), "{said}");
+    }
+    let mut setup = setup("A").unwrap();
+    setup.bus.kind = crate::BusKind::EthernetIp;
+    crate::check(&setup).unwrap();
+    assert_eq!(setup.bus.timeout_intervals(), 100);
+}

@@ -233,5 +233,5 @@ fn a_taken_udp_port_is_named() {
             Wire::udp(&interface, Udp { port: 4000 }).unwrap_err().to_string()
         })
         .unwrap();
-    assert!(message.contains("UDP port 4000 is taken"), "{message}");
+    assert!(message.contains("UDP port 4000") && message.contains(" at 0.0.0.0:4000;"), "{message}");
 }
