@@ -1,9 +1,8 @@
 //! Finds the three numbers of a setup that only the paper's Table 2 can fix, in virtual time.
 //!
-//! Each figure depends on one number more than on the others, so they are found in turn and the round is repeated
-//! until nothing moves: the programmed speed from RC's AET, the cost of a skill call from SM's AET, the controller's
-//! time quantum from the MADs of RC and SM. What two figures of one number say at once is settled by least squares
-//! of the relative errors.
+//! Each figure depends on one number more than on the others, so they are found in turn: the controller's time quantum
+//! from the MADs of RC and SM, the programmed speed from RC's AET, the cost of a skill call from SM's AET. The quantum
+//! has two figures to meet; it gets the least sum of squared relative errors.
 
 use std::fmt::Write as _;
 
@@ -15,8 +14,8 @@ use crate::plan::Plan;
 use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
 use crate::virtual_run;
 
-/// Rounds over the three numbers; each is a correction of the one before.
-const ROUNDS: usize = 3;
+/// The MAD of 25 repetitions is known to a sixth of itself only; the quantum is found from this many times as many.
+const MAD_REPETITIONS: u32 = 8;
 
 /// What a calibration found.
 #[derive(Clone, Debug)]
@@ -49,34 +48,35 @@ pub fn calibrate(
     let aet = |setup: &Setup, of| -> anyhow::Result<f64> {
         Ok(run(setup, &[of])?.figure(of).context("no sample")?.aet_ms)
     };
-    for round in 1..=ROUNDS {
-        // Speed: slower takes longer.
-        let mut trial = setup.clone();
-        setup.motions.velocity_percent.value = round_to(
-            bisect(0.5, 100.0, 20, |percent| {
-                trial.motions.velocity_percent.value = percent;
-                Ok(aet(&trial, ExecutionType::Rc)? > paper.rc.aet_ms)
-            })
-            .context("RC")?,
-            0.001,
-        );
-        progress(&format!("round {round}: {VELOCITY} = {}", setup.motions.velocity_percent.value));
-        // Overhead: more takes longer; the answer is linear in it, so one step of Newton's method is exact but for
-        // the cycles that it is rounded up to.
-        let calls = f64::from(u32::try_from(application.motion.len()).unwrap_or(u32::MAX));
-        for _ in 0..3 {
-            let missing_us = (paper.sm.aet_ms - aet(&setup, ExecutionType::Sm)?) * 1_000.0 / calls;
-            let overhead = f64::from(setup.robot.skill_overhead_us.value) + missing_us;
-            if overhead < 0.0 {
-                bail!("SM takes longer than the paper's even without any overhead of a skill call");
-            }
-            setup.robot.skill_overhead_us.value = overhead.round() as u32;
+    let mads = |setup: &Setup| {
+        let plan =
+            Plan::new(&[ExecutionType::Rc, ExecutionType::Sm], reps.saturating_mul(MAD_REPETITIONS), seed);
+        virtual_run::whole(setup, application, &plan)
+    };
+    setup.robot.interpreter_quantum_us.value = quantum(&setup, &paper, &mads, &mut progress)?;
+
+    // Slower takes longer.
+    let mut trial = setup.clone();
+    let velocity_percent = bisect(0.5, 100.0, 18, |percent| {
+        trial.motions.velocity_percent.value = percent;
+        Ok(aet(&trial, ExecutionType::Rc)? > paper.rc.aet_ms)
+    });
+    let velocity_percent = velocity_percent.context("cannot calibrate the speed on RC's AET")?;
+    setup.motions.velocity_percent.value = (velocity_percent * 1_000.0).round() / 1_000.0;
+    progress(&format!("{VELOCITY} = {}", setup.motions.velocity_percent.value));
+
+    // More takes longer, by as much as there are calls, but for the cycles that each is rounded up to. RC pays it
+    // once; what that makes of its AET is taken back by the speed.
+    let calls = f64::from(u32::try_from(application.motion.len()).unwrap_or(u32::MAX));
+    for _ in 0..4 {
+        let missing_us = (paper.sm.aet_ms - aet(&setup, ExecutionType::Sm)?) * 1_000.0 / calls;
+        let overhead = f64::from(setup.robot.skill_overhead_us.value) + missing_us;
+        if overhead < 0.0 {
+            bail!("SM takes longer than the paper's even without any overhead of a skill call");
         }
-        progress(&format!("round {round}: {SKILL_OVERHEAD} = {}", setup.robot.skill_overhead_us.value));
-        let quantum = quantum(&setup, &paper, &run)?;
-        setup.robot.interpreter_quantum_us.value = quantum;
-        progress(&format!("round {round}: {QUANTUM} = {quantum}"));
+        setup.robot.skill_overhead_us.value = overhead.round() as u32;
     }
+    progress(&format!("{SKILL_OVERHEAD} = {}", setup.robot.skill_overhead_us.value));
     let results = run(&setup, &ExecutionType::ALL)?;
     Ok(Calibration { setup, results })
 }
@@ -85,22 +85,22 @@ pub fn calibrate(
 fn quantum(
     setup: &Setup,
     paper: &setup::Paper,
-    run: &impl Fn(&Setup, &[ExecutionType]) -> anyhow::Result<Results>,
+    run: &impl Fn(&Setup) -> anyhow::Result<Results>,
+    progress: &mut impl FnMut(&str),
 ) -> anyhow::Result<u32> {
     let mut trial = setup.clone();
     let mut error_of = |quantum_us: u32| -> anyhow::Result<f64> {
         trial.robot.interpreter_quantum_us.value = quantum_us;
-        let results = run(&trial, &[ExecutionType::Rc, ExecutionType::Sm])?;
-        let error = |of, paper: setup::Figure| {
-            let found = results.figure(of).map_or(0.0, |figure| figure.mad_ms);
-            ((found - paper.mad_ms) / paper.mad_ms).powi(2)
-        };
-        Ok(error(ExecutionType::Rc, paper.rc) + error(ExecutionType::Sm, paper.sm))
+        let results = run(&trial)?;
+        let mad = |of| results.figure(of).map_or(0.0, |figure| figure.mad_ms);
+        let (rc, sm) = (mad(ExecutionType::Rc), mad(ExecutionType::Sm));
+        progress(&format!("{QUANTUM} = {quantum_us}: MAD of RC {rc:.1} ms, of SM {sm:.1} ms"));
+        Ok((rc / paper.rc.mad_ms - 1.0).powi(2) + (sm / paper.sm.mad_ms - 1.0).powi(2))
     };
     let mut best = (f64::INFINITY, 0_u32);
-    for (step, reach) in [(4_000, 60_000), (500, 3_500)] {
+    for (step, reach) in [(8_000, 40_000), (2_000, 6_000), (500, 1_500)] {
         let (middle, first) = (best.1, best.1.saturating_sub(reach));
-        for quantum_us in (first..=middle + reach).step_by(step) {
+        for quantum_us in (first..=middle + reach).step_by(step).filter(|quantum_us| *quantum_us != middle) {
             let error = error_of(quantum_us)?;
             if error < best.0 {
                 best = (error, quantum_us);
@@ -125,11 +125,6 @@ fn bisect(
         if is_low(middle)? { low = middle } else { high = middle }
     }
     Ok(f64::midpoint(low, high))
-}
-
-fn round_to(value: f64, step: f64) -> f64 {
-    let per_one = (1.0 / step).round();
-    (value * per_one).round() / per_one
 }
 
 impl Calibration {

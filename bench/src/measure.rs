@@ -79,7 +79,7 @@ impl Measurement<'_> {
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
         let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
-        let mut ended = match self.options.mode {
+        let ended = match self.options.mode {
             Mode::Virtual => {
                 let bus = VirtualBus::OfSetup;
                 let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
@@ -94,7 +94,7 @@ impl Measurement<'_> {
                 return Err(Failure::new(Exit::EnvironmentUnusable, error));
             }
         };
-        session.finish(&mut ended.results)?;
+        session.finish(&ended.results)?;
         Ok((ended, path))
     }
 

@@ -1,6 +1,6 @@
 //! The table at the end: measured figures beside the paper's, with what is calibrated marked as such.
 
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Cell, CellAlignment, Table, TableComponent, presets};
 use plc_node::ExecutionType;
 
 use crate::progress::label;
@@ -25,7 +25,11 @@ pub fn render(results: &Results) -> String {
 fn figures(results: &Results) -> String {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
-    let mut header = vec!["", "AET", "MAD", "n"];
+    for inner in [TableComponent::HorizontalLines, TableComponent::MiddleIntersections] {
+        table.remove_style(inner);
+    }
+    table.set_style(TableComponent::HeaderLines, '─');
+    let mut header = vec!["ms", "AET", "MAD", "n"];
     let has_without = results.without_skill_overhead.is_some();
     if has_without {
         header.extend(["AET, h = 0", "MAD, h = 0"]);
@@ -60,7 +64,7 @@ fn figures(results: &Results) -> String {
         }
         if let Some(paper) = &results.paper {
             let paper = paper.get(of);
-            row.push(paper.map_or_else(none, |paper| format!("{:.0} ms", paper.aet_ms)));
+            row.push(paper.map_or_else(none, |paper| format!("{:.0}", paper.aet_ms)));
             row.push(paper.map_or_else(none, |paper| millis(paper.mad_ms)));
             row.push(found.zip(paper.copied()).map_or_else(none, deviation));
         }
@@ -139,7 +143,7 @@ fn legend(results: &Results) -> String {
 }
 
 fn millis(value: f64) -> String {
-    format!("{value:.1} ms")
+    format!("{value:.1}")
 }
 
 fn none() -> String {
@@ -148,7 +152,7 @@ fn none() -> String {
 
 fn deviation((found, paper): (PaperFigure, PaperFigure)) -> String {
     let difference = found.aet_ms - paper.aet_ms;
-    format!("{difference:+.1} ms ({:+.2} %)", difference / paper.aet_ms * 100.0)
+    format!("{difference:+.1} ({:+.2} %)", difference / paper.aet_ms * 100.0)
 }
 
 #[cfg(test)]
@@ -189,17 +193,14 @@ mod tests {
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
         pick-and-place, 2 repetitions, virtual mode, seed 7
 
-        ───────────────────────────────────────────────────────────────────────────────────────────────────────
-                       AET       MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD         AET − paper
-        ═══════════════════════════════════════════════════════════════════════════════════════════════════════
-         RC     3725.5 ms*   3.0 ms*   2    3725.5 ms       3.0 ms     3725 ms      3.6 ms   +0.5 ms (+0.01 %)
-        ───────────────────────────────────────────────────────────────────────────────────────────────────────
-         SM     6480.0 ms*   3.0 ms*   2    5953.3 ms     702.2 ms     6477 ms     11.3 ms   +3.0 ms (+0.05 %)
-        ───────────────────────────────────────────────────────────────────────────────────────────────────────
-         CM     3730.0 ms    3.0 ms    2    3730.0 ms       3.0 ms     3729 ms      3.3 ms   +1.0 ms (+0.03 %)
-        ───────────────────────────────────────────────────────────────────────────────────────────────────────
-         AETi      42.4 %*                     37.3 %                     42 %
-        ───────────────────────────────────────────────────────────────────────────────────────────────────────
+        ──────────────────────────────────────────────────────────────────────────────────────────────
+         ms         AET    MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD      AET − paper
+        ──────═─────────═──────═───═────────────═────────────═───────────═───────────═────────────────
+         RC     3725.5*   3.0*   2       3725.5          3.0        3725         3.6   +0.5 (+0.01 %)
+         SM     6480.0*   3.0*   2       5953.3        702.2        6477        11.3   +3.0 (+0.05 %)
+         CM     3730.0    3.0    2       3730.0          3.0        3729         3.3   +1.0 (+0.03 %)
+         AETi   42.4 %*                  37.3 %                     42 %
+        ──────────────────────────────────────────────────────────────────────────────────────────────
 
         * calibrated on the paper's figure beside it, so no prediction:
             motions.velocity_percent = 1 from RC's AET
@@ -218,10 +219,9 @@ mod tests {
         pick-and-place, 2 repetitions, real mode, seed 7
 
         ────────────────────────────────────────────────────────────
-                AET   MAD   n   paper AET   paper MAD   AET − paper
-        ════════════════════════════════════════════════════════════
-         RC       –     –   0     3725 ms      3.6 ms             –
-        ────────────────────────────────────────────────────────────
+         ms     AET   MAD   n   paper AET   paper MAD   AET − paper
+        ──────═─────═─────═───═───────────═───────────═─────────────
+         RC       –     –   0        3725         3.6             –
          AETi     –                  42 %
         ────────────────────────────────────────────────────────────
 

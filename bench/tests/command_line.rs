@@ -1,0 +1,259 @@
+//! The command line: what it says about bad input, its exit codes, and what a run leaves behind.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+
+/// What a call printed and how it ended, with the directory that it ran in taken out.
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn bench(directory: &Path, arguments: &[&str]) -> Said {
+    let output =
+        Command::cargo_bin("bench").unwrap().current_dir(directory).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+fn refused(arguments: &[&str]) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), arguments);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
+    said.stderr
+}
+
+#[test]
+fn an_unknown_setup_is_answered_by_those_there_are() {
+    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A; or give the path of a .toml file");
+}
+
+#[test]
+fn an_unknown_execution_type_is_answered_by_those_there_are() {
+    insta::assert_snapshot!(refused(&["--types", "rc,xm"]), @"
+    error: invalid value 'xm' for '--types <TYPES>': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
+
+    For more information, try '--help'.
+    ");
+}
+
+#[test]
+fn no_repetition_is_too_few() {
+    insta::assert_snapshot!(refused(&["--reps", "0"]), @"
+    error: invalid value '0' for '--reps <N>': 0 is not in 1..=100000
+
+    For more information, try '--help'.
+    ");
+}
+
+#[test]
+fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
+    let directory = tempfile::tempdir().unwrap();
+    let broken = setup::SETUPS[0].1.replace("scan_cost_us", "scan_costs");
+    std::fs::write(directory.path().join("my.toml"), broken).unwrap();
+    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @r#"
+    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected `scan_cycle_us` or `scan_cost_us`
+       16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
+    "#);
+}
+
+#[test]
+fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(
+        directory.path(),
+        &["--mode", "virtual", "--reps", "2", "--out", "run", "--export-json", "out.json"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.contains("AETi") && said.stdout.contains("Saved in run."), "{}", said.stdout);
+    let mut names: Vec<_> = std::fs::read_dir(directory.path().join("run"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["application.toml", "host.json", "results.json", "samples.csv", "setup.toml"]);
+    let read = |path: &str| std::fs::read_to_string(directory.path().join(path)).unwrap();
+    assert_eq!(read("run/results.json"), read("out.json"));
+    assert_eq!(read("run/samples.csv").lines().count(), 1 + 6);
+    let host: serde_json::Value = serde_json::from_str(&read("run/host.json")).unwrap();
+    assert!(host["kernel"].is_string() && host["cores"].as_u64() > Some(0), "{host}");
+}
+
+#[test]
+fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_host() {
+    let directory = tempfile::tempdir().unwrap();
+    let export = |name: &str| {
+        let said =
+            bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--export-json", name, "--quiet"]);
+        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+        std::fs::read_to_string(directory.path().join(name)).unwrap()
+    };
+    let json = export("a.json");
+    assert_eq!(json, export("b.json"));
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let mut paths = Vec::new();
+    leaves(&value, String::new(), &mut paths);
+    insta::assert_snapshot!(paths.join("\n"), @"
+    .aet_improvement
+    .application
+    .bus.frames_received
+    .bus.frames_sent
+    .bus.lost
+    .calibrated[].key
+    .calibrated[].note
+    .calibrated[].value
+    .cycle.plc.max_us
+    .cycle.plc.missed
+    .cycle.plc.p50_us
+    .cycle.plc.p99_us
+    .cycle.robot.max_us
+    .cycle.robot.missed
+    .cycle.robot.p50_us
+    .cycle.robot.p99_us
+    .mode
+    .paper.cm.aet_ms
+    .paper.cm.mad_ms
+    .paper.rc.aet_ms
+    .paper.rc.mad_ms
+    .paper.sm.aet_ms
+    .paper.sm.mad_ms
+    .reps
+    .results.cm.aet_ms
+    .results.cm.blends_suppressed[]
+    .results.cm.failed[]
+    .results.cm.mad_ms
+    .results.cm.robot_samples_ms[]
+    .results.cm.samples_ms[]
+    .results.rc.aet_ms
+    .results.rc.blends_suppressed[]
+    .results.rc.failed[]
+    .results.rc.mad_ms
+    .results.rc.robot_samples_ms[]
+    .results.rc.samples_ms[]
+    .results.sm.aet_ms
+    .results.sm.blends_suppressed[]
+    .results.sm.failed[]
+    .results.sm.mad_ms
+    .results.sm.robot_samples_ms[]
+    .results.sm.samples_ms[]
+    .schema_version
+    .seed
+    .setup
+    .status
+    .title
+    .without_skill_overhead.aet_improvement
+    .without_skill_overhead.results.cm.aet_ms
+    .without_skill_overhead.results.cm.mad_ms
+    .without_skill_overhead.results.rc.aet_ms
+    .without_skill_overhead.results.rc.mad_ms
+    .without_skill_overhead.results.sm.aet_ms
+    .without_skill_overhead.results.sm.mad_ms
+    ");
+}
+
+/// Paths of everything that is no object; those in an array count once.
+fn leaves(value: &serde_json::Value, path: String, paths: &mut Vec<String>) {
+    match value {
+        serde_json::Value::Object(object) => {
+            object.iter().for_each(|(key, value)| leaves(value, format!("{path}.{key}"), paths));
+        }
+        serde_json::Value::Array(items) => match items.first() {
+            Some(first) => leaves(first, format!("{path}[]"), paths),
+            None => paths.push(format!("{path}[]")),
+        },
+        _ => paths.push(path),
+    }
+}
+
+#[test]
+fn the_help_shows_examples_and_exit_codes() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--help"]);
+    assert_eq!(said.code, Some(0));
+    insta::assert_snapshot!(said.stdout, @"
+    Measures skill-based robot control over a real fieldbus: the same sequence as a robot program (RC), as single skills from the PLC (SM) and as one MoveContinuousSkill from the PLC (CM)
+
+    Usage: bench [OPTIONS]
+           bench <COMMAND>
+
+    Commands:
+      calibrate  Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum
+      help       Print this message or the help of the given subcommand(s)
+
+    Options:
+          --setup <NAME|PATH>
+              A built-in setup's name, or the path of a .toml file
+              
+              [default: A]
+
+          --mode <MODE>
+              Two processes on a real network, or both nodes in virtual time
+
+              Possible values:
+              - real:    Two processes, real sockets, the machine's clock
+              - virtual: Both nodes in this process, in virtual time; needs no permission
+              
+              [default: real]
+
+          --reps <N>
+              Repetitions of each execution type
+              
+              [default: 25]
+
+          --types <TYPES>
+              Execution types to run, interleaved in this order
+              
+              [default: rc,sm,cm]
+
+          --seed <N>
+              Seed of the pauses between runs, and in virtual mode of the clocks and phases
+              
+              [default: 1]
+
+          --out <DIR>
+              Run directory; it must not hold a run yet [default: runs/TIME-SETUP-MODE]
+
+          --export-json <FILE>
+              Write the results to this file as well, as JSON
+
+          --cyclic <CYCLIC>
+              How PROFINET's cyclic frames travel, instead of what the setup says
+
+              Possible values:
+              - udp: RT_CLASS_UDP: UDP port 34962
+              - rt1: RT_CLASS_1: EtherType 0x8892
+
+      -q, --quiet
+              Print the table only: no progress, no warnings
+
+      -h, --help
+              Print help (see a summary with '-h')
+
+      -V, --version
+              Print version
+
+    Examples:
+      bench --setup A                            two processes, real PROFINET, 75 runs in about six minutes
+      bench --setup A --mode virtual             the same in virtual time, in about a second
+      bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
+      bench --setup A --types rc,cm --export-json results.json
+      bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
+
+    Exit codes:
+      0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable   130 interrupted
+    ");
+}
+
+#[test]
+fn a_directory_that_cannot_be_made_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("file"), "").unwrap();
+    let said = bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", "file/run"]);
+    assert_eq!(said.code, Some(1));
+    insta::assert_snapshot!(said.stderr, @"error: cannot make the run directory file/run; choose another by --out: Not a directory (os error 20)");
+}

@@ -1,0 +1,54 @@
+//! The run command in virtual mode: the same bytes for the same seed, and figures that make physical sense.
+
+use bench::plan::Plan;
+use bench::results::{PerType, Results};
+use bench::virtual_run::whole;
+use plc_node::ExecutionType;
+use setup::{Application, Setup};
+
+fn setup_a() -> (Setup, Application) {
+    setup::setup_with_application("A").unwrap()
+}
+
+fn run(seed: u64, reps: u32) -> Results {
+    let (setup, application) = setup_a();
+    whole(&setup, &application, &Plan::new(&ExecutionType::ALL, reps, seed)).unwrap()
+}
+
+#[test]
+fn two_runs_of_one_seed_give_the_same_bytes_and_of_another_seed_others() {
+    let [first, again, other] = [1, 1, 2].map(|seed| run(seed, 3).to_json().unwrap());
+    assert_eq!(first, again);
+    let other: Results = serde_json::from_str(&other).unwrap();
+    let first: Results = serde_json::from_str(&first).unwrap();
+    assert_ne!(first.results, other.results);
+}
+
+#[test]
+fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
+    let results = run(1, 25);
+    let aet = |of| results.figure(of).unwrap().aet_ms;
+    let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
+    assert!((rc / 3725.0 - 1.0).abs() < 0.01, "RC {rc} ms");
+    assert!((sm / 6477.0 - 1.0).abs() < 0.03, "SM {sm} ms");
+    assert!((cm - rc).abs() <= 12.0, "CM − RC = {} ms", cm - rc);
+    assert_eq!(results.bus.lost, 0);
+    let PerType { rc: Some(rc), .. } = &results.results else { panic!("RC is there") };
+    assert!(rc.samples_ms.iter().zip(&rc.robot_samples_ms).all(|(plc, robot)| plc >= robot));
+}
+
+#[test]
+fn without_its_calibrated_overhead_a_single_skill_still_costs_more_than_a_blend() {
+    let (mut setup, application) = setup_a();
+    setup.robot.skill_overhead_us.value = 0;
+    let results = whole(&setup, &application, &Plan::new(&ExecutionType::ALL, 3, 1)).unwrap();
+    let improvement = results.aet_improvement.unwrap();
+    assert!((0.05..0.40).contains(&improvement), "AETi {improvement}");
+}
+
+#[test]
+fn an_application_of_more_motions_than_slots_streams_without_a_suppressed_blend() {
+    let results = run(3, 2);
+    let suppressed = ExecutionType::ALL.map(|of| results.results.get(of).unwrap().blends_suppressed.clone());
+    assert_eq!(suppressed, [vec![0, 0], vec![0, 0], vec![0, 0]]);
+}
