@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
+use crate::gate::GateOptions;
+
 /// The seed of runs that name none.
 const SEED: u64 = 1;
 
@@ -45,6 +47,8 @@ Exit codes:
 pub enum Command {
     /// Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum.
     Calibrate(CalibrateOptions),
+    /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
+    Gate(GateOptions),
 }
 
 /// Options of a measured run.

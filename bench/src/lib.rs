@@ -10,12 +10,14 @@
 //! │  └─ run_directory, results, host    what stays
 //! └─ table       what is printed; statistics has the formulas
 //! calibrate      finds the numbers that only a published figure can fix
+//! gate           a virtual run against its committed baseline
 //! exit           the exit codes
 //! ```
 
 pub mod calibrate;
 pub mod cli;
 pub mod exit;
+pub mod gate;
 pub mod host;
 pub mod measure;
 pub mod plan;

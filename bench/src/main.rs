@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, measure};
+use bench::{calibrate, gate, measure};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -12,6 +12,7 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         None => measure::run(&cli.run),
         Some(Command::Calibrate(options)) => calibrate(options),
+        Some(Command::Gate(options)) => gate::run(options),
     };
     match outcome {
         Ok(exit) => exit.into(),
