@@ -17,6 +17,16 @@ use crate::virtual_run;
 /// The MAD of 25 repetitions is known to a sixth of itself only; the quantum is found from this many times as many.
 const MAD_REPETITIONS: u32 = 8;
 
+/// Rounds over speed and overhead.
+const ROUNDS: usize = 3;
+
+/// How far the search for a speed goes in one step, as a factor, and how often it then halves the interval.
+const STRIDE: f64 = 1.15;
+const HALVINGS: usize = 10;
+
+/// Slower programs are not looked at.
+const LEAST_PERCENT: f64 = 0.5;
+
 /// What a calibration found.
 #[derive(Clone, Debug)]
 pub struct Calibration {
@@ -55,28 +65,26 @@ pub fn calibrate(
     };
     setup.robot.interpreter_quantum_us.value = quantum(&setup, &paper, &mads, &mut progress)?;
 
-    // Slower takes longer.
-    let mut trial = setup.clone();
-    let velocity_percent = bisect(0.5, 100.0, 18, |percent| {
-        trial.motions.velocity_percent.value = percent;
-        Ok(aet(&trial, ExecutionType::Rc)? > paper.rc.aet_ms)
-    });
-    let velocity_percent = velocity_percent.context("cannot calibrate the speed on RC's AET")?;
-    setup.motions.velocity_percent.value = (velocity_percent * 1_000.0).round() / 1_000.0;
-    progress(&format!("{VELOCITY} = {}", setup.motions.velocity_percent.value));
-
-    // More takes longer, by as much as there are calls, but for the cycles that each is rounded up to. RC pays it
-    // once; what that makes of its AET is taken back by the speed.
+    // RC pays the overhead once, and SM's motions have RC's speed: each round takes back what the other did.
     let calls = f64::from(u32::try_from(application.motion.len()).unwrap_or(u32::MAX));
-    for _ in 0..4 {
+    for _ in 0..ROUNDS {
+        let mut trial = setup.clone();
+        let velocity_percent = falling_to(paper.rc.aet_ms, setup.motions.velocity_percent.value, |percent| {
+            trial.motions.velocity_percent.value = percent;
+            aet(&trial, ExecutionType::Rc)
+        });
+        let velocity_percent = velocity_percent.context("cannot calibrate the speed on RC's AET")?;
+        setup.motions.velocity_percent.value = (velocity_percent * 1_000.0).round() / 1_000.0;
+        progress(&format!("{VELOCITY} = {}", setup.motions.velocity_percent.value));
+
         let missing_us = (paper.sm.aet_ms - aet(&setup, ExecutionType::Sm)?) * 1_000.0 / calls;
         let overhead = f64::from(setup.robot.skill_overhead_us.value) + missing_us;
         if overhead < 0.0 {
             bail!("SM takes longer than the paper's even without any overhead of a skill call");
         }
         setup.robot.skill_overhead_us.value = overhead.round() as u32;
+        progress(&format!("{SKILL_OVERHEAD} = {}", setup.robot.skill_overhead_us.value));
     }
-    progress(&format!("{SKILL_OVERHEAD} = {}", setup.robot.skill_overhead_us.value));
     let results = run(&setup, &ExecutionType::ALL)?;
     Ok(Calibration { setup, results })
 }
@@ -110,19 +118,29 @@ fn quantum(
     Ok(best.1)
 }
 
-/// The place between `low` and `high` where `is_low` turns false.
-fn bisect(
-    mut low: f64,
-    mut high: f64,
-    steps: usize,
-    mut is_low: impl FnMut(f64) -> anyhow::Result<bool>,
+/// The percentage near `start` at which what falls with it falls to `wanted`. Only near it: a faster program need not
+/// be faster once the joints cannot follow.
+fn falling_to(
+    wanted: f64,
+    start: f64,
+    mut value_at: impl FnMut(f64) -> anyhow::Result<f64>,
 ) -> anyhow::Result<f64> {
-    if !is_low(low)? || is_low(high)? {
-        bail!("the paper's AET is not reached anywhere between {low} and {high}");
+    let (mut low, mut high) = (start, start);
+    while value_at(low)? <= wanted {
+        (high, low) = (low, low / STRIDE);
+        if low < LEAST_PERCENT {
+            bail!("{wanted} ms is not reached down to {LEAST_PERCENT} %");
+        }
     }
-    for _ in 0..steps {
+    while low == high || value_at(high)? > wanted {
+        high *= STRIDE;
+        if high > 100.0 {
+            bail!("{wanted} ms is not reached up to 100 %");
+        }
+    }
+    for _ in 0..HALVINGS {
         let middle = f64::midpoint(low, high);
-        if is_low(middle)? { low = middle } else { high = middle }
+        if value_at(middle)? > wanted { low = middle } else { high = middle }
     }
     Ok(f64::midpoint(low, high))
 }
@@ -153,5 +171,21 @@ impl Calibration {
             }
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_falling_curve_is_followed_up_and_down_to_the_wanted_value() {
+        let curve = |percent: f64| Ok(1_000.0 / percent);
+        for start in [1.0, 20.0, 90.0] {
+            let found = falling_to(50.0, start, curve).unwrap();
+            assert!((found - 20.0).abs() < 0.02, "{found}");
+        }
+        assert!(falling_to(5.0, 20.0, curve).is_err());
+        assert!(falling_to(5_000.0, 20.0, curve).is_err());
     }
 }

@@ -78,6 +78,9 @@ pub struct RunOptions {
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,
+    /// Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only.
+    #[arg(long, value_enum, default_value_t = Capture::Never)]
+    pub capture: Capture,
     /// Print the table only: no progress, no warnings.
     #[arg(long, short)]
     pub quiet: bool,
@@ -115,6 +118,17 @@ impl Mode {
             Self::Virtual => "virtual",
         }
     }
+}
+
+/// When a capture is kept.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Capture {
+    /// Of every run.
+    Always,
+    /// Of runs in which a repetition failed.
+    OnFailure,
+    /// Nothing is recorded.
+    Never,
 }
 
 /// How PROFINET's cyclic frames travel.

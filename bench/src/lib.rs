@@ -23,6 +23,7 @@ pub mod measure;
 pub mod plan;
 pub mod progress;
 pub mod results;
+pub mod rig;
 pub mod run_directory;
 pub mod session;
 pub mod stand;

@@ -2,15 +2,18 @@
 
 use std::process::ExitCode;
 
-use bench::cli::{CalibrateOptions, Cli, Command};
+use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, gate, measure};
+use bench::{calibrate, gate, measure, rig};
 use clap::Parser;
 
 fn main() -> ExitCode {
+    if let Some(exit) = rig::run_as_node() {
+        return exit;
+    }
     let cli = Cli::parse();
     let outcome = match &cli.command {
-        None => measure::run(&cli.run),
+        None => measure(&cli.run),
         Some(Command::Calibrate(options)) => calibrate(options),
         Some(Command::Gate(options)) => gate::run(options),
     };
@@ -21,6 +24,14 @@ fn main() -> ExitCode {
             exit.into()
         }
     }
+}
+
+fn measure(options: &RunOptions) -> Result<Exit, Failure> {
+    if options.mode == Mode::Real {
+        // The kernel allows it only while this process has one thread.
+        rig::enter_user_namespace().map_err(|error| Failure::new(error.exit(), error))?;
+    }
+    measure::run(options)
 }
 
 fn calibrate(options: &CalibrateOptions) -> Result<Exit, Failure> {

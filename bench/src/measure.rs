@@ -9,16 +9,20 @@ use anyhow::{Context, anyhow};
 use setup::{Application, Setup};
 use tokio::signal::unix::{SignalKind, signal};
 
-use crate::cli::{Mode, RunOptions};
+use crate::cli::{Capture, Mode, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::host::{Host, date};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::results::{self, Results};
+use crate::rig::{Rig, RigConfig, RigError};
 use crate::run_directory::{Durability, RunDirectory};
 use crate::session::{Ended, Session};
 use crate::table;
 use crate::virtual_run::{self, VirtualBus, VirtualRun};
+
+/// What passes the PLC's interface, in the run directory.
+const CAPTURE: &str = "plc.pcapng";
 
 /// Runs a setup and prints the table.
 ///
@@ -35,6 +39,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         };
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
+    }
+    if options.mode == Mode::Virtual && options.capture != Capture::Never {
+        let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
+        return Err(Failure::new(Exit::Usage, error));
     }
     let measurement = Measurement {
         plan: Plan::new(&options.types, options.reps, options.seed),
@@ -78,9 +86,9 @@ impl Measurement<'_> {
         session.directory.write_host(&host.to_json().context("cannot write the host as JSON")?)?;
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
-        let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
         let ended = match self.options.mode {
             Mode::Virtual => {
+                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
                 let bus = VirtualBus::OfSetup;
                 let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
@@ -90,12 +98,47 @@ impl Measurement<'_> {
                 }
             }
             Mode::Real => {
-                let error = anyhow!("real mode is not built in yet; use --mode virtual");
-                return Err(Failure::new(Exit::EnvironmentUnusable, error));
+                let ended = self.run_real(&mut session, results, interrupt).await?;
+                // Afterwards, so that it takes no core from the nodes.
+                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                let without_skill_overhead = without_overhead.finish()?;
+                Ended { results: Results { without_skill_overhead, ..ended.results }, ..ended }
             }
         };
         session.finish(&ended.results)?;
         Ok((ended, path))
+    }
+
+    /// Runs the plan on two processes, which read the setup as it stands in the run directory.
+    async fn run_real(
+        &self,
+        session: &mut Session,
+        results: Results,
+        interrupt: impl Future<Output = ()>,
+    ) -> Result<Ended, Failure> {
+        let capture = session.directory.path().join(CAPTURE);
+        let config = RigConfig {
+            seed: self.options.seed,
+            capture: (self.options.capture != Capture::Never).then(|| capture.clone()),
+            ..RigConfig::new(session.directory.path().join("setup.toml"))
+        };
+        let unusable = |error: RigError| Failure::new(error.exit(), error);
+        let mut interrupt = std::pin::pin!(interrupt);
+        let mut rig = tokio::select! {
+            () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
+            rig = Rig::start(&config) => rig.map_err(unusable)?,
+        };
+        rig.warnings().iter().for_each(|warning| session.progress.warn(warning));
+        let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        let stopped = rig.stop().await;
+        if ended.failure.is_none() {
+            stopped.map_err(unusable)?;
+        }
+        if self.options.capture == Capture::OnFailure && ended.exit != Exit::RunFailed {
+            let removed = std::fs::remove_file(&capture);
+            removed.with_context(|| format!("cannot remove the capture {}", capture.display()))?;
+        }
+        Ok(ended)
     }
 
     fn default_directory(&self, started: SystemTime) -> PathBuf {

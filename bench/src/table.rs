@@ -28,7 +28,9 @@ fn figures(results: &Results) -> String {
     for inner in [TableComponent::HorizontalLines, TableComponent::MiddleIntersections] {
         table.remove_style(inner);
     }
-    table.set_style(TableComponent::HeaderLines, '─');
+    for line in [TableComponent::HeaderLines, TableComponent::MiddleHeaderIntersections] {
+        table.set_style(line, '─');
+    }
     let mut header = vec!["ms", "AET", "MAD", "n"];
     let has_without = results.without_skill_overhead.is_some();
     if has_without {
@@ -195,7 +197,7 @@ mod tests {
 
         ──────────────────────────────────────────────────────────────────────────────────────────────
          ms         AET    MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD      AET − paper
-        ──────═─────────═──────═───═────────────═────────────═───────────═───────────═────────────────
+        ──────────────────────────────────────────────────────────────────────────────────────────────
          RC     3725.5*   3.0*   2       3725.5          3.0        3725         3.6   +0.5 (+0.01 %)
          SM     6480.0*   3.0*   2       5953.3        702.2        6477        11.3   +3.0 (+0.05 %)
          CM     3730.0    3.0    2       3730.0          3.0        3729         3.3   +1.0 (+0.03 %)
@@ -220,7 +222,7 @@ mod tests {
 
         ────────────────────────────────────────────────────────────
          ms     AET   MAD   n   paper AET   paper MAD   AET − paper
-        ──────═─────═─────═───═───────────═───────────═─────────────
+        ────────────────────────────────────────────────────────────
          RC       –     –   0        3725         3.6             –
          AETi     –                  42 %
         ────────────────────────────────────────────────────────────

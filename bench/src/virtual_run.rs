@@ -9,20 +9,22 @@ use anyhow::{Context, bail};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use robot_node::{RobotConfig, RobotEvent, RobotNode};
-use setup::{Application, Setup};
+use setup::{Application, BusKind, PROGRAM, Setup};
 
 use crate::cli::Mode;
 use crate::plan::{Plan, Step, below};
 use crate::results::{Results, Status};
 use crate::stand::{Health, Measured, Stand};
 
-/// The program that the robot's store holds the application under.
-const PROGRAM: u16 = 1;
+/// Locally administered addresses of the two stations.
+const PLC_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
+const ROBOT_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 2]);
 
 /// Clocks show up to this at the start: two nodes are never switched on together.
 const OFFSET: Duration = Duration::from_secs(1);
@@ -61,10 +63,20 @@ impl VirtualRun {
     ) -> anyhow::Result<Self> {
         let mut phases = Phases::new(setup, seed);
         let mut cell = match bus {
-            VirtualBus::Direct | VirtualBus::OfSetup => {
+            VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
                 cell(setup, application, &mut phases, plc, robot)?
             }
+            VirtualBus::OfSetup => match setup.bus.kind {
+                BusKind::Profinet => {
+                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
+                    let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
+                    let start = phases.first(Side::B, setup.bus.cycle_us.value);
+                    let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
+                    cell(setup, application, &mut phases, plc, robot)?
+                }
+                other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
+            },
         };
         cell.connect()?;
         Ok(Self { cell })

@@ -2,7 +2,7 @@
 
 use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
-use protocol::profinet::{self, Controller, ControllerConfig, description};
+use protocol::profinet::{self, Controller, ControllerConfig, Parameter, description};
 use protocol::{Duration, Instant};
 use setup::{Cyclic, Setup};
 
@@ -38,7 +38,7 @@ pub fn profinet_controller(
         device_station_name: profinet.robot_station_name.clone(),
         device_address: bus.robot_address,
         description: description::ROBOT,
-        parameters: Vec::new(),
+        parameters: vec![Parameter::interface_adjust()],
         transport: match profinet.cyclic {
             Cyclic::Udp => Transport::Udp,
             Cyclic::Rt1 => Transport::Rt1,

@@ -151,7 +151,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(outcome) => outcome.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
-            Outcome::EnvironmentUnusable.into()
+            // What is wrong with a setup is for the user to put right; all else is the host's.
+            let usage = error.is::<setup::Error>() || error.is::<bus::BusError>();
+            if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
         }
     }
 }
@@ -167,7 +169,15 @@ impl Run {
         setup::check(&setup)?;
         let interface = Interface::open(&self.interface)?;
         interface.set_up()?;
-        // A PLC has its address from its project; an interface that has one already keeps it where it is the same.
+        // A PLC has its address from its project. Taking another one away could cut the user's own connection.
+        let wanted = setup.bus.plc_address;
+        if let Some(address) = interface.address().filter(|address| *address != wanted) {
+            anyhow::bail!(
+                "interface `{name}` has the address {address}, but the setup's bus.plc_address is {wanted}: use another \
+                 interface, a setup with that address, or `ip address flush dev {name}`",
+                name = interface.name()
+            );
+        }
         interface.set_address(setup.bus.plc_address, setup.bus.subnet_mask)?;
         let motions = setup::motions(&setup, &application);
         // On a real clock the scan takes what it takes.

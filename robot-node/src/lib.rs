@@ -15,5 +15,5 @@ mod node;
 pub mod process;
 
 pub use config::{ConfigError, RobotConfig};
-pub use controller::Controller;
-pub use node::{RobotEvent, RobotNode, Sample};
+pub use controller::{Controller, Ending, RobotEvent};
+pub use node::{RobotNode, Sample};

@@ -3,11 +3,10 @@
 use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
-use protocol::image::{Command, IMAGE_LEN, Image, Motion, State};
+use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
 use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 
-pub use crate::controller::RobotEvent;
-use crate::{Controller, RobotConfig};
+use crate::{Controller, RobotConfig, RobotEvent};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
@@ -157,10 +156,14 @@ impl<B: Fieldbus> RobotNode<B> {
             self.connected = false;
             return;
         };
-        if self.connected && *image == self.image {
-            return;
-        }
-        if let Ok(command) = Command::parse::<B::Order>(image) {
+        // Every scan changes the head, but the slots only change with the motions.
+        let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
+            let slots = self.command.slots;
+            Command::parse_head::<B::Order>(image).map(|head| Command { slots, ..head })
+        } else {
+            Command::parse::<B::Order>(image)
+        };
+        if let Ok(command) = command {
             (self.command, self.image, self.connected) = (command, *image, true);
         }
     }

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, PROGRAM, Setup};
 
 use crate::controller::Ending;
-use crate::{RobotConfig, RobotEvent, RobotNode, bus};
+use crate::{ConfigError, RobotConfig, RobotEvent, RobotNode, bus};
 
 /// Time that the program has to get going before the robot's first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -110,7 +110,10 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(outcome) => outcome.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
-            Outcome::EnvironmentUnusable.into()
+            // What is wrong with a setup is for the user to put right; all else is the host's.
+            let usage =
+                error.is::<setup::Error>() || error.is::<bus::BusError>() || error.is::<ConfigError>();
+            if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
         }
     }
 }

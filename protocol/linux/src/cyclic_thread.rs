@@ -73,8 +73,16 @@ pub struct RingFull;
 
 /// Why the thread did not start.
 #[derive(Debug, thiserror::Error)]
-#[error("starting the cyclic thread: {0}")]
-pub struct StartError(#[from] std::io::Error);
+#[error("starting the cyclic thread: {reason}")]
+pub struct StartError {
+    reason: std::io::Error,
+}
+
+impl From<std::io::Error> for StartError {
+    fn from(reason: std::io::Error) -> Self {
+        Self { reason }
+    }
+}
 
 /// A driver that runs.
 #[derive(Debug)]

@@ -45,7 +45,7 @@ pub(crate) struct EthernetSocket {
 
 impl EthernetSocket {
     pub(crate) fn open(interface: &Interface, ethernet: Ethernet) -> Result<Self, PortError> {
-        let failed = |source: std::io::Error| PortError::ethernet(interface.name(), source);
+        let failed = |reason: std::io::Error| PortError::ethernet(interface.name(), reason);
         // Protocol 0 hears nothing until it is bound: so no frame of another interface gets in before that.
         let socket = socket_with(
             AddressFamily::PACKET,

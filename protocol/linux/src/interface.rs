@@ -21,14 +21,14 @@ pub enum InterfaceError {
         known: Vec<String>,
     },
     /// It is there, but the kernel refuses to read or change it.
-    #[error("{action} of network interface `{name}`: {source}{}", hint(source))]
+    #[error("{action} of network interface `{name}`: {reason}{}", hint(reason))]
     Refused {
         /// The interface.
         name: String,
         /// What was being done.
         action: &'static str,
         /// What the kernel said.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
 }
 
@@ -54,10 +54,10 @@ impl Interface {
     /// Finds the interface `name`.
     pub fn open(name: &str) -> Result<Self, InterfaceError> {
         let refused = |action| {
-            move |source: Errno| InterfaceError::Refused {
+            move |reason: Errno| InterfaceError::Refused {
                 name: name.to_owned(),
                 action,
-                source: source.into(),
+                reason: reason.into(),
             }
         };
         let control = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)
@@ -143,8 +143,8 @@ impl Interface {
         self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
     }
 
-    fn refused(&self, action: &'static str, source: std::io::Error) -> InterfaceError {
-        InterfaceError::Refused { name: self.name.clone(), action, source }
+    fn refused(&self, action: &'static str, reason: std::io::Error) -> InterfaceError {
+        InterfaceError::Refused { name: self.name.clone(), action, reason }
     }
 
     fn read_mac(&self) -> Result<Mac, Errno> {

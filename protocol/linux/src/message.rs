@@ -118,3 +118,28 @@ impl Console {
         let _ = writeln!(stdout, "{line}").and_then(|()| stdout.flush());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn instructions_and_messages_are_one_line_of_json_each() {
+        let json = |message: &Message<String>| serde_json::to_string(message).unwrap();
+        assert_eq!(json(&Message::LinkUp), r#""link_up""#);
+        assert_eq!(
+            json(&Message::LinkDown { reason: "no answer\nat all".to_owned() }),
+            r#"{"link_down":{"reason":"no answer\nat all"}}"#
+        );
+        assert_eq!(json(&Message::Node("ready".to_owned())), r#"{"node":"ready"}"#);
+        assert_eq!(serde_json::from_str::<Instruction<u8>>(r#""stop""#).unwrap(), Instruction::Stop);
+        assert_eq!(serde_json::from_str::<Instruction<u8>>(r#"{"node":7}"#).unwrap(), Instruction::Node(7));
+    }
+
+    #[test]
+    fn a_report_survives_the_pipe() {
+        let message = Message::<String>::Farewell { report: Some(NodeReport::default()), problem: None };
+        let line = serde_json::to_string(&message).unwrap();
+        assert_eq!(serde_json::from_str::<Message<String>>(&line).unwrap(), message);
+    }
+}

@@ -14,7 +14,7 @@ use rustix::thread::{
 pub enum NamespaceError {
     /// The host does not let this user make namespaces.
     #[error(
-        "this host does not let an ordinary user make a network of its own ({action}: {source}); \
+        "this host does not let an ordinary user make a network of its own ({action}: {reason}); \
          {}",
         advice()
     )]
@@ -22,27 +22,27 @@ pub enum NamespaceError {
         /// What was tried.
         action: &'static str,
         /// What the kernel said.
-        source: io::Error,
+        reason: io::Error,
     },
     /// Anything else that the kernel said.
-    #[error("{action}: {source}")]
+    #[error("{action}: {reason}")]
     Failed {
         /// What was tried.
         action: &'static str,
         /// What the kernel said.
-        source: io::Error,
+        reason: io::Error,
     },
 }
 
 impl NamespaceError {
-    pub(crate) fn new(action: &'static str, source: impl Into<io::Error>) -> Self {
-        let source = source.into();
-        match source.kind() {
+    pub(crate) fn new(action: &'static str, reason: impl Into<io::Error>) -> Self {
+        let reason = reason.into();
+        match reason.kind() {
             // Over the limit of user.max_user_namespaces the kernel says ENOSPC.
             io::ErrorKind::PermissionDenied | io::ErrorKind::StorageFull => {
-                Self::NotPermitted { action, source }
+                Self::NotPermitted { action, reason }
             }
-            _ => Self::Failed { action, source },
+            _ => Self::Failed { action, reason },
         }
     }
 }
@@ -178,4 +178,24 @@ fn on_own_thread<T: Send>(
             .map_err(|e| NamespaceError::new("starting a thread for a namespace", e))?;
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_says_what_to_enable() {
+        for errno in [rustix::io::Errno::PERM, rustix::io::Errno::NOSPC] {
+            let error = NamespaceError::new("making a user namespace", errno).to_string();
+            assert!(error.contains("making a user namespace") && error.contains("sysctl"), "{error}");
+            assert!(error.contains("run as root"), "{error}");
+        }
+    }
+
+    #[test]
+    fn other_failures_are_not_blamed_on_permissions() {
+        let error = NamespaceError::new("making a veth pair", rustix::io::Errno::EXIST).to_string();
+        assert!(error.starts_with("making a veth pair: File exists"), "{error}");
+    }
 }

@@ -217,8 +217,11 @@ pub enum NodeError {
     #[error(transparent)]
     Start(#[from] StartError),
     /// The process could not listen to what happens.
-    #[error("waiting for commands and news: {0}")]
-    Inbox(#[from] std::io::Error),
+    #[error("waiting for commands and news: {reason}")]
+    Inbox {
+        /// What the kernel said.
+        reason: std::io::Error,
+    },
     /// The cyclic thread gave up.
     #[error(transparent)]
     Driver(#[from] DriverError),
@@ -271,7 +274,7 @@ impl<N: Node> NodeProcess<N> {
                 self.ended = true;
                 return Ok(Happening::Ended);
             }
-            match self.inbox.wait()? {
+            match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 Input::News => {}
                 Input::Line(line) => return Ok(Happening::Line(line)),
                 Input::Closed => return Ok(Happening::Closed),

@@ -51,6 +51,8 @@ pub enum Outcome {
     Done = 0,
     /// A fault of the program.
     Internal = 1,
+    /// The command line or a setup is wrong.
+    Usage = 2,
     /// A run failed.
     RunFailed = 4,
     /// The host lacks what the node needs: an interface, a permission, a port.
@@ -78,7 +80,7 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     let (snapshot, ended) = match told {
         Ok(_) => process.finish(),
         // Without an inbox nobody could end the cyclic thread; it dies with the process.
-        Err(NodeError::Inbox(_)) => (None, Ok(())),
+        Err(NodeError::Inbox { .. }) => (None, Ok(())),
         Err(_) => process.finish(),
     };
     let problem = told.as_ref().err().or(ended.as_ref().err()).map(ToString::to_string);

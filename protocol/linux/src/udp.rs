@@ -37,7 +37,7 @@ impl UdpPort {
             socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
             Ok(socket.into())
         };
-        Ok(Self { port, socket: open().map_err(|source| PortError::udp(interface.name(), port, source))? })
+        Ok(Self { port, socket: open().map_err(|reason| PortError::udp(interface.name(), port, reason))? })
     }
 
     pub(crate) const fn local_port(&self) -> u16 {

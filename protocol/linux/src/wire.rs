@@ -35,34 +35,34 @@ pub enum PortError {
         port: u16,
     },
     /// Anything else that the kernel said.
-    #[error("opening {what} on `{interface}`: {source}")]
+    #[error("opening {what} on `{interface}`: {reason}")]
     Refused {
         /// Which port.
         what: String,
         /// The interface.
         interface: String,
         /// What the kernel said.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
 }
 
 impl PortError {
-    pub(crate) fn ethernet(interface: &str, source: std::io::Error) -> Self {
-        Self::of("raw Ethernet".to_owned(), interface, source)
+    pub(crate) fn ethernet(interface: &str, reason: std::io::Error) -> Self {
+        Self::of("raw Ethernet".to_owned(), interface, reason)
     }
 
-    pub(crate) fn udp(interface: &str, port: u16, source: std::io::Error) -> Self {
-        match source.kind() {
+    pub(crate) fn udp(interface: &str, port: u16, reason: std::io::Error) -> Self {
+        match reason.kind() {
             std::io::ErrorKind::AddrInUse => Self::Taken { port },
-            _ => Self::of(format!("UDP port {port}"), interface, source),
+            _ => Self::of(format!("UDP port {port}"), interface, reason),
         }
     }
 
-    fn of(what: String, interface: &str, source: std::io::Error) -> Self {
+    fn of(what: String, interface: &str, reason: std::io::Error) -> Self {
         let interface = interface.to_owned();
-        match source.kind() {
+        match reason.kind() {
             std::io::ErrorKind::PermissionDenied => Self::NotPermitted { what, interface },
-            _ => Self::Refused { what, interface, source },
+            _ => Self::Refused { what, interface, reason },
         }
     }
 }

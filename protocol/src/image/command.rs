@@ -108,8 +108,20 @@ impl Default for Command {
 impl Command {
     /// Reads the image. What the values mean is for the robot to judge.
     pub fn parse<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
+        let mut command = Self::parse_head::<O>(image)?;
         let mut reader = Reader::<O>::new(image);
-        let mut command = Self {
+        reader.skip(HEAD_LEN)?;
+        for slot in &mut command.slots {
+            *slot = Motion::parse(&mut reader)?;
+        }
+        Ok(command)
+    }
+
+    /// Reads the head and leaves the slots empty, for a reader who knows that they did not change: the head does so
+    /// with every scan.
+    pub fn parse_head<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::<O>::new(image);
+        Ok(Self {
             control: Control(reader.u16()?),
             life: reader.u16()?,
             number: reader.u16()?,
@@ -121,12 +133,7 @@ impl Command {
             outputs: reader.u16()?,
             start_time_ns: reader.u64()?,
             slots: [Motion::EMPTY; SLOTS],
-        };
-        reader.skip(HEAD_LEN - reader.offset())?;
-        for slot in &mut command.slots {
-            *slot = Motion::parse(&mut reader)?;
-        }
-        Ok(command)
+        })
     }
 
     /// Writes the image.

@@ -106,6 +106,17 @@ pub const ROBOT: Description = Description {
     ],
 };
 
+/// The PLC node, as DCP and the device see it. It has no modules.
+pub const PLC: Description = Description {
+    identity: Identity { vendor: 0xFFFF, device: 0x0002 },
+    station_type: "skillbench PLC",
+    order_id: "skillbench-plc",
+    serial_number: "1",
+    hardware_revision: 1,
+    software_revision: [0, 1, 0],
+    modules: &[],
+};
+
 impl Description {
     /// The module in a slot.
     #[must_use]

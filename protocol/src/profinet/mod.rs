@@ -29,11 +29,13 @@ pub mod ethernet;
 pub mod record;
 pub mod rpc;
 pub mod rt;
+mod station;
 pub mod status;
 mod uuid;
 
 pub use controller::{ConfigError, Controller, ControllerConfig, Parameter};
 pub use device::{Device, DeviceConfig};
+pub use station::is_station_name;
 pub use uuid::Uuid;
 
 /// UDP port of connection management (IANA `profinet-cm`).

@@ -17,7 +17,9 @@
 
 mod event;
 mod execution;
+mod report;
 
+use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocol::Instant;
@@ -29,7 +31,7 @@ pub use event::{Ending, RobotEvent};
 use execution::{Execution, Phase, Programs};
 
 use crate::RobotConfig;
-use crate::arm::{Frame, Joints, Violation};
+use crate::arm::{AXES, Frame, Joints};
 use crate::motion::{Appended, Interpolator, Segment};
 
 /// Events that wait for the owner; it takes them after every call.
@@ -63,6 +65,8 @@ pub struct Controller {
     tool: Frame,
     base_inverse: Frame,
     feedback: Feedback,
+    /// The joints that the feedback shows.
+    reported: Joints,
     events: VecDeque<RobotEvent>,
 }
 
@@ -88,6 +92,7 @@ impl Controller {
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
             feedback: Feedback::default(),
+            reported: [0.0; AXES],
             events: VecDeque::with_capacity(EVENTS),
         };
         controller.report_position();
@@ -216,14 +221,10 @@ impl Controller {
         }
     }
 
-    fn cleared_feedback(&self) -> Feedback {
-        let Feedback { life, life_echo, joints, pose, .. } = self.feedback;
-        Feedback { life, life_echo, joints, pose, ..Feedback::default() }
-    }
-
     /// Runs the skill for one cycle.
     fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
+        let waited_for_motions = self.interpolator.path().is_finished();
         if !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none() {
             self.take_motions(&mut execution, command);
         }
@@ -238,17 +239,22 @@ impl Controller {
             if checked && there && at >= until && !self.hold {
                 execution.phase = Phase::Driving;
             }
-        }
-        match execution.phase {
-            Phase::Dispatch { .. } => self.interpolator.stand_still(),
-            Phase::Driving | Phase::Stopping(_) => self.drive(at, &mut execution),
-            Phase::Settling { .. } => self.interpolator.stand_still(),
+            // The motion starts at this tick: the next one finds the arm a cycle further.
+            self.interpolator.stand_still();
+        } else if waited_for_motions || matches!(execution.phase, Phase::Settling { .. }) {
+            self.interpolator.stand_still();
+        } else {
+            self.drive(at, &mut execution);
         }
         self.feedback.executed = self.interpolator.path().executed();
         self.feedback.accepted = execution.accepted;
         match execution.phase {
             Phase::Settling { until } if at >= until => self.finish(at, &execution, Ending::Done),
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
+            Phase::Driving if execution.bad.is_some() && waited_for_motions => {
+                let (motion, violation) = execution.bad.unwrap_or((0, ErrorNumber::None.into()));
+                self.finish(at, &execution, Ending::Fault { error: violation.number(), motion });
+            }
             _ => {
                 let held = self.hold && self.interpolator.is_at_rest();
                 self.state = if held { State::Suspended } else { State::Running };
@@ -289,38 +295,24 @@ impl Controller {
 
     fn drive(&mut self, at: Instant, execution: &mut Execution) {
         let stopping = matches!(execution.phase, Phase::Stopping(_));
-        if self.interpolator.path().is_finished() {
-            self.interpolator.stand_still();
-        } else {
-            let target = if stopping || self.hold { 0.0 } else { self.factor };
-            match self.interpolator.drive(target) {
-                Ok(step) => {
-                    if let Some(motion) = step.suppressed {
-                        self.suppressed(motion);
-                    }
-                    if let (Some(left), true, false) = (step.ended, execution.is_complete(), stopping) {
-                        let ended_at = at - core::time::Duration::from_secs_f64(left.min(1.0));
-                        let until = ended_at + self.config.skill_overhead / 2;
-                        execution.phase = Phase::Settling { until };
-                    }
+        let target = if stopping || self.hold { 0.0 } else { self.factor };
+        match self.interpolator.drive(target) {
+            Ok(step) => {
+                if let Some(motion) = step.suppressed {
+                    self.suppressed(motion);
                 }
-                Err(violation) => {
-                    // The check before the start found the whole path free; what is left is a plan that is wrong.
-                    self.interpolator.clear();
-                    let motion = self.feedback.executed;
-                    execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+                if let (Some(left), true, false) = (step.ended, execution.is_complete(), stopping) {
+                    let ended_at = at - Duration::from_secs_f64(left.min(1.0));
+                    execution.phase = Phase::Settling { until: ended_at + self.config.skill_overhead / 2 };
                 }
             }
+            Err(violation) => {
+                // The checks before the start found the path free; what is left is a plan that is wrong.
+                self.interpolator.clear();
+                let motion = self.feedback.executed;
+                execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+            }
         }
-        let starved = self.interpolator.path().is_finished() && self.interpolator.is_at_rest();
-        if let (Phase::Driving, true, Some((motion, violation))) = (execution.phase, starved, execution.bad) {
-            execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
-        }
-    }
-
-    fn suppressed(&mut self, motion: u32) {
-        self.feedback.blends_suppressed = self.feedback.blends_suppressed.saturating_add(1);
-        self.event(RobotEvent::BlendSuppressed { motion });
     }
 
     /// Ends what runs, on the path; without a skill the state alone changes.
@@ -358,67 +350,6 @@ impl Controller {
             }
         }
         self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution: execution_time });
-    }
-
-    /// Refuses a command: its number is echoed with the error.
-    fn refuse(&mut self, number: u16, motion: u32, cause: Violation) {
-        self.feedback.number = number;
-        self.feedback.status.set(Status::DONE, false);
-        self.feedback.status.set(Status::ABORTED, false);
-        self.set_error(cause.number(), motion);
-        self.refuse_motion(number, motion, cause);
-    }
-
-    fn refuse_motion(&mut self, number: u16, motion: u32, cause: Violation) {
-        self.event(RobotEvent::Refused { number, error: cause.number(), motion, cause });
-    }
-
-    fn set_error(&mut self, error: ErrorNumber, motion: u32) {
-        self.feedback.status.set(Status::ERROR, true);
-        (self.feedback.error, self.feedback.error_motion) = (error, motion);
-    }
-
-    fn event(&mut self, event: RobotEvent) {
-        if self.events.len() == EVENTS {
-            self.events.pop_front();
-        }
-        self.events.push_back(event);
-    }
-
-    fn report(&mut self, at: Instant, command: Option<&Command>) {
-        let at_rest = self.interpolator.is_at_rest();
-        if !at_rest {
-            self.report_position();
-        }
-        let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
-        let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
-        let feedback = &mut self.feedback;
-        feedback.state = self.state;
-        feedback.status.set(Status::BUSY, busy);
-        feedback.status.set(Status::AT_REST, at_rest);
-        feedback.status.set(Status::ENABLED, enabled);
-        feedback.path_speed = self.interpolator.path_speed() as f32;
-        feedback.clock_ns = at.as_nanos();
-        feedback.life = feedback.life.wrapping_add(1);
-        if let Some(command) = command {
-            feedback.life_echo = command.life;
-        }
-    }
-
-    /// Joints, and the tool of the present motion in its base.
-    fn report_position(&mut self) {
-        if let Some(segment) = self.interpolator.path().current() {
-            if segment.tool != self.tool {
-                self.tool = segment.tool;
-            }
-            if segment.base_inverse != self.base_inverse {
-                self.base_inverse = segment.base_inverse;
-            }
-        }
-        let joints = self.interpolator.joints();
-        let pose = self.base_inverse * (self.config.arm.forward(joints) * self.tool);
-        self.feedback.joints = joints.map(|joint| joint as f32);
-        self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);
     }
 
     /// The skill that runs, if one does.

@@ -14,7 +14,7 @@
 
 use super::curve::{Curve, Line};
 use super::segment::Segment;
-use crate::arm::{Arm, Frame, Joints, Violation, distance};
+use crate::arm::{Arm, Frame, Joints, Violation, distance, length};
 
 /// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of w² at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
@@ -99,14 +99,20 @@ impl Blend {
     fn find_rate(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
         let corner = first.tool_at(&first.end, arm);
         let axis_share = first.axis_share.min(second.axis_share);
-        let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
+        let is_parabola = matches!((&first.curve, &second.curve), (Curve::Line(_), Curve::Line(_)));
+        let reserve = if is_parabola { 1.0 } else { RESERVE };
+        let tool_acceleration = reserve * first.tool_acceleration.min(second.tool_acceleration);
         let rated = arm.limits();
+        let bend_allows = |(joints, tool): Bend| {
+            let of_joints = RESERVE * axis_share / rated.acceleration_load(&joints).share;
+            of_joints.min(tool_acceleration / length(tool)).sqrt()
+        };
         let mut rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
         let step = 1.0 / CHECKS as f64;
         let mut before = self.joints(first, second, 0.0, arm, &first.end).map_err(|_| Unfit::Arm)?;
         let mut tool_before = first.tool_at(&before, arm);
-        let mut slope = None::<(Joints, [f64; 3])>;
+        let (mut slope, mut bend_before) = (None::<Bend>, None::<Bend>);
         for check in 1..=CHECKS {
             let joints =
                 self.joints(first, second, step * check as f64, arm, &before).map_err(|_| Unfit::Arm)?;
@@ -114,19 +120,40 @@ impl Blend {
             if check < CHECKS && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);
             }
-            let next: Joints = core::array::from_fn(|axis| (joints[axis] - before[axis]) / step);
-            let next_tool: [f64; 3] = core::array::from_fn(|i| (tool[i] - tool_before[i]) / step);
-            rate = rate.min(RESERVE / rated.speed_load(&next).share);
-            if let Some((slope, tool_slope)) = slope {
-                let bend = core::array::from_fn(|axis| (next[axis] - slope[axis]) / step);
-                rate = rate.min((RESERVE * axis_share / rated.acceleration_load(&bend).share).sqrt());
-                rate = rate.min((tool_acceleration * step / distance(tool_slope, next_tool)).sqrt());
+            let next = (difference(&joints, &before, step), difference(&tool, &tool_before, step));
+            rate = rate.min(RESERVE / rated.speed_load(&next.0).share);
+            if let Some(slope) = slope {
+                let bend = (difference(&next.0, &slope.0, step), difference(&next.1, &slope.1, step));
+                rate = rate.min(bend_allows(bend));
+                // Half a step of the corner's start and end has no difference of its own.
+                if let Some(before) = bend_before.replace(bend) {
+                    if check == 3 {
+                        rate = rate.min(bend_allows(beyond(&bend, &before)));
+                    } else if check == CHECKS {
+                        rate = rate.min(bend_allows(beyond(&before, &bend)));
+                    }
+                }
             }
-            (before, tool_before, slope) = (joints, tool, Some((next, next_tool)));
+            (before, tool_before, slope) = (joints, tool, Some(next));
         }
         self.max_rate = rate;
         if rate > 0.0 { Ok(()) } else { Err(Unfit::Arm) }
     }
+}
+
+/// A first or second derivative of joints and tool by the share of the corner's time.
+type Bend = (Joints, [f64; 3]);
+
+fn difference<const N: usize>(to: &[f64; N], from: &[f64; N], step: f64) -> [f64; N] {
+    core::array::from_fn(|i| (to[i] - from[i]) / step)
+}
+
+/// What comes a step after `last`, if things go on as from `before` to `last`.
+fn beyond(before: &Bend, last: &Bend) -> Bend {
+    (
+        core::array::from_fn(|i| 2.0 * last.0[i] - before.0[i]),
+        core::array::from_fn(|i| 2.0 * last.1[i] - before.1[i]),
+    )
 }
 
 /// Why a corner cannot be rounded as tried.
@@ -183,10 +210,10 @@ fn zone(segment: &Segment, end: End, distance_mm: f64, arm: &Arm) -> f64 {
 
 /// How far the tool is from the motion's end when the way to it is `way`, in mm.
 fn distance_at(segment: &Segment, end: End, way: f64, arm: &Arm) -> f64 {
-    let length = segment.curve.length();
+    let whole = segment.curve.length();
     let (corner, there) = match end {
         End::First => (0.0, way),
-        End::Last => (length, length - way),
+        End::Last => (whole, whole - way),
     };
     match &segment.curve {
         Curve::Line(line) => distance(line.tool(corner).position, line.tool(there).position),

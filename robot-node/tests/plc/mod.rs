@@ -1,5 +1,11 @@
 //! A PLC that a test tells what to write, and a robot, on a cable without a protocol, in virtual time.
-#![allow(clippy::allow_attributes, dead_code, reason = "each test file uses its part of it")]
+#![allow(
+    clippy::allow_attributes,
+    clippy::unwrap_used,
+    dead_code,
+    unreachable_pub,
+    reason = "each test file uses its part of it"
+)]
 
 use std::time::Duration;
 
@@ -197,8 +203,15 @@ impl Cell {
     }
 }
 
-pub fn config() -> RobotConfig {
+/// Setup A as it is shipped.
+pub fn shipped_config() -> RobotConfig {
     RobotConfig::from_setup(&setup::setup("A").unwrap()).unwrap()
+}
+
+/// Setup A, but with a controller that costs what these tests count on, however the setup is calibrated.
+pub fn config() -> RobotConfig {
+    let (quantum, overhead) = (Duration::from_millis(12), Duration::from_millis(140));
+    RobotConfig { interpreter_quantum: quantum, skill_overhead: overhead, ..shipped_config() }
 }
 
 /// The shipped application on Setup A.

@@ -10,14 +10,10 @@ use crate::Duration;
 use crate::profinet::connect::{
     AlarmCr, Ar, ArProperties, ConnectRequest, ExpectedModule, ExpectedSubmodule, Iocr, IocrType, RtClass,
 };
-use crate::profinet::dcp::MAX_NAME_LEN;
-use crate::profinet::description::{Description, Identity};
+use crate::profinet::description::{Description, INTERFACE_SUBSLOT, PLC};
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac, Tag};
 use crate::profinet::rt::{CycleTime, Transport, UDP_PORT, UnfitCycle};
-use crate::profinet::{LT_UDP, Uuid, rpc};
-
-/// Identity of this controller: no vendor stands behind a test bench, and 0xFFFF belongs to none.
-const IDENTITY: Identity = Identity { vendor: 0xFFFF, device: 0x0002 };
+use crate::profinet::{LT_UDP, Uuid, is_station_name, rpc};
 
 /// CMInitiatorActivityTimeoutFactor, in 100 ms: the device gives a connection up that stands still for so long.
 const ACTIVITY_TIMEOUT: u16 = 200;
@@ -64,6 +60,17 @@ pub struct Parameter {
     pub data: Vec<u8>,
 }
 
+impl Parameter {
+    /// PDInterfaceAdjust, which Siemens controllers write to every device: the names of its ports are to be unique
+    /// within the station only (MultipleInterfaceMode.NameOfDevice).
+    #[must_use]
+    pub fn interface_adjust() -> Self {
+        // BlockType 0x0250, BlockLength 8, version 1.0, padding, MultipleInterfaceMode 1.
+        let data = vec![0x02, 0x50, 0, 8, 1, 0, 0, 0, 0, 0, 0, 1];
+        Self { slot: 0, subslot: INTERFACE_SUBSLOT, index: 0x8071, data }
+    }
+}
+
 /// A configuration that no connection can come of.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -83,8 +90,11 @@ pub enum ConfigError {
         /// The longest time that the transport has.
         limit: Duration,
     },
-    /// A station name is empty or too long.
-    #[error("the station name {0:?} is empty or longer than 240 bytes")]
+    /// A station name is empty or has what DCP does not allow.
+    #[error(
+        "the station name {0:?} is not one: lower-case letters, digits and hyphens, in parts of up to 63 characters \
+         separated by dots, 240 in all"
+    )]
     StationName(String),
     /// The two stations cannot reach each other.
     #[error(
@@ -138,7 +148,7 @@ pub(super) const OUTPUT: u16 = 2;
 impl Plan {
     pub(super) fn new(config: &ControllerConfig, ar: Uuid) -> Result<Self, ConfigError> {
         for name in [&config.station_name, &config.device_station_name] {
-            if !(1..=MAX_NAME_LEN).contains(&name.len()) {
+            if name.is_empty() || !is_station_name(name.as_bytes()) {
                 return Err(ConfigError::StationName(name.clone()));
             }
         }
@@ -169,7 +179,7 @@ impl Plan {
                 uuid: ar,
                 session: 0,
                 initiator_mac: config.mac,
-                initiator_object: rpc::object(1, IDENTITY),
+                initiator_object: rpc::object(1, PLC.identity),
                 properties: ArProperties(
                     ArProperties::ACTIVE
                         | ArProperties::PARAMETERIZATION_BY_INITIATOR
@@ -265,8 +275,10 @@ fn iocr(config: &ControllerConfig, time: CycleTime, iocr_type: IocrType, directi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profinet::block::BlockReader;
     use crate::profinet::captured;
     use crate::profinet::description::{Module, ROBOT, Submodule};
+    use crate::profinet::record::{Address, WriteRequest};
     use crate::profinet::rpc::{ARGS_LEN, HEADER_LEN};
 
     const fn submodule(subslot: u16, ident: u32, input_len: u16, output_len: u16) -> Submodule {
@@ -312,5 +324,16 @@ mod tests {
         ours.ar.session = theirs.ar.session;
         ours.ar.initiator_object = theirs.ar.initiator_object;
         assert_eq!(ours, theirs);
+    }
+
+    #[test]
+    fn the_interface_adjust_is_the_first_record_of_the_siemens_controllers_multiple_write() {
+        let datagram = captured::datagram(captured::WRITE_REQ);
+        let blocks = &datagram[HEADER_LEN + ARGS_LEN..];
+        let multiple = WriteRequest::parse(&mut BlockReader::new(blocks)).unwrap();
+        let first = multiple.parts().next().unwrap().unwrap();
+        let Parameter { slot, subslot, index, data } = Parameter::interface_adjust();
+        let Address { slot: s, subslot: ss, index: i, .. } = first.address;
+        assert_eq!((slot, subslot, index, &data[..]), (s, ss, i, first.record));
     }
 }

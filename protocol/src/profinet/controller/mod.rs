@@ -34,9 +34,11 @@ use rand_pcg::Pcg64Mcg;
 use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
 use super::connect::DiffModule;
 use super::dcp::{self, IpSuite, Pdu};
+use super::description::PLC;
 use super::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader};
 use super::rpc::{self, DEVICE_INTERFACE, Header, Kind};
 use super::rt::{Received, Transport, UDP_PORT};
+use super::station::{self, Station};
 use super::status::{Service, Status, Violation};
 use super::{RPC_PORT, Uuid};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
@@ -96,6 +98,7 @@ enum Phase {
 pub struct Controller {
     config: ControllerConfig,
     plan: Plan,
+    station: Station,
     random: Pcg64Mcg,
     phase: Phase,
     pause: Duration,
@@ -136,8 +139,10 @@ impl Controller {
                 gateway: config.device_address,
             },
         });
+        let own = IpSuite { address: config.address, mask: config.mask, gateway: config.address };
         Ok(Self {
             plan,
+            station: Station::controller(config.mac, PLC, config.station_name.as_bytes(), own),
             random,
             phase: Phase::Pausing { until: start },
             pause: PAUSE,
@@ -179,6 +184,7 @@ impl Controller {
         let is_devices = self.link.as_ref().is_some_and(|link| link.device == header.source);
         match payload.first_chunk().copied().map(u16::from_be_bytes) {
             Some(frame_id) if dcp::FRAME_IDS.contains(&frame_id) => match Pdu::parse(payload) {
+                Ok(pdu) if pdu.service.is_request() => self.answer_dcp(now, &header, payload),
                 Ok(pdu) => self.handle_dcp(now, header.source, &pdu),
                 Err(_) => self.counters.malformed += 1,
             },
@@ -187,6 +193,15 @@ impl Controller {
             }
             Some(_) => self.counters.foreign += 1,
             None => self.counters.malformed += 1,
+        }
+    }
+
+    /// Others look for this station, as an engineering system does.
+    fn answer_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
+        match self.station.handle_frame(now, header, payload) {
+            Ok(_) => {}
+            Err(station::Refusal::Malformed) => self.counters.malformed += 1,
+            Err(station::Refusal::Foreign) => self.counters.foreign += 1,
         }
     }
 
@@ -362,7 +377,7 @@ impl Machine for Controller {
         if let Some(len) = self.caller.poll_transmit(buf) {
             return Some(rpc(SocketAddrV4::new(self.config.device_address, RPC_PORT), len));
         }
-        let len = self.discovery.poll_transmit(buf)?;
+        let len = self.discovery.poll_transmit(buf).or_else(|| self.station.poll_transmit(now, buf))?;
         Some(Transmit { port: Port::Ethernet, to: None, len })
     }
 
@@ -380,10 +395,9 @@ impl Machine for Controller {
             let sender = link.sender.poll_timeout();
             watched.into_iter().chain(link.alarms.poll_timeout()).fold(sender, Instant::min)
         });
-        [of_phase, of_link, self.silent_at, self.discovery.poll_timeout(), self.caller.poll_timeout()]
-            .into_iter()
-            .flatten()
-            .min()
+        let of_calls = [self.discovery.poll_timeout(), self.caller.poll_timeout()];
+        let waits = [of_phase, of_link, self.silent_at, self.station.poll_timeout()];
+        waits.into_iter().chain(of_calls).flatten().min()
     }
 }
 

@@ -89,6 +89,12 @@ impl Service {
         })
     }
 
+    /// Whether the PDU asks for an answer.
+    #[must_use]
+    pub const fn is_request(self) -> bool {
+        matches!(self, Self::IdentifyRequest | Self::GetRequest | Self::SetRequest)
+    }
+
     /// Whether blocks of this PDU start with BlockInfo or BlockQualifier.
     const fn has_qualifiers(self) -> bool {
         matches!(self, Self::IdentifyResponse | Self::GetResponse | Self::SetRequest | Self::Hello)

@@ -18,9 +18,6 @@ mod process_data;
 mod records;
 mod relation;
 mod server;
-mod station;
-
-pub use station::is_station_name;
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -29,7 +26,6 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use alarms::{AlarmReceived, Farewell};
 use answers::Answers;
 use relation::Relation;
-use station::{Effect, Refusal, Station};
 
 use super::RPC_PORT;
 use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
@@ -38,6 +34,7 @@ use super::description::Description;
 use super::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac};
 use super::rpc::{Header, Kind, Message, Reassembly, Received as Fragment, flags, rpc_status};
 use super::rt::{Received, Transport, UDP_PORT};
+use super::station::{Effect, Refusal, Station};
 use super::status::{Service, Status, Violation};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
@@ -52,7 +49,7 @@ const MOST_EVENTS: usize = 8;
 pub struct DeviceConfig {
     /// MAC address of the interface.
     pub mac: Mac,
-    /// Station name, until DCP sets another one; empty for none. [`is_station_name`] says which are allowed.
+    /// Station name, until DCP sets another one; empty for none. [`super::is_station_name`] says which are allowed.
     pub station_name: Vec<u8>,
     /// IP address of the interface, if it has one already.
     pub address: Option<Ipv4Addr>,
@@ -82,7 +79,6 @@ struct Core {
     call_to: Option<SocketAddrV4>,
     calls: u32,
     relation: Option<Relation>,
-    relations: u32,
     farewell: Option<Farewell>,
     output: Image,
     input: Image,
@@ -113,14 +109,13 @@ impl Device {
             mac,
             start,
             description,
-            station: Station::new(mac, description, &station_name, ip),
+            station: Station::device(mac, description, &station_name, ip),
             answers: Answers::new(),
             reply: None,
             call: Message::new(),
             call_to: None,
             calls: 0,
             relation: None,
-            relations: 0,
             farewell: None,
             output: [0; IMAGE_LEN],
             input: [0; IMAGE_LEN],

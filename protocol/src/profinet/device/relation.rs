@@ -22,6 +22,10 @@ use crate::profinet::rt::{CycleTime, CyclicReceiver, CyclicSender, Received, Rou
 use crate::profinet::status::Violation;
 use crate::{Duration, Instant};
 
+/// LocalAlarmReference of the device: the same in every AR, since a controller may keep its ARUUID from session to
+/// session, and then an analyser takes another reference for a fault.
+pub(super) const ALARM_REFERENCE: u16 = 0;
+
 /// When ApplicationReady is repeated for the first time; the interval doubles each time.
 const FIRST_REPETITION: Duration = Duration::from_millis(200);
 
@@ -48,8 +52,6 @@ pub(super) struct Ends {
     pub(super) mac: Mac,
     /// IP address of the controller.
     pub(super) controller: Ipv4Addr,
-    /// LocalAlarmReference of the device.
-    pub(super) alarm_reference: u16,
 }
 
 /// One AR.
@@ -82,7 +84,7 @@ impl Relation {
         request: &ConnectRequest,
         admission: &Admission<'_>,
     ) -> Self {
-        let Ends { mac, controller, alarm_reference } = *ends;
+        let Ends { mac, controller } = *ends;
         let ConnectRequest { ar, expected, .. } = request;
         let Admission { input, output, alarm_cr, output_frame_id, diff } = admission;
         let route = |transport| match transport {
@@ -124,7 +126,7 @@ impl Relation {
             is_up: false,
             sender,
             receiver,
-            alarms: AlarmEndpoint::new(alarm_route, alarm_reference, alarm_cr.local_reference),
+            alarms: AlarmEndpoint::new(alarm_route, ALARM_REFERENCE, alarm_cr.local_reference),
             step_time,
             step_deadline: Some(now + step_time),
             consumes: transport(output),

@@ -6,7 +6,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use super::admission::admit;
 use super::answers::Known;
 use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
-use super::relation::{Ends, Phase, Relation};
+use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
 use super::{Core, closed_by_peer};
 use crate::Instant;
 use crate::profinet::block::BlockReader;
@@ -124,9 +124,7 @@ impl Core {
             // The controller has started anew before it was missed.
             self.end(closed_by_peer(Violation::ReRun.status(Service::Abort)));
         }
-        let alarm_reference = self.relations as u16;
-        self.relations = self.relations.wrapping_add(1);
-        let ends = Ends { mac: self.mac, controller: *from.ip(), alarm_reference };
+        let ends = Ends { mac: self.mac, controller: *from.ip() };
         let mut relation = Relation::new(now, &ends, &self.description, &request, &admission);
         relation.set_output(&self.output);
         self.relation = Some(relation);
@@ -150,7 +148,7 @@ impl Core {
             iocrs: request.iocrs.iter().map(iocr_response).collect(),
             alarm_cr: Some(AlarmCrResponse {
                 alarm_cr_type: admission.alarm_cr.alarm_cr_type,
-                local_reference: alarm_reference,
+                local_reference: ALARM_REFERENCE,
                 max_data_length: MAX_ALARM_DATA.min(admission.alarm_cr.max_data_length),
             }),
             diff: admission.diff,

@@ -308,6 +308,38 @@ fn disconnect_ends_within_a_second_without_an_answer() {
 }
 
 #[test]
+fn an_engineering_system_finds_the_controller_but_cannot_rename_it() {
+    let script = Script { silent: true, ..Script::default() };
+    let mut cell = Cell::new(Transport::Udp, script);
+    let mut ask = |service, blocks: &[dcp::Block<'_>]| {
+        let frame = ethernet(|w| dcp::emit(w, service, 77, 1, blocks.iter().copied()));
+        let mut answers = Vec::new();
+        cell.controller.handle_frame(cell.now, frame.0, &frame.1);
+        let mut buf = [0; FRAME_CAPACITY];
+        while let Some(transmit) = cell.controller.poll_transmit(cell.now, &mut buf) {
+            let (header, payload) = EthernetHeader::parse(&buf[..transmit.len]).unwrap();
+            let pdu = Pdu::parse(payload).unwrap();
+            if header.destination == ROBOT && pdu.xid == 77 {
+                answers.push(payload.to_vec());
+            }
+        }
+        assert_eq!(answers.len(), 1);
+        answers.remove(0)
+    };
+    let found = ask(dcp::Service::IdentifyRequest, &[dcp::Content::All.into()]);
+    let pdu = Pdu::parse(&found).unwrap();
+    let station = dcp::Station::from_pdu(&pdu).unwrap();
+    assert_eq!((station.name, station.roles), (&b"plc"[..], 2));
+    assert_eq!(station.ip.unwrap().address, PLC_ADDRESS);
+
+    let refused = ask(dcp::Service::SetRequest, &[dcp::Content::NameOfStation(b"other").into()]);
+    let blocks: Vec<_> = Pdu::parse(&refused).unwrap().blocks().collect();
+    let response =
+        dcp::Content::Response { code: dcp::Code::NAME_OF_STATION, error: dcp::BlockError::NotPossible };
+    assert_eq!(blocks, [Ok(response.into())]);
+}
+
+#[test]
 fn a_configuration_that_cannot_work_is_refused_with_what_to_change() {
     let refused = |change: fn(&mut ControllerConfig)| {
         let mut config = config(Transport::Rt1);

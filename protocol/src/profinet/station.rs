@@ -19,16 +19,19 @@ const MOST_REPLIES: usize = 8;
 /// How long the owner has to put an address on the interface. Who asked has given up by then.
 const ADDRESS_TIME: Duration = Duration::from_secs(3);
 
-/// The role of an IO-Device.
-const ROLE_IO_DEVICE: u8 = 1;
+/// Role of an IO-Device, which takes its name and address from others.
+const IO_DEVICE: u8 = 1;
+/// Role of an IO-Controller, which has its name and address from its own configuration.
+const IO_CONTROLLER: u8 = 2;
 
 /// The options that can be read or set, as Identify lists them.
 const OPTIONS: [u8; 22] = [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 5, 1, 5, 2, 5, 3, 5, 6];
 
-/// Name and address of the device.
+/// Name and address of a device or a controller.
 #[derive(Debug)]
 pub(super) struct Station {
     mac: Mac,
+    role: u8,
     description: Description,
     name: Vec<u8>,
     factory_name: Vec<u8>,
@@ -98,17 +101,28 @@ pub(super) enum Refusal {
 }
 
 impl Station {
-    pub(super) fn new(mac: Mac, description: Description, name: &[u8], ip: Option<IpSuite>) -> Self {
+    /// The station of an IO-Device, which DCP may name and address.
+    pub(super) fn device(mac: Mac, description: Description, name: &[u8], ip: Option<IpSuite>) -> Self {
+        Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS))
+    }
+
+    /// The station of an IO-Controller, which DCP can find and read but not set.
+    pub(super) fn controller(mac: Mac, description: Description, name: &[u8], ip: IpSuite) -> Self {
+        Self::new(mac, IO_CONTROLLER, description, name, ip)
+    }
+
+    fn new(mac: Mac, role: u8, description: Description, name: &[u8], ip: IpSuite) -> Self {
         let name = name.get(..MAX_NAME_LEN).unwrap_or(name);
         // Room for the longest name, so that a Set does not allocate.
         let mut own = Vec::with_capacity(MAX_NAME_LEN);
         own.extend_from_slice(name);
         Self {
             mac,
+            role,
             description,
             name: own,
             factory_name: name.to_vec(),
-            ip: ip.unwrap_or(NO_ADDRESS),
+            ip,
             replies: [None; MOST_REPLIES],
             setting: None,
         }
@@ -171,7 +185,7 @@ impl Station {
                 Content::DeviceId { vendor, device } => {
                     (vendor, device) == (identity.vendor, identity.device)
                 }
-                Content::DeviceRole(roles) => roles & ROLE_IO_DEVICE != 0,
+                Content::DeviceRole(roles) => roles & self.role != 0,
                 Content::DeviceOptions(options) => options == OPTIONS,
                 Content::MacAddress(mac) => mac == self.mac,
                 Content::Ip(suite) => suite == self.ip,
@@ -205,6 +219,12 @@ impl Station {
         let mut effect = Effect::default();
         for block in pdu.blocks().flatten() {
             let error = match block.content {
+                _ if self.role == IO_CONTROLLER && matches!(block.code().0 >> 8, 1 | 2) => {
+                    BlockError::NotPossible
+                }
+                Content::FactoryReset | Content::ResetToFactory if self.role == IO_CONTROLLER => {
+                    BlockError::NotPossible
+                }
                 Content::Ip(suite) if suite == self.ip => BlockError::None,
                 Content::Ip(suite) if !is_allowed(suite) => BlockError::SuboptionNotSet,
                 Content::Ip(_) if self.setting.is_some() || effect.address.is_some() => BlockError::Resource,
@@ -333,7 +353,7 @@ impl Station {
             Code::TYPE_OF_STATION => Content::TypeOfStation(self.description.station_type.as_bytes()),
             Code::NAME_OF_STATION => Content::NameOfStation(&self.name),
             Code::DEVICE_ID => Content::DeviceId { vendor: identity.vendor, device: identity.device },
-            Code::DEVICE_ROLE => Content::DeviceRole(ROLE_IO_DEVICE),
+            Code::DEVICE_ROLE => Content::DeviceRole(self.role),
             Code::DEVICE_OPTIONS => Content::DeviceOptions(&OPTIONS),
             _ => return None,
         };

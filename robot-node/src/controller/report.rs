@@ -1,0 +1,81 @@
+//! What the controller tells: the feedback image's values and events.
+
+use protocol::Instant;
+use protocol::image::{Command, Control, ErrorNumber, Feedback, Status};
+
+use super::{Controller, EVENTS, RobotEvent};
+use crate::arm::Violation;
+
+impl Controller {
+    pub(super) fn cleared_feedback(&self) -> Feedback {
+        let Feedback { life, life_echo, joints, pose, .. } = self.feedback;
+        Feedback { life, life_echo, joints, pose, ..Feedback::default() }
+    }
+
+    pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {
+        let at_rest = self.interpolator.is_at_rest();
+        if self.reported != *self.interpolator.joints() {
+            self.report_position();
+        }
+        let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
+        let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
+        let feedback = &mut self.feedback;
+        feedback.state = self.state;
+        feedback.status.set(Status::BUSY, busy);
+        feedback.status.set(Status::AT_REST, at_rest);
+        feedback.status.set(Status::ENABLED, enabled);
+        feedback.path_speed = self.interpolator.path_speed() as f32;
+        feedback.clock_ns = at.as_nanos();
+        feedback.life = feedback.life.wrapping_add(1);
+        if let Some(command) = command {
+            feedback.life_echo = command.life;
+        }
+    }
+
+    /// Joints, and the tool of the present motion in its base.
+    pub(super) fn report_position(&mut self) {
+        if let Some(segment) = self.interpolator.path().current() {
+            if segment.tool != self.tool {
+                self.tool = segment.tool;
+            }
+            if segment.base_inverse != self.base_inverse {
+                self.base_inverse = segment.base_inverse;
+            }
+        }
+        let joints = self.interpolator.joints();
+        self.reported = *joints;
+        let pose = self.base_inverse * (self.config.arm.forward(joints) * self.tool);
+        self.feedback.joints = joints.map(|joint| joint as f32);
+        self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);
+    }
+
+    /// Refuses a command: its number is echoed with the error.
+    pub(super) fn refuse(&mut self, number: u16, motion: u32, cause: Violation) {
+        self.feedback.number = number;
+        self.feedback.status.set(Status::DONE, false);
+        self.feedback.status.set(Status::ABORTED, false);
+        self.set_error(cause.number(), motion);
+        self.refuse_motion(number, motion, cause);
+    }
+
+    pub(super) fn refuse_motion(&mut self, number: u16, motion: u32, cause: Violation) {
+        self.event(RobotEvent::Refused { number, error: cause.number(), motion, cause });
+    }
+
+    pub(super) fn set_error(&mut self, error: ErrorNumber, motion: u32) {
+        self.feedback.status.set(Status::ERROR, true);
+        (self.feedback.error, self.feedback.error_motion) = (error, motion);
+    }
+
+    pub(super) fn suppressed(&mut self, motion: u32) {
+        self.feedback.blends_suppressed = self.feedback.blends_suppressed.saturating_add(1);
+        self.event(RobotEvent::BlendSuppressed { motion });
+    }
+
+    pub(super) fn event(&mut self, event: RobotEvent) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
+    }
+}
