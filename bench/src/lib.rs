@@ -10,6 +10,8 @@
 //! │  └─ run_directory, results, host    what stays
 //! └─ table       what is printed; statistics has the formulas
 //! calibrate      finds the numbers that only a published figure can fix
+//! trace          both nodes tick by tick; watch fills it in virtual time
+//! ratio          two means of a real run as a ratio, with how sure it is
 //! gate           a virtual run against its committed baseline
 //! exit           the exit codes
 //! ```
@@ -22,6 +24,7 @@ pub mod host;
 pub mod measure;
 pub mod plan;
 pub mod progress;
+pub mod ratio;
 pub mod results;
 pub mod rig;
 pub mod run_directory;
@@ -29,4 +32,6 @@ pub mod session;
 pub mod stand;
 pub mod statistics;
 pub mod table;
+pub mod trace;
 pub mod virtual_run;
+mod watch;
