@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
 use crate::gate::GateOptions;
+use crate::report::{CompareOptions, ReportOptions};
 
 /// The seed of runs that name none.
 const SEED: u64 = 1;
@@ -49,6 +50,10 @@ pub enum Command {
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
+    /// Draw the report of a run again.
+    Report(ReportOptions),
+    /// Set runs beside each other.
+    Compare(CompareOptions),
 }
 
 /// Options of a measured run.

@@ -12,6 +12,7 @@
 //! calibrate      finds the numbers that only a published figure can fix
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! ratio          two means of a real run as a ratio, with how sure it is
+//! report         report.html of a run, and runs beside each other
 //! gate           a virtual run against its committed baseline
 //! exit           the exit codes
 //! ```
@@ -25,6 +26,7 @@ pub mod measure;
 pub mod plan;
 pub mod progress;
 pub mod ratio;
+pub mod report;
 pub mod results;
 pub mod rig;
 pub mod run_directory;

@@ -118,7 +118,8 @@ pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::R
 impl Stand for VirtualRun {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
         let is_first = step.repetition == 1;
-        let recording = is_first.then(|| self.trace.types.entry(step.execution_type).insert(Recording::default()));
+        let recording =
+            is_first.then(|| self.trace.types.entry(step.execution_type).insert(Recording::default()));
         self.cell.execute(step, recording)
     }
 

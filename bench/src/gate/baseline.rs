@@ -84,7 +84,9 @@ pub enum Refusal {
         wanted: String,
     },
     /// A value or a tolerance is no number to compare with.
-    #[error("its figure `{figure}` has a value or a tolerance that is no number from zero up; correct it by hand")]
+    #[error(
+        "its figure `{figure}` has a value or a tolerance that is no number from zero up; correct it by hand"
+    )]
     Senseless {
         /// The figure's name.
         figure: String,

@@ -99,7 +99,8 @@ fn update(
     setup: &Setup,
     application: &Application,
 ) -> Result<Exit, Failure> {
-    let (reps, seed) = old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
+    let (reps, seed) =
+        old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
     let new = Baseline::of(&virtual_results(setup, application, reps, seed)?, old.as_ref());
     let diff = new.diff(old.as_ref());
     replace(path, &new.to_json().context("cannot write the baseline as JSON")?, Durability::Synced).with_context(

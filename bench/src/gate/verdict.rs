@@ -33,7 +33,8 @@ impl Change {
         let side = |side: &Option<Expected>| {
             side.as_ref().map_or_else(|| "–".to_owned(), |side| format!("{:.3}", side.value))
         };
-        let name = self.expected.as_ref().or(self.found.as_ref()).map_or(("", ""), |any| (&any.figure, &any.unit));
+        let name =
+            self.expected.as_ref().or(self.found.as_ref()).map_or(("", ""), |any| (&any.figure, &any.unit));
         let difference = self.difference().map_or_else(|| "–".to_owned(), |by| format!("{by:+.3}"));
         let tolerance = self.expected.as_ref().map_or_else(String::new, |any| format!("± {}", any.tolerance));
         let verdict = if self.is_within() { "ok" } else { "CHANGED" };
