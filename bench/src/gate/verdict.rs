@@ -125,3 +125,65 @@ impl Verdict {
         text
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Mode;
+    use crate::plan::Plan;
+    use crate::results::Frames;
+    use crate::stand::Measured;
+    use plc_node::ExecutionType;
+    use std::time::Duration;
+
+    fn results(sm_ms: u64) -> Results {
+        let setup = setup::setup("A").unwrap();
+        let plan = Plan::new(&ExecutionType::ALL, 2, 7);
+        let mut results = Results::new(&setup, "pick-and-place", Mode::Virtual, &plan);
+        for (of, millis) in
+            [(ExecutionType::Rc, 3_725), (ExecutionType::Sm, sm_ms), (ExecutionType::Cm, 3_729)]
+        {
+            for millis in [millis - 3, millis + 3] {
+                let execution = Duration::from_millis(millis);
+                results.record(of, &Measured { execution, robot_execution: execution, blends_suppressed: 0 });
+            }
+        }
+        results.bus = Frames { frames_sent: 6 * sm_ms, frames_received: 6 * sm_ms, lost: 0 };
+        results
+    }
+
+    #[test]
+    fn a_run_like_the_baseline_passes() {
+        let baseline = Baseline::of(&results(6_477), None);
+        let verdict = Verdict::new(&baseline, &results(6_477));
+        assert!(verdict.is_pass());
+        insta::assert_snapshot!(verdict.render(&baseline, "bench/baselines/A.json"), @"
+        ");
+    }
+
+    #[test]
+    fn a_figure_beyond_its_tolerance_or_on_one_side_only_fails_and_is_named() {
+        let mut baseline = Baseline::of(&results(6_477), None);
+        baseline.figures.retain(|expected| expected.figure != "CM MAD");
+        let mut gone = baseline.figures.last().unwrap().clone();
+        gone.figure = "blends".to_owned();
+        baseline.figures.push(gone);
+        let verdict = Verdict::new(&baseline, &results(6_490));
+        assert!(!verdict.is_pass());
+        insta::assert_snapshot!(verdict.render(&baseline, "the one built in"), @"
+        ");
+    }
+
+    #[test]
+    fn a_difference_of_just_the_tolerance_is_within_it() {
+        let expected = |value| Expected {
+            figure: "RC AET".to_owned(),
+            unit: "ms".to_owned(),
+            value,
+            tolerance: 0.5,
+        };
+        let change = |by: f64| Change { expected: Some(expected(3725.1)), found: Some(expected(3725.1 + by)) };
+        assert!(change(0.5).is_within() && change(-0.5).is_within());
+        assert!(!change(0.501).is_within() && !change(-0.501).is_within());
+    }
+}

@@ -11,7 +11,7 @@ use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::prelude::{Cartesian2d, Color, IntoFont, RGBColor, TextStyle};
-use plotters::style::FontTransform;
+use plotters::style::FontStyle;
 
 /// Where figures are drawn.
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -89,6 +89,11 @@ pub(super) fn text(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
     ("sans-serif", pixels * 1.24 * UNITS).into_font().color(&colour)
 }
 
+/// A type's name beside its panel.
+pub(super) fn name(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", pixels * 1.24 * UNITS, FontStyle::Bold).into_font().color(&colour)
+}
+
 /// Draws a figure of this height in pixels and returns it as SVG.
 pub(super) fn figure(
     format: Format,
@@ -115,6 +120,8 @@ pub(super) struct Axes<'a> {
     pub(super) x_title: Option<&'a str>,
     /// Title of the vertical axis.
     pub(super) y_title: &'a str,
+    /// Whether the labels of the horizontal axis have lines.
+    pub(super) x_lines: bool,
     /// Most labels on each axis.
     pub(super) labels: (usize, usize),
     /// How values of each axis are written.
@@ -151,17 +158,25 @@ impl Axes<'_> {
             .x_label_formatter(self.write.0)
             .y_label_formatter(self.write.1)
             .axis_desc_style(text(small, MUTED));
+        if !self.x_lines {
+            mesh.disable_x_mesh();
+        }
         if let Some(title) = self.x_title {
             mesh.x_desc(title);
         }
         mesh.draw()?;
         // A title above the axis is read without turning the head.
-        let _ = FontTransform::None;
         if !self.y_title.is_empty() {
             area.draw_text(self.y_title, &text(small, MUTED), (px(2.0), px(-14.0)))?;
         }
         Ok(chart)
     }
+}
+
+/// Numbers with the decimals that they have, at most two.
+pub(super) fn short(value: &f64) -> String {
+    let text = format!("{value:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
 }
 
 /// Whole numbers.

@@ -47,6 +47,7 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
                 y: (0.0, (most * 1.6).log10()),
                 x_title: is_last.then_some("late by, in µs"),
                 y_title: "",
+                x_lines: true,
                 labels: (format.pick(6, 6), 5),
                 write: (&power, &power),
             };

@@ -3,6 +3,7 @@
 use plc_node::ExecutionType;
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::Color;
+use protocol::image::State;
 use setup::{Application, Setup};
 
 use super::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
@@ -44,6 +45,8 @@ pub(super) fn draw(
         let ticks = trace.types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
         ticks
             .iter()
+            // Before the first skill the robot reports its pose in no base in particular.
+            .skip_while(|tick| tick.state != State::Running)
             .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.pose.get(axis).copied().unwrap_or(0.0))))
             .collect()
     };
@@ -80,6 +83,7 @@ pub(super) fn draw(
                 y: *y,
                 x_title: Some(view.x.1),
                 y_title: view.y.1,
+                x_lines: true,
                 labels: (format.pick(12, 6), format.pick(6, 4)),
                 write: (&chart::whole, &chart::whole),
             };
@@ -107,8 +111,10 @@ pub(super) fn draw(
                 chart.draw_series([PathElement::new(line, style)])?;
             }
             for target in &targets {
-                chart.draw_series([Circle::new(flat(&target.at), px(3.0), PAPER.filled())])?;
-                chart.draw_series([Circle::new(flat(&target.at), px(3.0), INK.stroke_width(stroke(1.2)))])?;
+                // The backend gives the outline of a circle no width.
+                for (radius, colour) in [(3.6, INK), (2.3, PAPER)] {
+                    chart.draw_series([Circle::new(flat(&target.at), px(radius), colour.filled())])?;
+                }
             }
             for (numbers, (x, y)) in labels(&targets, flat, unit * 14.0) {
                 let (x, y) = chart.backend_coord(&(x, y));

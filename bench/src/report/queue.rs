@@ -4,7 +4,7 @@ use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
-use super::chart::{self, Axes, Format, INK, colour, px, stroke, text};
+use super::chart::{self, Axes, Format, INK, colour, px, stroke};
 use crate::progress::label;
 use crate::trace::{Recording, Trace};
 
@@ -37,14 +37,15 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
             let part = area
                 .clone()
                 .shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(bottom - top - TITLE)));
-            area.draw_text(&label(*of), &text(15.0, colour(*of)), (px(2.0), px(top + 8.0)))?;
+            area.draw_text(&label(*of), &chart::name(15.0, colour(*of)), (px(2.0), px(top + 8.0)))?;
             let axes = Axes {
                 x: (0.0, longest_s * 1.01),
                 y: (0.0, SLOTS + 0.4),
                 x_title: is_last.then_some("time since the PLC's start edge in s"),
                 y_title: "",
+                x_lines: true,
                 labels: (format.pick(14, 7), 6),
-                write: (&chart::whole, &chart::whole),
+                write: (&chart::short, &chart::whole),
             };
             let mut chart = axes.draw(format, &part)?;
             let slots =

@@ -1,6 +1,6 @@
 //! The samples of several rows as strips with a box below each, on one axis.
 
-use plotters::element::{Circle, PathElement, Rectangle};
+use plotters::element::{Circle, PathElement};
 use plotters::prelude::{Color, RGBColor};
 
 use super::chart::{self, Axes, Format, INK, MUTED, px, stroke, text};
@@ -39,14 +39,15 @@ pub(super) fn draw(rows: &[Row], x_title: &str, format: Format) -> anyhow::Resul
             let part = area
                 .clone()
                 .shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(bottom - top - TITLE)));
-            area.draw_text(&row.name, &text(15.0, row.colour), (px(2.0), px(top + 8.0)))?;
-            let after = 10.0 + 10.5 * row.name.chars().count() as f64;
+            area.draw_text(&row.name, &chart::name(15.0, row.colour), (px(2.0), px(top + 8.0)))?;
+            let after = 12.0 + 11.5 * row.name.chars().count() as f64;
             area.draw_text(&row.about, &text(format.pick(13.0, 12.0), INK), (px(after), px(top + 9.5)))?;
             let axes = Axes {
                 x: (low - room, high + room),
                 y: (0.0, 1.0),
                 x_title: is_last.then_some(x_title),
                 y_title: "",
+                x_lines: true,
                 labels: (format.pick(14, 7), 0),
                 write: (&signed, &|_| String::new()),
             };
@@ -78,7 +79,8 @@ fn draw_box(chart: &mut chart::Chart<'_, '_>, quartiles: &Quartiles) -> anyhow::
         line((low, bottom + 0.05), (low, top - 0.05), thin),
         line((high, bottom + 0.05), (high, top - 0.05), thin),
     ])?;
-    chart.draw_series([Rectangle::new([(q1, bottom), (q3, top)], thin)])?;
+    let outline = vec![(q1, bottom), (q3, bottom), (q3, top), (q1, top), (q1, bottom)];
+    chart.draw_series([PathElement::new(outline, thin)])?;
     chart.draw_series([line((median, bottom), (median, top), INK.stroke_width(stroke(2.2)))])?;
     Ok(())
 }

@@ -42,8 +42,9 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
                 y: (0.0, (fastest * 1.08).max(1.0)),
                 x_title: is_last.then_some("time since the PLC's start edge in s"),
                 y_title: "mm/s",
-                labels: (format.pick(14, 7), 4),
-                write: (&chart::whole, &chart::whole),
+                x_lines: false,
+                labels: (format.pick(14, 7), 5),
+                write: (&chart::short, &chart::whole),
             };
             let mut chart = axes.draw(format, &part)?;
             for at_ms in ends(ticks) {
@@ -73,7 +74,7 @@ fn title(
     format: Format,
 ) -> anyhow::Result<()> {
     let y = px(top + 5.0);
-    area.draw_text(&label(of), &text(15.0, colour(of)), (px(2.0), y))?;
+    area.draw_text(&label(of), &chart::name(15.0, colour(of)), (px(2.0), y))?;
     let how = match of {
         ExecutionType::Rc => format.pick("the robot's own program, started by the PLC", "robot program"),
         ExecutionType::Sm => format.pick("one skill call a motion, each to an exact stop", "single skills"),
@@ -81,7 +82,7 @@ fn title(
             .pick("one MoveContinuousSkill, fed by the PLC through five slots", "one MoveContinuousSkill"),
     };
     let text_at = text(format.pick(13.0, 12.0), INK);
-    area.draw_text(&format!("{how}: {:.2} s", ended / 1e3), &text_at, (px(36.0), y + px(1.5)))?;
+    area.draw_text(&format!("{how}: {:.2} s", ended / 1e3), &text_at, (px(38.0), y + px(1.5)))?;
     Ok(())
 }
 
