@@ -48,9 +48,10 @@ fn a_millisecond_more_in_the_plcs_scan_is_red_and_costs_sm_one_for_each_skill_ca
     setup.plc.scan_cost_us.value += 1_000;
     let verdict = judge(&setup, &application, &baseline).unwrap();
     assert!(!verdict.is_pass());
-    let sm = verdict.changes.iter().find(|change| {
-        change.expected.as_ref().is_some_and(|expected| expected.figure == "SM AET")
-    });
+    let sm = verdict
+        .changes
+        .iter()
+        .find(|change| change.expected.as_ref().is_some_and(|expected| expected.figure == "SM AET"));
     let by = sm.unwrap().difference().unwrap();
     assert!(by > application.motion.len() as f64 * 0.9, "{by} ms");
 }

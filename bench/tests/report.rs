@@ -73,7 +73,9 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
 fn the_page_asks_for_nothing_from_elsewhere_and_needs_no_script() {
     let directory = a_run();
     let html = report(directory.path()).replace("http://www.w3.org/2000/svg", "");
-    for from_elsewhere in ["http://", "https://", "src=", "<script", "<link rel=\"stylesheet", "@import", "url("] {
+    for from_elsewhere in
+        ["http://", "https://", "src=", "<script", "<link rel=\"stylesheet", "@import", "url("]
+    {
         assert!(!html.contains(from_elsewhere), "{from_elsewhere}");
     }
     // Every element that is opened is closed.
@@ -189,7 +191,11 @@ fn runs_are_set_beside_each_other_on_screen_and_as_a_page() {
     let said = bench(directory.path(), &["compare", "run", "other", "--html", "both.html"]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     let row = |name: &str| said.stdout.lines().find(|line| line.trim().starts_with(name)).unwrap_or_default();
-    assert!(row("run 2: other (setup A, virtual mode, 3 repetitions, seed 2").ends_with(')'), "{}", said.stdout);
+    assert!(
+        row("run 2: other (setup A, virtual mode, 3 repetitions, seed 2").ends_with(')'),
+        "{}",
+        said.stdout
+    );
     assert!(row("SM AET").ends_with('–') && row("CM AET − run 1").contains('.'), "{}", said.stdout);
     let html = std::fs::read_to_string(directory.path().join("both.html")).unwrap();
     assert_eq!(html.matches("<svg").count(), 2 * 3);

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
-use protocol::{Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
+use protocol::{Instant, Lateness, Machine, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::function_blocks::BlockError;
 use crate::readiness::Readiness;
@@ -348,6 +348,14 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.drain_bus();
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        self.bus.listen_port()
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        self.bus.poll_stream()
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

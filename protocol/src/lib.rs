@@ -11,6 +11,7 @@ extern crate alloc;
 
 mod cycle;
 pub mod direct;
+pub mod ethernet_ip;
 pub mod fieldbus;
 pub mod image;
 mod lateness;
@@ -22,5 +23,5 @@ pub mod wire;
 
 pub use cycle::{Cycle, Tick};
 pub use lateness::Lateness;
-pub use machine::{Machine, Port, Source, StreamChange, StreamId, Transmit};
+pub use machine::{Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 pub use time::{Duration, Instant};

@@ -48,14 +48,29 @@ pub enum StreamChange {
     Closed,
 }
 
+/// What a machine wants of the driver's TCP connections.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum StreamRequest {
+    /// Make a connection. The driver numbers it and answers by [`Machine::handle_stream`]: `Opened`, or `Closed`
+    /// where it cannot be made. A machine asks for one connection at a time to a peer: a new request takes the place
+    /// of one that is still under way.
+    Connect {
+        /// The peer to connect to.
+        to: SocketAddrV4,
+    },
+    /// End this connection once the bytes handed out for it are sent. Nothing more is reported of it.
+    Close(StreamId),
+}
+
 /// A protocol endpoint, a PLC or a robot: plain state without clock, socket, thread or async.
 ///
 /// There are four kinds of methods. *Getters* change nothing. *Handlers* (`handle_*`) bring in what happened.
 /// *Commands* (any other `&mut self` method) bring in what the owner wants. *Polls* (`poll_*`) hand out what
 /// follows from it.
 ///
-/// The order: after one handler or command, call [`poll_transmit`](Self::poll_transmit) and
-/// [`poll_event`](Self::poll_event) until both return `None`, then read [`poll_timeout`](Self::poll_timeout) anew.
+/// The order: after one handler or command, call [`poll_transmit`](Self::poll_transmit), then
+/// [`poll_stream`](Self::poll_stream), then [`poll_event`](Self::poll_event), each until it returns `None`, then read
+/// [`poll_timeout`](Self::poll_timeout) anew.
 /// `now` never runs backwards. No handler panics, blocks, or allocates once the machine is up.
 pub trait Machine {
     /// What the machine tells its owner.
@@ -66,6 +81,19 @@ pub trait Machine {
 
     /// A TCP connection opened or closed. Machines without TCP ignore it.
     fn handle_stream(&mut self, _now: Instant, _stream: StreamId, _change: StreamChange) {}
+
+    /// The TCP port on which the driver accepts connections for this machine, if it wants any. It never changes.
+    fn listen_port(&self) -> Option<u16> {
+        None
+    }
+
+    /// The next connection to make or to end. Machines without TCP want none.
+    ///
+    /// A peer that does not read must not stall the driver: where more than a few frames wait for one connection,
+    /// the driver ends it and reports `Closed`.
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        None
+    }
 
     /// The instant of [`poll_timeout`](Self::poll_timeout) has come (or passed: the driver may be late).
     fn handle_timeout(&mut self, now: Instant);

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
-use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
+use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::{Controller, RobotConfig, RobotEvent};
 
@@ -194,6 +194,14 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.take_link_events();
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        self.bus.listen_port()
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        self.bus.poll_stream()
     }
 
     fn handle_timeout(&mut self, now: Instant) {

@@ -176,13 +176,10 @@ mod tests {
 
     #[test]
     fn a_difference_of_just_the_tolerance_is_within_it() {
-        let expected = |value| Expected {
-            figure: "RC AET".to_owned(),
-            unit: "ms".to_owned(),
-            value,
-            tolerance: 0.5,
-        };
-        let change = |by: f64| Change { expected: Some(expected(3725.1)), found: Some(expected(3725.1 + by)) };
+        let expected =
+            |value| Expected { figure: "RC AET".to_owned(), unit: "ms".to_owned(), value, tolerance: 0.5 };
+        let change =
+            |by: f64| Change { expected: Some(expected(3725.1)), found: Some(expected(3725.1 + by)) };
         assert!(change(0.5).is_within() && change(-0.5).is_within());
         assert!(!change(0.501).is_within() && !change(-0.501).is_within());
     }

@@ -5,7 +5,7 @@ use minijinja::{Environment, Value};
 use plc_node::ExecutionType;
 use serde::Serialize;
 
-use super::chart::{Format, colour};
+use super::chart::{Format, colour, short};
 use super::run::Run;
 use super::{lateness, path, queue, samples, speed};
 use crate::progress::label;
@@ -60,7 +60,7 @@ struct Page {
     speed: Option<Figure>,
     samples: Option<Figure>,
     path: Option<Figure>,
-    approximation: Option<f64>,
+    approximation: Option<String>,
     queue: Option<Figure>,
     lateness: Option<Figure>,
     cycles: Vec<[String; 5]>,
@@ -158,7 +158,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         path: Figure::draw("The tool's path from the side and from above", |format| {
             traced(&|trace| path::draw(trace, run.setup.as_ref(), run.application.as_ref(), format))
         })?,
-        approximation: run.setup.as_ref().map(|setup| setup.motions.approximation_mm.value),
+        approximation: run.setup.as_ref().map(|setup| short(&setup.motions.approximation_mm.value)),
         queue: Figure::draw("Motions in the slots over time", |format| {
             traced(&|trace| queue::draw(trace, format))
         })?,
@@ -365,7 +365,7 @@ fn sourced(value: &serde_json::Value, key: String, numbers: &mut Vec<Number>) {
     match value {
         Json::Object(object) => match (object.get("value"), object.get("from").and_then(Json::as_str)) {
             (Some(value), Some(from)) => {
-                let note = object.get("note").and_then(Json::as_str).unwrap_or_default().to_owned();
+                let note = object.get("note").and_then(Json::as_str).unwrap_or_default().replace('`', "");
                 numbers.push(Number { key, value: written(value), from: from.to_owned(), note });
             }
             _ => object.iter().for_each(|(name, value)| sourced(value, below(name), numbers)),

@@ -3,7 +3,7 @@
 use plc_node::ExecutionType;
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::Color;
-use protocol::image::State;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use setup::{Application, Setup};
 
 use super::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
@@ -22,14 +22,14 @@ const VIEWS: [View; 2] = [
 ];
 
 /// Height of a view's title in pixels.
-const TITLE: f64 = 44.0;
+const TITLE: f64 = 54.0;
 
 /// Least extent of an axis in mm, so that a path in a plane is seen as one.
 const LEAST: f64 = 40.0;
 
 /// A target and the radius in which the path may leave it, in mm.
 struct Target {
-    numbers: String,
+    number: usize,
     at: [f64; 3],
     approximation: f64,
 }
@@ -45,8 +45,8 @@ pub(super) fn draw(
         let ticks = trace.types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
         ticks
             .iter()
-            // Before the first skill the robot reports its pose in no base in particular.
-            .skip_while(|tick| tick.state != State::Running)
+            // Until it moves for the first time the robot reports its pose in no base in particular.
+            .skip_while(|tick| tick.path_speed_mm_s == 0.0)
             .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.pose.get(axis).copied().unwrap_or(0.0))))
             .collect()
     };
@@ -76,7 +76,7 @@ pub(super) fn draw(
     let svg = chart::figure(format, height, |area| {
         let mut top = 0.0;
         for ((view, (x, y)), panel) in VIEWS.iter().zip(&extents).zip(&heights) {
-            area.draw_text(view.title, &text(14.0, INK), (px(2.0), px(top + 5.0)))?;
+            area.draw_text(view.title, &text(14.0, INK), (px(2.0), px(top + 14.0)))?;
             let part = area.clone().shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(*panel)));
             let axes = Axes {
                 x: *x,
@@ -100,11 +100,11 @@ pub(super) fn draw(
                 chart.draw_series([zone])?;
             }
             for (of, path) in &paths {
-                // RC lies under CM where both are the same, so it is the wider one.
+                // Where the paths are the same they lie in each other, the one below wider.
                 let (width, strength) = match of {
-                    ExecutionType::Sm => (1.6, 1.0),
-                    ExecutionType::Rc => (6.0, 0.35),
-                    ExecutionType::Cm => (1.8, 1.0),
+                    ExecutionType::Sm => (7.0, 0.4),
+                    ExecutionType::Rc => (4.0, 0.5),
+                    ExecutionType::Cm => (1.5, 1.0),
                 };
                 let line = thinned(path.iter().map(flat), unit * 0.35);
                 let style = colour(*of).mix(strength).stroke_width(stroke(width));
@@ -118,9 +118,16 @@ pub(super) fn draw(
             }
             for (numbers, (x, y)) in labels(&targets, flat, unit * 14.0) {
                 let (x, y) = chart.backend_coord(&(x, y));
-                let base = part.get_pixel_range();
-                let at = (x - base.0.start + px(7.0), y - base.1.start - px(15.0));
-                part.draw_text(&numbers, &text(format.pick(12.0, 11.0), INK), at)?;
+                let (left, above) = part.get_base_pixel();
+                let (x, y) = (x - left, y - above - px(15.0));
+                let style = text(format.pick(12.0, 11.0), INK);
+                // Numbers at the right end would leave the figure.
+                let (x, side) = if x > px(format.width() * 0.88) {
+                    (x - px(7.0), HPos::Right)
+                } else {
+                    (x + px(7.0), HPos::Left)
+                };
+                part.draw_text(&ranges(&numbers), &style.pos(Pos::new(side, VPos::Top)), (x, y))?;
             }
             top += TITLE + panel;
         }
@@ -135,7 +142,7 @@ fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<Targ
     let target = |(index, motion): (usize, &setup::Motion)| {
         let [x, y, z, ..] = motion.target_mm_deg;
         let approximation = if motion.blend { setup.motions.approximation_mm.value } else { 0.0 };
-        Target { numbers: (index + 1).to_string(), at: [x, y, z], approximation }
+        Target { number: index + 1, at: [x, y, z], approximation }
     };
     motions.map(target).collect()
 }
@@ -145,17 +152,27 @@ fn labels(
     targets: &[Target],
     flat: impl Fn(&[f64; 3]) -> (f64, f64),
     near: f64,
-) -> Vec<(String, (f64, f64))> {
-    let mut labels: Vec<(String, (f64, f64))> = Vec::new();
+) -> Vec<(Vec<usize>, (f64, f64))> {
+    let mut labels: Vec<(Vec<usize>, (f64, f64))> = Vec::new();
     for target in targets {
         let at = flat(&target.at);
         let is_near = |other: &(f64, f64)| (other.0 - at.0).abs() < near && (other.1 - at.1).abs() < near;
         match labels.iter_mut().find(|(_, other)| is_near(other)) {
-            Some((numbers, _)) => *numbers = format!("{numbers}, {}", target.numbers),
-            None => labels.push((target.numbers.clone(), at)),
+            Some((numbers, _)) => numbers.push(target.number),
+            None => labels.push((vec![target.number], at)),
         }
     }
     labels
+}
+
+/// Rising numbers as text: `1, 3–5`.
+fn ranges(numbers: &[usize]) -> String {
+    let runs = numbers.chunk_by(|before, after| before + 1 == *after);
+    let written = runs.map(|run| match run {
+        [first, .., last] if last - first > 1 => format!("{first}–{last}"),
+        few => few.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+    });
+    written.collect::<Vec<_>>().join(", ")
 }
 
 /// The points that are further than `least` from the one before; the last stays.
@@ -171,4 +188,24 @@ fn thinned(points: impl Iterator<Item = (f64, f64)>, least: f64) -> Vec<(f64, f6
     }
     kept.extend(last);
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motion_numbers_in_a_row_are_written_as_a_range() {
+        assert_eq!(ranges(&[1, 2, 3, 4, 5]), "1–5");
+        assert_eq!(ranges(&[6, 12]), "6, 12");
+        assert_eq!(ranges(&[2, 3, 7, 8, 9]), "2, 3, 7–9");
+    }
+
+    #[test]
+    fn a_thinned_line_keeps_its_ends() {
+        let points = (0..=100).map(|index| (f64::from(index) * 0.1, 0.0));
+        let line = thinned(points, 3.0);
+        assert_eq!((line.first(), line.last()), (Some(&(0.0, 0.0)), Some(&(10.0, 0.0))));
+        assert!(line.len() < 7, "{line:?}");
+    }
 }

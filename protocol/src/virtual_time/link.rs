@@ -114,6 +114,20 @@ impl Link {
         (0..copies).for_each(|_| arrive(arrival, frame));
     }
 
+    /// When a piece of a TCP stream arrives that leaves now; later, where a datagram would be lost. None while cut.
+    pub(super) fn pass_stream(&mut self, now: Instant, retransmission: Duration) -> Option<Instant> {
+        self.counters.sent += 1;
+        if self.cut {
+            return None;
+        }
+        let mut arrival = now + self.impairment.delay + self.up_to(self.impairment.jitter);
+        while self.chance(self.impairment.loss_ppm.min(900_000)) {
+            self.counters.lost += 1;
+            arrival += retransmission;
+        }
+        Some(arrival)
+    }
+
     /// Draws nothing where the rate is zero, so that switching one fault on does not shift the others.
     fn chance(&mut self, ppm: u32) -> bool {
         ppm > 0 && self.below(1_000_000) < u64::from(ppm)

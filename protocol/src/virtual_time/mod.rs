@@ -2,10 +2,12 @@
 //!
 //! The same seed gives the same nanoseconds on every machine. Each side has a clock of its own with an offset and a
 //! drift, since the cycles of a PLC, a bus and a robot are not synchronised with each other. CPU time is zero here;
-//! what a scan costs is the machine's own setting.
+//! what a scan costs is the machine's own setting. TCP is an ordered byte stream: cut into pieces of random sizes,
+//! late where a datagram would be lost, broken where the cable stays cut.
 
 mod clock;
 mod link;
+mod stream;
 
 pub use clock::Clock;
 pub use link::{Impairment, LinkCounters};
@@ -18,11 +20,12 @@ use core::cmp::Reverse;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::wire::FRAME_CAPACITY;
-use crate::{Instant, Machine, Port, Source, Transmit};
+use crate::{Instant, Machine, Port, Source, StreamId, Transmit};
 use link::Link;
+use stream::Streams;
 
 /// One of the two machines of a [`Pair`].
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Side {
     /// The first one; by convention the PLC.
     A,
@@ -95,7 +98,9 @@ struct Station {
     clock: Clock,
     link: Link,
     address: Option<Ipv4Addr>,
-    /// True time of the machine's next timeout.
+    /// The machine's next timeout by its own clock.
+    local_timeout: Option<Instant>,
+    /// The same in true time.
     timeout: Option<Instant>,
     alive: bool,
 }
@@ -110,10 +115,16 @@ struct InFlight {
 }
 
 #[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Delivery {
-    port: Port,
-    peer: Option<SocketAddrV4>,
-    frame: Vec<u8>,
+enum Delivery {
+    Frame {
+        port: Port,
+        peer: Option<SocketAddrV4>,
+        frame: Vec<u8>,
+    },
+    Opened(StreamId, SocketAddrV4),
+    Closed(StreamId),
+    /// Both ends give a stream up if its bytes still did not get through.
+    StreamTimeout(StreamId),
 }
 
 /// Two machines on one cable, in virtual time.
@@ -124,6 +135,7 @@ pub struct Pair<A: Machine, B: Machine> {
     stations: [Station; 2],
     in_flight: BinaryHeap<Reverse<InFlight>>,
     next_number: u64,
+    streams: Streams,
     spare_frames: Vec<Vec<u8>>,
     buf: Box<[u8]>,
     events: VecDeque<Event<A::Event, B::Event>>,
@@ -143,6 +155,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             clock,
             link: Link::new(impairment, seed, stream),
             address,
+            local_timeout: None,
             timeout: None,
             alive: true,
         };
@@ -153,6 +166,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             stations: [station(clock_a, link_a, address_a, 0), station(clock_b, link_b, address_b, 1)],
             in_flight: BinaryHeap::new(),
             next_number: 0,
+            streams: Streams::new(seed),
             spare_frames: Vec::new(),
             buf: vec![0; FRAME_CAPACITY].into_boxed_slice(),
             events: VecDeque::new(),
@@ -217,14 +231,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.station(side).link.set_impairment(impairment);
     }
 
-    /// Cuts the cable, both ways, or mends it. What is in flight is lost when it is cut.
+    /// Cuts the cable, both ways, or mends it. Datagrams in flight are lost when it is cut; bytes of a stream wait
+    /// for it to be mended, until the stream's ends give up.
     pub fn set_cut(&mut self, cut: bool) {
         for station in &mut self.stations {
             station.link.set_cut(cut);
         }
-        if cut {
-            self.in_flight.clear();
-        }
+        if cut { self.hold_streams() } else { self.resume_streams() }
     }
 
     /// Kills a node: it neither receives nor sends from now on.
@@ -298,13 +311,15 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     }
 
     fn deliver(&mut self) {
-        let Some(Reverse(InFlight { to, delivery: Delivery { port, peer, frame }, .. })) =
-            self.in_flight.pop()
-        else {
+        let Some(Reverse(InFlight { to, delivery, .. })) = self.in_flight.pop() else {
             return;
         };
         let side = if to == 0 { Side::A } else { Side::B };
-        if self.station(side).alive {
+        let (port, peer, frame) = match delivery {
+            Delivery::Frame { port, peer, frame } => (port, peer, frame),
+            delivery => return self.deliver_stream(side, delivery),
+        };
+        if self.station(side).alive && self.wants(side, port) {
             let local = self.local_time(side);
             let source = Source { port, peer };
             match side {
@@ -330,6 +345,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             let Some(transmit) = transmit else { break };
             self.send(side, transmit);
         }
+        loop {
+            let request = match side {
+                Side::A => self.a.poll_stream(),
+                Side::B => self.b.poll_stream(),
+            };
+            let Some(request) = request else { break };
+            self.request_stream(side, request);
+        }
         match side {
             Side::A => self.events.extend(core::iter::from_fn(|| self.a.poll_event()).map(Event::A)),
             Side::B => self.events.extend(core::iter::from_fn(|| self.b.poll_event()).map(Event::B)),
@@ -339,7 +362,11 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::B => self.b.poll_timeout(),
         };
         let station = self.station(side);
-        station.timeout = timeout.map(|local| station.clock.true_time(local));
+        // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
+        if timeout != station.local_timeout {
+            station.local_timeout = timeout;
+            station.timeout = timeout.map(|local| station.clock.true_time(local));
+        }
     }
 
     fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
@@ -356,11 +383,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
         let (port, peer) = match (port, to) {
             (Port::Udp(local), Some(to)) => {
-                let known =
-                    receiver.address.is_some_and(|address| address == *to.ip()) || to.ip().is_broadcast();
+                let known = receiver.address.is_some_and(|address| address == *to.ip())
+                    || to.ip().is_broadcast()
+                    || to.ip().is_multicast();
                 let Some(source) = sender.address.filter(|_| known) else { return };
                 (Port::Udp(to.port()), Some(SocketAddrV4::new(source, local)))
             }
+            (Port::Stream(id), _) => return self.send_stream(from, id, len),
             (port, _) => (port, None),
         };
         let (in_flight, spare_frames, number) =
@@ -374,7 +403,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 arrives,
                 number: *number,
                 to: from.other().index() as u8,
-                delivery: Delivery { port, peer, frame: copy },
+                delivery: Delivery::Frame { port, peer, frame: copy },
             }));
         });
     }

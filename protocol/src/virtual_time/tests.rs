@@ -1,5 +1,5 @@
 use super::*;
-use crate::Duration;
+use crate::{Duration, StreamChange, StreamRequest};
 use alloc::string::String;
 use core::fmt::Write;
 
@@ -115,4 +115,126 @@ fn a_cut_cable_and_a_killed_node_deliver_nothing() {
     assert_eq!(pair.next_event(Instant::from_millis(9)), None);
     assert_eq!(pair.link_counters(Side::A).sent, 9);
     assert_eq!(pair.link_counters(Side::B).sent, 3);
+}
+
+/// Connects to TCP port 7 of its peer, or listens there, says all it has to say, and writes down what it hears.
+#[derive(Default)]
+struct Talker {
+    connect: Option<SocketAddrV4>,
+    say: Vec<u8>,
+    stream: Option<StreamId>,
+    close: bool,
+    heard: Vec<u8>,
+    pieces: usize,
+    changes: Vec<(Instant, StreamChange)>,
+}
+
+impl Machine for Talker {
+    type Event = ();
+
+    fn handle_frame(&mut self, _now: Instant, _from: Source, frame: &[u8]) {
+        self.heard.extend_from_slice(frame);
+        self.pieces += 1;
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        self.changes.push((now, change));
+        self.stream = matches!(change, StreamChange::Opened(_)).then_some(stream);
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        Some(7)
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        if core::mem::take(&mut self.close) {
+            return self.stream.take().map(StreamRequest::Close);
+        }
+        self.connect.take().map(|to| StreamRequest::Connect { to })
+    }
+
+    fn handle_timeout(&mut self, _now: Instant) {}
+
+    fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let stream = self.stream.filter(|_| !self.say.is_empty())?;
+        let len = self.say.len().min(buf.len());
+        buf[..len].copy_from_slice(&self.say[..len]);
+        self.say.drain(..len);
+        Some(Transmit { port: Port::Stream(stream), to: None, len })
+    }
+
+    fn poll_event(&mut self) -> Option<()> {
+        None
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        None
+    }
+}
+
+fn talk(to: SocketAddrV4, say: &[u8], link: Impairment) -> Pair<Talker, Talker> {
+    let config = PairConfig {
+        seed: 3,
+        clocks: [Clock::default(); 2],
+        links: [link; 2],
+        addresses: [Some(Ipv4Addr::new(10, 0, 0, 1)), Some(Ipv4Addr::new(10, 0, 0, 2))],
+    };
+    let talker = Talker { connect: Some(to), say: say.to_vec(), ..Talker::default() };
+    Pair::new(talker, Talker::default(), config)
+}
+
+const LISTENER: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 2), 7);
+
+#[test]
+fn a_stream_comes_in_pieces_but_whole_and_in_order_even_over_a_cable_that_loses_frames() {
+    let said: Vec<u8> = (0..20_000_u32).map(|number| number as u8 ^ (number >> 8) as u8).collect();
+    let jitter = Duration::from_millis(1);
+    let link = Impairment { jitter, loss_ppm: 100_000, duplicate_ppm: 100_000, ..Impairment::default() };
+    let mut pair = talk(LISTENER, &said, link);
+    assert_eq!(pair.next_event(Instant::from_millis(60_000)), None);
+    assert!(pair.b().heard == said && pair.b().pieces > 20, "{} pieces", pair.b().pieces);
+}
+
+#[test]
+fn a_connection_that_nobody_accepts_is_reported_closed() {
+    let mut pair = talk(SocketAddrV4::new(*LISTENER.ip(), 8), b"", Impairment::default());
+    pair.next_event(Instant::from_millis(10));
+    assert_eq!(pair.a().changes, [(Instant::ZERO, StreamChange::Closed)]);
+    let mut pair = talk(SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 3), 7), b"", Impairment::default());
+    pair.next_event(Instant::from_millis(10_000));
+    assert_eq!(pair.a().changes, [(Instant::from_millis(3_000), StreamChange::Closed)]);
+}
+
+#[test]
+fn a_stream_outlives_a_short_cut_and_breaks_at_both_ends_in_a_long_one() {
+    let mut pair = talk(LISTENER, b"before", Impairment::default());
+    pair.next_event(Instant::from_millis(10));
+    pair.set_cut(true);
+    pair.command_a(|a, _| a.say.extend_from_slice(b" and after"));
+    pair.next_event(Instant::from_millis(1_000));
+    assert_eq!(pair.b().heard, b"before");
+    pair.set_cut(false);
+    pair.next_event(Instant::from_millis(1_001));
+    assert_eq!(pair.b().heard, b"before and after");
+
+    pair.set_cut(true);
+    pair.command_a(|a, _| a.say.extend_from_slice(b", never"));
+    pair.next_event(Instant::from_millis(9_000));
+    let closed = (Instant::from_millis(4_001), StreamChange::Closed);
+    assert_eq!((pair.a().changes.last(), pair.b().changes.last()), (Some(&closed), Some(&closed)));
+}
+
+#[test]
+fn what_was_said_before_the_end_still_arrives() {
+    let link = Impairment { delay: Duration::from_micros(50), ..Impairment::default() };
+    let mut pair = talk(LISTENER, b"", link);
+    pair.next_event(Instant::from_millis(1));
+    pair.command_a(|a, _| {
+        a.say.extend_from_slice(b"goodbye");
+        a.close = true;
+    });
+    pair.next_event(Instant::from_millis(2));
+    assert_eq!(pair.b().heard, b"goodbye");
+    assert_eq!(pair.b().changes.last(), Some(&(Instant::from_micros(1_050), StreamChange::Closed)));
+    assert!(pair.a().changes.iter().all(|(_, change)| *change != StreamChange::Closed));
 }

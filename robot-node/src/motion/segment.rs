@@ -146,8 +146,9 @@ fn point_to_point(way: &Joints, speed_share: f64, axis_share: f64, arm: &Arm) ->
 
 /// The joints at a line's end, and the programmed limits, reduced to what the joints can follow along all of it.
 ///
-/// With joints q(s), a joint's speed is q'·v and its acceleration q'·a + q''·v². Where that is too much the whole
-/// line is driven slower: stretching time by k divides v by k and both terms of the acceleration by k².
+/// With joints q(s), a joint's speed is q'·v and its acceleration q'·a + q''·v². The path acceleration gets at most
+/// half of what an axis has, whatever the speed; the speed then gets all that is left. So a higher programmed speed
+/// never makes a line slower.
 fn along_line(
     curve: &Curve,
     from: &Joints,
@@ -158,38 +159,51 @@ fn along_line(
     if length == 0.0 {
         return Ok((curve.joints(0.0, arm, from)?, programmed));
     }
+    let (end, steps) = difference(curve, from, arm)?;
     let rated = arm.limits();
-    let step = length / CHECKS as f64;
-    let (mut joints, mut slope) = (*from, None::<Joints>);
-    let (mut stretch, mut slowest_axis) = (1.0_f64, 1);
-    for check in 1..=CHECKS {
-        let next = curve.joints(step * check as f64, arm, &joints)?;
-        let next_slope: Joints = core::array::from_fn(|axis| (next[axis] - joints[axis]) / step);
-        let before = slope.unwrap_or(next_slope);
-        let acceleration = core::array::from_fn(|axis| {
-            let bend = (next_slope[axis] - before[axis]).abs() / step;
-            let steepest = next_slope[axis].abs().max(before[axis].abs());
-            steepest * programmed.acceleration + bend * programmed.speed * programmed.speed
-        });
-        let speed = next_slope.map(|slope| slope * programmed.speed);
-        let (of_speed, of_acceleration) = (rated.speed_load(&speed), rated.acceleration_load(&acceleration));
-        let needs = [
-            (of_speed.share / RESERVE, of_speed.axis),
-            ((of_acceleration.share / RESERVE).sqrt(), of_acceleration.axis),
-        ];
-        for (need, axis) in needs {
-            if need > stretch {
-                (stretch, slowest_axis) = (need, axis);
+    let half = steps.iter().fold(0.0_f64, |load, step| load.max(rated.acceleration_load(&step.slope).share));
+    let mut limits = programmed;
+    limits.acceleration = limits.acceleration.min(RESERVE / (2.0 * half));
+    let mut slowest_axis = 1;
+    for step in &steps {
+        for axis in 0..arm.axes() {
+            let (slope, bend) = (step.slope[axis].abs(), step.bend[axis].abs());
+            let left = RESERVE * rated.acceleration[axis] - slope * limits.acceleration;
+            let speed = (RESERVE * rated.speed[axis] / slope).min((left / bend).sqrt());
+            if speed < limits.speed {
+                (limits.speed, slowest_axis) = (speed, axis as u8 + 1);
             }
         }
-        (joints, slope) = (next, Some(next_slope));
     }
-    if stretch > 1.0 / SINGULAR_SHARE {
-        return Err(Violation::Singular { axis: slowest_axis, share: 1.0 / stretch });
+    if limits.speed < programmed.speed * SINGULAR_SHARE {
+        return Err(Violation::Singular { axis: slowest_axis, share: limits.speed / programmed.speed });
     }
-    let limits = Limits {
-        speed: programmed.speed / stretch,
-        acceleration: programmed.acceleration / (stretch * stretch),
-    };
-    Ok((joints, limits))
+    Ok((end, limits))
+}
+
+/// How the joints change along a part of a curve, per unit of the way.
+#[derive(Clone, Copy)]
+struct Difference {
+    /// The steeper one of the slopes on both sides.
+    slope: Joints,
+    /// How much the slope changes.
+    bend: Joints,
+}
+
+/// The joints at a curve's end, and how they change along it.
+fn difference(curve: &Curve, from: &Joints, arm: &Arm) -> Result<(Joints, [Difference; CHECKS]), Violation> {
+    let step = curve.length() / CHECKS as f64;
+    let (mut joints, mut before) = (*from, None::<Joints>);
+    let mut differences = [Difference { slope: [0.0; 6], bend: [0.0; 6] }; CHECKS];
+    for (check, difference) in differences.iter_mut().enumerate() {
+        let next = curve.joints(step * (check + 1) as f64, arm, &joints)?;
+        let slope: Joints = core::array::from_fn(|axis| (next[axis] - joints[axis]) / step);
+        let last = before.unwrap_or(slope);
+        *difference = Difference {
+            slope: core::array::from_fn(|axis| slope[axis].abs().max(last[axis].abs())),
+            bend: core::array::from_fn(|axis| (slope[axis] - last[axis]) / step),
+        };
+        (joints, before) = (next, Some(slope));
+    }
+    Ok((joints, differences))
 }

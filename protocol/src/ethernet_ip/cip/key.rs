@@ -1,0 +1,163 @@
+//! The electronic key: which device a connection is meant for (volume 1, C-1.4.2.5).
+//!
+//! ```text
+//! 0      segment type    0x34
+//! 1      key format      4
+//! 2..4   vendor          u16  0 is any
+//! 4..6   device type     u16  0 is any
+//! 6..8   product code    u16  0 is any
+//! 8      major revision  bits 0..7, 0 is any; bit 7: a compatible revision will do
+//! 9      minor revision  u8   0 is any
+//! ```
+
+use super::super::{Reader, Writer};
+use super::violation::Violation;
+use crate::wire::Truncated;
+
+/// A revision as devices carry it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Revision {
+    /// 1 to 127; another one behaves differently.
+    pub major: u8,
+    /// 1 to 255.
+    pub minor: u8,
+}
+
+/// Which device a connection is meant for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ElectronicKey {
+    /// ODVA vendor number, 0 for any.
+    pub vendor: u16,
+    /// Device type (profile), 0 for any.
+    pub device_type: u16,
+    /// The vendor's product code, 0 for any.
+    pub product_code: u16,
+    /// Revision, 0 for any.
+    pub revision: Revision,
+    /// Whether a device that can stand in for this revision will do.
+    pub compatible: bool,
+}
+
+/// What about a device does not fit the key, in the order in which it is checked.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum KeyMismatch {
+    /// Vendor or product code.
+    VendorOrProduct,
+    /// Device type.
+    DeviceType,
+    /// Revision.
+    Revision,
+}
+
+impl From<KeyMismatch> for Violation {
+    fn from(mismatch: KeyMismatch) -> Self {
+        match mismatch {
+            KeyMismatch::VendorOrProduct => Self::VendorOrProductMismatch,
+            KeyMismatch::DeviceType => Self::DeviceTypeMismatch,
+            KeyMismatch::Revision => Self::RevisionMismatch,
+        }
+    }
+}
+
+impl ElectronicKey {
+    /// The key format that every device knows.
+    pub const FORMAT: u8 = 4;
+
+    /// Reads what stands behind the key format.
+    pub fn parse(reader: &mut Reader<'_>) -> Result<Self, Truncated> {
+        let (vendor, device_type, product_code) = (reader.u16()?, reader.u16()?, reader.u16()?);
+        let (major, minor) = (reader.u8()?, reader.u8()?);
+        let revision = Revision { major: major & 0x7F, minor };
+        Ok(Self { vendor, device_type, product_code, revision, compatible: major & 0x80 != 0 })
+    }
+
+    /// Writes the whole segment.
+    pub fn emit(&self, writer: &mut Writer<'_>) {
+        writer.bytes(&[0x34, Self::FORMAT]);
+        writer.u16(self.vendor);
+        writer.u16(self.device_type);
+        writer.u16(self.product_code);
+        writer.u8(self.revision.major & 0x7F | u8::from(self.compatible) << 7);
+        writer.u8(self.revision.minor);
+    }
+
+    /// Whether `device`, which has no zeros in it, is the one that the key is meant for.
+    pub fn check(&self, device: &Self) -> Result<(), KeyMismatch> {
+        let fits = |wanted: u16, there: u16| wanted == 0 || wanted == there;
+        if !fits(self.vendor, device.vendor) || !fits(self.product_code, device.product_code) {
+            return Err(KeyMismatch::VendorOrProduct);
+        }
+        if !fits(self.device_type, device.device_type) {
+            return Err(KeyMismatch::DeviceType);
+        }
+        let (wanted, there) = (self.revision, device.revision);
+        let fits = if self.compatible {
+            // A newer minor revision stands in for an older one; the key must say which one it means.
+            wanted.major == there.major && wanted.minor != 0 && wanted.minor <= there.minor
+                || wanted.major == 0 && wanted.minor == 0
+        } else {
+            (wanted.major == 0 || wanted.major == there.major)
+                && (wanted.minor == 0 || wanted.minor == there.minor)
+        };
+        if fits { Ok(()) } else { Err(KeyMismatch::Revision) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DEVICE: ElectronicKey = ElectronicKey {
+        vendor: 7,
+        device_type: 43,
+        product_code: 9,
+        revision: Revision { major: 2, minor: 5 },
+        compatible: false,
+    };
+
+    #[test]
+    fn a_key_of_zeros_fits_every_device() {
+        let any = ElectronicKey {
+            vendor: 0,
+            device_type: 0,
+            product_code: 0,
+            revision: Revision { major: 0, minor: 0 },
+            compatible: false,
+        };
+        assert_eq!(any.check(&DEVICE), Ok(()));
+        assert_eq!(ElectronicKey { compatible: true, ..any }.check(&DEVICE), Ok(()));
+    }
+
+    #[test]
+    fn each_field_that_does_not_fit_is_named() {
+        assert_eq!(ElectronicKey { vendor: 8, ..DEVICE }.check(&DEVICE), Err(KeyMismatch::VendorOrProduct));
+        assert_eq!(
+            ElectronicKey { product_code: 8, ..DEVICE }.check(&DEVICE),
+            Err(KeyMismatch::VendorOrProduct)
+        );
+        assert_eq!(ElectronicKey { device_type: 12, ..DEVICE }.check(&DEVICE), Err(KeyMismatch::DeviceType));
+        let revision = Revision { major: 2, minor: 4 };
+        assert_eq!(ElectronicKey { revision, ..DEVICE }.check(&DEVICE), Err(KeyMismatch::Revision));
+    }
+
+    #[test]
+    fn the_compatibility_bit_accepts_a_newer_minor_revision_but_no_other_major_one() {
+        let key =
+            |major, minor| ElectronicKey { revision: Revision { major, minor }, compatible: true, ..DEVICE };
+        assert_eq!(key(2, 4).check(&DEVICE), Ok(()));
+        assert_eq!(key(2, 6).check(&DEVICE), Err(KeyMismatch::Revision));
+        assert_eq!(key(1, 5).check(&DEVICE), Err(KeyMismatch::Revision));
+        assert_eq!(key(2, 0).check(&DEVICE), Err(KeyMismatch::Revision));
+    }
+
+    #[test]
+    fn a_key_comes_back_as_it_was_written() {
+        let mut buf = [0; 10];
+        let mut writer = Writer::new(&mut buf);
+        let key = ElectronicKey { compatible: true, ..DEVICE };
+        key.emit(&mut writer);
+        assert_eq!(writer.finish(), Ok(10));
+        assert_eq!(buf, [0x34, 4, 7, 0, 43, 0, 9, 0, 0x82, 5]);
+        assert_eq!(ElectronicKey::parse(&mut Reader::new(&buf[2..])), Ok(key));
+    }
+}

@@ -1,0 +1,212 @@
+//! What a request can do wrong, and which status goes back for it: the one table.
+
+use super::super::Writer;
+use super::status::{Extended as E, General as G};
+
+/// What goes back: a general status and, for the Connection Manager, an extended one with what belongs to it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Status {
+    /// The general status.
+    pub general: G,
+    /// The extended status.
+    pub extended: Option<E>,
+    /// A word behind the extended status: the size that the device has, in bytes.
+    pub extra: Option<u16>,
+}
+
+impl Status {
+    /// Writes general status, count of the additional words, and those.
+    pub fn emit(&self, writer: &mut Writer<'_>) {
+        writer.u8(self.general.into());
+        let words = [self.extended.map(u16::from), self.extra];
+        writer.u8(words.iter().flatten().count() as u8);
+        words.iter().flatten().for_each(|word| writer.u16(*word));
+    }
+}
+
+macro_rules! violations {
+    ($($(#[$doc:meta])* $name:ident $(($field:ident))? => $general:ident $($extended:ident)?,)*) => {
+        /// What a request did wrong.
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        pub enum Violation {
+            $($(#[$doc])* $name $((violations!(@type $field)))?,)*
+        }
+
+        impl Violation {
+            /// The status that goes back for it.
+            #[must_use]
+            pub const fn status(self) -> Status {
+                match self {
+                    $(Self::$name $(($field))? => Status {
+                        general: G::$general,
+                        extended: violations!(@extended $($extended)?),
+                        extra: violations!(@extra $($field)?),
+                    },)*
+                }
+            }
+        }
+    };
+    (@type size) => { u16 };
+    (@extended) => { None };
+    (@extended $extended:ident) => { Some(E::$extended) };
+    (@extra) => { None };
+    (@extra $field:ident) => { Some($field) };
+}
+
+violations! {
+    // Requests to any object.
+    /// A segment that is not known, or has no place in a request to an object.
+    PathSegment => PathSegmentError,
+    /// The path ends before its last segment, or the request before its path.
+    PathSize => PathSizeInvalid,
+    /// No such class or instance.
+    UnknownObject => PathDestinationUnknown,
+    /// No such instance of a class that is there.
+    UnknownInstance => ObjectDoesNotExist,
+    /// The object does not have the service.
+    UnknownService => ServiceNotSupported,
+    /// The object does not have the attribute.
+    UnknownAttribute => AttributeNotSupported,
+    /// The attribute can only be read.
+    NotSettable => AttributeNotSettable,
+    /// The attribute can be set, but not to this.
+    BadAttributeValue => InvalidAttributeValue,
+    /// A parameter of the service is out of its range.
+    BadParameter => InvalidParameter,
+    /// The request ends before its data does.
+    TooShort => NotEnoughData,
+    /// The request goes on behind its data.
+    TooLong => TooMuchData,
+    /// What is to go back does not fit.
+    ReplyTooLarge => ReplyDataTooLarge,
+    /// Services within services within services.
+    NestedTooDeep => ResourceUnavailable,
+    /// Another host asks to close a connection that is not its own.
+    ForeignOriginator => PrivilegeViolation,
+    /// The device is in use and cannot be reset.
+    InUse => DeviceStateConflict,
+
+    // Forward_Open: the triad and who owns what.
+    /// The same connection serial number, vendor and originator as an open connection.
+    DuplicateForwardOpen => ConnectionFailure ConnectionInUse,
+    /// The outputs have an owner.
+    OutputsOwned => ConnectionFailure OwnershipConflict,
+    /// Closing or changing a connection that is not there.
+    ConnectionNotFound => ConnectionFailure ConnectionNotFound,
+    /// The device was told to take no connections.
+    NotConfigured => ConnectionFailure NotConfigured,
+    /// Every connection of the device is in use.
+    OutOfConnections => ConnectionFailure OutOfConnections,
+    /// Every connection of this kind is in use.
+    TargetOutOfConnections => ConnectionFailure TargetOutOfConnections,
+    /// Listen-only, and nobody to listen to.
+    NothingToListenTo => ConnectionFailure NonListenOnlyNotOpened,
+
+    // Forward_Open: the electronic key.
+    /// Vendor or product code of the key is not the device's.
+    VendorOrProductMismatch => ConnectionFailure VendorOrProductMismatch,
+    /// Device type of the key is not the device's.
+    DeviceTypeMismatch => ConnectionFailure DeviceTypeMismatch,
+    /// Revision of the key is not the device's.
+    RevisionMismatch => ConnectionFailure RevisionMismatch,
+
+    // Forward_Open: transport and timing.
+    /// Class and trigger that do not go together.
+    TransportNotSupported => ConnectionFailure TransportNotSupported,
+    /// Neither class 1 nor class 3.
+    TransportClassNotSupported => ConnectionFailure TransportClassNotSupported,
+    /// A trigger that is reserved.
+    TriggerNotSupported => ConnectionFailure TriggerNotSupported,
+    /// Class 3 with the target as client.
+    DirectionNotSupported => ConnectionFailure DirectionNotSupported,
+    /// A packet interval of 0, too short or too long.
+    RpiNotSupported => ConnectionFailure RpiNotSupported,
+    /// A production inhibit time above the packet interval.
+    RpiBelowInhibitTime => ConnectionFailure RpiBelowInhibitTime,
+    /// A timeout multiplier above 7.
+    TimeoutMultiplier => ConnectionFailure InvalidTimeoutMultiplier,
+
+    // Forward_Open: network connection parameters.
+    /// O→T of variable size.
+    OtVariable => ConnectionFailure InvalidOtFixVar,
+    /// T→O of variable size.
+    ToVariable => ConnectionFailure InvalidToFixVar,
+    /// O→T priority that the transport class does not have.
+    OtPriority => ConnectionFailure InvalidOtPriority,
+    /// T→O priority that the transport class does not have.
+    ToPriority => ConnectionFailure InvalidToPriority,
+    /// O→T neither point to point nor null where both are.
+    OtType => ConnectionFailure InvalidOtType,
+    /// T→O of a reserved type, or null where O→T is not.
+    ToType => ConnectionFailure InvalidToType,
+    /// A redundant owner.
+    OtRedundantOwner => ConnectionFailure InvalidOtRedundantOwner,
+    /// O→T size that is not the assembly's, which is told.
+    OtSize(size) => ConnectionFailure InvalidOtSize,
+    /// T→O size that is not the assembly's, which is told.
+    ToSize(size) => ConnectionFailure InvalidToSize,
+    /// T→O size that is not that of the running multicast.
+    MulticastSize => ConnectionFailure MismatchedToSize,
+    /// T→O priority that is not that of the running multicast.
+    MulticastPriority => ConnectionFailure MismatchedToPriority,
+    /// Trigger that is not that of the running multicast.
+    MulticastTrigger => ConnectionFailure MismatchedToTrigger,
+    /// Inhibit time that is not that of the running multicast.
+    MulticastInhibit => ConnectionFailure MismatchedToInhibit,
+    /// A multicast for an originator behind a router.
+    OffSubnetMulticast => ConnectionFailure OffSubnetMulticast,
+
+    // Forward_Open and Forward_Close: the path.
+    /// A class that has no connections.
+    ApplicationPath => ConnectionFailure InvalidApplicationPath,
+    /// Configuration data where the configuration assembly has none.
+    ConfigurationSize => ConnectionFailure InvalidConfigurationSize,
+    /// A configuration assembly that is not there.
+    ConfigurationPath => ConnectionFailure InvalidConfigurationPath,
+    /// An O→T assembly that is not there.
+    ConsumingPath => ConnectionFailure InvalidConsumingPath,
+    /// A T→O assembly that is not there.
+    ProducingPath => ConnectionFailure InvalidProducingPath,
+    /// Assemblies that are there but not for this.
+    InconsistentPathCombination => ConnectionFailure InconsistentPathCombination,
+    /// A null Forward_Open for what cannot be configured.
+    NullForwardOpen => ConnectionFailure NullForwardOpenNotSupported,
+    /// A port that the device does not have.
+    InvalidPort => ConnectionFailure InvalidPort,
+    /// An address that is not this device's.
+    InvalidLinkAddress => ConnectionFailure InvalidLinkAddress,
+    /// A segment that is not known, is cut off, or has no place in a connection path.
+    InvalidSegmentInPath => ConnectionFailure InvalidSegmentInPath,
+    /// Another path than the one that was opened.
+    ForwardClosePath => ConnectionFailure ForwardClosePathMismatch,
+
+    // Unconnected_Send.
+    /// The route was good but nobody answered before the time was over.
+    UnconnectedTimeout => ConnectionFailure UnconnectedTimedOut,
+    /// The embedded message is empty or does not fit its size.
+    UnconnectedParameter => ConnectionFailure UnconnectedParameter,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wire(violation: Violation) -> ([u8; 6], usize) {
+        let mut buf = [0; 6];
+        let mut writer = Writer::new(&mut buf);
+        violation.status().emit(&mut writer);
+        let len = writer.finish().unwrap();
+        (buf, len)
+    }
+
+    #[test]
+    fn a_violation_of_a_plain_request_carries_a_general_status_alone() {
+        assert_eq!(wire(Violation::UnknownService), ([8, 0, 0, 0, 0, 0], 2));
+    }
+
+    #[test]
+    fn a_refused_connection_carries_its_extended_status_and_the_size_that_would_do() {
+        assert_eq!(wire(Violation::OutputsOwned), ([1, 1, 0x06, 0x01, 0, 0], 4));
+        assert_eq!(wire(Violation::OtSize(262)), ([1, 2, 0x27, 0x01, 0x06, 0x01], 6));
+    }
+}

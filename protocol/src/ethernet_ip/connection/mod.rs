@@ -1,0 +1,9 @@
+//! Opening and closing connections: the Connection Manager's services (volume 1, 3-5).
+
+mod open;
+mod parameters;
+mod timing;
+
+pub use open::{CloseRequest, Closed, OpenRequest, Opened, Refused, Triad};
+pub use parameters::{ConnectionType, Parameters, Priority, Transport, Trigger};
+pub use timing::{Inhibit, SequenceCheck, TimeoutMultiplier, Watchdog};

@@ -1,0 +1,328 @@
+//! Forward_Open, Large_Forward_Open and Forward_Close on the wire (volume 1, 3-5.5.2 and 3-5.5.3).
+//!
+//! ```text
+//! Forward_Open request                     Forward_Close request
+//! 0     priority and time tick   u8        0     priority and time tick   u8
+//! 1     timeout ticks            u8        1     timeout ticks            u8
+//! 2..6  O→T connection           u32       2..4  connection serial        u16
+//! 6..10 T→O connection           u32       4..6  originator's vendor      u16
+//! 10..12 connection serial       u16       6..10 originator's serial      u32
+//! 12..14 originator's vendor     u16       10    path size                u8, words
+//! 14..18 originator's serial     u32       11    0
+//! 18    timeout multiplier       u8        12..  path
+//! 19..22 0
+//! 22..26 O→T packet interval     u32, µs
+//! 26..28 O→T parameters          u16 (u32 in Large_Forward_Open, all behind it 2 later)
+//! 28..32 T→O packet interval     u32, µs
+//! 32..34 T→O parameters          u16 (u32)
+//! 34    transport                u8
+//! 35    path size                u8, words
+//! 36..  path
+//!
+//! reply, opened                            reply, refused             reply, closed
+//! 0..4   O→T connection       u32          0..2 connection serial     0..2 connection serial
+//! 4..8   T→O connection       u32          2..4 originator's vendor   2..4 originator's vendor
+//! 8..10  connection serial    u16          4..8 originator's serial   4..8 originator's serial
+//! 10..12 originator's vendor  u16          8    path left, words      8    application reply, words
+//! 12..16 originator's serial  u32          9    0                     9    0
+//! 16..20 O→T real interval    u32, µs                                 10.. application reply
+//! 20..24 T→O real interval    u32, µs
+//! 24     application reply    u8, words
+//! 25     0
+//! 26..   application reply
+//! ```
+
+use super::super::{Reader, Writer, cip};
+use super::parameters::{Parameters, Transport};
+use crate::wire::Truncated;
+use cip::{Path, Violation};
+
+/// Priority/tick 10 and 240 ticks: what an originator grants a request, 2^10 ms × 240, on the way over routers.
+const TIME_TICK: [u8; 2] = [0x0A, 0xF0];
+
+/// What tells a connection from every other one in the world.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub struct Triad {
+    /// Number that the originator gave the connection.
+    pub connection_serial: u16,
+    /// ODVA vendor number of the originator.
+    pub vendor: u16,
+    /// Serial number of the originator.
+    pub originator_serial: u32,
+}
+
+impl Triad {
+    fn parse(reader: &mut Reader<'_>) -> Result<Self, Truncated> {
+        Ok(Self { connection_serial: reader.u16()?, vendor: reader.u16()?, originator_serial: reader.u32()? })
+    }
+
+    fn emit(self, writer: &mut Writer<'_>) {
+        writer.u16(self.connection_serial);
+        writer.u16(self.vendor);
+        writer.u32(self.originator_serial);
+    }
+}
+
+/// The request of a Forward_Open or Large_Forward_Open.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct OpenRequest<'a> {
+    /// Number of the O→T connection; the target picks its own for point to point.
+    pub o_t_id: u32,
+    /// Number of the T→O connection.
+    pub t_o_id: u32,
+    /// Which connection it is.
+    pub triad: Triad,
+    /// Code of the timeout multiplier, which may be one that there is not.
+    pub multiplier: u8,
+    /// Requested packet interval O→T in µs.
+    pub o_t_rpi_us: u32,
+    /// Parameters O→T.
+    pub o_t: Parameters,
+    /// Requested packet interval T→O in µs.
+    pub t_o_rpi_us: u32,
+    /// Parameters T→O.
+    pub t_o: Parameters,
+    /// Transport class and trigger.
+    pub transport: Transport,
+    /// What to connect to.
+    pub path: Path<'a>,
+}
+
+impl<'a> OpenRequest<'a> {
+    /// Reads a request; `large` tells the Large_Forward_Open.
+    pub fn parse(data: &'a [u8], large: bool) -> Result<Self, Violation> {
+        let mut reader = Reader::new(data);
+        let request = Self::parse_fields(&mut reader, large).map_err(|_| Violation::TooShort)?;
+        let path = parse_path(&mut reader, false)?;
+        Ok(Self { path, ..request })
+    }
+
+    fn parse_fields(reader: &mut Reader<'_>, large: bool) -> Result<Self, Truncated> {
+        let parameters = |reader: &mut Reader<'_>| {
+            Ok(if large {
+                Parameters::from_large(reader.u32()?)
+            } else {
+                Parameters::from_plain(reader.u16()?)
+            })
+        };
+        reader.skip(2)?;
+        let (o_t_id, t_o_id) = (reader.u32()?, reader.u32()?);
+        let triad = Triad::parse(reader)?;
+        let multiplier = reader.u8()?;
+        reader.skip(3)?;
+        let (o_t_rpi_us, o_t) = (reader.u32()?, parameters(reader)?);
+        let (t_o_rpi_us, t_o) = (reader.u32()?, parameters(reader)?);
+        let transport = Transport(reader.u8()?);
+        let path = Path(&[]);
+        Ok(Self { o_t_id, t_o_id, triad, multiplier, o_t_rpi_us, o_t, t_o_rpi_us, t_o, transport, path })
+    }
+
+    /// Writes the request; `large` makes it a Large_Forward_Open.
+    pub fn emit(&self, writer: &mut Writer<'_>, large: bool) {
+        let parameters = |writer: &mut Writer<'_>, parameters: Parameters| {
+            if large { writer.u32(parameters.to_large()) } else { writer.u16(parameters.to_plain()) }
+        };
+        writer.bytes(&TIME_TICK);
+        writer.u32(self.o_t_id);
+        writer.u32(self.t_o_id);
+        self.triad.emit(writer);
+        writer.bytes(&[self.multiplier, 0, 0, 0]);
+        writer.u32(self.o_t_rpi_us);
+        parameters(writer, self.o_t);
+        writer.u32(self.t_o_rpi_us);
+        parameters(writer, self.t_o);
+        writer.u8(self.transport.0);
+        writer.u8(u8::try_from(self.path.0.len() / 2).unwrap_or(u8::MAX));
+        writer.bytes(self.path.0);
+    }
+}
+
+/// The path of a connection, which ends the request. Forward_Close has a zero byte before it.
+fn parse_path<'a>(reader: &mut Reader<'a>, reserved: bool) -> Result<Path<'a>, Violation> {
+    let words = reader.u8().map_err(|_| Violation::TooShort)?;
+    if reserved {
+        reader.skip(1).map_err(|_| Violation::TooShort)?;
+    }
+    let path = reader.bytes(2 * usize::from(words)).map_err(|_| Violation::TooShort)?;
+    if reader.is_empty() { Ok(Path(path)) } else { Err(Violation::TooLong) }
+}
+
+/// The reply of a target that opened the connection.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Opened {
+    /// Number of the O→T connection.
+    pub o_t_id: u32,
+    /// Number of the T→O connection.
+    pub t_o_id: u32,
+    /// Which connection it is.
+    pub triad: Triad,
+    /// Real packet interval O→T in µs.
+    pub o_t_api_us: u32,
+    /// Real packet interval T→O in µs.
+    pub t_o_api_us: u32,
+}
+
+impl Opened {
+    /// Reads the reply's data.
+    pub fn parse(data: &[u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::new(data);
+        Ok(Self {
+            o_t_id: reader.u32()?,
+            t_o_id: reader.u32()?,
+            triad: Triad::parse(&mut reader)?,
+            o_t_api_us: reader.u32()?,
+            t_o_api_us: reader.u32()?,
+        })
+    }
+
+    /// Writes the reply's data.
+    pub fn emit(&self, writer: &mut Writer<'_>) {
+        writer.u32(self.o_t_id);
+        writer.u32(self.t_o_id);
+        self.triad.emit(writer);
+        writer.u32(self.o_t_api_us);
+        writer.u32(self.t_o_api_us);
+        writer.u16(0);
+    }
+}
+
+/// The data behind the status of a target that refused to open or to close a connection.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Refused {
+    /// Which connection it was about.
+    pub triad: Triad,
+}
+
+impl Refused {
+    /// Writes the data. No word of the path is left: there is no router behind this device.
+    pub fn emit(&self, writer: &mut Writer<'_>) {
+        self.triad.emit(writer);
+        writer.u16(0);
+    }
+
+    /// What can be said of a request that may be cut off: the triad, if it is there.
+    #[must_use]
+    pub fn of_open(data: &[u8]) -> Option<Self> {
+        let triad = data.get(10..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
+        triad.map(|triad| Self { triad })
+    }
+
+    /// The same for a Forward_Close.
+    #[must_use]
+    pub fn of_close(data: &[u8]) -> Option<Self> {
+        let triad = data.get(2..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
+        triad.map(|triad| Self { triad })
+    }
+}
+
+/// The request of a Forward_Close.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct CloseRequest<'a> {
+    /// Which connection is to be closed.
+    pub triad: Triad,
+    /// The path that it was opened with, or none.
+    pub path: Path<'a>,
+}
+
+impl<'a> CloseRequest<'a> {
+    /// Reads a request.
+    pub fn parse(data: &'a [u8]) -> Result<Self, Violation> {
+        let mut reader = Reader::new(data);
+        reader.skip(2).map_err(|_| Violation::TooShort)?;
+        let triad = Triad::parse(&mut reader).map_err(|_| Violation::TooShort)?;
+        Ok(Self { triad, path: parse_path(&mut reader, true)? })
+    }
+
+    /// Writes the request.
+    pub fn emit(&self, writer: &mut Writer<'_>) {
+        writer.bytes(&TIME_TICK);
+        self.triad.emit(writer);
+        writer.u8(u8::try_from(self.path.0.len() / 2).unwrap_or(u8::MAX));
+        writer.u8(0);
+        writer.bytes(self.path.0);
+    }
+}
+
+/// The reply of a target that closed the connection.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Closed {
+    /// Which connection it is.
+    pub triad: Triad,
+}
+
+impl Closed {
+    /// Writes the reply's data.
+    pub fn emit(&self, writer: &mut Writer<'_>) {
+        self.triad.emit(writer);
+        writer.u16(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ConnectionType, Priority};
+    use super::*;
+
+    const TRIAD: Triad = Triad { connection_serial: 0x1234, vendor: 0x00AB, originator_serial: 0x89AB_CDEF };
+
+    fn request(path: &[u8]) -> OpenRequest<'_> {
+        let parameters = |size| Parameters {
+            redundant_owner: false,
+            kind: ConnectionType::PointToPoint,
+            priority: Priority::Scheduled,
+            variable: false,
+            size,
+        };
+        OpenRequest {
+            o_t_id: 0,
+            t_o_id: 0x0102_0304,
+            triad: TRIAD,
+            multiplier: 5,
+            o_t_rpi_us: 1_000,
+            o_t: parameters(262),
+            t_o_rpi_us: 2_000,
+            t_o: parameters(258),
+            transport: Transport::CYCLIC,
+            path: Path(path),
+        }
+    }
+
+    #[test]
+    fn a_forward_open_has_every_field_where_the_standard_has_it() {
+        let mut buf = [0; 128];
+        let mut writer = Writer::new(&mut buf);
+        request(&[0x20, 4, 0x2C, 150, 0x2C, 100]).emit(&mut writer, false);
+        let len = writer.finish().unwrap();
+        let expected = b"\x0A\xF0\0\0\0\0\x04\x03\x02\x01\x34\x12\xAB\x00\xEF\xCD\xAB\x89\x05\0\0\0\
+            \xE8\x03\0\0\x06\x49\xD0\x07\0\0\x02\x49\x01\x03\x20\x04\x2C\x96\x2C\x64";
+        assert_eq!(&buf[..len], expected);
+    }
+
+    #[test]
+    fn requests_plain_and_large_come_back_as_they_were_and_are_refused_at_every_cut() {
+        let path = [0x20, 4, 0x2C, 150, 0x2C, 100];
+        for large in [false, true] {
+            let mut buf = [0; 128];
+            let mut writer = Writer::new(&mut buf);
+            request(&path).emit(&mut writer, large);
+            let len = writer.finish().unwrap();
+            assert_eq!(OpenRequest::parse(&buf[..len], large), Ok(request(&path)));
+            for cut in 0..len {
+                assert_eq!(OpenRequest::parse(&buf[..cut], large), Err(Violation::TooShort), "at {cut}");
+            }
+            assert_eq!(OpenRequest::parse(&buf[..len + 2], large), Err(Violation::TooLong));
+        }
+    }
+
+    #[test]
+    fn a_forward_close_comes_back_as_it_was_and_is_refused_at_every_cut() {
+        let close = CloseRequest { triad: TRIAD, path: Path(&[0x20, 4, 0x2C, 150, 0x2C, 100]) };
+        let mut buf = [0; 64];
+        let mut writer = Writer::new(&mut buf);
+        close.emit(&mut writer);
+        let len = writer.finish().unwrap();
+        assert_eq!(CloseRequest::parse(&buf[..len]), Ok(close));
+        assert!((0..len).all(|cut| CloseRequest::parse(&buf[..cut]) == Err(Violation::TooShort)));
+        assert_eq!(Refused::of_close(&buf[..len]), Some(Refused { triad: TRIAD }));
+    }
+}

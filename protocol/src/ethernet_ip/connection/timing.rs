@@ -1,0 +1,150 @@
+//! When a connection is given up, when it may produce again, and which frames are new.
+
+use crate::{Duration, Instant};
+
+/// How many packet intervals a consumer waits: 4 << code, code 0 to 7 (volume 1, 3-5.5.1.4).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct TimeoutMultiplier(u8);
+
+impl TimeoutMultiplier {
+    /// 128 packet intervals: enough for a host that stalls for 100 intervals.
+    pub const CODE_5: Self = Self(5);
+
+    /// The multiplier of this code, if there is one.
+    #[must_use]
+    pub const fn new(code: u8) -> Option<Self> {
+        if code <= 7 { Some(Self(code)) } else { None }
+    }
+
+    /// The code on the wire.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self.0
+    }
+
+    /// How long a consumer of this packet interval waits: 4 to 512 intervals.
+    #[must_use]
+    pub fn timeout(self, packet_interval: Duration) -> Duration {
+        packet_interval.saturating_mul(4 << self.0)
+    }
+}
+
+/// How long the first frame of a connection may take at least (volume 1, 3-4.6.2).
+const FIRST_FRAME: Duration = Duration::from_secs(10);
+
+/// Tells when the other end of a connection has been silent for too long.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Watchdog {
+    timeout: Duration,
+    deadline: Instant,
+}
+
+impl Watchdog {
+    /// Starts with the connection: the first frame may take 10 s, or longer where the timeout is longer.
+    #[must_use]
+    pub fn start(now: Instant, timeout: Duration) -> Self {
+        Self { timeout, deadline: now + timeout.max(FIRST_FRAME) }
+    }
+
+    /// A frame came.
+    pub fn feed(&mut self, now: Instant) {
+        self.deadline = now + self.timeout;
+    }
+
+    /// When the connection is given up.
+    #[must_use]
+    pub const fn deadline(&self) -> Instant {
+        self.deadline
+    }
+
+    /// Whether the connection is to be given up.
+    #[must_use]
+    pub fn expired(&self, now: Instant) -> bool {
+        now >= self.deadline
+    }
+}
+
+/// Keeps a producer that is triggered by changes from producing more often than the inhibit time allows.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Inhibit {
+    time: Duration,
+    free_at: Instant,
+}
+
+impl Inhibit {
+    /// A producer that may produce at once.
+    #[must_use]
+    pub const fn new(time: Duration, now: Instant) -> Self {
+        Self { time, free_at: now }
+    }
+
+    /// The inhibit time.
+    #[must_use]
+    pub const fn time(&self) -> Duration {
+        self.time
+    }
+
+    /// When the producer may produce again.
+    #[must_use]
+    pub const fn free_at(&self) -> Instant {
+        self.free_at
+    }
+
+    /// The producer produced.
+    pub fn produced(&mut self, now: Instant) {
+        self.free_at = now + self.time;
+    }
+}
+
+/// Tells new frames from late ones by the 32-bit sequence number (volume 2, 3-4.1).
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct SequenceCheck {
+    last: Option<u32>,
+}
+
+impl SequenceCheck {
+    /// Whether a frame is newer than all before it, and then how many between them are missing.
+    pub fn accept(&mut self, sequence: u32) -> Option<u32> {
+        let missing = match self.last {
+            None => 0,
+            Some(last) => match sequence.wrapping_sub(last) {
+                ahead @ 1..=0x7FFF_FFFF => ahead - 1,
+                _ => return None,
+            },
+        };
+        self.last = Some(sequence);
+        Some(missing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_eight_multipliers_are_4_to_512_packet_intervals() {
+        let intervals =
+            |code| TimeoutMultiplier::new(code).map(|m| m.timeout(Duration::from_millis(1)).as_millis());
+        let all: Vec<_> = (0..=8).map(intervals).collect();
+        let expected = [4, 8, 16, 32, 64, 128, 256, 512].map(Some);
+        assert_eq!(all[..8], expected);
+        assert_eq!(all[8], None);
+    }
+
+    #[test]
+    fn the_first_frame_may_take_ten_seconds_or_longer() {
+        let start = |millis| Watchdog::start(Instant::ZERO, Duration::from_millis(millis)).deadline();
+        assert_eq!(start(4), Instant::from_millis(10_000));
+        assert_eq!(start(60_000), Instant::from_millis(60_000));
+    }
+
+    #[test]
+    fn a_sequence_goes_on_over_its_wrap_and_late_or_repeated_frames_are_refused() {
+        let mut check = SequenceCheck::default();
+        assert_eq!(check.accept(u32::MAX - 1), Some(0));
+        assert_eq!(check.accept(u32::MAX - 1), None);
+        assert_eq!(check.accept(1), Some(2));
+        assert_eq!(check.accept(0), None);
+        assert_eq!(check.accept(0x8000_0002), None);
+    }
+}

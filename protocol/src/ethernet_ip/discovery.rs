@@ -1,0 +1,114 @@
+//! Finding devices: ListIdentity over UDP, sent to all, and what each device answers (volume 2, 2-4.3).
+//!
+//! ```text
+//! item of type 0x000C, in each answer
+//! 0..2   protocol version  u16
+//! 2..18  socket address        family, port, address: most significant byte first; eight zeros
+//! 18..20 vendor            u16
+//! 20..22 device type       u16
+//! 22..24 product code      u16
+//! 24..26 revision              major, minor
+//! 26..28 status            u16
+//! 28..32 serial number     u32
+//! 32..   product name          a length byte and so many characters
+//! ..     state             u8
+//! ```
+
+use core::net::SocketAddrV4;
+
+use super::Reader;
+use super::cip::{ElectronicKey, Revision};
+use super::cpf::{Item, Items, kind, read_address};
+use super::description::Identity;
+use super::encapsulation::{Command, HEADER_LEN, Header, Status};
+use crate::wire::{Overflow, Truncated};
+
+/// A device that answered.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Found<'a> {
+    /// Where it says that it listens.
+    pub address: SocketAddrV4,
+    /// Who it is.
+    pub identity: Identity,
+    /// Status word of its Identity: bit 0 owned, bit 2 configured, bits 4 to 7 what I/O does.
+    pub status: u16,
+    /// Its product name, as bytes of whatever character set its vendor uses.
+    pub product_name: &'a [u8],
+    /// State of its Identity: 3 operational.
+    pub state: u8,
+}
+
+/// Writes the question to all devices, for UDP port [`super::ENCAPSULATION_PORT`]. Devices answer at once or, the
+/// standard allows it, within `answer_within_ms`, so that not all do at the same time. Returns the length in bytes.
+pub fn emit_question(buf: &mut [u8], answer_within_ms: u16) -> Result<usize, Overflow> {
+    let mut header = Header::request(Command::ListIdentity, 0);
+    let [low, high] = answer_within_ms.to_le_bytes();
+    header.context = [low, high, 0, 0, 0, 0, 0, 0];
+    header.emit(buf, |_| {})
+}
+
+impl<'a> Found<'a> {
+    /// Reads an answer; none where the datagram is something else.
+    #[must_use]
+    pub fn parse(datagram: &'a [u8]) -> Option<Self> {
+        let header = Header::parse(datagram).ok()?;
+        if header.command != Command::ListIdentity || header.status != Status::Success {
+            return None;
+        }
+        let data = datagram.get(HEADER_LEN..HEADER_LEN + usize::from(header.length))?;
+        let mut items = Items::parse(Reader::new(data)).ok()?;
+        match items.next()?.ok()? {
+            Item::Unknown(kind::LIST_IDENTITY, item) => Self::parse_item(item).ok(),
+            _ => None,
+        }
+    }
+
+    fn parse_item(item: &'a [u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::new(item);
+        reader.skip(2)?;
+        let address = read_address(reader.sub(16)?)?;
+        let (vendor, device_type, product_code) = (reader.u16()?, reader.u16()?, reader.u16()?);
+        let revision = Revision { major: reader.u8()?, minor: reader.u8()? };
+        let key = ElectronicKey { vendor, device_type, product_code, revision, compatible: false };
+        let status = reader.u16()?;
+        let identity = Identity { key, serial_number: reader.u32()? };
+        let name_len = reader.u8()?;
+        let product_name = reader.bytes(name_len.into())?;
+        Ok(Self { address, identity, status, product_name, state: reader.u8()? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::description::SKILL_ROBOT;
+    use super::super::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
+    use super::*;
+    use crate::{Instant, Machine, Port, Source};
+    use core::net::Ipv4Addr;
+
+    #[test]
+    fn a_device_that_is_asked_tells_where_and_who_it_is() {
+        let address = Ipv4Addr::new(192, 168, 64, 2);
+        let mut adapter = Adapter::new(AdapterConfig {
+            description: &SKILL_ROBOT,
+            serial_number: 0x1234_5678,
+            address,
+            mask: Ipv4Addr::new(255, 255, 255, 0),
+            gateway: Ipv4Addr::UNSPECIFIED,
+            mac: [2, 0, 0, 0, 0, 2],
+            first_id: 1,
+        });
+        let mut buf = [0; 512];
+        let len = emit_question(&mut buf, 500).unwrap();
+        let peer = Some(SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, 1), 50_000));
+        let from = Source { port: Port::Udp(ENCAPSULATION_PORT), peer };
+        adapter.handle_frame(Instant::ZERO, from, &buf[..len]);
+        let answer = adapter.poll_transmit(Instant::ZERO, &mut buf).unwrap();
+        assert_eq!(answer.to, peer);
+        let found = Found::parse(&buf[..answer.len]).unwrap();
+        assert_eq!(found.address, SocketAddrV4::new(address, ENCAPSULATION_PORT));
+        assert_eq!(found.identity, Identity { key: SKILL_ROBOT.key(), serial_number: 0x1234_5678 });
+        assert_eq!((found.product_name, found.state), (SKILL_ROBOT.product_name.as_bytes(), 3));
+        assert!((0..answer.len).all(|cut| Found::parse(&buf[..cut]).is_none()));
+    }
+}

@@ -1,0 +1,74 @@
+//! Connection Manager, class 06: what became of the requests to open and close (volume 1, 3-5).
+
+use super::super::Writer;
+use super::super::cip::{Extended, Violation};
+use super::{Device, Object, exactly};
+
+/// Attributes 1 to 8.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(in super::super) struct ManagerCounters {
+    counts: [u16; 8],
+}
+
+impl ManagerCounters {
+    /// A Forward_Open came, and was refused for this reason, if it was.
+    pub(in super::super) fn opened(&mut self, refused: Option<Violation>) {
+        let [requests, format, resource, other, ..] = &mut self.counts;
+        *requests = requests.wrapping_add(1);
+        let reject = match refused {
+            None => return,
+            Some(Violation::TooShort | Violation::TooLong | Violation::InvalidSegmentInPath) => format,
+            Some(violation) => match violation.status().extended {
+                Some(Extended::OutOfConnections | Extended::TargetOutOfConnections) => resource,
+                _ => other,
+            },
+        };
+        *reject = reject.wrapping_add(1);
+    }
+
+    /// A Forward_Close came, and was refused for this reason, if it was.
+    pub(in super::super) fn closed(&mut self, refused: Option<Violation>) {
+        let [_, _, _, _, requests, format, other, _] = &mut self.counts;
+        *requests = requests.wrapping_add(1);
+        let reject = match refused {
+            None => return,
+            Some(Violation::TooShort | Violation::TooLong) => format,
+            Some(_) => other,
+        };
+        *reject = reject.wrapping_add(1);
+    }
+
+    /// A connection timed out.
+    pub(in super::super) fn timed_out(&mut self) {
+        let [.., timeouts] = &mut self.counts;
+        *timeouts = timeouts.wrapping_add(1);
+    }
+}
+
+pub(super) struct ConnectionManager;
+
+impl Object for ConnectionManager {
+    const REVISION: u16 = 1;
+    const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8];
+
+    fn get(
+        device: &Device,
+        _instance: u32,
+        attribute: u16,
+        writer: &mut Writer<'_>,
+    ) -> Result<(), Violation> {
+        let index = usize::from(attribute).checked_sub(1);
+        let count = index.and_then(|index| device.manager.counts.get(index));
+        writer.u16(*count.ok_or(Violation::UnknownAttribute)?);
+        Ok(())
+    }
+
+    /// The counters can be set, to count from there.
+    fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
+        let value = u16::from_le_bytes(exactly(data)?);
+        let index = usize::from(attribute).checked_sub(1);
+        let count = index.and_then(|index| device.manager.counts.get_mut(index));
+        *count.ok_or(Violation::UnknownAttribute)? = value;
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+//! QoS, class 48: which DSCP each kind of traffic carries (volume 2, 5-7).
+
+use super::super::Writer;
+use super::super::cip::Violation;
+use super::super::connection::Priority;
+use super::{Device, Object, exactly};
+
+/// DSCP values, 0 to 63. The driver puts them into the IP header.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(in super::super) struct Qos {
+    urgent: u8,
+    scheduled: u8,
+    high: u8,
+    low: u8,
+    explicit: u8,
+}
+
+impl Default for Qos {
+    /// Volume 2, table 5-7.4.
+    fn default() -> Self {
+        Self { urgent: 55, scheduled: 47, high: 43, low: 31, explicit: 27 }
+    }
+}
+
+impl Qos {
+    /// The DSCP of explicit messages.
+    pub(in super::super) const fn explicit(&self) -> u8 {
+        self.explicit
+    }
+
+    /// The DSCP of cyclic data of this priority.
+    pub(in super::super) const fn cyclic(&self, priority: Priority) -> u8 {
+        match priority {
+            Priority::Low => self.low,
+            Priority::High => self.high,
+            Priority::Scheduled => self.scheduled,
+            Priority::Urgent => self.urgent,
+        }
+    }
+
+    const fn of(&mut self, attribute: u16) -> Option<&mut u8> {
+        Some(match attribute {
+            4 => &mut self.urgent,
+            5 => &mut self.scheduled,
+            6 => &mut self.high,
+            7 => &mut self.low,
+            8 => &mut self.explicit,
+            _ => return None,
+        })
+    }
+}
+
+pub(super) struct QosObject;
+
+impl Object for QosObject {
+    const REVISION: u16 = 1;
+    const ATTRIBUTES: &'static [u16] = &[4, 5, 6, 7, 8];
+
+    fn get(
+        device: &Device,
+        _instance: u32,
+        attribute: u16,
+        writer: &mut Writer<'_>,
+    ) -> Result<(), Violation> {
+        let mut qos = device.qos;
+        writer.u8(*qos.of(attribute).ok_or(Violation::UnknownAttribute)?);
+        Ok(())
+    }
+
+    fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
+        let place = device.qos.of(attribute).ok_or(Violation::UnknownAttribute)?;
+        match exactly(data)? {
+            [dscp @ 0..=63] => {
+                *place = dscp;
+                Ok(())
+            }
+            _ => Err(Violation::BadAttributeValue),
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! TCP/IP Interface, class F5 (volume 2, 5-4).
+
+use super::super::Writer;
+use super::super::cip::{Violation, class};
+use super::{Device, Object, exactly, write_instance_path};
+use crate::Duration;
+use core::net::Ipv4Addr;
+
+/// Attribute 13 from the start (volume 2, 5-4.3.13).
+const DEFAULT_INACTIVITY_S: u16 = 120;
+
+/// Multicast addresses that the device keeps for itself (volume 2, 3-5.3).
+const MULTICASTS: u16 = 32;
+
+/// The device's place in the network.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(in super::super) struct Network {
+    pub(in super::super) address: Ipv4Addr,
+    pub(in super::super) mask: Ipv4Addr,
+    pub(in super::super) gateway: Ipv4Addr,
+    pub(in super::super) mac: [u8; 6],
+    inactivity_s: u16,
+}
+
+impl Network {
+    pub(in super::super) const fn new(
+        address: Ipv4Addr,
+        mask: Ipv4Addr,
+        gateway: Ipv4Addr,
+        mac: [u8; 6],
+    ) -> Self {
+        Self { address, mask, gateway, mac, inactivity_s: DEFAULT_INACTIVITY_S }
+    }
+
+    pub(super) const fn restore_defaults(&mut self) {
+        self.inactivity_s = DEFAULT_INACTIVITY_S;
+    }
+
+    /// How long a TCP connection may be silent; none where it may be so for ever.
+    pub(in super::super) fn inactivity(&self) -> Option<Duration> {
+        (self.inactivity_s > 0).then(|| Duration::from_secs(self.inactivity_s.into()))
+    }
+
+    /// The first of the device's own multicast addresses: 239.192.1.0 + 32 · (host − 1) (volume 2, 3-5.3).
+    pub(in super::super) fn multicast(&self) -> Ipv4Addr {
+        let host = self.address.to_bits() & !self.mask.to_bits() & 0x3FF;
+        let base = Ipv4Addr::new(239, 192, 1, 0).to_bits();
+        Ipv4Addr::from_bits(base + u32::from(MULTICASTS) * host.saturating_sub(1))
+    }
+
+    /// Whether this address is on the device's subnet.
+    pub(in super::super) fn is_local(&self, address: Ipv4Addr) -> bool {
+        (self.address.to_bits() ^ address.to_bits()) & self.mask.to_bits() == 0
+    }
+}
+
+pub(super) struct TcpIpInterface;
+
+impl Object for TcpIpInterface {
+    const REVISION: u16 = 4;
+    const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13];
+
+    fn get(
+        device: &Device,
+        _instance: u32,
+        attribute: u16,
+        writer: &mut Writer<'_>,
+    ) -> Result<(), Violation> {
+        let network = &device.network;
+        // Addresses are numbers like all others here: least significant byte first.
+        let address = |writer: &mut Writer<'_>, address: Ipv4Addr| writer.u32(address.to_bits());
+        match attribute {
+            // Status: the interface is configured, by its operating system.
+            1 => writer.u32(1),
+            // Capability and control: nothing can be configured from here; static.
+            2 | 3 => writer.u32(0),
+            4 => write_instance_path(writer, class::ETHERNET_LINK),
+            5 => {
+                [network.address, network.mask, network.gateway].into_iter().for_each(|a| address(writer, a));
+                // No name servers, no domain name.
+                writer.zeros(4 + 4 + 2);
+            }
+            // No host name.
+            6 => writer.u16(0),
+            // No safety network number.
+            7 => writer.zeros(6),
+            // Multicasts stay on their network: time to live 1.
+            8 => writer.u8(1),
+            9 => {
+                // Allocation by the default algorithm.
+                writer.u16(0);
+                writer.u16(MULTICASTS);
+                address(writer, network.multicast());
+            }
+            // Address conflict detection is off, and so has seen none.
+            10 => writer.u8(0),
+            11 => writer.zeros(35),
+            // Quick connect is off.
+            12 => writer.u8(0),
+            13 => writer.u16(network.inactivity_s),
+            _ => return Err(Violation::UnknownAttribute),
+        }
+        Ok(())
+    }
+
+    fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
+        let network = &mut device.network;
+        match attribute {
+            3 => match u32::from_le_bytes(exactly(data)?) {
+                0 => Ok(()),
+                _ => Err(Violation::BadAttributeValue),
+            },
+            13 => match u16::from_le_bytes(exactly(data)?) {
+                seconds @ 0..=3600 => {
+                    network.inactivity_s = seconds;
+                    Ok(())
+                }
+                _ => Err(Violation::BadAttributeValue),
+            },
+            _ => Err(Violation::NotSettable),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_host_of_a_subnet_has_multicast_addresses_of_its_own() {
+        let multicast = |address: [u8; 4]| {
+            let (mask, gateway) = (Ipv4Addr::new(255, 255, 255, 0), Ipv4Addr::UNSPECIFIED);
+            Network::new(address.into(), mask, gateway, [0; 6]).multicast().octets()
+        };
+        assert_eq!(multicast([192, 168, 64, 1]), [239, 192, 1, 0]);
+        assert_eq!(multicast([192, 168, 64, 2]), [239, 192, 1, 32]);
+        assert_eq!(multicast([192, 168, 64, 254]), [239, 192, 32, 160]);
+    }
+}

@@ -1,0 +1,11 @@
+//! EtherNet/IP: scanner and adapter in virtual time, and the adapter against clients made by hand.
+
+#![expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by a panic")]
+
+mod cell;
+mod client;
+mod exchange;
+mod hostile;
+mod objects;
+mod refusals;
+mod scanner_hostile;
