@@ -213,14 +213,14 @@ fn summary(results: &Results) -> Option<String> {
         "as long as the robot's own program".to_owned()
     } else {
         let way = if by > 0.0 { "longer" } else { "shorter" };
-        format!("{:.1} % {way} than the robot's own program", by.abs())
+        format!("{:.1}\u{a0}% {way} than the robot's own program", by.abs())
     };
     let saved = aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
     let paper = results.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm));
-    let published =
-        paper.map(|(sm, cm)| format!(" (published: {:.0} %)", aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0));
+    let published = paper
+        .map(|(sm, cm)| format!(" (published: {:.0}\u{a0}%)", aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0));
     Some(format!(
-        "One MoveContinuousSkill takes {rc_and_cm}, and saves {saved:.1} %{} of what single skills take.",
+        "One MoveContinuousSkill takes {rc_and_cm}, and saves {saved:.1}\u{a0}%{} of what single skills take.",
         published.unwrap_or_default()
     ))
 }
