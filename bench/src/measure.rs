@@ -14,6 +14,7 @@ use crate::exit::{Exit, Failure};
 use crate::host::{Host, date};
 use crate::plan::Plan;
 use crate::progress::Progress;
+use crate::report;
 use crate::results::{self, Results};
 use crate::rig::{Rig, RigConfig, RigError};
 use crate::run_directory::{Durability, RunDirectory};
@@ -59,6 +60,13 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         .context("cannot start the bench's event loop")?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
     println!("{}\n  Saved in {}.", table::render(&ended.results), directory.display());
+    match report::write(&directory) {
+        Ok(path) => println!("  Report: {}.", path.display()),
+        Err(Failure { error, .. }) => eprintln!(
+            "warning: the results are saved, but their report is not: {error:#}; `bench report {}` draws it again",
+            directory.display()
+        ),
+    }
     if let Some(error) = ended.failure {
         eprintln!("error: {error:#}");
     }
@@ -95,6 +103,7 @@ impl Measurement<'_> {
                 let bus = VirtualBus::OfSetup;
                 let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
+                stand.trace().save(session.directory.path())?;
                 match ended.exit {
                     Exit::Pass => ended.beside(without_overhead.finish()?),
                     _ => ended,

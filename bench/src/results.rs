@@ -178,7 +178,7 @@ pub struct Calibrated {
 }
 
 /// How late the cycles ran. In virtual mode nothing is late.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Cycles {
     /// The PLC's scans.
     pub plc: CycleLateness,
@@ -187,7 +187,7 @@ pub struct Cycles {
 }
 
 /// How late a cyclic task ran.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct CycleLateness {
     /// Median, in µs.
     pub p50_us: f64,
@@ -197,12 +197,15 @@ pub struct CycleLateness {
     pub max_us: f64,
     /// Cycles that passed without a run.
     pub missed: u64,
+    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    #[serde(default)]
+    pub buckets: Vec<(f64, u32)>,
 }
 
 impl From<CycleHealth> for CycleLateness {
-    fn from(CycleHealth { p50, p99, max, missed }: CycleHealth) -> Self {
+    fn from(CycleHealth { p50, p99, max, missed, buckets }: CycleHealth) -> Self {
         let micros = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e3;
-        Self { p50_us: micros(p50), p99_us: micros(p99), max_us: micros(max), missed }
+        Self { p50_us: micros(p50), p99_us: micros(p99), max_us: micros(max), missed, buckets }
     }
 }
 
@@ -283,7 +286,7 @@ impl Results {
 
     /// Takes up the conditions of the run so far.
     pub fn set_health(&mut self, health: &Health) {
-        self.cycle = Cycles { plc: health.plc.into(), robot: health.robot.into() };
+        self.cycle = Cycles { plc: health.plc.clone().into(), robot: health.robot.clone().into() };
         self.bus = Frames {
             frames_sent: health.bus.sent,
             frames_received: health.bus.received,

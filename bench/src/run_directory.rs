@@ -6,6 +6,8 @@
 //! host.json         the machine
 //! samples.csv       a line a repetition, written before the next one starts
 //! results.json      the results so far, replaced as a whole
+//! trace-*.csv       both nodes tick by tick in the first repetition of each type
+//! report.html       the report
 //! ```
 
 use std::fs::{self, File, OpenOptions};

@@ -56,7 +56,7 @@ impl Health {
 }
 
 /// How late the runs of a cyclic task were.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct CycleHealth {
     /// Half of the runs were not later.
     pub p50: Duration,
@@ -66,6 +66,8 @@ pub struct CycleHealth {
     pub max: Duration,
     /// Cycles that passed without a run.
     pub missed: u64,
+    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    pub buckets: Vec<(f64, u32)>,
 }
 
 impl From<&Lateness> for CycleHealth {
@@ -75,6 +77,7 @@ impl From<&Lateness> for CycleHealth {
             p99: lateness.quantile(0.99),
             max: lateness.max(),
             missed: lateness.missed(),
+            buckets: lateness.buckets().map(|(upper, runs)| (upper.as_nanos() as f64 / 1e3, runs)).collect(),
         }
     }
 }

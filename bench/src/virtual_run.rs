@@ -21,6 +21,8 @@ use crate::cli::Mode;
 use crate::plan::{Plan, Step, below};
 use crate::results::{Results, Status};
 use crate::stand::{Health, Measured, Stand};
+use crate::trace::{Recording, Trace};
+use crate::watch::Watch;
 
 /// Locally administered addresses of the two stations.
 const PLC_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
@@ -47,6 +49,7 @@ pub enum VirtualBus {
 /// Two connected nodes in virtual time.
 pub struct VirtualRun {
     cell: Box<dyn Cell>,
+    trace: Trace,
 }
 
 impl VirtualRun {
@@ -79,7 +82,13 @@ impl VirtualRun {
             },
         };
         cell.connect()?;
-        Ok(Self { cell })
+        Ok(Self { cell, trace: Trace::default() })
+    }
+
+    /// What happened in the first repetition of each type that was run so far.
+    #[must_use]
+    pub const fn trace(&self) -> &Trace {
+        &self.trace
     }
 
     /// True time since the nodes were switched on: what a plant would have taken.
@@ -98,7 +107,7 @@ pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::R
     let mut results = Results::new(setup, &application.name, Mode::Virtual, plan);
     let mut run = VirtualRun::start(setup, application, plan.seed, VirtualBus::OfSetup)?;
     for step in plan.steps() {
-        let measured = run.cell.execute(step)?;
+        let measured = run.cell.execute(step, None)?;
         results.record(step.execution_type, &measured);
     }
     results.status = Status::Complete;
@@ -108,7 +117,10 @@ pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::R
 
 impl Stand for VirtualRun {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
-        self.cell.execute(step)
+        let is_first = step.repetition == 1;
+        let recording =
+            is_first.then(|| self.trace.types.entry(step.execution_type).insert(Recording::default()));
+        self.cell.execute(step, recording)
     }
 
     fn health(&self) -> Health {
@@ -119,7 +131,7 @@ impl Stand for VirtualRun {
 /// A pair of nodes on whichever bus.
 trait Cell {
     fn connect(&mut self) -> anyhow::Result<()>;
-    fn execute(&mut self, step: Step) -> anyhow::Result<Measured>;
+    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
     fn health(&self) -> Health;
     fn now(&self) -> Instant;
 }
@@ -160,12 +172,16 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
         bail!("the robot was not ready within {} s of virtual time", CONNECT.as_secs())
     }
 
-    fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
         let start = self.now() + step.pause;
         while next_plc_event(self, start).is_some() {}
         self.command_a(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")?;
         let until = self.now() + LONGEST_RUN;
-        while let Some(event) = next_plc_event(self, until) {
+        let mut watch = recording.map(Watch::new);
+        while let Some(event) = match &mut watch {
+            Some(watch) => watch.next_plc_event(self, until),
+            None => next_plc_event(self, until),
+        } {
             match event {
                 PlcEvent::Finished(execution) => {
                     return Ok(Measured {
@@ -199,7 +215,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
 }
 
 /// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way.
-fn next_plc_event<P: Fieldbus, R: Fieldbus>(
+pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
 ) -> Option<PlcEvent> {

@@ -48,6 +48,7 @@ impl From<&LatenessReport> for CycleHealth {
             p99: micros(report.p99_us),
             max: micros(report.max_us),
             missed: report.missed,
+            buckets: report.buckets.clone(),
         }
     }
 }
