@@ -1,0 +1,241 @@
+//! Step III: a way for a secondary motion that is free of obstacles.
+//!
+//! Obstacles are axis-aligned boxes. A way is free if the straight tool path keeps from every box a distance made up
+//! of three parts:
+//!
+//! - the clearance, which tool and part need;
+//! - half the approximation distance: every point of the triangle that a blend of radius r cuts off a corner is at
+//!   most r/2 away from the corner's legs;
+//! - the bow of a PTP. Its joints travel evenly, so its path p(s), s = 0…1, leaves the chord by at most
+//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. The application bounds the middle as a share of
+//!   the chord, and the bound elsewhere follows.
+//!
+//! The first of these that is free is taken: the straight way; one intermediate position over the obstacle, at the
+//! lowest height that is free; two of them, above the start and above the end. A cycle that has crossed an obstacle
+//! before takes the same intermediate position again where that is hardly longer.
+
+use crate::application::{Obstacle, Ways};
+use crate::error::Refusal;
+use crate::geometry::Point;
+
+/// Pieces of a chord, each with the largest bow within it.
+const PIECES: u32 = 8;
+
+/// How far above the ceiling to look for a height to name in the refusal, in mm.
+const LOOK_ABOVE_MM: f64 = 2000.0;
+
+/// Most heights tried for one way, so that planning stays bounded.
+const MOST_HEIGHTS: u32 = 2000;
+
+/// A way from one point to another.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) enum Way {
+    /// Straight.
+    Direct,
+    /// Over an obstacle.
+    Over {
+        /// The intermediate positions: one, or two.
+        points: [Option<Point>; 2],
+        /// Index of the obstacle.
+        obstacle: usize,
+        /// Whether another way of the cycle has this intermediate position.
+        again: bool,
+    },
+}
+
+/// The space in which ways are sought.
+pub(crate) struct Space<'a> {
+    pub(crate) obstacles: &'a [Obstacle],
+    pub(crate) ways: &'a Ways,
+    /// The setup's or the application's approximation distance, in mm.
+    pub(crate) approximation_mm: f64,
+}
+
+impl Space<'_> {
+    /// What every point of a way keeps from an obstacle besides a PTP's bow, in mm.
+    pub(crate) fn distance_mm(&self) -> f64 {
+        self.ways.clearance_mm + self.approximation_mm / 2.0
+    }
+
+    /// The way from one point to another; `crossings` are the intermediate positions that the cycle has so far.
+    pub(crate) fn way(&self, from: Point, to: Point, crossings: &[Point]) -> Result<Way, Refusal> {
+        let Some(obstacle) = self.blocks(from, to) else {
+            return Ok(Way::Direct);
+        };
+        self.ends_are_free(from, to)?;
+        let middle = self.middle(from, to);
+        let fresh = self.lowest(from, to, middle, self.ways.ceiling_mm);
+        let again =
+            crossings.iter().copied().find(|&via| self.is_free(&[from, via, to])).filter(
+                |&via| match fresh {
+                    Some([Some(new), None]) => {
+                        let longest = length(&[from, new, to]) * (1.0 + self.ways.detour_percent / 100.0);
+                        via.z <= new.z && length(&[from, via, to]) <= longest
+                    }
+                    _ => true,
+                },
+            );
+        match (again, fresh) {
+            (Some(via), _) => Ok(Way::Over { points: [Some(via), None], obstacle, again: true }),
+            (None, Some(points)) => Ok(Way::Over { points, obstacle, again: false }),
+            (None, None) => {
+                let higher = self.lowest(from, to, middle, self.ways.ceiling_mm + LOOK_ABOVE_MM);
+                let blocking = self.obstacles.get(obstacle);
+                Err(Refusal::NoWay {
+                    obstacle: blocking.map_or_else(String::new, |obstacle| obstacle.name.clone()),
+                    top_mm: blocking.map_or(0.0, |obstacle| obstacle.space.upper.z),
+                    needs_mm: higher.and_then(|[first, _]| first).map(|point| point.z),
+                    ceiling_mm: self.ways.ceiling_mm,
+                })
+            }
+        }
+    }
+
+    /// The first obstacle that the straight way comes too near to.
+    pub(crate) fn blocks(&self, from: Point, to: Point) -> Option<usize> {
+        let bow = (to - from).length() * self.ways.ptp_bow_percent / 100.0;
+        let most = self.distance_mm() + bow;
+        self.obstacles.iter().position(|obstacle| {
+            // Most obstacles are nowhere near: one test for the whole way first.
+            obstacle.space.grown(most).inside(from, to).is_some()
+                && (0..PIECES).any(|piece| {
+                    let [begin, end] = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
+                    // s·(1 − s) is largest at the end of the piece that is nearer to the middle.
+                    let widest = (begin * (1.0 - begin)).max(end * (1.0 - end));
+                    let grown = obstacle.space.grown(self.distance_mm() + 4.0 * widest * bow);
+                    grown.inside(from.toward(to, begin), from.toward(to, end)).is_some()
+                })
+        })
+    }
+
+    fn is_free(&self, points: &[Point]) -> bool {
+        points.windows(2).all(|leg| match leg {
+            &[from, to] => self.blocks(from, to).is_none(),
+            _ => true,
+        })
+    }
+
+    /// Where neither end of a way may be, no intermediate position helps.
+    fn ends_are_free(&self, from: Point, to: Point) -> Result<(), Refusal> {
+        for (target, point) in [("the start of the way", from), ("the end of the way", to)] {
+            for obstacle in self.obstacles {
+                let missing_mm = obstacle.space.grown(self.distance_mm()).depth_mm(point);
+                if missing_mm > 0.0 {
+                    return Err(Refusal::TooNear {
+                        target: target.to_owned(),
+                        obstacle: obstacle.name.clone(),
+                        missing_mm,
+                        distance_mm: self.distance_mm(),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The middle of what is blocked of the straight way, on whole millimetres that a person can read and teach.
+    fn middle(&self, from: Point, to: Point) -> Point {
+        let most = self.distance_mm() + (to - from).length() * self.ways.ptp_bow_percent / 100.0;
+        let inside = self.obstacles.iter().filter_map(|obstacle| obstacle.space.grown(most).inside(from, to));
+        let (first, last) = inside.fold((1.0_f64, 0.0_f64), |(first, last), (enters, leaves)| {
+            (first.min(enters), last.max(leaves))
+        });
+        let middle = from.toward(to, f64::midpoint(first, last));
+        Point::new(middle.x.round(), middle.y.round(), middle.z)
+    }
+
+    /// The fewest intermediate positions at the lowest height that make a free way.
+    fn lowest(&self, from: Point, to: Point, middle: Point, ceiling: f64) -> Option<[Option<Point>; 2]> {
+        let step = self.ways.height_step_mm;
+        let floor = from.z.min(to.z);
+        let first = (floor / step).ceil();
+        let heights = || {
+            (0..MOST_HEIGHTS)
+                .map(move |count| (first + f64::from(count)) * step)
+                .take_while(|&z| z <= ceiling)
+        };
+        let above = |point: Point, z: f64| Point::new(point.x, point.y, z);
+        let one = heights().map(|z| above(middle, z)).find(|&via| self.is_free(&[from, via, to]));
+        if let Some(via) = one {
+            return Some([Some(via), None]);
+        }
+        // Straight up and down only from where that leads up.
+        let top = from.z.max(to.z);
+        heights()
+            .filter(|&z| z > top)
+            .map(|z| [above(from, z), above(to, z)])
+            .find(|&[up, down]| self.is_free(&[from, up, down, to]))
+            .map(|[up, down]| [Some(up), Some(down)])
+    }
+}
+
+fn length(points: &[Point]) -> f64 {
+    points.iter().zip(points.iter().skip(1)).map(|(from, to)| (*to - *from).length()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Cuboid;
+
+    const WAYS: Ways = Ways {
+        clearance_mm: 10.0,
+        ceiling_mm: 200.0,
+        height_step_mm: 10.0,
+        ptp_bow_percent: 0.0,
+        detour_percent: 5.0,
+    };
+
+    fn wall(x: f64, top: f64) -> Obstacle {
+        let space =
+            Cuboid { lower: Point::new(x - 10.0, -200.0, 0.0), upper: Point::new(x + 10.0, 200.0, top) };
+        Obstacle { name: "wall".into(), space }
+    }
+
+    fn way(obstacles: &[Obstacle], ways: &Ways, from: [f64; 3], to: [f64; 3]) -> Result<Way, Refusal> {
+        Space { obstacles, ways, approximation_mm: 0.0 }.way(from.into(), to.into(), &[])
+    }
+
+    #[test]
+    fn the_crossing_is_the_lowest_height_on_the_raster_that_clears_the_grown_wall() {
+        // The grown wall reaches x = 80 at z = 90; from (0, 0, 50) over (100, 0, z) that needs 50 + 0.8·(z − 50) ≥ 90.
+        let over = way(&[wall(100.0, 80.0)], &WAYS, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        let via = Some(Point::new(100.0, 0.0, 100.0));
+        assert_eq!(over, Ok(Way::Over { points: [via, None], obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn a_bowing_ptp_crosses_higher() {
+        let bowing = Ways { ptp_bow_percent: 10.0, ..WAYS };
+        let over = way(&[wall(100.0, 80.0)], &bowing, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        assert!(matches!(over, Ok(Way::Over { points: [Some(via), None], .. }) if via.z > 100.0), "{over:?}");
+    }
+
+    #[test]
+    fn beside_a_tall_wall_the_way_goes_straight_up_over_and_down() {
+        let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [400.0, 0.0, 50.0]);
+        let points = [Some(Point::new(15.0, 0.0, 160.0)), Some(Point::new(400.0, 0.0, 160.0))];
+        assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn a_wall_up_to_the_ceiling_is_refused_by_how_much() {
+        let refused = way(&[wall(100.0, 250.0)], &WAYS, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        let Err(Refusal::NoWay { obstacle, needs_mm: Some(needs), ceiling_mm, .. }) = refused else {
+            panic!("{refused:?}");
+        };
+        assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 320.0, 200.0));
+    }
+
+    #[test]
+    fn a_start_within_the_clearance_is_refused_by_how_much() {
+        let refused = way(&[wall(100.0, 80.0)], &WAYS, [84.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        let expected = Refusal::TooNear {
+            target: "the start of the way".into(),
+            obstacle: "wall".into(),
+            missing_mm: 4.0,
+            distance_mm: 10.0,
+        };
+        assert_eq!(refused, Err(expected));
+    }
+}
