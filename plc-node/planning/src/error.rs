@@ -45,6 +45,13 @@ pub enum Refusal {
         /// Its length in mm.
         length_mm: f64,
     },
+    /// A path only turns where its pre- or post-movement begins, so that this has no direction.
+    NoDirection {
+        /// `approach_mm` or `retreat_mm`.
+        key: &'static str,
+        /// Length of the path's motion there, in mm.
+        length_mm: f64,
+    },
     /// The three points of a circle lie on one line.
     Collinear {
         /// How far the intermediate point is off the line from start to end, in mm.
@@ -110,6 +117,8 @@ pub enum Refusal {
         top_mm: f64,
         /// The height that would be free, in mm, if one is.
         needs_mm: Option<f64>,
+        /// How much of a way at the ceiling is too near the obstacle, in mm.
+        inside_mm: f64,
         /// The highest that is allowed, in mm.
         ceiling_mm: f64,
     },
@@ -118,6 +127,9 @@ pub enum Refusal {
 /// Below this, in mm, a motion has no length and a point is on a line: the resolution of the wire's distances.
 pub(crate) const LEAST_MM: f64 = 0.01;
 
+/// Below this, in degrees, the tool does not turn.
+pub(crate) const LEAST_TURN_DEG: f64 = 0.001;
+
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -125,6 +137,11 @@ impl fmt::Display for Refusal {
                 f,
                 "its length is {length_mm:.3} mm and it does not turn; a motion needs at least {LEAST_MM} mm: \
                  remove it or move its frame"
+            ),
+            Self::NoDirection { key, length_mm } => write!(
+                f,
+                "it turns over {length_mm:.3} mm, which gives {key} no direction; that needs at least {LEAST_MM} mm: \
+                 remove {key} or move its frame"
             ),
             Self::Collinear { off_mm } => write!(
                 f,
@@ -156,7 +173,7 @@ impl fmt::Display for Refusal {
                 "the path runs through obstacle `{obstacle}` for {inside_mm:.1} mm; 0 mm are allowed: correct the \
                  frames or the obstacle"
             ),
-            Self::NoWay { obstacle, top_mm, needs_mm, ceiling_mm } => {
+            Self::NoWay { obstacle, top_mm, needs_mm, inside_mm, ceiling_mm } => {
                 write!(f, "no way over obstacle `{obstacle}`, {top_mm:.1} mm high, is free: ")?;
                 match needs_mm {
                     Some(needs) => write!(
@@ -166,8 +183,8 @@ impl fmt::Display for Refusal {
                     ),
                     None => write!(
                         f,
-                        "no height helps (ceiling_mm = {ceiling_mm}); it stands too near the start or the end of the \
-                         way: move the frames or lower clearance_mm"
+                        "no height helps; at ceiling_mm = {ceiling_mm} the way is too near for {inside_mm:.1} mm: move the \
+                         frames or lower clearance_mm"
                     ),
                 }
             }

@@ -3,7 +3,7 @@
 use protocol::image::MotionKind;
 
 use crate::application::{Application, Segment, Step};
-use crate::error::Refusal;
+use crate::error::{LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Point, Pose};
 use crate::motion::{Motion, Role};
 
@@ -36,21 +36,34 @@ impl Path {
         Self { motions, refusal }
     }
 
-    /// Step II: straight into the path's first direction.
-    pub(crate) fn pre_movement(&self, length_mm: f64) -> Option<Motion> {
-        let first = self.motions.first()?;
-        let start = first.start.at(first.start.point - first.first_direction()? * length_mm);
-        (length_mm > 0.0)
-            .then(|| Motion::straight(Role::PreMovement, MotionKind::LinCartesian, start, first.start))
+    /// Step II: straight into the path's first direction; none of no length.
+    pub(crate) fn pre_movement(&self, length_mm: f64) -> Result<Option<Motion>, Refusal> {
+        let Some(first) = self.motions.first().filter(|_| length_mm > 0.0) else {
+            return self.refusal.clone().filter(|_| length_mm > 0.0).map_or(Ok(None), Err);
+        };
+        let direction = first.first_direction().ok_or_else(|| no_direction(first, "approach_mm"))?;
+        let start = first.start.at(first.start.point - direction * length_mm);
+        Ok(Some(Motion::straight(Role::PreMovement, MotionKind::LinCartesian, start, first.start)))
     }
 
     /// Step II: straight on in the path's last direction; after a force, whose line ends in contact, straight back.
-    pub(crate) fn post_movement(&self, length_mm: f64) -> Option<Motion> {
-        let last = self.motions.last()?;
+    pub(crate) fn post_movement(&self, length_mm: f64) -> Result<Option<Motion>, Refusal> {
+        let Some(last) = self.motions.last().filter(|_| length_mm > 0.0) else {
+            return Ok(None);
+        };
+        let direction = last.last_direction().ok_or_else(|| no_direction(last, "retreat_mm"))?;
         let onwards = if last.kind == MotionKind::LinForceCartesian { -length_mm } else { length_mm };
-        let target = last.target.at(last.target.point + last.last_direction()? * onwards);
-        (length_mm > 0.0)
-            .then(|| Motion::straight(Role::PostMovement, MotionKind::LinCartesian, last.target, target))
+        let target = last.target.at(last.target.point + direction * onwards);
+        Ok(Some(Motion::straight(Role::PostMovement, MotionKind::LinCartesian, last.target, target)))
+    }
+}
+
+fn no_direction(motion: &Motion, key: &'static str) -> Refusal {
+    let length_mm = motion.length_mm;
+    if motion.turn_deg < LEAST_TURN_DEG {
+        Refusal::ZeroLength { length_mm }
+    } else {
+        Refusal::NoDirection { key, length_mm }
     }
 }
 

@@ -4,16 +4,13 @@ use protocol::image::MotionKind;
 use setup::Setup;
 
 use crate::application::{Application, Course, Step, Tool};
-use crate::error::{Error, LEAST_MM, Refusal};
+use crate::error::{Error, LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Point, Pose};
 use crate::motion::{Motion, Role};
 use crate::path::Path;
 use crate::plan::{Continuous, Plan, Reason};
 use crate::way::{Space, Way};
 use crate::zone::{Sizes, Why};
-
-/// Below this, in degrees, the tool does not turn.
-const LEAST_TURN_DEG: f64 = 0.001;
 
 /// Plans cycle after cycle. It remembers where the tool is and nothing else, so its memory does not grow.
 #[derive(Debug)]
@@ -117,17 +114,16 @@ impl<'a> Planner<'a> {
                 let pre = path.pre_movement(*approach_mm);
                 let post = path.post_movement(*retreat_mm);
                 let (begin, joints) = match &pre {
-                    Some(pre) => (pre.start, None),
-                    None => (start, from.as_ref().and_then(|from| from.joints_deg)),
+                    Ok(Some(pre)) => (pre.start, None),
+                    _ => (start, from.as_ref().and_then(|from| from.joints_deg)),
                 };
                 if differ(self.here.0, begin) {
                     self.way(begin, joints, "before ", into)?;
                 }
-                if let Some(pre) = pre {
+                // A path that gives its pre-movement no direction is refused by its own number, one later.
+                if let Some(pre) = pre.map_err(|refusal| self.refused(step, 1, refusal))? {
                     self.push(pre, &format!("LIN before {}", step.name), into)?;
                 }
-                // A path whose first motion is refused has no direction for its pre-movement, which yet counts.
-                let uncounted = u64::from(path.motions.is_empty() && *approach_mm > 0.0);
                 let of = path.motions.len();
                 for (number, motion) in path.motions.into_iter().enumerate() {
                     let kind = kind_name(motion.kind);
@@ -138,9 +134,12 @@ impl<'a> Planner<'a> {
                     self.push(motion, &name, into)?;
                 }
                 if let Some(refusal) = path.refusal {
-                    return Err(self.refused(step, uncounted, refusal));
+                    return Err(self.refused(step, 0, refusal));
                 }
-                post.map_or(Ok(()), |post| self.push(post, &format!("LIN after {}", step.name), into))
+                match post.map_err(|refusal| self.refused(step, 0, refusal))? {
+                    Some(post) => self.push(post, &format!("LIN after {}", step.name), into),
+                    None => Ok(()),
+                }
             }
         }
     }

@@ -10,8 +10,8 @@
 //!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. The application bounds the middle as a share of
 //!   the chord, and the bound elsewhere follows.
 //!
-//! The first of these that is free is taken: the straight way; one intermediate position over the obstacle, at the
-//! lowest height that is free; two of them, above the start and above the end. A cycle that has crossed an obstacle
+//! The first of these that is free is taken: the straight way; one intermediate position, over the obstacle, the end or
+//! the start, at the lowest height that is free; two of them, above the start and above the end. A cycle that has crossed an obstacle
 //! before takes the same intermediate position again where that is hardly longer.
 
 use crate::application::{Obstacle, Ways};
@@ -78,16 +78,33 @@ impl Space<'_> {
         match (again, fresh) {
             (Some(via), _) => Ok(Way::Over { points: [Some(via), None], obstacle, again: true }),
             (None, Some(points)) => Ok(Way::Over { points, obstacle, again: false }),
-            (None, None) => {
-                let higher = self.lowest(from, to, middle, self.ways.ceiling_mm + LOOK_ABOVE_MM);
-                let blocking = self.obstacles.get(obstacle);
-                Err(Refusal::NoWay {
-                    obstacle: blocking.map_or_else(String::new, |obstacle| obstacle.name.clone()),
-                    top_mm: blocking.map_or(0.0, |obstacle| obstacle.space.upper.z),
-                    needs_mm: higher.and_then(|[first, _]| first).map(|point| point.z),
-                    ceiling_mm: self.ways.ceiling_mm,
-                })
-            }
+            (None, None) => Err(self.no_way(from, to, middle, obstacle)),
+        }
+    }
+
+    /// Which obstacle leaves no way, and by how much.
+    fn no_way(&self, from: Point, to: Point, middle: Point, first: usize) -> Refusal {
+        let ceiling_mm = self.ways.ceiling_mm;
+        let needs_mm = self
+            .lowest(from, to, middle, ceiling_mm + LOOK_ABOVE_MM)
+            .and_then(|[via, _]| via)
+            .map(|point| point.z);
+        let via = Point::new(middle.x, middle.y, ceiling_mm);
+        let legs = [(from, via), (via, to)];
+        let at_the_ceiling = legs.iter().find_map(|&(from, to)| self.blocks(from, to));
+        let index = if needs_mm.is_some() { first } else { at_the_ceiling.unwrap_or(first) };
+        let obstacle = self.obstacles.get(index);
+        let too_near = |obstacle: &Obstacle, (from, to): (Point, Point)| {
+            let bow = (to - from).length() * self.ways.ptp_bow_percent / 100.0;
+            let inside = obstacle.space.grown(self.distance_mm() + bow).inside(from, to);
+            inside.map_or(0.0, |(enters, leaves)| (leaves - enters) * (to - from).length())
+        };
+        Refusal::NoWay {
+            obstacle: obstacle.map_or_else(String::new, |obstacle| obstacle.name.clone()),
+            top_mm: obstacle.map_or(0.0, |obstacle| obstacle.space.upper.z),
+            needs_mm,
+            inside_mm: obstacle.map_or(0.0, |obstacle| legs.iter().map(|&leg| too_near(obstacle, leg)).sum()),
+            ceiling_mm,
         }
     }
 
@@ -155,11 +172,12 @@ impl Space<'_> {
                 .take_while(|&z| z <= ceiling)
         };
         let above = |point: Point, z: f64| Point::new(point.x, point.y, z);
-        let one = heights().map(|z| above(middle, z)).find(|&via| self.is_free(&[from, via, to]));
+        let one = heights()
+            .flat_map(|z| [middle, to, from].map(|place| above(place, z)))
+            .find(|&via| via != from && via != to && self.is_free(&[from, via, to]));
         if let Some(via) = one {
             return Some([Some(via), None]);
         }
-        // Straight up and down only from where that leads up.
         let top = from.z.max(to.z);
         heights()
             .filter(|&z| z > top)
@@ -212,10 +230,28 @@ mod tests {
     }
 
     #[test]
-    fn beside_a_tall_wall_the_way_goes_straight_up_over_and_down() {
+    fn close_to_a_tall_wall_the_way_goes_straight_up_first() {
         let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [400.0, 0.0, 50.0]);
-        let points = [Some(Point::new(15.0, 0.0, 160.0)), Some(Point::new(400.0, 0.0, 160.0))];
+        let points = [Some(Point::new(15.0, 0.0, 180.0)), None];
         assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn close_to_a_tall_wall_on_both_sides_it_goes_straight_up_over_and_straight_down() {
+        let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [65.0, 0.0, 50.0]);
+        let points = [Some(Point::new(15.0, 0.0, 160.0)), Some(Point::new(65.0, 0.0, 160.0))];
+        assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn a_way_back_uses_the_intermediate_position_of_the_way_there_unless_that_is_a_detour() {
+        let walls = [wall(100.0, 80.0)];
+        let space = Space { obstacles: &walls, ways: &WAYS, approximation_mm: 0.0 };
+        let [near, far] = [Point::new(100.0, 0.0, 100.0), Point::new(100.0, 150.0, 100.0)];
+        let back =
+            |crossing| space.way(Point::new(200.0, 0.0, 50.0), Point::new(0.0, 20.0, 50.0), &[crossing]);
+        assert_eq!(back(near), Ok(Way::Over { points: [Some(near), None], obstacle: 0, again: true }));
+        assert!(matches!(back(far), Ok(Way::Over { again: false, .. })));
     }
 
     #[test]

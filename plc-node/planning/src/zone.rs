@@ -126,13 +126,13 @@ impl fmt::Display for Why {
             Self::Over { obstacle, top_mm, again: true, .. } => {
                 write!(
                     f,
-                    "over `{obstacle}`, {top_mm} mm high, by the intermediate position of the way before"
+                    "over `{obstacle}`, {top_mm:.0} mm high, by the intermediate position of the way before"
                 )
             }
             Self::Over { obstacle, top_mm, step_mm, again: false } => {
                 write!(
                     f,
-                    "over `{obstacle}`, {top_mm} mm high: the lowest free height in steps of {step_mm} mm"
+                    "over `{obstacle}`, {top_mm:.0} mm high: the lowest free height in steps of {step_mm} mm"
                 )
             }
             Self::Slower { wanted_mm_s, programmed_mm_s } => {

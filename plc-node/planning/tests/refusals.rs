@@ -41,6 +41,12 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
             "through = \"right-bottom-arc\"",
             "through = \"right-bottom\"",
         ),
+        (
+            "turn on the spot with a pre-movement",
+            MEASURED,
+            "grip = { mm_deg = [0.0, 0.0, 0.0, 0.0, 0.0, 180.0] }\ncarrier-rim = { on = \"grip\", shift_mm = [0.0, 0.0, 30.0] }",
+            "grip = { mm_deg = [0.0, 0.0, 30.0, 0.0, 0.0, 180.0] }\ncarrier-rim = { mm_deg = [0.0, 0.0, 30.0, 9.0, 0.0, 180.0] }",
+        ),
         ("unknown tool", MEASURED, "gripper = 0", "gripper = 3"),
         ("unknown base", MEASURED, "table = 1", "table = 2"),
         ("speed 0", "gluing", "speed_mm_s = 60.0", "speed_mm_s = 0.0"),
