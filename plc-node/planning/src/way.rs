@@ -11,11 +11,12 @@
 //!   the chord, and the bound elsewhere follows.
 //!
 //! The first of these that is free is taken: the straight way; one intermediate position, over the obstacle, the end or
-//! the start, at the lowest height that is free; two of them, above the start and above the end. A cycle that has crossed an obstacle
+//! the start, at the lowest height that is free; two of them, above the start and above the end. Those whose legs are too
+//! short for a full blend are taken last. A cycle that has crossed an obstacle
 //! before takes the same intermediate position again where that is hardly longer.
 
 use crate::application::{Obstacle, Ways};
-use crate::error::Refusal;
+use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::Point;
 
 /// Pieces of a chord, each with the largest bow within it.
@@ -172,19 +173,25 @@ impl Space<'_> {
                 .take_while(|&z| z <= ceiling)
         };
         let above = |point: Point, z: f64| Point::new(point.x, point.y, z);
-        let one = heights()
-            .flat_map(|z| [middle, to, from].map(|place| above(place, z)))
-            .find(|&via| via != from && via != to && self.is_free(&[from, via, to]));
-        if let Some(via) = one {
-            return Some([Some(via), None]);
-        }
-        let top = from.z.max(to.z);
-        heights()
-            .filter(|&z| z > top)
-            .map(|z| [above(from, z), above(to, z)])
-            .find(|&[up, down]| self.is_free(&[from, up, down, to]))
-            .map(|[up, down]| [Some(up), Some(down)])
+        let one = |shortest: f64| {
+            let vias = heights().flat_map(|z| [middle, to, from].map(|place| above(place, z)));
+            vias.map(|via| [from, via, to]).find(|way| longer(way, shortest) && self.is_free(way))
+        };
+        let two = |shortest: f64| {
+            let vias = heights().filter(|&z| z > from.z.max(to.z));
+            let ways = vias.map(|z| [from, above(from, z), above(to, z), to]);
+            ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way))
+        };
+        // Legs that are long enough for their blends, where there are such.
+        let legs = [2.0 * self.approximation_mm, LEAST_MM];
+        let single = legs.into_iter().find_map(one).map(|[_, via, _]| [Some(via), None]);
+        single.or_else(|| legs.into_iter().find_map(two).map(|[_, up, down, _]| [Some(up), Some(down)]))
     }
+}
+
+/// Whether every leg of a way is at least this long, in mm.
+fn longer(points: &[Point], shortest: f64) -> bool {
+    points.iter().zip(points.iter().skip(1)).all(|(from, to)| (*to - *from).length() >= shortest)
 }
 
 fn length(points: &[Point]) -> f64 {

@@ -132,6 +132,28 @@ fn rounding_mm(motion: &Motion, next: &Motion) -> f64 {
     }
 }
 
+#[test]
+fn the_random_applications_are_planned_often_enough_to_prove_something() {
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let mut sample = |strategy: BoxedStrategy<Application>| {
+        let mut plans: Vec<Plan> = Vec::new();
+        for _ in 0..1000 {
+            let application = strategy.new_tree(&mut runner).expect("generates").current();
+            plans.extend(on_setup_a(&application));
+        }
+        plans
+    };
+    let reaching = sample(reaching().boxed());
+    let crosses = |plan: &&Plan| plan.motions.iter().any(|motion| motion.role == Role::Crossing);
+    let crossing = reaching.iter().filter(crosses).count();
+    assert!(reaching.len() > 300 && crossing > 150, "{} plans, {crossing} cross", reaching.len());
+
+    let following = sample(application(prop::collection::vec(step(), 1..5), 0..1).boxed());
+    let accurate = |plan: &&Plan| plan.motions.iter().any(|motion| motion.accurate_path);
+    let accurate = following.iter().filter(accurate).count();
+    assert!(following.len() > 800 && accurate > 400, "{} plans, {accurate} accurate", following.len());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 2000, ..ProptestConfig::default() })]
 
@@ -177,7 +199,9 @@ proptest! {
                 continue;
             }
             let lower = over.target.point - Point::new(0.0, 0.0, WAYS.height_step_mm);
-            if lower.z < over.start.point.z.min(way.target.point.z) {
+            let legs = [over.start.point, way.target.point].map(|end| (lower - end).length());
+            let full_blends = legs.iter().all(|&leg| leg >= 2.0 * over.zone_mm);
+            if lower.z < over.start.point.z.min(way.target.point.z) || !full_blends {
                 continue;
             }
             let direct = Application {
