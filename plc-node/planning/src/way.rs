@@ -15,6 +15,8 @@
 //! short for a full blend are taken last. A cycle that has crossed an obstacle
 //! before takes the same intermediate position again where that is hardly longer.
 
+use std::cell::Cell;
+
 use crate::application::{Obstacle, Ways};
 use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::Point;
@@ -66,16 +68,17 @@ impl Space<'_> {
         self.ends_are_free(from, to)?;
         let middle = self.middle(from, to);
         let fresh = self.lowest(from, to, middle, self.ways.ceiling_mm);
-        let again =
-            crossings.iter().copied().find(|&via| self.is_free(&[from, via, to])).filter(
-                |&via| match fresh {
-                    Some([Some(new), None]) => {
-                        let longest = length(&[from, new, to]) * (1.0 + self.ways.detour_percent / 100.0);
-                        via.z <= new.z && length(&[from, via, to]) <= longest
-                    }
-                    _ => true,
-                },
-            );
+        let again = crossings
+            .iter()
+            .copied()
+            .find(|&via| self.is_free(&[from, via, to], &Cell::new(obstacle)))
+            .filter(|&via| match fresh {
+                Some([Some(new), None]) => {
+                    let longest = length(&[from, new, to]) * (1.0 + self.ways.detour_percent / 100.0);
+                    via.z <= new.z && length(&[from, via, to]) <= longest
+                }
+                _ => true,
+            });
         match (again, fresh) {
             (Some(via), _) => Ok(Way::Over { points: [Some(via), None], obstacle, again: true }),
             (None, Some(points)) => Ok(Way::Over { points, obstacle, again: false }),
@@ -96,8 +99,7 @@ impl Space<'_> {
         let index = if needs_mm.is_some() { first } else { at_the_ceiling.unwrap_or(first) };
         let obstacle = self.obstacles.get(index);
         let too_near = |obstacle: &Obstacle, (from, to): (Point, Point)| {
-            let bow = (to - from).length() * self.ways.ptp_bow_percent / 100.0;
-            let inside = obstacle.space.grown(self.distance_mm() + bow).inside(from, to);
+            let inside = obstacle.space.grown(self.distance_mm() + self.bow_mm(from, to)).inside(from, to);
             inside.map_or(0.0, |(enters, leaves)| (leaves - enters) * (to - from).length())
         };
         Refusal::NoWay {
@@ -110,26 +112,37 @@ impl Space<'_> {
     }
 
     /// The first obstacle that the straight way comes too near to.
-    pub(crate) fn blocks(&self, from: Point, to: Point) -> Option<usize> {
-        let bow = (to - from).length() * self.ways.ptp_bow_percent / 100.0;
-        let most = self.distance_mm() + bow;
-        self.obstacles.iter().position(|obstacle| {
-            // Most obstacles are nowhere near: one test for the whole way first.
-            obstacle.space.grown(most).inside(from, to).is_some()
-                && (0..PIECES).any(|piece| {
-                    let [begin, end] = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
-                    // s·(1 − s) is largest at the end of the piece that is nearer to the middle.
-                    let widest = (begin * (1.0 - begin)).max(end * (1.0 - end));
-                    let grown = obstacle.space.grown(self.distance_mm() + 4.0 * widest * bow);
-                    grown.inside(from.toward(to, begin), from.toward(to, end)).is_some()
-                })
-        })
+    fn blocks(&self, from: Point, to: Point) -> Option<usize> {
+        self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, from, to))
     }
 
-    fn is_free(&self, points: &[Point]) -> bool {
-        points.windows(2).all(|leg| match leg {
-            &[from, to] => self.blocks(from, to).is_none(),
-            _ => true,
+    fn is_too_near(&self, obstacle: &Obstacle, from: Point, to: Point) -> bool {
+        let bow = self.bow_mm(from, to);
+        // Most obstacles are nowhere near: one test for the whole way first.
+        obstacle.space.grown(self.distance_mm() + bow).inside(from, to).is_some()
+            && (0..PIECES).any(|piece| {
+                let [begin, end] = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
+                // s·(1 − s) is largest at the end of the piece that is nearer to the middle.
+                let widest = (begin * (1.0 - begin)).max(end * (1.0 - end));
+                let grown = obstacle.space.grown(self.distance_mm() + 4.0 * widest * bow);
+                grown.inside(from.toward(to, begin), from.toward(to, end)).is_some()
+            })
+    }
+
+    /// How far a PTP may bow off the straight way in its middle, in mm.
+    fn bow_mm(&self, from: Point, to: Point) -> f64 {
+        (to - from).length() * self.ways.ptp_bow_percent / 100.0
+    }
+
+    /// Whether all legs are free. What was in the way of the way tried before is looked at first: mostly it still is.
+    fn is_free(&self, points: &[Point], before: &Cell<usize>) -> bool {
+        points.iter().zip(points.iter().skip(1)).all(|(&from, &to)| {
+            if self.obstacles.get(before.get()).is_some_and(|obstacle| self.is_too_near(obstacle, from, to)) {
+                return false;
+            }
+            let blocking = self.blocks(from, to);
+            before.set(blocking.unwrap_or(before.get()));
+            blocking.is_none()
         })
     }
 
@@ -153,7 +166,7 @@ impl Space<'_> {
 
     /// The middle of what is blocked of the straight way, on whole millimetres that a person can read and teach.
     fn middle(&self, from: Point, to: Point) -> Point {
-        let most = self.distance_mm() + (to - from).length() * self.ways.ptp_bow_percent / 100.0;
+        let most = self.distance_mm() + self.bow_mm(from, to);
         let inside = self.obstacles.iter().filter_map(|obstacle| obstacle.space.grown(most).inside(from, to));
         let (first, last) = inside.fold((1.0_f64, 0.0_f64), |(first, last), (enters, leaves)| {
             (first.min(enters), last.max(leaves))
@@ -173,14 +186,15 @@ impl Space<'_> {
                 .take_while(|&z| z <= ceiling)
         };
         let above = |point: Point, z: f64| Point::new(point.x, point.y, z);
+        let before = Cell::new(0);
         let one = |shortest: f64| {
             let vias = heights().flat_map(|z| [middle, to, from].map(|place| above(place, z)));
-            vias.map(|via| [from, via, to]).find(|way| longer(way, shortest) && self.is_free(way))
+            vias.map(|via| [from, via, to]).find(|way| longer(way, shortest) && self.is_free(way, &before))
         };
         let two = |shortest: f64| {
             let vias = heights().filter(|&z| z > from.z.max(to.z));
             let ways = vias.map(|z| [from, above(from, z), above(to, z), to]);
-            ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way))
+            ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way, &before))
         };
         // Legs that are long enough for their blends, where there are such.
         let legs = [2.0 * self.approximation_mm, LEAST_MM];

@@ -38,7 +38,9 @@ fn obstacle() -> impl Strategy<Value = Obstacle> {
 }
 
 fn segment() -> impl Strategy<Value = Segment> {
-    let to = || (point(0.0..200.0), -90.0..90.0).prop_map(|(at, a)| place("to", at, a));
+    // A turn is an obstacle to blending straight on, so there must be lines without one.
+    let turn = || prop_oneof![3 => Just(0.0), 1 => -90.0..90.0];
+    let to = move || (point(0.0..200.0), turn()).prop_map(|(at, a)| place("to", at, a));
     prop_oneof![
         4 => to().prop_map(Segment::Line),
         2 => (to(), to()).prop_map(|(through, to)| Segment::Circle { through, to }),
