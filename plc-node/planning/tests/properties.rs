@@ -157,7 +157,7 @@ fn the_random_applications_are_planned_often_enough_to_prove_something() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 2000, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 1000, ..ProptestConfig::default() })]
 
     #[test]
     fn no_secondary_motion_comes_nearer_to_an_obstacle_than_the_clearance(application in reaching()) {
