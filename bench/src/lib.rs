@@ -1,1 +1,30 @@
-//! .
+//! The bench: runs a setup in real or in virtual time, measures it and sets the figures beside the paper's.
+//!
+//! ```text
+//! cli            the command line
+//! measure        the run command, from options to exit code
+//! ├─ session     plan → repetitions → saved results, whatever they run on
+//! │  ├─ plan     which run follows which
+//! │  ├─ stand    what it runs on: virtual_run, or the rig with two processes
+//! │  ├─ progress the live view
+//! │  └─ run_directory, results, host    what stays
+//! └─ table       what is printed; statistics has the formulas
+//! calibrate      finds the numbers that only a published figure can fix
+//! exit           the exit codes
+//! ```
+
+pub mod calibrate;
+pub mod cli;
+pub mod exit;
+pub mod host;
+pub mod measure;
+pub mod plan;
+pub mod progress;
+pub mod results;
+pub mod rig;
+pub mod run_directory;
+pub mod session;
+pub mod stand;
+pub mod statistics;
+pub mod table;
+pub mod virtual_run;

@@ -1,1 +1,34 @@
-//! .
+//! The PLC: a cyclic scan, one function block for each skill, and the three ways of running a sequence that the
+//! paper compares.
+//!
+//! ```text
+//! node                 PlcNode: a Machine over any Fieldbus; runs and failures
+//! ├─ scan              inputs → program → outputs on an absolute grid
+//! ├─ readiness         leads the robot to Ready
+//! ├─ sequence          RC, SM and CM as a PLC program steps through them
+//! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
+//! └─ axes_group        the robot as the program sees it: one command, one feedback, the command number
+//! ```
+//!
+//! Nothing here reads a clock, opens a socket or allocates after [`PlcNode::new`]; time and frames are arguments.
+
+mod axes_group;
+pub mod bus;
+mod config;
+mod event;
+pub mod function_blocks;
+mod motion_source;
+mod node;
+pub mod process;
+mod readiness;
+mod scan;
+mod sequence;
+
+pub use axes_group::{AxesGroup, Patience};
+pub use config::PlcConfig;
+pub use event::{
+    Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,
+};
+pub use motion_source::{MotionList, MotionSource};
+pub use node::{PlcNode, Sample};
+pub use scan::Scan;

@@ -1,5 +1,7 @@
 //! A cable without a protocol: the image as it is, every cycle. For tests of the nodes that are not about a bus.
 
+use core::net::SocketAddrV4;
+
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
 use crate::wire::BigEndian;
@@ -10,6 +12,8 @@ use crate::{Cycle, Duration, Instant, Machine, Port, Source, Transmit};
 pub struct Direct {
     cycle: Cycle,
     watchdog: Duration,
+    port: Port,
+    peer: Option<SocketAddrV4>,
     output: Image,
     input: Image,
     last_input: Option<Instant>,
@@ -25,6 +29,8 @@ impl Direct {
         Self {
             cycle: Cycle::new(first, period),
             watchdog,
+            port: Port::Ethernet,
+            peer: None,
             output: [0; IMAGE_LEN],
             input: [0; IMAGE_LEN],
             last_input: None,
@@ -32,6 +38,12 @@ impl Direct {
             event: None,
             counters: Counters { sent: 0, received: 0, lost: 0, late: 0, malformed: 0, foreign: 0 },
         }
+    }
+
+    /// The same over UDP, so that it can go over a real cable too.
+    #[must_use]
+    pub const fn over_udp(self, port: u16, peer: SocketAddrV4) -> Self {
+        Self { port: Port::Udp(port), peer: Some(peer), ..self }
     }
 }
 
@@ -66,7 +78,7 @@ impl Machine for Direct {
         }
         buf.get_mut(..IMAGE_LEN)?.copy_from_slice(&self.output);
         self.counters.sent += 1;
-        Some(Transmit { port: Port::Ethernet, to: None, len: IMAGE_LEN })
+        Some(Transmit { port: self.port, to: self.peer, len: IMAGE_LEN })
     }
 
     fn poll_event(&mut self) -> Option<LinkEvent> {
@@ -90,7 +102,9 @@ impl Fieldbus for Direct {
     }
 
     fn disconnect(&mut self, _now: Instant) {
-        self.last_input = None;
+        if self.last_input.take().is_some() {
+            self.event = Some(LinkEvent::Down(Down { cause: DownCause::ClosedHere, code: 0, text: "" }));
+        }
     }
 
     fn counters(&self) -> Counters {

@@ -15,6 +15,7 @@ pub mod fieldbus;
 pub mod image;
 mod lateness;
 mod machine;
+pub mod profinet;
 mod time;
 pub mod virtual_time;
 pub mod wire;

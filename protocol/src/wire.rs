@@ -36,21 +36,27 @@ pub struct LittleEndian;
 macro_rules! byte_order {
     ($order:ty, $from:ident, $to:ident) => {
         impl ByteOrder for $order {
+            #[inline]
             fn u16(bytes: [u8; 2]) -> u16 {
                 u16::$from(bytes)
             }
+            #[inline]
             fn u32(bytes: [u8; 4]) -> u32 {
                 u32::$from(bytes)
             }
+            #[inline]
             fn u64(bytes: [u8; 8]) -> u64 {
                 u64::$from(bytes)
             }
+            #[inline]
             fn from_u16(value: u16) -> [u8; 2] {
                 value.$to()
             }
+            #[inline]
             fn from_u32(value: u32) -> [u8; 4] {
                 value.$to()
             }
+            #[inline]
             fn from_u64(value: u64) -> [u8; 8] {
                 value.$to()
             }
@@ -91,11 +97,13 @@ pub struct Reader<'a, O> {
 impl<'a, O: ByteOrder> Reader<'a, O> {
     /// A reader at the start of `bytes`.
     #[must_use]
+    #[inline]
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, offset: 0, order: PhantomData }
     }
 
     /// The next `N` bytes.
+    #[inline]
     pub fn array<const N: usize>(&mut self) -> Result<[u8; N], Truncated> {
         match self.bytes.get(self.offset..).and_then(|rest| rest.first_chunk::<N>()) {
             Some(chunk) => {
@@ -107,31 +115,37 @@ impl<'a, O: ByteOrder> Reader<'a, O> {
     }
 
     /// The next byte.
+    #[inline]
     pub fn u8(&mut self) -> Result<u8, Truncated> {
         self.array::<1>().map(|[byte]| byte)
     }
 
     /// The next 16-bit number.
+    #[inline]
     pub fn u16(&mut self) -> Result<u16, Truncated> {
         self.array().map(O::u16)
     }
 
     /// The next 32-bit number.
+    #[inline]
     pub fn u32(&mut self) -> Result<u32, Truncated> {
         self.array().map(O::u32)
     }
 
     /// The next 64-bit number.
+    #[inline]
     pub fn u64(&mut self) -> Result<u64, Truncated> {
         self.array().map(O::u64)
     }
 
     /// The next single-precision number, whatever its bits mean (NaN and infinities included).
+    #[inline]
     pub fn f32(&mut self) -> Result<f32, Truncated> {
         self.u32().map(f32::from_bits)
     }
 
     /// The next `len` bytes as they are.
+    #[inline]
     pub fn bytes(&mut self, len: usize) -> Result<&'a [u8], Truncated> {
         let taken = self.offset.checked_add(len).and_then(|end| self.bytes.get(self.offset..end));
         match taken {
@@ -144,11 +158,13 @@ impl<'a, O: ByteOrder> Reader<'a, O> {
     }
 
     /// A reader over just the next `len` bytes, which this one then has passed.
+    #[inline]
     pub fn sub(&mut self, len: usize) -> Result<Self, Truncated> {
         self.bytes(len).map(Self::new)
     }
 
     /// Passes over `len` bytes.
+    #[inline]
     pub fn skip(&mut self, len: usize) -> Result<(), Truncated> {
         self.bytes(len).map(|_| ())
     }
@@ -160,24 +176,28 @@ impl<'a, O: ByteOrder> Reader<'a, O> {
 
     /// All that is left.
     #[must_use]
+    #[inline]
     pub fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.offset..).unwrap_or_default()
     }
 
     /// How many bytes are left.
     #[must_use]
+    #[inline]
     pub fn left(&self) -> usize {
         self.bytes.len().saturating_sub(self.offset)
     }
 
     /// Whether all bytes are read.
     #[must_use]
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.left() == 0
     }
 
     /// How many bytes are read.
     #[must_use]
+    #[inline]
     pub const fn offset(&self) -> usize {
         self.offset
     }
@@ -205,11 +225,13 @@ pub struct Writer<'a, O> {
 impl<'a, O: ByteOrder> Writer<'a, O> {
     /// A writer at the start of `buf`.
     #[must_use]
+    #[inline]
     pub const fn new(buf: &'a mut [u8]) -> Self {
         Self { buf, len: 0, overflow: false, order: PhantomData }
     }
 
     /// Writes `bytes` as they are.
+    #[inline]
     pub fn bytes(&mut self, bytes: &[u8]) {
         if let Some(room) = self.room(bytes.len()) {
             room.copy_from_slice(bytes);
@@ -217,6 +239,7 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
     }
 
     /// Writes `len` zero bytes.
+    #[inline]
     pub fn zeros(&mut self, len: usize) {
         if let Some(room) = self.room(len) {
             room.fill(0);
@@ -224,26 +247,31 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
     }
 
     /// Writes a byte.
+    #[inline]
     pub fn u8(&mut self, value: u8) {
         self.bytes(&[value]);
     }
 
     /// Writes a 16-bit number.
+    #[inline]
     pub fn u16(&mut self, value: u16) {
         self.bytes(&O::from_u16(value));
     }
 
     /// Writes a 32-bit number.
+    #[inline]
     pub fn u32(&mut self, value: u32) {
         self.bytes(&O::from_u32(value));
     }
 
     /// Writes a 64-bit number.
+    #[inline]
     pub fn u64(&mut self, value: u64) {
         self.bytes(&O::from_u64(value));
     }
 
     /// Writes a single-precision number.
+    #[inline]
     pub fn f32(&mut self, value: f32) {
         self.u32(value.to_bits());
     }
@@ -254,6 +282,7 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
     }
 
     /// Writes zero bytes until `len` bytes are written in all.
+    #[inline]
     pub fn pad_to(&mut self, len: usize) {
         self.zeros(len.saturating_sub(self.len));
     }
@@ -270,12 +299,14 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
 
     /// How many bytes are written.
     #[must_use]
+    #[inline]
     pub const fn len(&self) -> usize {
         self.len
     }
 
     /// Whether nothing is written.
     #[must_use]
+    #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -289,10 +320,12 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
     }
 
     /// The number of bytes written, if all of them fitted.
+    #[inline]
     pub const fn finish(self) -> Result<usize, Overflow> {
         if self.overflow { Err(Overflow { capacity: self.buf.len() }) } else { Ok(self.len) }
     }
 
+    #[inline]
     fn room(&mut self, len: usize) -> Option<&mut [u8]> {
         let end = self.len.checked_add(len).filter(|end| !self.overflow && *end <= self.buf.len());
         match end {

@@ -1,1 +1,19 @@
-//! .
+//! The robot node: an arm, its controller, and the fieldbus endpoint that feeds it.
+//!
+//! Top down: [`RobotNode`] is the machine that a driver runs. On every robot cycle it hands the command image to the
+//! [`Controller`], which dispatches skills and keeps the queue of motions; the [`motion`] module turns the queue into
+//! one path and a speed along it; the [`arm`] module knows the joints.
+//!
+//! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
+
+pub mod arm;
+pub mod bus;
+mod config;
+pub mod controller;
+pub mod motion;
+mod node;
+pub mod process;
+
+pub use config::{ConfigError, RobotConfig};
+pub use controller::{Controller, Ending, RobotEvent};
+pub use node::{RobotNode, Sample};

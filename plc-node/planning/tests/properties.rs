@@ -108,7 +108,9 @@ fn application(
 }
 
 fn on_setup_a(application: &Application) -> Result<Plan, Error> {
-    plan(application, &setup::setup("A").expect("built in"))
+    let mut setup = setup::setup("A").expect("built in");
+    setup.motions.approximation_mm.value = 10.0;
+    plan(application, &setup)
 }
 
 /// Between obstacles, only reaching makes enough plans that are not refused.

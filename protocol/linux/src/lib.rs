@@ -1,10 +1,46 @@
-//! Ports and the real-time driver: the one crate with unsafe code.
+//! Ports and the real-time driver: what runs a [`protocol::Machine`] on Linux.
+//!
+//! From the bottom up: an [`Interface`] is a network interface by name; a [`Wire`] is a socket on it that a machine
+//! knows as a [`protocol::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
+//! [`CyclicThread`] is that loop on a thread of its own, with real-time scheduling where it is allowed, reached
+//! over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, as an ordinary
+//! user too. [`Recorder`] writes what passes an interface into a capture.
+//!
+//! This is the only crate of the workspace with `unsafe` code.
 
 #![expect(
     unsafe_code,
     reason = "system calls that neither rustix nor socket2 wraps; each use says why it is sound"
 )]
 
+pub mod allocation;
+pub mod clock;
+mod cyclic_thread;
+mod driver;
+mod ethernet;
+mod inbox;
+mod interface;
+pub mod message;
+pub mod namespace;
+mod node;
+mod notifier;
 mod recorder;
+pub mod report;
+pub mod scheduling;
+mod signals;
+pub mod supervise;
+mod udp;
+pub mod veth;
+mod wire;
 
+pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
+pub use driver::{Driver, DriverError, Owner, Statistics};
+pub use ethernet::{Ethernet, PROFINET};
+pub use inbox::{Inbox, Input};
+pub use interface::{Interface, InterfaceError};
+pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, Snapshot};
+pub use notifier::Notifier;
 pub use recorder::{Recorder, RecorderError};
+pub use signals::{StopSignal, StopSignals};
+pub use udp::Udp;
+pub use wire::{PortError, Received, Wire};

@@ -5,15 +5,24 @@
 //! Those that the project ships are compiled in ([`SETUPS`], [`APPLICATIONS`]); a path names one's own.
 
 mod application;
+mod check;
+mod error;
 mod load;
 mod model;
 mod motions;
 mod sourced;
+mod write;
 
 pub use application::{Application, Motion, MotionKind};
-pub use load::{APPLICATIONS, Error, SETUPS, application, setup};
+pub use error::Error;
+pub use load::{APPLICATIONS, SETUPS, application, check, setup, setup_with_application};
 pub use model::{
-    Axes, Bus, BusKind, Cyclic, Figure, Frame, Kinematics, Motions, Paper, Plc, Profinet, Robot, Scara, Setup,
+    Axes, Bus, BusKind, Cyclic, Figure, Frame, Kinematics, Motions, Paper, Plc, Profinet, Robot, Scara,
+    Setup, UnknownCyclic,
 };
-pub use motions::motions;
+pub use motions::{PROGRAM, motions};
 pub use sourced::{Provenance, Sourced};
+pub use write::{application_to_toml, setup_to_toml};
+
+#[cfg(test)]
+mod tests;

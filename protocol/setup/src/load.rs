@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use crate::{Application, Setup};
+use crate::check::{Problem, check_application, check_setup, check_together};
+use crate::{Application, Error, Setup};
 
 /// Setups compiled in: name and text.
 pub const SETUPS: &[(&str, &str)] = &[("A", include_str!("../../../bench/setups/A.toml"))];
@@ -13,79 +14,91 @@ pub const SETUPS: &[(&str, &str)] = &[("A", include_str!("../../../bench/setups/
 pub const APPLICATIONS: &[(&str, &str)] =
     &[("pick-and-place", include_str!("../../../bench/applications/pick-and-place.toml"))];
 
-/// Why a setup or an application cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// The name is neither built in nor a file.
-    #[error("there is no {what} `{name}`: built in are {}; or give the path of a .toml file", known.join(", "))]
-    Unknown {
-        /// "setup" or "application".
-        what: &'static str,
-        /// What was asked for.
-        name: String,
-        /// Those that are built in.
-        known: Vec<&'static str>,
-    },
-    /// The file is there but cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The text is not what the format wants: file, line, key and what was expected.
-    #[error("{origin}: {source}")]
-    Format {
-        /// The file, or the built-in's name.
-        origin: String,
-        /// Line, key and expectation.
-        source: Box<toml::de::Error>,
-    },
-    /// The text is well formed, but a value makes no sense.
-    #[error("{origin}: {key}: {problem}")]
-    Value {
-        /// The file, or the built-in's name.
-        origin: String,
-        /// The key.
-        key: String,
-        /// What is wrong and what would be right.
-        problem: String,
-    },
-}
-
-/// Finds the setup that `name` names: a built-in one, or the path of a file.
+/// Finds the setup that `name` names: a built-in one, or the path of a file. Its values are checked.
 pub fn setup(name: &str) -> Result<Setup, Error> {
-    let (_origin, setup) = find::<Setup>("setup", SETUPS, name, None)?;
-    Ok(setup)
+    Ok(read_setup(name)?.value)
 }
 
-/// Finds the application that `name` names: a built-in one, or the path of a file.
+/// Finds the application that `name` names: a built-in one, or the path of a file. Its values are checked.
 pub fn application(name: &str) -> Result<Application, Error> {
-    let (_origin, application) = find::<Application>("application", APPLICATIONS, name, None)?;
-    Ok(application)
+    Ok(read_application(name, None)?.value)
+}
+
+/// Finds the setup that `name` names and the application that it runs, and checks that they fit each other.
+///
+/// An application that is not built in is looked for from the directory of the setup's file.
+pub fn setup_with_application(name: &str) -> Result<(Setup, Application), Error> {
+    let setup = read_setup(name)?;
+    let directory = setup.path.as_deref().and_then(Path::parent);
+    let application = read_application(&setup.value.application, directory)?;
+    check_together(&setup.value, &application.value).map_err(|problem| application.refuse(problem))?;
+    Ok((setup.value, application.value))
+}
+
+/// Checks a setup that was changed after it was read, say by an option on the command line.
+pub fn check(setup: &Setup) -> Result<(), Error> {
+    check_setup(setup).map_err(|problem| refuse(format!("setup {}", setup.name), problem))
+}
+
+/// A text that was found, and what it says.
+struct Found<T> {
+    origin: String,
+    /// None for a built-in one.
+    path: Option<PathBuf>,
+    value: T,
+}
+
+impl<T> Found<T> {
+    fn refuse(&self, problem: Problem) -> Error {
+        refuse(self.origin.clone(), problem)
+    }
+}
+
+fn refuse(origin: String, Problem { key, text }: Problem) -> Error {
+    Error::Value { origin, key, problem: text }
+}
+
+fn read_setup(name: &str) -> Result<Found<Setup>, Error> {
+    let found = find::<Setup>("setup", SETUPS, name, None)?;
+    check_setup(&found.value).map_err(|problem| found.refuse(problem))?;
+    Ok(found)
+}
+
+fn read_application(name: &str, directory: Option<&Path>) -> Result<Found<Application>, Error> {
+    let found = find::<Application>("application", APPLICATIONS, name, directory)?;
+    check_application(&found.value).map_err(|problem| found.refuse(problem))?;
+    Ok(found)
 }
 
 fn find<T: DeserializeOwned>(
     what: &'static str,
     built_in: &[(&'static str, &'static str)],
     name: &str,
-    beside: Option<&Path>,
-) -> Result<(String, T), Error> {
-    let (origin, text) = match built_in.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
-        Some((known, text)) => (format!("built-in {what} {known}"), (*text).to_owned()),
-        None => {
-            let path = beside.map_or_else(|| PathBuf::from(name), |directory| directory.join(name));
-            if !path.exists() && path.extension().is_none() {
-                let known = built_in.iter().map(|(known, _)| *known).collect();
-                return Err(Error::Unknown { what, name: name.to_owned(), known });
-            }
-            let text = std::fs::read_to_string(&path)
-                .map_err(|source| Error::Unreadable { path: path.clone(), source })?;
-            (path.display().to_string(), text)
-        }
-    };
-    let value = toml::from_str(&text)
-        .map_err(|source| Error::Format { origin: origin.clone(), source: Box::new(source) })?;
-    Ok((origin, value))
+    directory: Option<&Path>,
+) -> Result<Found<T>, Error> {
+    if let Some((known, text)) = built_in.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
+        let origin = format!("built-in {what} {known}");
+        let value = parse(&origin, text)?;
+        return Ok(Found { origin, path: None, value });
+    }
+    let path = directory.map_or_else(|| PathBuf::from(name), |directory| directory.join(name));
+    if !path.exists() && path.extension().is_none() {
+        let known = built_in.iter().map(|(known, _)| *known).collect();
+        return Err(Error::Unknown { what, name: name.to_owned(), known });
+    }
+    let text = std::fs::read_to_string(&path).map_err(|source| Error::Unreadable {
+        what,
+        path: path.clone(),
+        source,
+    })?;
+    let origin = path.display().to_string();
+    let value = parse(&origin, &text)?;
+    Ok(Found { origin, path: Some(path), value })
+}
+
+pub(crate) fn parse<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, Error> {
+    let broken = |key: String, source: &toml::de::Error| Error::format(origin, text, key, source);
+    let document = toml::Deserializer::parse(text).map_err(|source| broken(String::new(), &source))?;
+    serde_path_to_error::deserialize(document)
+        .map_err(|error| broken(error.path().to_string(), error.inner()))
 }

@@ -107,6 +107,23 @@ pub enum Cyclic {
     Rt1,
 }
 
+impl std::str::FromStr for Cyclic {
+    type Err = UnknownCyclic;
+
+    fn from_str(name: &str) -> Result<Self, UnknownCyclic> {
+        match name {
+            "udp" => Ok(Self::Udp),
+            "rt1" => Ok(Self::Rt1),
+            _ => Err(UnknownCyclic(name.to_owned())),
+        }
+    }
+}
+
+/// No way of carrying cyclic frames has this name.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("cyclic frames travel by `udp` (RT_CLASS_UDP) or by `rt1` (EtherType 0x8892), not by `{0}`")]
+pub struct UnknownCyclic(pub String);
+
 /// What PROFINET needs besides.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

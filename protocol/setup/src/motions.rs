@@ -4,6 +4,9 @@ use protocol::image;
 
 use crate::{Application, MotionKind, Setup};
 
+/// Number under which the robot's program store holds the application, and which the PLC starts for RC.
+pub const PROGRAM: u16 = 1;
+
 /// The application's motions as this setup programs them: the same for the PLC, which sends them, and for the robot's
 /// program store.
 ///

@@ -31,7 +31,10 @@ impl fmt::Display for Provenance {
 
 /// A value with its provenance: `{ value = 1000, from = "paper", note = "section 6.2" }`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a value with its provenance: { value = ..., from = \"paper\", \"datasheet\", \"calibrated\" or \"assumed\" }"
+)]
 pub struct Sourced<T> {
     /// The value, in the unit that its key names.
     pub value: T,

@@ -108,8 +108,20 @@ impl Default for Command {
 impl Command {
     /// Reads the image. What the values mean is for the robot to judge.
     pub fn parse<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
+        let mut command = Self::parse_head::<O>(image)?;
         let mut reader = Reader::<O>::new(image);
-        let mut command = Self {
+        reader.skip(HEAD_LEN)?;
+        for slot in &mut command.slots {
+            *slot = Motion::parse(&mut reader)?;
+        }
+        Ok(command)
+    }
+
+    /// Reads the head and leaves the slots empty, for a reader who knows that they did not change: the head does so
+    /// with every scan.
+    pub fn parse_head<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::<O>::new(image);
+        Ok(Self {
             control: Control(reader.u16()?),
             life: reader.u16()?,
             number: reader.u16()?,
@@ -121,17 +133,25 @@ impl Command {
             outputs: reader.u16()?,
             start_time_ns: reader.u64()?,
             slots: [Motion::EMPTY; SLOTS],
-        };
-        reader.skip(HEAD_LEN - reader.offset())?;
-        for slot in &mut command.slots {
-            *slot = Motion::parse(&mut reader)?;
-        }
-        Ok(command)
+        })
     }
 
     /// Writes the image.
     pub fn emit<O: ByteOrder>(&self, image: &mut Image) {
         let mut writer = Writer::<O>::new(image);
+        self.write_head(&mut writer);
+        for slot in &self.slots {
+            slot.emit(&mut writer);
+        }
+    }
+
+    /// Writes the head over an image that holds this command's slots already. A scan changes the life counter every
+    /// time and the slots hardly ever.
+    pub fn emit_head<O: ByteOrder>(&self, image: &mut Image) {
+        self.write_head(&mut Writer::<O>::new(image));
+    }
+
+    fn write_head<O: ByteOrder>(&self, writer: &mut Writer<'_, O>) {
         writer.u16(self.control.0);
         writer.u16(self.life);
         writer.u16(self.number);
@@ -143,9 +163,6 @@ impl Command {
         writer.u16(self.outputs);
         writer.u64(self.start_time_ns);
         writer.pad_to(HEAD_LEN);
-        for slot in &self.slots {
-            slot.emit(&mut writer);
-        }
     }
 
     /// The slot of motion `index`, counted from 0.

@@ -59,6 +59,11 @@ fn a_commands_head_is_these_36_bytes() {
     ];
     assert_eq!(&image[..HEAD_LEN], &head);
     assert!(image[HEAD_LEN..].iter().all(|byte| *byte == 0), "empty slots are zero");
+
+    let mut other = [0xFF; IMAGE_LEN];
+    command.emit_head::<BigEndian>(&mut other);
+    assert_eq!(&other[..HEAD_LEN], &head);
+    assert!(other[HEAD_LEN..].iter().all(|byte| *byte == 0xFF), "the slots stay as they were");
 }
 
 #[test]

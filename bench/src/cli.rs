@@ -1,0 +1,132 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use plc_node::ExecutionType;
+
+/// The seed of runs that name none.
+const SEED: u64 = 1;
+
+/// Repetitions of each type in the paper (section 6.2).
+const REPETITIONS: u32 = 25;
+
+/// Measures skill-based robot control over a real fieldbus: the same sequence as a robot program (RC), as single
+/// skills from the PLC (SM) and as one MoveContinuousSkill from the PLC (CM).
+#[derive(Parser, Debug)]
+#[command(
+    name = "bench",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = EXAMPLES,
+)]
+pub struct Cli {
+    /// Without a subcommand the setup is run and measured.
+    #[command(flatten)]
+    pub run: RunOptions,
+    /// Everything but a measured run.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  bench --setup A                            two processes, real PROFINET, 75 runs in about six minutes
+  bench --setup A --mode virtual             the same in virtual time, in about a second
+  bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
+  bench --setup A --types rc,cm --export-json results.json
+  bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
+
+Exit codes:
+  0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable   130 interrupted";
+
+/// Everything but a measured run.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum.
+    Calibrate(CalibrateOptions),
+}
+
+/// Options of a measured run.
+#[derive(Args, Debug)]
+pub struct RunOptions {
+    /// A built-in setup's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
+    pub setup: String,
+    /// Two processes on a real network, or both nodes in virtual time.
+    #[arg(long, value_enum, default_value_t = Mode::Real)]
+    pub mode: Mode,
+    /// Repetitions of each execution type.
+    #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub reps: u32,
+    /// Execution types to run, interleaved in this order.
+    #[arg(long, value_name = "TYPES", value_delimiter = ',', default_value = "rc,sm,cm")]
+    pub types: Vec<ExecutionType>,
+    /// Seed of the pauses between runs, and in virtual mode of the clocks and phases.
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    pub seed: u64,
+    /// Run directory; it must not hold a run yet [default: runs/TIME-SETUP-MODE].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write the results to this file as well, as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub export_json: Option<PathBuf>,
+    /// How PROFINET's cyclic frames travel, instead of what the setup says.
+    #[arg(long, value_enum)]
+    pub cyclic: Option<Cyclic>,
+    /// Print the table only: no progress, no warnings.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Options of a calibration.
+#[derive(Args, Debug)]
+pub struct CalibrateOptions {
+    /// A built-in setup's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
+    pub setup: String,
+    /// Repetitions of each execution type that a step averages over.
+    #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub reps: u32,
+    /// Seed of the clocks and phases.
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    pub seed: u64,
+}
+
+/// On which clock a run runs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Mode {
+    /// Two processes, real sockets, the machine's clock.
+    Real,
+    /// Both nodes in this process, in virtual time; needs no permission.
+    Virtual,
+}
+
+impl Mode {
+    /// The name that options, results and run directories use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Real => "real",
+            Self::Virtual => "virtual",
+        }
+    }
+}
+
+/// How PROFINET's cyclic frames travel.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Cyclic {
+    /// RT_CLASS_UDP: UDP port 34962.
+    Udp,
+    /// RT_CLASS_1: EtherType 0x8892.
+    Rt1,
+}
+
+impl From<Cyclic> for setup::Cyclic {
+    fn from(cyclic: Cyclic) -> Self {
+        match cyclic {
+            Cyclic::Udp => Self::Udp,
+            Cyclic::Rt1 => Self::Rt1,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The machine that a run ran on, for `host.json`.
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::Serialize;
+
+/// What a figure of a real run depends on besides the program.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct Host {
+    /// Start of the run, UTC, ISO 8601.
+    pub date: String,
+    /// This program's version.
+    pub version: &'static str,
+    /// Commit that it was built from, with `-dirty` where the tree had changes; null outside a repository.
+    pub commit: Option<String>,
+    /// Whether it was built with debug assertions.
+    pub debug_assertions: bool,
+    /// The kernel's release.
+    pub kernel: Option<String>,
+    /// The processor's name.
+    pub cpu: Option<String>,
+    /// Cores that this process may use.
+    pub cores: Option<usize>,
+    /// The kernel's clock source.
+    pub clock_source: Option<String>,
+    /// The first core's frequency governor; null on a virtual machine.
+    pub governor: Option<String>,
+    /// Scheduling class that the nodes' cyclic threads got; null in virtual mode.
+    pub scheduling: Option<String>,
+}
+
+impl Host {
+    /// Looks at this machine. What cannot be read is null.
+    #[must_use]
+    pub fn look(now: SystemTime) -> Self {
+        let line = |path| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
+        let cpu = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
+            let name = text.lines().find(|line| line.starts_with("model name"))?;
+            Some(name.split_once(':')?.1.trim().to_owned())
+        });
+        Self {
+            date: date(now),
+            version: env!("CARGO_PKG_VERSION"),
+            commit: commit(),
+            debug_assertions: cfg!(debug_assertions),
+            kernel: line("/proc/sys/kernel/osrelease"),
+            cpu,
+            cores: std::thread::available_parallelism().ok().map(usize::from),
+            clock_source: line("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
+            governor: line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
+            scheduling: None,
+        }
+    }
+
+    /// The description as JSON, with a newline at the end.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self).map(|json| json + "\n")
+    }
+}
+
+/// The repository that the program was built in, if it is still there.
+fn commit() -> Option<String> {
+    let output = Command::new("git")
+        .args(["-C", env!("CARGO_MANIFEST_DIR"), "describe", "--always", "--dirty", "--abbrev=12"])
+        .stderr(Stdio::null())
+        .stdin(Stdio::null())
+        .output()
+        .ok()
+        .filter(|output| output.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
+}
+
+/// ISO 8601 to the second, UTC: `2026-11-21T03:17:00Z`.
+#[must_use]
+pub fn date(time: SystemTime) -> String {
+    let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let (year, month, day) = civil(seconds / 86_400);
+    let (hour, minute, second) = (seconds / 3_600 % 24, seconds / 60 % 60, seconds % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
+}
+
+/// Year, month and day of a day counted from 1970-01-01, in the Gregorian calendar.
+const fn civil(mut day: u64) -> (u64, u64, u64) {
+    let mut year = 1970;
+    while day >= days_in_year(year) {
+        day -= days_in_year(year);
+        year += 1;
+    }
+    let mut month = 1;
+    while day >= days_in_month(year, month) {
+        day -= days_in_month(year, month);
+        month += 1;
+    }
+    (year, month, day + 1)
+}
+
+const fn is_leap(year: u64) -> bool {
+    year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+}
+
+const fn days_in_year(year: u64) -> u64 {
+    if is_leap(year) { 366 } else { 365 }
+}
+
+const fn days_in_month(year: u64, month: u64) -> u64 {
+    match month {
+        2 if is_leap(year) => 29,
+        2 => 28,
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        let at = |seconds| date(UNIX_EPOCH + Duration::from_secs(seconds));
+        assert_eq!(at(0), "1970-01-01T00:00:00Z");
+        assert_eq!(at(951_782_400), "2000-02-29T00:00:00Z");
+        assert_eq!(at(1_709_251_199), "2024-02-29T23:59:59Z");
+        assert_eq!(at(1_709_251_200), "2024-03-01T00:00:00Z");
+    }
+}

@@ -1,0 +1,179 @@
+//! The directory of a run: what was asked for, what it ran on, and every finished repetition.
+//!
+//! ```text
+//! setup.toml        the setup as it was used; runs again as `--setup DIR/setup.toml`
+//! application.toml  the application as it was used
+//! host.json         the machine
+//! samples.csv       a line a repetition, written before the next one starts
+//! results.json      the results so far, replaced as a whole
+//! ```
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use setup::{Application, Setup};
+
+use crate::plan::Step;
+use crate::results::Results;
+use crate::stand::Measured;
+
+/// How sure a repetition is on the disk before the next one starts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Durability {
+    /// It survives a loss of power: what was measured cannot be measured again.
+    Synced,
+    /// It survives the end of this process; enough for a run that its seed repeats.
+    Written,
+}
+
+/// A run's directory.
+#[derive(Debug)]
+pub struct RunDirectory {
+    path: PathBuf,
+    samples: File,
+    durability: Durability,
+}
+
+impl RunDirectory {
+    /// Makes the directory and writes down what is to be run. One that holds a run already is left alone.
+    pub fn create(
+        path: &Path,
+        setup: &Setup,
+        application: &Application,
+        durability: Durability,
+    ) -> anyhow::Result<Self> {
+        fs::create_dir_all(path).with_context(|| {
+            format!("cannot make the run directory {}; choose another by --out", path.display())
+        })?;
+        let samples_path = path.join("samples.csv");
+        let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
+        let mut samples = match samples {
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                anyhow::bail!("{} holds a run already; choose another directory by --out", path.display())
+            }
+            samples => samples.with_context(|| format!("cannot write {}", samples_path.display()))?,
+        };
+        samples.write_all(b"type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error\n")?;
+        let mut setup = setup.clone();
+        setup.application = "application.toml".to_owned();
+        fs::write(path.join("setup.toml"), setup::setup_to_toml(&setup)?)?;
+        fs::write(path.join("application.toml"), setup::application_to_toml(application)?)?;
+        Ok(Self { path: path.to_owned(), samples, durability })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the machine's description.
+    pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
+        let path = self.path.join("host.json");
+        fs::write(&path, json).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// Writes down a finished repetition, good or failed, and the results so far.
+    pub fn save(
+        &mut self,
+        step: &Step,
+        outcome: &anyhow::Result<Measured>,
+        results: &Results,
+    ) -> anyhow::Result<()> {
+        let line = sample_line(step, outcome);
+        let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
+            Durability::Synced => self.samples.sync_data(),
+            Durability::Written => Ok(()),
+        });
+        saved.with_context(|| format!("cannot write samples to {}", self.path.display()))?;
+        self.save_results(results)
+    }
+
+    /// Writes the results so far.
+    pub fn save_results(&self, results: &Results) -> anyhow::Result<()> {
+        replace(&self.path.join("results.json"), &results.to_json()?, self.durability)
+    }
+}
+
+/// Replaces a file as a whole: whoever reads it sees the old text or the new one, also after a crash.
+pub fn replace(path: &Path, text: &str, durability: Durability) -> anyhow::Result<()> {
+    let write = || {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(".new");
+        let new = path.with_file_name(name);
+        let mut file = File::create(&new)?;
+        file.write_all(text.as_bytes())?;
+        if durability == Durability::Synced {
+            file.sync_data()?;
+        }
+        fs::rename(&new, path)
+    };
+    write().with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
+    let Step { execution_type, repetition, .. } = step;
+    match outcome {
+        Ok(measured) => {
+            let millis = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e6;
+            format!(
+                "{execution_type},{repetition},{},{},{},\n",
+                millis(measured.execution),
+                millis(measured.robot_execution),
+                measured.blends_suppressed
+            )
+        }
+        Err(error) => {
+            let text = format!("{error:#}").replace('"', "\"\"").replace('\n', " ");
+            format!("{execution_type},{repetition},,,,\"{text}\"\n")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plc_node::ExecutionType;
+    use std::time::Duration;
+
+    fn step(repetition: u32) -> Step {
+        Step { execution_type: ExecutionType::Sm, repetition, pause: Duration::ZERO }
+    }
+
+    #[test]
+    fn a_repetition_is_a_line_whether_it_went_well_or_not() {
+        let measured = Measured {
+            execution: Duration::from_nanos(6_477_123_456),
+            robot_execution: Duration::from_millis(6_470),
+            blends_suppressed: 0,
+        };
+        let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
+        let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];
+        insta::assert_snapshot!(lines.concat(), @r#"
+        sm,1,6477.123456,6470,0,
+        sm,2,,,,"sm failed: the robot said ""no"" and stopped"
+        "#);
+    }
+
+    #[test]
+    fn a_directory_that_holds_a_run_is_left_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let (setup, application) = setup::setup_with_application("A").unwrap();
+        let create = || RunDirectory::create(directory.path(), &setup, &application, Durability::Written);
+        create().unwrap();
+        let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
+        insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
+    }
+
+    #[test]
+    fn the_setup_in_the_directory_runs_the_same_again() {
+        let directory = tempfile::tempdir().unwrap();
+        let (setup, application) = setup::setup_with_application("A").unwrap();
+        RunDirectory::create(directory.path(), &setup, &application, Durability::Synced).unwrap();
+        let written = directory.path().join("setup.toml");
+        let (again, same_application) = setup::setup_with_application(written.to_str().unwrap()).unwrap();
+        assert_eq!((again.motions, again.robot, same_application), (setup.motions, setup.robot, application));
+    }
+}

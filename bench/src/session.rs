@@ -1,0 +1,210 @@
+//! One measured run from its plan to its table: every repetition is saved before the next one starts, and what is
+//! there stays when it ends early.
+
+use std::path::PathBuf;
+
+use crate::exit::Exit;
+use crate::plan::Plan;
+use crate::progress::Progress;
+use crate::results::{Results, Status};
+use crate::run_directory::{Durability, RunDirectory, replace};
+use crate::stand::Stand;
+
+/// What a run writes to, and who watches.
+#[derive(Debug)]
+pub struct Session {
+    /// The run directory.
+    pub directory: RunDirectory,
+    /// A second copy of the results.
+    pub export_json: Option<PathBuf>,
+    /// The live view.
+    pub progress: Progress,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// What it found out.
+    pub results: Results,
+    /// The code that the program ends with.
+    pub exit: Exit,
+    /// Why a repetition failed, where one did.
+    pub failure: Option<anyhow::Error>,
+}
+
+impl Session {
+    /// Runs the plan on the stand until it is done, a repetition fails, or `interrupt` resolves.
+    ///
+    /// # Errors
+    ///
+    /// The results cannot be written. Whatever was written before is still there.
+    pub async fn run(
+        &mut self,
+        stand: &mut impl Stand,
+        plan: &Plan,
+        mut results: Results,
+        interrupt: impl Future<Output = ()>,
+    ) -> anyhow::Result<Ended> {
+        let mut interrupt = std::pin::pin!(interrupt);
+        let mut failure = None;
+        results.status = Status::Complete;
+        let end = |status| match status {
+            Status::Failed => Exit::RunFailed,
+            Status::Interrupted => Exit::Interrupted,
+            Status::Running | Status::Complete => Exit::Pass,
+        };
+        for step in plan.steps() {
+            self.progress.running(step.execution_type, step.repetition);
+            // A virtual run never waits, so this is where its signals get their turn.
+            tokio::task::yield_now().await;
+            let outcome = tokio::select! {
+                biased;
+                () = &mut interrupt => {
+                    results.status = Status::Interrupted;
+                    break;
+                }
+                outcome = stand.execute(step) => outcome,
+            };
+            match &outcome {
+                Ok(measured) => results.record(step.execution_type, measured),
+                Err(error) => {
+                    results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+                }
+            }
+            results.set_health(&stand.health());
+            let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
+            let status = std::mem::replace(&mut results.status, so_far);
+            self.directory.save(&step, &outcome, &results)?;
+            self.export(&results, Durability::Written)?;
+            self.progress.finished(step.execution_type, step.repetition, &results);
+            if let Err(error) = outcome {
+                let name = format!("{} {} of {}", step.execution_type, step.repetition, plan.reps);
+                failure = Some(error.context(format!("repetition {name} failed")));
+                break;
+            }
+            results.status = status;
+        }
+        self.progress.end();
+        self.finish(&results)?;
+        Ok(Ended { exit: end(results.status), results, failure })
+    }
+
+    /// Writes the results for good.
+    ///
+    /// # Errors
+    ///
+    /// They cannot be written.
+    pub fn finish(&self, results: &Results) -> anyhow::Result<()> {
+        self.directory.save_results(results)?;
+        self.export(results, Durability::Synced)
+    }
+
+    fn export(&self, results: &Results, durability: Durability) -> anyhow::Result<()> {
+        match &self.export_json {
+            Some(path) => replace(path, &results.to_json()?, durability),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Mode;
+    use crate::plan::Step;
+    use crate::stand::{Health, Measured};
+    use plc_node::ExecutionType;
+    use std::time::Duration;
+
+    /// Takes as many milliseconds as it has run before, and fails at run `fails_at`.
+    struct Scripted {
+        runs: u64,
+        fails_at: u64,
+    }
+
+    impl Stand for Scripted {
+        async fn execute(&mut self, _step: Step) -> anyhow::Result<Measured> {
+            self.runs += 1;
+            if self.runs == self.fails_at {
+                anyhow::bail!("the connection to the robot was lost");
+            }
+            let execution = Duration::from_millis(self.runs);
+            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0 })
+        }
+
+        fn health(&self) -> Health {
+            Health::default()
+        }
+    }
+
+    struct Outcome {
+        ended: Ended,
+        samples: String,
+        saved: Results,
+    }
+
+    fn run(fails_at: u64, interrupt: impl Future<Output = ()>) -> Outcome {
+        let place = tempfile::tempdir().unwrap();
+        let (setup, application) = setup::setup_with_application("A").unwrap();
+        let plan = Plan::new(&ExecutionType::ALL, 2, 1);
+        let results = Results::new(&setup, &application.name, Mode::Real, &plan);
+        let mut session = Session {
+            directory: RunDirectory::create(place.path(), &setup, &application, Durability::Synced).unwrap(),
+            export_json: Some(place.path().join("exported.json")),
+            progress: Progress::start(&plan, true),
+        };
+        let mut stand = Scripted { runs: 0, fails_at };
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let ended = runtime.block_on(session.run(&mut stand, &plan, results, interrupt)).unwrap();
+        let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
+        assert_eq!(read("results.json"), read("exported.json"));
+        Outcome {
+            ended,
+            samples: read("samples.csv"),
+            saved: serde_json::from_str(&read("results.json")).unwrap(),
+        }
+    }
+
+    #[test]
+    fn a_run_that_goes_well_saves_every_repetition() {
+        let outcome = run(0, std::future::pending());
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Pass, Status::Complete));
+        assert_eq!(outcome.saved, outcome.ended.results);
+        insta::assert_snapshot!(outcome.samples, @"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
+        rc,1,1,1,0,
+        sm,1,2,2,0,
+        cm,1,3,3,0,
+        rc,2,4,4,0,
+        sm,2,5,5,0,
+        cm,2,6,6,0,
+        ");
+    }
+
+    #[test]
+    fn a_repetition_that_fails_is_marked_and_those_before_it_stay() {
+        let outcome = run(5, std::future::pending());
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
+        insta::assert_snapshot!(format!("{:#}", outcome.ended.failure.unwrap()), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
+        insta::assert_snapshot!(outcome.samples, @r#"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
+        rc,1,1,1,0,
+        sm,1,2,2,0,
+        cm,1,3,3,0,
+        rc,2,4,4,0,
+        sm,2,,,,"the connection to the robot was lost"
+        "#);
+    }
+
+    #[test]
+    fn an_interrupt_keeps_what_is_done() {
+        let mut turns = 0;
+        let after_three = std::future::poll_fn(move |_| {
+            turns += 1;
+            if turns > 3 { std::task::Poll::Ready(()) } else { std::task::Poll::Pending }
+        });
+        let outcome = run(0, after_three);
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Interrupted, Status::Interrupted));
+        assert_eq!(outcome.samples.lines().count(), 1 + 3);
+    }
+}

@@ -1,0 +1,63 @@
+//! What a measurement runs on, whichever the mode: something that executes a sequence and says how long it took.
+
+use std::time::Duration;
+
+use protocol::Lateness;
+use protocol::fieldbus::Counters;
+
+use crate::plan::Step;
+
+/// A PLC and a robot, connected, on a real or on a virtual clock.
+pub trait Stand {
+    /// Waits out the step's pause, runs the sequence once and says how it went. An error is a failed repetition.
+    fn execute(&mut self, step: Step) -> impl Future<Output = anyhow::Result<Measured>>;
+
+    /// How late the cycles ran and what went over the bus, since the start.
+    fn health(&self) -> Health;
+}
+
+/// One finished run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Measured {
+    /// From the start edge to the end seen, on the PLC.
+    pub execution: Duration,
+    /// The robot's own measure; for SM the sum over its skills.
+    pub robot_execution: Duration,
+    /// Motions that were run to a stop because the next one was not there in time.
+    pub blends_suppressed: u32,
+}
+
+/// The conditions that runs were measured under.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Health {
+    /// Lateness of the PLC's scans.
+    pub plc: CycleHealth,
+    /// Lateness of the robot's interpolation cycles.
+    pub robot: CycleHealth,
+    /// Cyclic frames as the PLC counts them.
+    pub bus: Counters,
+}
+
+/// How late the runs of a cyclic task were.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct CycleHealth {
+    /// Half of the runs were not later.
+    pub p50: Duration,
+    /// 99 % of the runs were not later.
+    pub p99: Duration,
+    /// The latest run.
+    pub max: Duration,
+    /// Cycles that passed without a run.
+    pub missed: u64,
+}
+
+impl From<&Lateness> for CycleHealth {
+    fn from(lateness: &Lateness) -> Self {
+        Self {
+            p50: lateness.quantile(0.5),
+            p99: lateness.quantile(0.99),
+            max: lateness.max(),
+            missed: lateness.missed(),
+        }
+    }
+}

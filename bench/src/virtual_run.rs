@@ -1,0 +1,239 @@
+//! Both nodes in virtual time: the machines of a real run on a cable without time.
+//!
+//! The seed fixes everything that no setup says: what each node's clock shows at the start, how fast it runs within
+//! `bus.clock_drift_ppm`, and where in its cycle each cyclic task starts.
+
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use plc_node::{PlcConfig, PlcEvent, PlcNode};
+use protocol::direct::Direct;
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
+use protocol::{Instant, Lateness};
+use rand_core::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use robot_node::{RobotConfig, RobotEvent, RobotNode};
+use setup::{Application, Setup};
+
+use crate::cli::Mode;
+use crate::plan::{Plan, Step, below};
+use crate::results::{Results, Status};
+use crate::stand::{Health, Measured, Stand};
+
+/// The program that the robot's store holds the application under.
+const PROGRAM: u16 = 1;
+
+/// Clocks show up to this at the start: two nodes are never switched on together.
+const OFFSET: Duration = Duration::from_secs(1);
+
+/// A connection that is not up by then never will be.
+const CONNECT: Duration = Duration::from_secs(60);
+
+/// A run that has not ended by then hangs; the PLC gives up a silent robot long before.
+const LONGEST_RUN: Duration = Duration::from_secs(3_600);
+
+/// The buses that a virtual run can run over.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum VirtualBus {
+    /// The one that the setup names.
+    OfSetup,
+    /// A cable without a protocol, for tests that are not about a bus.
+    Direct,
+}
+
+/// Two connected nodes in virtual time.
+pub struct VirtualRun {
+    cell: Box<dyn Cell>,
+}
+
+impl VirtualRun {
+    /// Puts both nodes of a setup on a virtual cable and waits until the robot is ready.
+    ///
+    /// # Errors
+    ///
+    /// The setup does not describe a robot, or no connection comes about.
+    pub fn start(
+        setup: &Setup,
+        application: &Application,
+        seed: u64,
+        bus: VirtualBus,
+    ) -> anyhow::Result<Self> {
+        let mut phases = Phases::new(setup, seed);
+        let mut cell = match bus {
+            VirtualBus::Direct | VirtualBus::OfSetup => {
+                let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
+                cell(setup, application, &mut phases, plc, robot)?
+            }
+        };
+        cell.connect()?;
+        Ok(Self { cell })
+    }
+
+    /// True time since the nodes were switched on: what a plant would have taken.
+    #[must_use]
+    pub fn plant_time(&self) -> Duration {
+        self.cell.now().since(Instant::ZERO)
+    }
+}
+
+/// A whole run without progress, directory or interrupts.
+///
+/// # Errors
+///
+/// No connection comes about, or a repetition fails.
+pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::Result<Results> {
+    let mut results = Results::new(setup, &application.name, Mode::Virtual, plan);
+    let mut run = VirtualRun::start(setup, application, plan.seed, VirtualBus::OfSetup)?;
+    for step in plan.steps() {
+        let measured = run.cell.execute(step)?;
+        results.record(step.execution_type, &measured);
+    }
+    results.status = Status::Complete;
+    results.set_health(&run.cell.health());
+    Ok(results)
+}
+
+impl Stand for VirtualRun {
+    async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+        self.cell.execute(step)
+    }
+
+    fn health(&self) -> Health {
+        self.cell.health()
+    }
+}
+
+/// A pair of nodes on whichever bus.
+trait Cell {
+    fn connect(&mut self) -> anyhow::Result<()>;
+    fn execute(&mut self, step: Step) -> anyhow::Result<Measured>;
+    fn health(&self) -> Health;
+    fn now(&self) -> Instant;
+}
+
+fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
+    setup: &Setup,
+    application: &Application,
+    phases: &mut Phases,
+    plc_bus: P,
+    robot_bus: R,
+) -> anyhow::Result<Box<dyn Cell>> {
+    let motions = setup::motions(setup, application);
+    let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
+    let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
+    let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
+    let robot_config = RobotConfig::from_setup(setup)?;
+    let robot = RobotNode::new(robot_config, vec![(PROGRAM, motions)], robot_bus, phases.seed, robot_start);
+    let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
+    let config = PairConfig {
+        seed: phases.seed,
+        clocks: phases.clocks,
+        links: [Impairment { delay, ..Impairment::default() }; 2],
+        addresses: [Some(setup.bus.plc_address), None],
+    };
+    Ok(Box::new(Pair::new(plc, robot, config)))
+}
+
+impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
+    fn connect(&mut self) -> anyhow::Result<()> {
+        let until = self.now() + CONNECT;
+        while let Some(event) = next_plc_event(self, until) {
+            match event {
+                PlcEvent::Ready => return Ok(()),
+                PlcEvent::Link(LinkEvent::Down(down)) => bail!("no connection to the robot: {down}"),
+                _ => {}
+            }
+        }
+        bail!("the robot was not ready within {} s of virtual time", CONNECT.as_secs())
+    }
+
+    fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+        let start = self.now() + step.pause;
+        while next_plc_event(self, start).is_some() {}
+        self.command_a(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")?;
+        let until = self.now() + LONGEST_RUN;
+        while let Some(event) = next_plc_event(self, until) {
+            match event {
+                PlcEvent::Finished(execution) => {
+                    return Ok(Measured {
+                        execution: Duration::from_nanos(execution.execution_time_ns),
+                        robot_execution: Duration::from_nanos(execution.robot_execution_ns),
+                        blends_suppressed: execution.blends_suppressed,
+                    });
+                }
+                PlcEvent::Failed(failure) => return Err(failure.into()),
+                PlcEvent::Link(_) | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+            }
+        }
+        bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
+    }
+
+    fn health(&self) -> Health {
+        let (plc, robot): (&Lateness, &Lateness) = (self.a().lateness(), self.b().lateness());
+        Health { plc: plc.into(), robot: robot.into(), bus: self.a().bus().counters() }
+    }
+
+    fn now(&self) -> Instant {
+        Self::now(self)
+    }
+}
+
+/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way.
+fn next_plc_event<P: Fieldbus, R: Fieldbus>(
+    pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
+    until: Instant,
+) -> Option<PlcEvent> {
+    loop {
+        match pair.next_event(until)? {
+            Event::A(PlcEvent::Link(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::A, Some(address));
+                pair.command_a(|plc, now| plc.bus_mut().address_set(now, true));
+            }
+            Event::B(RobotEvent::Link(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::B, Some(address));
+                pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
+            }
+            Event::A(event) => return Some(event),
+            Event::B(_) => {}
+        }
+    }
+}
+
+/// What the seed fixes.
+struct Phases {
+    seed: u64,
+    random: Pcg64Mcg,
+    clocks: [Clock; 2],
+}
+
+impl Phases {
+    fn new(setup: &Setup, seed: u64) -> Self {
+        let mut random = Pcg64Mcg::seed_from_u64(!seed);
+        let drift = Duration::from_nanos(u64::from(setup.bus.clock_drift_ppm.value) * 1_000);
+        let mut clock = || {
+            let offset_ns = below(&mut random, OFFSET).as_nanos() as u64;
+            let drift_ppb = below(&mut random, drift * 2).as_nanos() as i32 - drift.as_nanos() as i32;
+            Clock { offset_ns, drift_ppb }
+        };
+        let clocks = [clock(), clock()];
+        Self { seed, random, clocks }
+    }
+
+    /// When a task of this cycle runs first, on its side's own clock.
+    fn first(&mut self, side: Side, cycle_us: u32) -> Instant {
+        let [a, b] = self.clocks;
+        let clock = if side == Side::A { a } else { b };
+        let cycle = Duration::from_micros(cycle_us.into());
+        clock.local_time(Instant::ZERO) + below(&mut self.random, cycle)
+    }
+
+    fn direct(&mut self, setup: &Setup, side: Side) -> Direct {
+        let cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
+        Direct::new(
+            self.first(side, setup.bus.cycle_us.value),
+            cycle,
+            cycle * setup.bus.watchdog_cycles.value,
+        )
+    }
+}

@@ -1,0 +1,181 @@
+//! The robot as the PLC program sees it: what PLCopen calls an axes group and hands to every block by reference.
+
+use protocol::image::{Command, Control, Feedback};
+
+use crate::function_blocks::BlockError;
+
+/// How many scans the program waits for the robot.
+///
+/// Scans are counted instead of time taken, so that a PLC that stalled does not blame the robot for it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Patience {
+    /// Scans until a command must be echoed.
+    pub answer_scans: u32,
+    /// Scans for which the robot's life counter may stand still.
+    pub silent_scans: u32,
+}
+
+/// One robot behind the process image: inputs of this scan, outputs of this scan, and who commands.
+#[derive(Clone, PartialEq, Debug)]
+pub struct AxesGroup {
+    pub(crate) command: Command,
+    pub(crate) feedback: Option<Feedback>,
+    /// Whether a block's skill is under way.
+    pub(crate) commanded: bool,
+    /// Scans since the robot's life counter changed.
+    still_scans: u32,
+    patience: Patience,
+}
+
+impl AxesGroup {
+    /// A robot of which nothing is known yet.
+    #[must_use]
+    pub fn new(override_percent: u8, patience: Patience) -> Self {
+        Self {
+            command: Command { override_percent, ..Command::default() },
+            feedback: None,
+            commanded: false,
+            still_scans: 0,
+            patience,
+        }
+    }
+
+    /// Begins a scan: takes over the robot's image, none where there is no connection, and counts the PLC's life.
+    pub fn read(&mut self, feedback: Option<Feedback>) {
+        self.command.life = self.command.life.wrapping_add(1);
+        self.still_scans = match (&self.feedback, &feedback) {
+            (Some(before), Some(after)) if before.life == after.life => self.still_scans.saturating_add(1),
+            _ => 0,
+        };
+        self.feedback = feedback;
+    }
+
+    /// The robot's image of this scan; none without a connection.
+    #[must_use]
+    pub const fn feedback(&self) -> Option<&Feedback> {
+        self.feedback.as_ref()
+    }
+
+    /// The image that the program gives to the robot.
+    #[must_use]
+    pub const fn command(&self) -> &Command {
+        &self.command
+    }
+
+    /// Whether the robot's life counter has stood still for longer than it may.
+    #[must_use]
+    pub const fn is_silent(&self) -> bool {
+        self.still_scans >= self.patience.silent_scans
+    }
+
+    /// Scans since the robot's life counter changed.
+    #[must_use]
+    pub const fn still_scans(&self) -> u32 {
+        self.still_scans
+    }
+
+    /// How long the robot may take to echo a command, in scans.
+    #[must_use]
+    pub const fn answer_scans(&self) -> u32 {
+        self.patience.answer_scans
+    }
+
+    /// Whether the robot has seen the image in which the PLC's life counter was `life`, or a later one.
+    #[must_use]
+    pub fn has_seen(&self, life: u16) -> bool {
+        self.feedback.as_ref().is_some_and(|feedback| feedback.life_echo.wrapping_sub(life) < 0x8000)
+    }
+
+    /// Sets or clears control bits.
+    pub const fn set_control(&mut self, bits: Control, on: bool) {
+        self.command.control.set(bits, on);
+    }
+
+    /// Takes back everything but the number: the image that must stand on the bus while nobody commands, so that a
+    /// robot that comes up meanwhile finds nothing to execute.
+    pub fn disarm(&mut self) {
+        self.command.control = Control::default();
+        self.commanded = false;
+        self.feedback = None;
+        self.still_scans = 0;
+    }
+
+    /// Claims the robot for a skill and gives the command a number that the robot takes for a new one.
+    ///
+    /// A PLC that was restarted does not know the number it used last, so the robot's echo is avoided too; 0 is left
+    /// out because it stands for no command on a robot that was just switched on.
+    pub(crate) fn issue(&mut self) -> Result<u16, BlockError> {
+        let Some(feedback) = &self.feedback else { return Err(BlockError::NotConnected) };
+        if self.commanded {
+            return Err(BlockError::Occupied);
+        }
+        let mut number = self.command.number.wrapping_add(1);
+        while number == 0 || number == feedback.number {
+            number = number.wrapping_add(1);
+        }
+        self.command.number = number;
+        self.command.control.set(Control::EXECUTE, true);
+        self.commanded = true;
+        Ok(number)
+    }
+
+    /// Ends the claim of the skill with this number.
+    pub(crate) fn release(&mut self, number: u16) {
+        if self.command.number == number {
+            self.command.control.set(Control::EXECUTE, false);
+            self.commanded = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn group() -> AxesGroup {
+        AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 3 })
+    }
+
+    #[test]
+    fn a_restarted_plc_does_not_reuse_the_number_that_the_robot_still_echoes() {
+        let mut group = group();
+        group.read(Some(Feedback { number: 1, ..Feedback::default() }));
+        assert_eq!(group.issue(), Ok(2));
+    }
+
+    #[test]
+    fn numbers_wrap_around_zero_which_stands_for_no_command() {
+        let mut group = group();
+        group.command.number = u16::MAX;
+        group.read(Some(Feedback::default()));
+        assert_eq!(group.issue(), Ok(1));
+    }
+
+    #[test]
+    fn a_second_skill_is_refused_while_one_is_under_way() {
+        let mut group = group();
+        group.read(Some(Feedback::default()));
+        let number = group.issue().unwrap();
+        assert_eq!(group.issue(), Err(BlockError::Occupied));
+        group.release(number);
+        assert!(group.issue().is_ok());
+    }
+
+    #[test]
+    fn a_life_counter_that_stands_still_for_as_many_scans_as_allowed_means_a_silent_robot() {
+        let mut group = group();
+        for (life, silent) in [(7, false), (7, false), (7, false), (7, true), (8, false)] {
+            group.read(Some(Feedback { life, ..Feedback::default() }));
+            assert_eq!(group.is_silent(), silent);
+        }
+    }
+
+    #[test]
+    fn an_echo_from_before_the_counter_wrapped_is_not_taken_for_a_later_one() {
+        let mut group = group();
+        group.read(Some(Feedback { life_echo: 0xFFF0, ..Feedback::default() }));
+        assert!(!group.has_seen(5));
+        group.read(Some(Feedback { life_echo: 5, ..Feedback::default() }));
+        assert!(group.has_seen(0xFFF0) && group.has_seen(5) && !group.has_seen(6));
+    }
+}

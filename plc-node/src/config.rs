@@ -1,0 +1,94 @@
+//! What a PLC node is told before it starts.
+
+use protocol::{Duration, image};
+use setup::Setup;
+
+use crate::{MotionList, MotionSource, Patience};
+
+/// How long a robot that is alive may take to take up a command, beyond what its setup says it needs. Assumed: no
+/// source states it; long enough for any controller, short enough for a person who waits.
+const ANSWER_MARGIN: Duration = Duration::from_secs(1);
+
+/// Robot cycles that a living robot may let pass without counting its life counter. Assumed.
+const SILENT_ROBOT_CYCLES: u32 = 10;
+
+/// What a PLC node is told before it starts.
+#[derive(Debug)]
+pub struct PlcConfig {
+    /// Time from one scan to the next.
+    pub scan_cycle: Duration,
+    /// Time from reading the inputs to writing the outputs. Zero where the scan runs on a real clock, since there it
+    /// takes what it takes.
+    pub scan_cost: Duration,
+    /// Override in % of every velocity, 1..=100.
+    pub override_percent: u8,
+    /// How long the robot may take to take up a command.
+    pub answer_timeout: Duration,
+    /// How long the robot's life counter may stand still.
+    pub silent_timeout: Duration,
+    /// The program in the robot controller that RC runs.
+    pub program: u16,
+    /// The motions that SM and CM run.
+    pub motions: Box<dyn MotionSource>,
+}
+
+impl PlcConfig {
+    /// The PLC of a setup, with the motions for SM and CM and the program for RC.
+    ///
+    /// The scan has its modelled cost; in real mode set [`scan_cost`](Self::scan_cost) to zero.
+    #[must_use]
+    pub fn from_setup(setup: &Setup, motions: Vec<image::Motion>, program: u16) -> Self {
+        let micros = |value: u32| Duration::from_micros(u64::from(value));
+        let watchdog = micros(setup.bus.cycle_us.value).saturating_mul(setup.bus.watchdog_cycles.value);
+        let robot_cycles = micros(setup.robot.cycle_us.value).saturating_mul(SILENT_ROBOT_CYCLES);
+        Self {
+            scan_cycle: micros(setup.plc.scan_cycle_us.value),
+            scan_cost: micros(setup.plc.scan_cost_us.value),
+            override_percent: 100,
+            answer_timeout: ANSWER_MARGIN
+                + micros(setup.robot.interpreter_quantum_us.value)
+                + micros(setup.robot.skill_overhead_us.value),
+            silent_timeout: watchdog.max(robot_cycles),
+            program,
+            motions: Box::new(MotionList::from(motions)),
+        }
+    }
+
+    /// The timeouts in scans, which is how the program counts. A life counter of 16 bits tells before from after over
+    /// half its range, so a robot is waited for no longer than that.
+    pub(crate) fn patience(&self) -> Patience {
+        let scans = |timeout: Duration| {
+            let scans = timeout.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));
+            u32::try_from(scans).unwrap_or(u32::MAX).max(1)
+        };
+        let answer_scans = scans(self.answer_timeout).min(0x7FFF);
+        Patience { answer_scans, silent_scans: scans(self.silent_timeout) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn setup_a_gives_the_cycles_of_the_paper_and_its_timeouts_in_scans() {
+        let setup = setup::setup("A").unwrap();
+        let motions = setup::motions(&setup, &setup::application(&setup.application).unwrap());
+        let config = PlcConfig::from_setup(&setup, motions, 1);
+        assert_eq!(
+            (config.scan_cycle, config.scan_cost),
+            (Duration::from_millis(1), Duration::from_micros(150))
+        );
+        assert_eq!(config.motions.total(), 13);
+        // 1 s, the interpreter's 12 ms and the call's 140 ms; a watchdog of 100 bus cycles of 1 ms.
+        assert_eq!(config.patience(), Patience { answer_scans: 1_152, silent_scans: 100 });
+    }
+
+    #[test]
+    fn a_timeout_of_whatever_length_stays_within_half_the_life_counter() {
+        let setup = setup::setup("A").unwrap();
+        let mut config = PlcConfig::from_setup(&setup, Vec::new(), 1);
+        (config.answer_timeout, config.silent_timeout) = (Duration::MAX, Duration::ZERO);
+        assert_eq!(config.patience(), Patience { answer_scans: 0x7FFF, silent_scans: 1 });
+    }
+}

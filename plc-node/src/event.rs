@@ -1,0 +1,209 @@
+//! What a PLC node tells its owner.
+
+use core::fmt;
+use core::str::FromStr;
+
+use protocol::Instant;
+use protocol::fieldbus::{Counters, Down, LinkEvent};
+use protocol::image::{ErrorNumber, State};
+
+use crate::function_blocks::BlockError;
+
+/// How a sequence is run: the paper's execution types (section 6.2).
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ExecutionType {
+    /// Programmed in the robot controller; the PLC starts the program.
+    Rc,
+    /// Single motions from the PLC, each started when the one before is done.
+    Sm,
+    /// One MoveContinuousSkill from the PLC.
+    Cm,
+}
+
+impl ExecutionType {
+    /// All three, in the order of the paper's Table 2.
+    pub const ALL: [Self; 3] = [Self::Rc, Self::Sm, Self::Cm];
+}
+
+impl fmt::Display for ExecutionType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Rc => "rc",
+            Self::Sm => "sm",
+            Self::Cm => "cm",
+        })
+    }
+}
+
+impl FromStr for ExecutionType {
+    type Err = UnknownExecutionType;
+
+    fn from_str(name: &str) -> Result<Self, UnknownExecutionType> {
+        let known = Self::ALL.into_iter().find(|known| known.to_string().eq_ignore_ascii_case(name));
+        known.ok_or_else(|| UnknownExecutionType(name.to_owned()))
+    }
+}
+
+/// A name that is no execution type.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "there is no execution type `{0}`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill"
+)]
+pub struct UnknownExecutionType(pub String);
+
+/// What a PLC node tells its owner.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum PlcEvent {
+    /// News of the connection.
+    Link(LinkEvent),
+    /// The robot is connected and ready: a run may start. Comes again after each failed run and each lost connection.
+    Ready,
+    /// The scan at `at` set the start edge of a run.
+    Started {
+        /// How the sequence is run.
+        execution_type: ExecutionType,
+        /// Start of that scan.
+        at: Instant,
+    },
+    /// The run ended as wanted.
+    Finished(Execution),
+    /// The run ended otherwise.
+    Failed(Failure),
+}
+
+/// A finished run.
+///
+/// The execution time is taken between the starts of two scans: of the one whose program sets the start edge, and of
+/// the one whose inputs show the end. Both are the times at which those scans did read their inputs, not the grid
+/// points that they stand for: where the host delays a scan, the edge is set or the end is seen later, and a grid
+/// point would hide it. A PLC program that reads its clock at the top of the scan measures the same. What the first
+/// scan costs until its outputs are written is part of the time; what the last one costs is not.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Execution {
+    /// How the sequence was run.
+    pub execution_type: ExecutionType,
+    /// From the start edge to the end seen, on the PLC, in ns.
+    pub execution_time_ns: u64,
+    /// The robot's own measure in ns; for SM the sum over its skills, which leaves out the time between them.
+    pub robot_execution_ns: u64,
+    /// Motions that the robot counted as executed.
+    pub motions: u32,
+    /// Motions that were run to a stop because the next one was not there in time.
+    pub blends_suppressed: u32,
+    /// Scans from the one with the start edge to the one that saw the end; 0 if they were one.
+    pub scans: u64,
+    /// Frames of the bus during the run.
+    pub frames: Counters,
+}
+
+/// A run that did not end as wanted.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("{execution_type} failed with {executed} motions executed: {cause}")]
+pub struct Failure {
+    /// How the sequence was run.
+    pub execution_type: ExecutionType,
+    /// Motions of the sequence that the robot had counted as executed.
+    pub executed: u32,
+    /// Why.
+    pub cause: FailureCause,
+}
+
+/// Why a run did not end as wanted.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum FailureCause {
+    /// The connection went down.
+    #[error(
+        "the connection to the robot was lost: {0}; the run can be repeated once the robot is ready again"
+    )]
+    ConnectionLost(Down),
+    /// The bus says that it is connected, but has no image of the robot.
+    #[error("the bus holds no image of the robot; the robot marks its data as bad, look at its node")]
+    NoImage,
+    /// The robot refused or ended a skill.
+    #[error(
+        "the robot reports error {} at motion {motion} of the sequence, counted from 0: {number}; correct that motion",
+        u16::from(*number)
+    )]
+    Robot {
+        /// What the robot says.
+        number: ErrorNumber,
+        /// Which motion of the sequence, counted from 0.
+        motion: u32,
+    },
+    /// The robot's life counter stood still.
+    #[error(
+        "the robot's life counter stood still for {scans} scans: its controller does not run, look at its node"
+    )]
+    RobotSilent {
+        /// Scans in which it did not change.
+        scans: u32,
+    },
+    /// The owner of the PLC gave the run up.
+    #[error("the run was aborted on the PLC")]
+    Aborted,
+    /// The robot gave the skill up although the PLC did not ask for it.
+    #[error("the robot gave the skill up although the PLC did not ask for it; was it halted by hand?")]
+    RobotHalted,
+    /// A function block found something that must not be.
+    #[error("at motion {motion} of the sequence, counted from 0: {error}")]
+    Block {
+        /// What it found.
+        error: BlockError,
+        /// Which motion of the sequence, counted from 0.
+        motion: u32,
+    },
+}
+
+/// Why a run was not started.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum StartError {
+    /// There is no connection.
+    #[error("the robot is not connected; wait for the connection to come up")]
+    NotConnected,
+    /// The robot is connected but not ready.
+    #[error(
+        "the robot is not ready (state {state:?}, error: {error}); it is being reset, wait until it is ready"
+    )]
+    NotReady {
+        /// The robot's state.
+        state: State,
+        /// The robot's error.
+        error: ErrorNumber,
+    },
+    /// A run is under way.
+    #[error("a run of {0} is under way; wait for its end or abort it")]
+    Running(ExecutionType),
+    /// SM and CM have nothing to run.
+    #[error("the application has no motions, so there is nothing for {0} to run")]
+    NoMotions(ExecutionType),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn execution_types_have_the_names_that_the_command_line_takes() {
+        for execution_type in ExecutionType::ALL {
+            assert_eq!(execution_type.to_string().parse(), Ok(execution_type));
+        }
+        assert_eq!("CM".parse(), Ok(ExecutionType::Cm));
+        let unknown = "ptp".parse::<ExecutionType>().unwrap_err().to_string();
+        assert!(unknown.starts_with("there is no execution type `ptp`: rc runs"), "{unknown}");
+    }
+
+    #[test]
+    fn a_failure_says_what_was_run_how_far_it_came_what_is_wrong_and_what_to_do() {
+        let failure = Failure {
+            execution_type: ExecutionType::Sm,
+            executed: 7,
+            cause: FailureCause::Robot { number: ErrorNumber::AxisLimit, motion: 7 },
+        };
+        assert_eq!(
+            failure.to_string(),
+            "sm failed with 7 motions executed: the robot reports error 15 at motion 7 of the sequence, counted from \
+             0: a joint would leave its range; correct that motion"
+        );
+    }
+}

@@ -1,0 +1,119 @@
+//! Why a block ended with `Error`.
+
+use protocol::image::{ErrorNumber, MotionKind};
+
+/// Why a block ended with `Error`: the robot's number, or what the block itself found.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, thiserror::Error)]
+pub enum BlockError {
+    /// The robot refused the skill or ended it early.
+    #[error("the robot reports error {}: {number} (motion {motion}, counted from 0)", u16::from(*number))]
+    Robot {
+        /// What the robot says.
+        number: ErrorNumber,
+        /// Which motion of the skill, counted from 0.
+        motion: u32,
+    },
+    /// There is no connection, or it was lost.
+    #[error("no connection to the robot; start again once it is up")]
+    NotConnected,
+    /// Another block's skill is under way.
+    #[error("another skill is under way on this robot; wait for its end or halt it")]
+    Occupied,
+    /// The sequence is empty.
+    #[error("the sequence has no motions; nothing was sent to the robot")]
+    NoMotions,
+    /// No single-motion skill has this kind of motion.
+    #[error("no skill moves this kind of motion ({0:?}); correct the motion's kind")]
+    NoSkillForKind(MotionKind),
+    /// The source gave no motion where there must be one.
+    #[error("the source of motions gave no motion {index} of {total}; check the file or list it reads from")]
+    SourceEnded {
+        /// Which motion, counted from 0.
+        index: u32,
+        /// How many there should be.
+        total: u32,
+    },
+    /// The robot is connected and alive, but does not echo the command.
+    #[error(
+        "the robot did not take up command {number} in {scans} scans; it is alive, so look at its program"
+    )]
+    NoAnswer {
+        /// The command's number.
+        number: u16,
+        /// How many scans the block waited.
+        scans: u32,
+    },
+    /// The robot is connected, but does not get into the state that it was asked for.
+    #[error("the robot did not follow in {scans} scans; what keeps it from doing so is shown on its side")]
+    StateNotReached {
+        /// How many scans the block waited.
+        scans: u32,
+    },
+    /// The robot echoes another command than the one it was executing.
+    #[error("the robot was executing command {expected} and now speaks of {found}; was it restarted?")]
+    Forgotten {
+        /// The command's number.
+        expected: u16,
+        /// What the robot echoes.
+        found: u16,
+    },
+    /// The robot neither executes the command nor says how it ended.
+    #[error("the robot stopped executing command {number} without saying how it ended")]
+    EndUnknown {
+        /// The command's number.
+        number: u16,
+    },
+    /// The robot counts more motions than it was given.
+    #[error("the robot counts {counted} motions but was given {written}; its count cannot be trusted")]
+    CountedTooFar {
+        /// Motions that the robot counts as executed or accepted.
+        counted: u32,
+        /// Motions that were written into its slots.
+        written: u32,
+    },
+    /// The robot's count of executed motions went back.
+    #[error("the robot's count of executed motions went back from {from} to {to}")]
+    CountedBackwards {
+        /// What it was.
+        from: u32,
+        /// What it is.
+        to: u32,
+    },
+    /// The robot reports the end before the last motion.
+    #[error("the robot reports the end after {executed} of {total} motions")]
+    EndedEarly {
+        /// Motions that the robot counts as executed.
+        executed: u32,
+        /// Motions of the skill.
+        total: u32,
+    },
+    /// There is no skill to suspend or to resume.
+    #[error("no skill is {0} that this could act on")]
+    NothingToDo(
+        /// The state in which the skill should be.
+        &'static str,
+    ),
+}
+
+impl BlockError {
+    /// PLCopen's `ErrorID`, never 0: the robot's own number, or 0x8000 and up for what the block found.
+    #[must_use]
+    pub fn error_id(self) -> u16 {
+        match self {
+            Self::Robot { number, .. } => u16::from(number).max(1),
+            Self::NotConnected => 0x8001,
+            Self::Occupied => 0x8002,
+            Self::NoMotions => 0x8003,
+            Self::NoSkillForKind(_) => 0x8004,
+            Self::SourceEnded { .. } => 0x8005,
+            Self::NoAnswer { .. } => 0x8006,
+            Self::Forgotten { .. } => 0x8007,
+            Self::EndUnknown { .. } => 0x8008,
+            Self::CountedTooFar { .. } => 0x8009,
+            Self::CountedBackwards { .. } => 0x800A,
+            Self::EndedEarly { .. } => 0x800B,
+            Self::NothingToDo(_) => 0x800C,
+            Self::StateNotReached { .. } => 0x800D,
+        }
+    }
+}

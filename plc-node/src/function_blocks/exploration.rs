@@ -1,0 +1,393 @@
+//! Every block in every order of `Execute`, robot images and lost connections, until no new state turns up.
+//!
+//! A state is all that a block and the command image remember. From each one found, every input is tried; the rules
+//! of PLCopen are checked at every single step, so they hold along every sequence of any length.
+
+use std::collections::HashSet;
+use std::fmt::Debug;
+use std::hash::Hash;
+
+use protocol::image::{Control, ErrorNumber, Feedback, Motion, MotionKind, State, Status};
+
+use super::*;
+use crate::{AxesGroup, MotionList, MotionSource, Patience};
+
+const PATIENCE: Patience = Patience { answer_scans: 3, silent_scans: u32::MAX };
+const STATES: [State; 5] = [State::Halted, State::Ready, State::Running, State::Suspended, State::Unknown(9)];
+
+/// One scan's inputs of a block; no feedback is a lost connection.
+#[derive(Clone, Copy, Debug)]
+struct Input {
+    execute: bool,
+    feedback: Option<Feedback>,
+}
+
+/// What the rules need to know of a step.
+struct Step {
+    execute_before: bool,
+    before: Outputs,
+    input: Input,
+    after: Outputs,
+    control: Control,
+}
+
+trait Explored: Copy + Eq + Hash + Debug + Default {
+    /// The control bit that stands while the block is busy.
+    const BIT: Control;
+    /// Every image that a robot could send, whether it makes sense or not. The command's number is 1 in each state
+    /// that is explored from, and 2 while the first call after it runs.
+    fn images() -> Vec<Feedback>;
+    fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs;
+    fn error(&self) -> Option<BlockError>;
+    /// Makes states equal that differ in running numbers only.
+    fn normalise(&mut self, _group: &mut AxesGroup) {}
+    /// Whether the robot's image entitles the block to say `Done`.
+    fn may_be_done(feedback: &Feedback) -> bool;
+    fn may_be_aborted(feedback: &Feedback) -> bool;
+    /// Images that lead a block that was just started to `Done`.
+    fn way_to_done() -> Vec<Feedback>;
+    /// What must hold in each state besides.
+    fn check(&self, _group: &AxesGroup, _after: Outputs) {}
+}
+
+/// Images as a robot sends them about skills of `total` motions: every status, state, number and count.
+fn skill_images(total: u32) -> Vec<Feedback> {
+    let mut images = Vec::new();
+    for number in [0, 1, 7] {
+        for (status, state) in (0..16).flat_map(|bits| STATES.map(|state| (Status(bits), state))) {
+            for executed in 0..=total + 1 {
+                for accepted in [executed, total + 3] {
+                    let error = ErrorNumber::AxisLimit;
+                    let image =
+                        Feedback { status, state, number, executed, accepted, error, ..Feedback::default() };
+                    images.push(image);
+                }
+            }
+        }
+    }
+    images
+}
+
+fn skill_done(feedback: &Feedback) -> bool {
+    let ended = |bit| feedback.status.contains(bit);
+    feedback.number == 1
+        && ended(Status::DONE)
+        && !ended(Status::BUSY)
+        && !ended(Status::ERROR)
+        && !ended(Status::ABORTED)
+}
+
+fn skill_aborted(feedback: &Feedback) -> bool {
+    feedback.number == 1 && feedback.status.contains(Status::ABORTED)
+}
+
+fn skill_way_to_done(total: u32) -> Vec<Feedback> {
+    let image = Feedback { number: 1, state: State::Running, status: Status::BUSY, ..Feedback::default() };
+    let counted = |executed| Feedback { executed, accepted: executed, ..image };
+    let done = Feedback { state: State::Ready, status: Status::DONE, ..counted(total) };
+    vec![image, counted(total.min(5)), done]
+}
+
+/// The number of the command becomes 1 in every state. A block that never got one keeps 0.
+fn normalise_number(call: &mut skill::SkillCall, group: &mut AxesGroup) {
+    if call.number == group.command.number {
+        call.number = 1;
+    }
+    group.command.number = 1;
+}
+
+macro_rules! explored_skill {
+    ($block:ty, $total:expr, |$self:ident| $call:expr, |$run:ident, $execute:ident, $group:ident| $step:expr) => {
+        impl Explored for $block {
+            const BIT: Control = Control::EXECUTE;
+            fn images() -> Vec<Feedback> {
+                skill_images($total)
+            }
+            fn call(&mut self, $execute: bool, $group: &mut AxesGroup) -> Outputs {
+                let $run = self;
+                $step
+            }
+            fn error(&self) -> Option<BlockError> {
+                self.error()
+            }
+            fn normalise(&mut self, group: &mut AxesGroup) {
+                let $self = self;
+                normalise_number($call, group);
+            }
+            fn may_be_done(feedback: &Feedback) -> bool {
+                skill_done(feedback)
+            }
+            fn may_be_aborted(feedback: &Feedback) -> bool {
+                skill_aborted(feedback)
+            }
+            fn way_to_done() -> Vec<Feedback> {
+                skill_way_to_done($total)
+            }
+            fn check(&self, group: &AxesGroup, after: Outputs) {
+                let $self = &mut self.clone();
+                let executed = $call.tally.executed;
+                let (total, written) = (group.command.total, group.command.written);
+                if after.busy && group.command.skill == protocol::image::Skill::MoveContinuous {
+                    assert_eq!(written, total.min(executed + 5), "free slots are filled at once");
+                    for index in executed..written {
+                        assert_eq!(Some(*group.command.slot(index)), list().get(index), "motion {index}");
+                    }
+                }
+            }
+        }
+    };
+}
+
+/// One more than the slots hold.
+const SEQUENCE: u32 = 6;
+
+fn list() -> MotionList {
+    let motion = |velocity| Motion { kind: MotionKind::LinCartesian, velocity, ..Motion::EMPTY };
+    MotionList::from((1..=SEQUENCE as u16).map(motion).collect::<Vec<_>>())
+}
+
+explored_skill!(MoveLinCartesian, 1, |block| &mut block.inner.call, |block, execute, group| {
+    block.call(execute, &Motion::EMPTY, group)
+});
+explored_skill!(MoveContinuous, SEQUENCE, |block| &mut block.call, |block, execute, group| {
+    block.call(execute, &mut list(), group)
+});
+explored_skill!(RunProgram, 1, |block| &mut block.call, |block, execute, group| {
+    block.call(execute, 1, group)
+});
+
+macro_rules! explored_state_command {
+    ($block:ident, $bit:ident, done: |$done:ident| $is_done:expr, aborted: |$aborted:ident| $is_aborted:expr,
+     way: [$($way:expr),*]) => {
+        impl Explored for $block {
+            const BIT: Control = Control::$bit;
+            fn images() -> Vec<Feedback> {
+                let bits = [Status::AT_REST, Status::ENABLED, Status::ERROR];
+                let statuses = (0_u8..8).map(|set| {
+                    let mut status = Status::default();
+                    bits.iter().enumerate().for_each(|(bit, name)| status.set(*name, set >> bit & 1 == 1));
+                    status
+                });
+                // The PLC's life counter is 1 in each scan that is explored, so an echo of 0 is from before.
+                let images = statuses.flat_map(|status| {
+                    STATES.into_iter().flat_map(move |state| {
+                        [0, 1].map(|life_echo| Feedback { status, state, life_echo, ..Feedback::default() })
+                    })
+                });
+                images.collect()
+            }
+            fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs {
+                $block::call(self, execute, group)
+            }
+            fn error(&self) -> Option<BlockError> {
+                self.error()
+            }
+            fn may_be_done($done: &Feedback) -> bool {
+                $done.life_echo == 1 && $is_done
+            }
+            fn may_be_aborted($aborted: &Feedback) -> bool {
+                $aborted.life_echo == 1 && $is_aborted
+            }
+            fn way_to_done() -> Vec<Feedback> {
+                let rest = Status::AT_REST | Status::ENABLED;
+                [$($way),*].map(|state| Feedback { state, status: rest, life_echo: 1, ..Feedback::default() }).into()
+            }
+        }
+    };
+}
+
+explored_state_command!(Reset, RESET,
+    done: |f| f.state == State::Ready && f.status.contains(Status::ENABLED) && !f.status.contains(Status::ERROR),
+    aborted: |_f| false, way: [State::Halted, State::Ready]);
+explored_state_command!(Halt, HALT,
+    done: |f| !matches!(f.state, State::Running | State::Suspended) && f.status.contains(Status::AT_REST),
+    aborted: |_f| false, way: [State::Running, State::Halted]);
+explored_state_command!(Suspend, SUSPEND,
+    done: |f| f.state == State::Suspended,
+    aborted: |f| f.state != State::Running, way: [State::Running, State::Suspended]);
+explored_state_command!(Resume, RESUME,
+    done: |f| !matches!(f.state, State::Suspended | State::Halted),
+    aborted: |f| f.state == State::Halted, way: [State::Suspended, State::Running]);
+
+/// What a block and its image remember between scans.
+type Remembered<F> = (F, bool, u16, bool, u32, u32);
+
+#[derive(Clone, Copy)]
+struct Explorer<F> {
+    block: F,
+    execute: bool,
+    outputs: Outputs,
+    control: Control,
+    commanded: bool,
+    counts: (u32, u32),
+    slots: [Motion; 5],
+    skill: protocol::image::Skill,
+}
+
+impl<F: Explored> Explorer<F> {
+    fn new() -> Self {
+        let command = protocol::image::Command::default();
+        Self {
+            block: F::default(),
+            execute: false,
+            outputs: Outputs::default(),
+            control: command.control,
+            commanded: false,
+            counts: (0, 0),
+            slots: command.slots,
+            skill: command.skill,
+        }
+    }
+
+    fn remembered(&self) -> Remembered<F> {
+        (self.block, self.execute, self.control.0, self.commanded, self.counts.0, self.counts.1)
+    }
+
+    /// One scan, from this state, checked against the rules.
+    fn step(mut self, input: Input) -> Self {
+        let mut group = AxesGroup::new(100, PATIENCE);
+        group.command.control = self.control;
+        group.command.number = 1;
+        group.command.skill = self.skill;
+        group.command.slots = self.slots;
+        (group.command.total, group.command.written) = self.counts;
+        group.commanded = self.commanded;
+        group.read(input.feedback);
+
+        let (before, execute_before) = (self.outputs, self.execute);
+        let after = self.block.call(input.execute, &mut group);
+        self.block.check(&group, after);
+        let control = group.command.control;
+        check_rules::<F>(&Step { execute_before, before, input, after, control });
+        assert_eq!(self.block.error().map_or(0, BlockError::error_id), after.error_id);
+
+        self.block.normalise(&mut group);
+        Self {
+            block: self.block,
+            execute: input.execute,
+            outputs: after,
+            control,
+            commanded: group.commanded,
+            counts: (group.command.total, group.command.written),
+            slots: group.command.slots,
+            skill: group.command.skill,
+        }
+    }
+}
+
+/// PLCopen Part 1, general rules, and what this handshake adds to them.
+fn check_rules<F: Explored>(step: &Step) {
+    let Step { execute_before, before, input: Input { execute, feedback }, after, control } = step;
+    let shown = |o: &Outputs| [o.busy, o.done, o.command_aborted, o.error].map(u8::from).iter().sum::<u8>();
+    let ended = |o: &Outputs| o.done || o.command_aborted || o.error;
+    let rising = *execute && !execute_before;
+
+    assert!(shown(after) <= 1, "Busy, Done, CommandAborted and Error exclude each other: {after:?}");
+    assert!(!execute || shown(after) == 1, "one of them shows while Execute is TRUE: {after:?}");
+    assert!(after.busy || !after.active, "Active only with Busy: {after:?}");
+    assert_eq!(after.error, after.error_id != 0, "ErrorID only with Error");
+    assert_eq!(control.contains(F::BIT), after.busy, "the robot is asked exactly while the block is busy");
+
+    if rising && !before.busy {
+        assert!(after.busy || after.error, "a rising edge starts: {before:?} → {after:?}");
+    }
+    if ended(before) && *execute && *execute_before {
+        assert_eq!(after, before, "an end shows while Execute stays TRUE");
+    }
+    if !before.busy && !execute {
+        assert_eq!(*after, Outputs::default(), "an end shows for one scan after Execute fell");
+    }
+    if before.busy {
+        match feedback {
+            None => assert!(after.error, "a lost connection ends a busy block: {after:?}"),
+            Some(feedback) => {
+                assert!(!after.done || F::may_be_done(feedback), "Done for no reason: {feedback:?}");
+                assert!(!after.command_aborted || F::may_be_aborted(feedback), "aborted for no reason");
+            }
+        }
+        assert!(after.busy || ended(after), "a busy block ends visibly: {after:?}");
+    }
+}
+
+/// Tries every input from every state; returns how many states there are and every way the block ended.
+fn explore<F: Explored>() -> (usize, HashSet<Outputs>) {
+    let images: Vec<Option<Feedback>> = F::images().into_iter().map(Some).chain([None]).collect();
+    let mut found = HashSet::from([Explorer::<F>::new().remembered()]);
+    let mut open = vec![Explorer::<F>::new()];
+    let mut ends = HashSet::new();
+    while let Some(state) = open.pop() {
+        leads_to_done_again(state);
+        for (feedback, execute) in images.iter().flat_map(|image| [(*image, false), (*image, true)]) {
+            let next = state.step(Input { execute, feedback });
+            ends.insert(next.outputs);
+            if found.insert(next.remembered()) {
+                open.push(next);
+            }
+        }
+        assert!(found.len() < 20_000, "the exploration must end");
+    }
+    (found.len(), ends)
+}
+
+/// From wherever the block is, a lost connection and two scans without `Execute` make it idle, and the next
+/// `Execute` leads to `Done` if the robot does its part.
+fn leads_to_done_again<F: Explored>(mut state: Explorer<F>) {
+    for _ in 0..2 {
+        state = state.step(Input { execute: false, feedback: None });
+    }
+    assert_eq!(state.outputs, Outputs::default(), "there is a state without a way back: {:?}", state.block);
+    let way = F::way_to_done();
+    // The first image is already there in the scan of the start edge; a skill's echo is then still an older one.
+    let first = way.first().map(|image| Feedback { number: 0, ..*image });
+    for feedback in first.into_iter().chain(way) {
+        assert!(!state.outputs.done);
+        state = state.step(Input { execute: true, feedback: Some(feedback) });
+    }
+    assert!(state.outputs.done, "{:?} did not lead to Done", state.block);
+}
+
+/// The ends that must have turned up, so that the exploration is known to reach them.
+fn assert_ends<F: Explored>(done_aborted_error: [bool; 3]) -> HashSet<Outputs> {
+    let (states, ends) = explore::<F>();
+    let reached = |end: fn(&Outputs) -> bool| ends.iter().any(end);
+    let found = [reached(|o| o.done), reached(|o| o.command_aborted), reached(|o| o.error)];
+    assert_eq!(found, done_aborted_error, "of {states} states");
+    assert!(reached(|o| o.busy && o.active) && reached(|o| o.busy && !o.active));
+    ends
+}
+
+#[test]
+fn a_single_motion_keeps_plcopens_rules_in_every_order_of_events() {
+    assert_ends::<MoveLinCartesian>([true, true, true]);
+}
+
+#[test]
+fn move_continuous_keeps_plcopens_rules_and_never_touches_a_slot_in_use_in_every_order_of_events() {
+    let ends = assert_ends::<MoveContinuous>([true, true, true]);
+    let ids: HashSet<u16> = ends.iter().map(|outputs| outputs.error_id).collect();
+    for (id, name) in [
+        (15, "the robot's own"),
+        (0x8001, "no connection"),
+        (0x8006, "no answer"),
+        (0x8007, "forgotten"),
+        (0x8008, "end unknown"),
+        (0x8009, "counted too far"),
+        (0x800A, "counted backwards"),
+        (0x800B, "ended early"),
+    ] {
+        assert!(ids.contains(&id), "{name} is not reached: {ids:?}");
+    }
+}
+
+#[test]
+fn run_program_keeps_plcopens_rules_in_every_order_of_events() {
+    assert_ends::<RunProgram>([true, true, true]);
+}
+
+#[test]
+fn the_state_commands_keep_plcopens_rules_in_every_order_of_events() {
+    assert_ends::<Reset>([true, false, true]);
+    assert_ends::<Halt>([true, false, true]);
+    assert_ends::<Suspend>([true, true, true]);
+    assert_ends::<Resume>([true, true, true]);
+}

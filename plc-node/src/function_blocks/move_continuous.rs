@@ -1,0 +1,211 @@
+//! A sequence of motions without stops: the paper's MoveContinuousSkill and its FIFO update logic.
+
+use protocol::image::{Command, Motion, SLOTS, Skill};
+
+use super::skill::{SkillCall, Tally};
+use super::{BlockError, Outputs};
+use crate::{AxesGroup, MotionSource};
+
+/// Runs a sequence of motions of any kind as one skill.
+///
+/// The first five motions are written with the start. Whenever the robot counts motion k as executed (the paper's
+/// `curExec`), motion k + 5 goes into the slot of motion k, until all (`totalNo`) are written (paper, section 5.2).
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+pub struct MoveContinuous {
+    pub(super) call: SkillCall,
+}
+
+impl MoveContinuous {
+    /// One scan. The number of motions counts at the rising edge of `execute`; the motions are asked for as slots
+    /// become free.
+    pub fn call(&mut self, execute: bool, motions: &mut dyn MotionSource, group: &mut AxesGroup) -> Outputs {
+        self.call.call(execute, group, |command| {
+            let total = motions.total();
+            if total == 0 {
+                return Err(BlockError::NoMotions);
+            }
+            command.skill = Skill::MoveContinuous;
+            command.slots = [Motion::EMPTY; SLOTS];
+            (command.total, command.written) = (total, 0);
+            fill(command, 0, motions)?;
+            Ok(true)
+        });
+        if self.call.face.is_busy()
+            && let Err(error) = fill(&mut group.command, self.call.tally.executed, motions)
+        {
+            self.call.fail(group, error);
+        }
+        self.call.outputs()
+    }
+
+    /// What `ErrorID` stands for; none without an error.
+    #[must_use]
+    pub const fn error(&self) -> Option<BlockError> {
+        self.call.face.error()
+    }
+
+    pub(crate) const fn tally(&self) -> Tally {
+        self.call.tally
+    }
+}
+
+/// Writes motions into every slot whose motion is executed.
+fn fill(command: &mut Command, executed: u32, motions: &mut dyn MotionSource) -> Result<(), BlockError> {
+    let end = executed.saturating_add(SLOTS as u32).min(command.total);
+    while command.written < end {
+        let index = command.written;
+        let motion = motions.get(index).ok_or(BlockError::SourceEnded { index, total: command.total })?;
+        command.set_slot(index, motion);
+        command.written += 1;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MotionList, Patience};
+    use proptest::prelude::*;
+    use protocol::image::{Feedback, MotionKind, State, Status};
+
+    /// What happens between two scans: what gets through, and what the robot does.
+    #[derive(Clone, Copy, Debug)]
+    struct Between {
+        command_arrives: bool,
+        takes: u32,
+        executes: u32,
+        feedback_arrives: bool,
+    }
+
+    fn between() -> impl Strategy<Value = Between> {
+        (any::<bool>(), 0..=6_u32, 0..=6_u32, any::<bool>()).prop_map(
+            |(command_arrives, takes, executes, feedback_arrives)| Between {
+                command_arrives,
+                takes,
+                executes,
+                feedback_arrives,
+            },
+        )
+    }
+
+    fn list(count: u16) -> Vec<Motion> {
+        let motion = |velocity| Motion { kind: MotionKind::LinCartesian, velocity, ..Motion::EMPTY };
+        (1..=count).map(motion).collect()
+    }
+
+    /// A robot that takes motions from the slots and executes them whenever it likes.
+    #[derive(Default)]
+    struct Robot {
+        command: Command,
+        feedback: Feedback,
+        taken: Vec<Motion>,
+    }
+
+    impl Robot {
+        fn go_on(&mut self, Between { takes, executes, .. }: Between) {
+            if self.command.number == 0 {
+                return;
+            }
+            let feedback = &mut self.feedback;
+            (feedback.number, feedback.state, feedback.status) =
+                (self.command.number, State::Running, Status::BUSY);
+            for _ in 0..takes.min(self.command.written - feedback.accepted) {
+                self.taken.push(*self.command.slot(feedback.accepted));
+                feedback.accepted += 1;
+            }
+            feedback.executed += executes.min(feedback.accepted - feedback.executed);
+            if feedback.executed == self.command.total {
+                (feedback.state, feedback.status) = (State::Ready, Status::DONE);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_motion_arrives_once_and_in_order_and_no_slot_in_use_is_touched(
+            count in 1..=40_u16,
+            script in proptest::collection::vec(between(), 1..200),
+        ) {
+            let motions = list(count);
+            let mut source = MotionList::from(motions.clone());
+            let mut group = AxesGroup::new(100, Patience { answer_scans: 10_000, silent_scans: 10_000 });
+            let (mut block, mut robot) = (MoveContinuous::default(), Robot::default());
+            let mut seen = robot.feedback;
+            let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
+            for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
+                group.read(Some(seen));
+                let outputs = block.call(true, &mut source, &mut group);
+                prop_assert!(!outputs.error, "{:?}", block.error());
+                let Command { written, total, .. } = *group.command();
+                prop_assert!(written <= total.min(robot.feedback.executed + 5), "ahead of the slots");
+                for index in robot.feedback.executed..written {
+                    prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
+                }
+                if between.command_arrives {
+                    robot.command = *group.command();
+                }
+                robot.go_on(between);
+                if between.feedback_arrives {
+                    seen = robot.feedback;
+                }
+            }
+            prop_assert!(block.call(true, &mut source, &mut group).done);
+            prop_assert_eq!(robot.taken, motions);
+        }
+    }
+
+    #[test]
+    fn a_source_is_asked_for_each_motion_once_and_in_order_so_that_it_can_stream() {
+        const TOTAL: u32 = 1_000_000;
+        #[derive(Debug)]
+        struct Stream(u32);
+        impl MotionSource for Stream {
+            fn total(&self) -> u32 {
+                TOTAL
+            }
+            fn get(&mut self, index: u32) -> Option<Motion> {
+                assert_eq!(index, core::mem::replace(&mut self.0, index + 1));
+                Some(Motion::EMPTY)
+            }
+        }
+        let mut source = Stream(0);
+        let mut group = AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 10 });
+        let mut block = MoveContinuous::default();
+        group.read(Some(Feedback::default()));
+        assert!(block.call(true, &mut source, &mut group).busy);
+        let mut feedback =
+            Feedback { number: group.command().number, status: Status::BUSY, ..Feedback::default() };
+        while feedback.executed < TOTAL {
+            feedback.executed += 1;
+            feedback.status = if feedback.executed == TOTAL { Status::DONE } else { Status::BUSY };
+            group.read(Some(feedback));
+            let outputs = block.call(true, &mut source, &mut group);
+            assert!(outputs.busy || outputs.done, "{:?}", block.error());
+        }
+        assert!(block.call.outputs().done);
+        assert_eq!(source.0, TOTAL);
+    }
+
+    #[test]
+    fn a_source_that_ends_early_is_an_error_that_says_where() {
+        #[derive(Debug)]
+        struct Short;
+        impl MotionSource for Short {
+            fn total(&self) -> u32 {
+                9
+            }
+            fn get(&mut self, index: u32) -> Option<Motion> {
+                (index < 6).then_some(Motion::EMPTY)
+            }
+        }
+        let mut group = AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 10 });
+        let mut block = MoveContinuous::default();
+        group.read(Some(Feedback::default()));
+        assert!(block.call(true, &mut Short, &mut group).busy);
+        let number = group.command().number;
+        let feedback = Feedback { number, status: Status::BUSY, executed: 2, ..Feedback::default() };
+        group.read(Some(feedback));
+        assert!(block.call(true, &mut Short, &mut group).error);
+        assert_eq!(block.error(), Some(BlockError::SourceEnded { index: 6, total: 9 }));
+    }
+}

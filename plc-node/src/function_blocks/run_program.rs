@@ -1,0 +1,37 @@
+//! A program that is stored in the robot controller: the paper's RC.
+
+use protocol::image::{Motion, SLOTS, Skill};
+
+use super::skill::{SkillCall, Tally};
+use super::{BlockError, Outputs};
+use crate::AxesGroup;
+
+/// Runs a program of the robot controller.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+pub struct RunProgram {
+    pub(super) call: SkillCall,
+}
+
+impl RunProgram {
+    /// One scan. `program` counts at the rising edge of `execute`.
+    pub fn call(&mut self, execute: bool, program: u16, group: &mut AxesGroup) -> Outputs {
+        self.call.call(execute, group, |command| {
+            command.skill = Skill::RunProgram;
+            command.program = program;
+            command.slots = [Motion::EMPTY; SLOTS];
+            (command.total, command.written) = (0, 0);
+            Ok(false)
+        });
+        self.call.outputs()
+    }
+
+    /// What `ErrorID` stands for; none without an error.
+    #[must_use]
+    pub const fn error(&self) -> Option<BlockError> {
+        self.call.face.error()
+    }
+
+    pub(crate) const fn tally(&self) -> Tally {
+        self.call.tally
+    }
+}

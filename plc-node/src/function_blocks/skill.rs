@@ -1,0 +1,164 @@
+//! One skill call over the image: the part that all skill blocks share.
+//!
+//! ```text
+//! PLC    number n, EXECUTE ──────────────────────────────────────┐ EXECUTE back
+//! robot          echo n, BUSY ── executed 1 … total ── DONE (ABORTED, ERROR)
+//! block  Busy    Busy, Active                          Done (CommandAborted, Error)
+//! ```
+
+use protocol::image::{Command, Feedback, State, Status};
+
+use super::face::{End, Face};
+use super::{BlockError, Outputs};
+use crate::AxesGroup;
+
+/// What a skill tells about its motions beside the outputs. Stays until the next start.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+pub(crate) struct Tally {
+    /// Motions that the robot counts as executed.
+    pub(crate) executed: u32,
+    /// Motions that were run to a stop because the next one was not there in time.
+    pub(crate) blends_suppressed: u16,
+    /// The robot's own measure of the skill in ns.
+    pub(crate) execution_ns: u64,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+pub(super) struct SkillCall {
+    pub(super) face: Face,
+    pub(super) number: u16,
+    /// Whether the robot echoed the number.
+    pub(super) acknowledged: bool,
+    /// Scans since the start while the robot has not taken the command up.
+    pub(super) waited: u32,
+    /// Whether the robot's counts speak of motions that came from the PLC.
+    counted: bool,
+    pub(super) tally: Tally,
+}
+
+impl SkillCall {
+    /// One call of the block. On a rising edge `write` puts skill and parameters into the command.
+    ///
+    /// `write` returns whether the robot counts motions that it got from the PLC (and not from a program of its own).
+    pub(super) fn call(
+        &mut self,
+        execute: bool,
+        group: &mut AxesGroup,
+        write: impl FnOnce(&mut Command) -> Result<bool, BlockError>,
+    ) {
+        if self.face.call(execute) {
+            self.start(group, write);
+        } else if self.face.is_busy() {
+            self.observe(group);
+        }
+    }
+
+    pub(super) fn outputs(&self) -> Outputs {
+        self.face.outputs()
+    }
+
+    /// Ends the call from the block's side and leaves the robot to whoever halts it.
+    pub(super) fn fail(&mut self, group: &mut AxesGroup, error: BlockError) {
+        self.end(group, End::Error(error));
+    }
+
+    fn start(&mut self, group: &mut AxesGroup, write: impl FnOnce(&mut Command) -> Result<bool, BlockError>) {
+        *self = Self { face: self.face, ..Self::default() };
+        // Without a claim nothing may be written: the image belongs to the skill that is under way.
+        let started = group.issue().and_then(|number| {
+            self.number = number;
+            write(&mut group.command).inspect_err(|_| group.release(number))
+        });
+        match started {
+            Ok(counted) => self.counted = counted,
+            Err(error) => self.face.end(End::Error(error)),
+        }
+    }
+
+    fn end(&mut self, group: &mut AxesGroup, end: End) {
+        group.release(self.number);
+        self.face.end(end);
+    }
+
+    fn observe(&mut self, group: &mut AxesGroup) {
+        let observed = match &group.feedback {
+            None => Err(BlockError::NotConnected),
+            Some(feedback) => self.judge(feedback, &group.command, group.answer_scans()),
+        };
+        match observed {
+            Ok(None) => {}
+            Ok(Some(end)) => self.end(group, end),
+            Err(error) => self.end(group, End::Error(error)),
+        }
+    }
+
+    /// What the robot's image says about this call: how it ended, if it did.
+    fn judge(
+        &mut self,
+        feedback: &Feedback,
+        command: &Command,
+        answer_scans: u32,
+    ) -> Result<Option<End>, BlockError> {
+        let number = self.number;
+        if feedback.number != number {
+            if self.acknowledged {
+                return Err(BlockError::Forgotten { expected: number, found: feedback.number });
+            }
+            return self.wait(answer_scans);
+        }
+        self.acknowledged = true;
+        let has = |bit| feedback.status.contains(bit);
+        if has(Status::ERROR) {
+            return Err(BlockError::Robot { number: feedback.error, motion: feedback.error_motion });
+        }
+        self.count(feedback, command)?;
+        if has(Status::ABORTED) {
+            return Ok(Some(End::Aborted));
+        }
+        // The status bits decide; the state only helps where none of them is set.
+        if has(Status::BUSY)
+            || !has(Status::DONE) && matches!(feedback.state, State::Running | State::Suspended)
+        {
+            self.face.activate();
+            return Ok(None);
+        }
+        if !has(Status::DONE) {
+            return if self.face.is_active() {
+                Err(BlockError::EndUnknown { number })
+            } else {
+                self.wait(answer_scans)
+            };
+        }
+        if self.counted && feedback.executed != command.total {
+            return Err(BlockError::EndedEarly { executed: feedback.executed, total: command.total });
+        }
+        Ok(Some(End::Done))
+    }
+
+    fn wait(&mut self, answer_scans: u32) -> Result<Option<End>, BlockError> {
+        self.waited = self.waited.saturating_add(1);
+        if self.waited >= answer_scans {
+            return Err(BlockError::NoAnswer { number: self.number, scans: self.waited });
+        }
+        Ok(None)
+    }
+
+    /// Takes the robot's counts over, if they can be true. A count may jump: two short motions can end between two
+    /// scans, and a frame can be lost.
+    fn count(&mut self, feedback: &Feedback, command: &Command) -> Result<(), BlockError> {
+        let (from, to) = (self.tally.executed, feedback.executed);
+        let counted = to.max(feedback.accepted);
+        if self.counted && counted > command.written {
+            return Err(BlockError::CountedTooFar { counted, written: command.written });
+        }
+        if to < from {
+            return Err(BlockError::CountedBackwards { from, to });
+        }
+        self.tally = Tally {
+            executed: to,
+            blends_suppressed: feedback.blends_suppressed,
+            execution_ns: feedback.execution_ns,
+        };
+        Ok(())
+    }
+}

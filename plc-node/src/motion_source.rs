@@ -1,0 +1,38 @@
+//! Where the motions of a sequence come from.
+
+use core::fmt::Debug;
+
+use protocol::image::Motion;
+
+/// The motions of one sequence, in order.
+///
+/// A scan asks for at most five of them, and for each one once, in ascending order; after a restart again from the
+/// first one. A source that reads from a file therefore needs a window only. It must not block: what it cannot give
+/// at once it has to have read ahead.
+pub trait MotionSource: Debug + Send {
+    /// How many motions the sequence has: the paper's `totalNo`.
+    fn total(&self) -> u32;
+
+    /// Motion `index`, counted from 0; none past the end or where the source failed.
+    fn get(&mut self, index: u32) -> Option<Motion>;
+}
+
+/// Motions that are all in memory.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct MotionList(Vec<Motion>);
+
+impl From<Vec<Motion>> for MotionList {
+    fn from(motions: Vec<Motion>) -> Self {
+        Self(motions)
+    }
+}
+
+impl MotionSource for MotionList {
+    fn total(&self) -> u32 {
+        u32::try_from(self.0.len()).unwrap_or(u32::MAX)
+    }
+
+    fn get(&mut self, index: u32) -> Option<Motion> {
+        self.0.get(usize::try_from(index).ok()?).copied()
+    }
+}

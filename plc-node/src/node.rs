@@ -1,0 +1,389 @@
+//! The PLC as a machine: scan, bus, readiness, runs.
+
+use std::collections::VecDeque;
+
+use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
+use protocol::{Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
+
+use crate::function_blocks::BlockError;
+use crate::readiness::Readiness;
+use crate::sequence::{Progress, Sequence};
+use crate::{
+    AxesGroup, Execution, ExecutionType, Failure, FailureCause, MotionSource, PlcConfig, PlcEvent, Scan,
+    StartError,
+};
+
+/// More events than one handler can bring about; the owner drains them after each.
+const EVENTS: usize = 16;
+
+/// A PLC with one robot on one bus.
+///
+/// While connected it keeps the robot enabled and leads it to `Ready` by itself: it halts a skill that is not one of
+/// its own (left over from a failed run, or from before a restart of the PLC) and resets the robot.
+#[derive(Debug)]
+pub struct PlcNode<B> {
+    bus: B,
+    scan: Scan,
+    scans: u64,
+    group: AxesGroup,
+    program: u16,
+    motions: Box<dyn MotionSource>,
+    connected: bool,
+    mode: Mode,
+    readiness: Readiness,
+    run: Run,
+    /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
+    outputs: Image,
+    /// Command number and motions written as of the slots in `outputs`.
+    emitted: Option<(u16, u32)>,
+    events: VecDeque<PlcEvent>,
+}
+
+/// What the program does in a scan.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Mode {
+    /// Leads the robot to `Ready`, if there is a robot.
+    Preparing,
+    /// The robot is ready.
+    Idle,
+    /// The next scan sets the start edge.
+    Starting(ExecutionType),
+    /// A run is under way.
+    Running,
+}
+
+/// The run under way, or the last one.
+#[derive(Debug)]
+struct Run {
+    sequence: Sequence,
+    started_at: Instant,
+    started_in_scan: u64,
+    frames_before: Counters,
+}
+
+/// What goes over the image at an instant, for traces.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sample {
+    /// Scans since the node started.
+    pub scans: u64,
+    /// Number of the last command.
+    pub number: u16,
+    /// Skill of the last command.
+    pub skill: Skill,
+    /// What the PLC wants.
+    pub control: Control,
+    /// Motions of the skill in all: `totalNo`.
+    pub total: u32,
+    /// Motions written into the slots so far.
+    pub written: u32,
+    /// Motions in the slots that the robot has not executed yet, 0..=5.
+    pub queue_fill: u32,
+    /// The robot's image of the last scan; none without a connection.
+    pub feedback: Option<Feedback>,
+}
+
+impl<B: Fieldbus> PlcNode<B> {
+    /// A PLC whose first scan is at `start`.
+    #[must_use]
+    pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
+        let patience = config.patience();
+        Self {
+            bus,
+            scan: Scan::new(start, config.scan_cycle, config.scan_cost),
+            scans: 0,
+            group: AxesGroup::new(config.override_percent, patience),
+            program: config.program,
+            motions: config.motions,
+            connected: false,
+            mode: Mode::Preparing,
+            readiness: Readiness::default(),
+            run: Run {
+                sequence: Sequence::new(ExecutionType::Rc, config.program),
+                started_at: start,
+                started_in_scan: 0,
+                frames_before: Counters::default(),
+            },
+            outputs: [0; IMAGE_LEN],
+            emitted: None,
+            events: VecDeque::with_capacity(EVENTS),
+        }
+    }
+
+    /// Has the next scan set the start edge of a run.
+    ///
+    /// # Errors
+    /// The robot is not connected or not ready, a run is under way, or there is nothing to run.
+    pub fn start(&mut self, _now: Instant, execution_type: ExecutionType) -> Result<(), StartError> {
+        match self.mode {
+            Mode::Running => return Err(StartError::Running(self.run.sequence.execution_type())),
+            Mode::Starting(other) => return Err(StartError::Running(other)),
+            _ if !self.connected => return Err(StartError::NotConnected),
+            Mode::Preparing => return Err(self.not_ready()),
+            Mode::Idle => {}
+        }
+        if execution_type != ExecutionType::Rc && self.motions.total() == 0 {
+            return Err(StartError::NoMotions(execution_type));
+        }
+        self.mode = Mode::Starting(execution_type);
+        Ok(())
+    }
+
+    /// Gives the run up: it fails at once, and the next scan halts the robot. Does nothing without a run.
+    pub fn abort(&mut self, _now: Instant) {
+        self.fail(FailureCause::Aborted);
+    }
+
+    /// Gives a run up and ends the connection.
+    pub fn disconnect(&mut self, now: Instant) {
+        self.fail(FailureCause::Aborted);
+        self.bus.disconnect(now);
+        self.drain_bus();
+        self.disarm();
+    }
+
+    /// Whether a run may start.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.mode == Mode::Idle
+    }
+
+    /// How late scans started.
+    #[must_use]
+    pub const fn lateness(&self) -> &Lateness {
+        self.scan.lateness()
+    }
+
+    /// The bus endpoint.
+    #[must_use]
+    pub const fn bus(&self) -> &B {
+        &self.bus
+    }
+
+    /// The bus endpoint, for commands of its own; poll the node afterwards.
+    pub const fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
+    }
+
+    /// What goes over the image as of the last scan.
+    #[must_use]
+    pub fn sample(&self) -> Sample {
+        let command = self.group.command();
+        let feedback = self.group.feedback().copied();
+        let executed = feedback.filter(|feedback| feedback.number == command.number);
+        let executed = executed.map_or(0, |feedback| feedback.executed);
+        Sample {
+            scans: self.scans,
+            number: command.number,
+            skill: command.skill,
+            control: command.control,
+            total: command.total,
+            written: command.written,
+            queue_fill: command.written.saturating_sub(executed),
+            feedback,
+        }
+    }
+
+    /// One scan: inputs, program, outputs.
+    fn scan(&mut self, now: Instant) {
+        self.scans += 1;
+        let input = self.bus.input().filter(|_| self.connected);
+        self.group.read(input.and_then(|image| Feedback::parse::<B::Order>(image).ok()));
+        if let Some(cause) = self.trouble() {
+            self.fail(cause);
+        }
+        match self.mode {
+            Mode::Starting(execution_type) => self.begin_run(now, execution_type),
+            Mode::Running => self.run(now),
+            Mode::Idle | Mode::Preparing => {}
+        }
+        // A run that has just failed is followed by the halt in the same scan.
+        if matches!(self.mode, Mode::Idle | Mode::Preparing) {
+            self.prepare();
+        }
+        self.emit();
+    }
+
+    /// The slots take most of the time, and they change only with a new command or with motions written.
+    fn emit(&mut self) {
+        let command = self.group.command();
+        let slots = Some((command.number, command.written));
+        if core::mem::replace(&mut self.emitted, slots) == slots {
+            command.emit_head::<B::Order>(&mut self.outputs);
+        } else {
+            command.emit::<B::Order>(&mut self.outputs);
+        }
+    }
+
+    /// What makes every run impossible, whatever its blocks find.
+    fn trouble(&self) -> Option<FailureCause> {
+        if self.group.feedback().is_none() {
+            return Some(FailureCause::NoImage);
+        }
+        self.group.is_silent().then(|| FailureCause::RobotSilent { scans: self.group.still_scans() })
+    }
+
+    fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
+        self.run = Run {
+            sequence: Sequence::new(execution_type, self.program),
+            started_at: now,
+            started_in_scan: self.scans,
+            frames_before: self.bus.counters(),
+        };
+        self.mode = Mode::Running;
+        self.push(PlcEvent::Started { execution_type, at: now });
+        self.run(now);
+    }
+
+    fn run(&mut self, now: Instant) {
+        match self.run.sequence.scan(&mut *self.motions, &mut self.group) {
+            Progress::Running => {}
+            Progress::Done => self.finish(now),
+            Progress::Aborted => self.fail(FailureCause::RobotHalted),
+            Progress::Failed { motion, error } => self.fail(match error {
+                BlockError::Robot { number, .. } => FailureCause::Robot { number, motion },
+                error => FailureCause::Block { error, motion },
+            }),
+        }
+    }
+
+    fn finish(&mut self, now: Instant) {
+        let totals = self.run.sequence.totals();
+        let execution_time_ns = now.as_nanos().saturating_sub(self.run.started_at.as_nanos());
+        self.push(PlcEvent::Finished(Execution {
+            execution_type: self.run.sequence.execution_type(),
+            execution_time_ns,
+            robot_execution_ns: totals.robot_execution_ns,
+            motions: totals.executed,
+            blends_suppressed: totals.blends_suppressed,
+            scans: self.scans - self.run.started_in_scan,
+            frames: frames_between(self.run.frames_before, self.bus.counters()),
+        }));
+        self.mode = Mode::Idle;
+    }
+
+    /// Ends a run, if there is one, and has the next scans lead the robot to `Ready` again.
+    fn fail(&mut self, cause: FailureCause) {
+        let (execution_type, executed) = match self.mode {
+            Mode::Running => (self.run.sequence.execution_type(), self.run.sequence.totals().executed),
+            Mode::Starting(execution_type) => (execution_type, 0),
+            Mode::Idle | Mode::Preparing => return,
+        };
+        self.group.release(self.group.command().number);
+        self.mode = Mode::Preparing;
+        self.readiness = Readiness::after_failure();
+        self.push(PlcEvent::Failed(Failure { execution_type, executed, cause }));
+    }
+
+    /// What the program does while no sequence runs.
+    fn prepare(&mut self) {
+        if self.mode == Mode::Idle && Readiness::holds(&self.group) {
+            return;
+        }
+        self.mode = Mode::Preparing;
+        if self.readiness.scan(&mut self.group) {
+            self.mode = Mode::Idle;
+            self.push(PlcEvent::Ready);
+        }
+    }
+
+    fn not_ready(&self) -> StartError {
+        let feedback = self.group.feedback();
+        StartError::NotReady {
+            state: feedback.map_or(State::Halted, |feedback| feedback.state),
+            error: feedback
+                .filter(|feedback| feedback.status.contains(Status::ERROR))
+                .map_or(ErrorNumber::None, |feedback| feedback.error),
+        }
+    }
+
+    /// Hands on what the bus has to say. A lost connection fails a run at once, not with the next scan.
+    fn drain_bus(&mut self) {
+        while let Some(event) = self.bus.poll_event() {
+            self.push(PlcEvent::Link(event));
+            match event {
+                LinkEvent::Up => self.connected = true,
+                LinkEvent::Down(down) => {
+                    self.fail(FailureCause::ConnectionLost(down));
+                    self.disarm();
+                }
+                LinkEvent::SetAddress { .. } => {}
+            }
+        }
+    }
+
+    /// The bus repeats its last image on the next connection: it must not hold a command then.
+    fn disarm(&mut self) {
+        self.connected = false;
+        self.mode = Mode::Preparing;
+        self.readiness = Readiness::default();
+        self.group.disarm();
+        self.emit();
+        self.scan.drop_outputs();
+        self.bus.set_output(&self.outputs);
+    }
+
+    /// Never beyond the capacity that was taken at the start; the owner drains events after each handler.
+    fn push(&mut self, event: PlcEvent) {
+        if self.events.len() < EVENTS {
+            self.events.push_back(event);
+        }
+    }
+
+    fn write_outputs(&mut self, now: Instant) {
+        if self.scan.take_outputs(now) {
+            self.bus.set_output(&self.outputs);
+        }
+    }
+}
+
+impl<B: Fieldbus> Machine for PlcNode<B> {
+    type Event = PlcEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_frame(now, from, frame);
+        self.drain_bus();
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        self.bus.handle_stream(now, stream, change);
+        self.drain_bus();
+    }
+
+    /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.
+    fn handle_timeout(&mut self, now: Instant) {
+        self.write_outputs(now);
+        if self.scan.begin(now).is_some() {
+            self.scan(now);
+            self.write_outputs(now);
+        }
+        if self.bus.poll_timeout().is_some_and(|due| due <= now) {
+            self.bus.handle_timeout(now);
+        }
+        self.drain_bus();
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.bus.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<PlcEvent> {
+        self.events.pop_front()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        let scan = self.scan.poll_timeout();
+        Some(self.bus.poll_timeout().map_or(scan, |bus| bus.min(scan)))
+    }
+}
+
+fn frames_between(before: Counters, after: Counters) -> Counters {
+    Counters {
+        sent: after.sent.saturating_sub(before.sent),
+        received: after.received.saturating_sub(before.received),
+        lost: after.lost.saturating_sub(before.lost),
+        late: after.late.saturating_sub(before.late),
+        malformed: after.malformed.saturating_sub(before.malformed),
+        foreign: after.foreign.saturating_sub(before.foreign),
+    }
+}

@@ -1,0 +1,102 @@
+//! The scan: inputs → program → outputs, on an absolute grid.
+
+use protocol::{Cycle, Duration, Instant, Lateness, Tick};
+
+/// When the program runs and when its outputs reach the bus.
+///
+/// Inputs are read at the start of a scan; the outputs are written `cost` later, which models the program's run time
+/// where CPU time is not real. A bus frame that leaves in between still carries the old outputs. A scan that costs
+/// more than the cycle delays the next one, as a PLC's does; grid points that pass meanwhile are skipped.
+#[derive(Clone, Debug)]
+pub struct Scan {
+    cycle: Cycle,
+    cost: Duration,
+    outputs_due: Option<Instant>,
+    lateness: Lateness,
+}
+
+impl Scan {
+    /// Scans at `first` and every `period` after it, each writing its outputs `cost` after it read its inputs.
+    #[must_use]
+    pub fn new(first: Instant, period: Duration, cost: Duration) -> Self {
+        Self { cycle: Cycle::new(first, period), cost, outputs_due: None, lateness: Lateness::default() }
+    }
+
+    /// Starts the scan that is due at `now`, if one is and the one before has written its outputs.
+    pub fn begin(&mut self, now: Instant) -> Option<Tick> {
+        if self.outputs_due.is_some() {
+            return None;
+        }
+        let tick = self.cycle.tick(now)?;
+        self.lateness.record(&tick);
+        self.outputs_due = Some(now + self.cost);
+        Some(tick)
+    }
+
+    /// Whether the outputs of the scan are to be written now; says so once.
+    pub fn take_outputs(&mut self, now: Instant) -> bool {
+        self.outputs_due.take_if(|due| *due <= now).is_some()
+    }
+
+    /// Gives up the outputs of the scan that is under way: the connection they were meant for is gone.
+    pub const fn drop_outputs(&mut self) {
+        self.outputs_due = None;
+    }
+
+    /// When [`take_outputs`](Self::take_outputs) or [`begin`](Self::begin) has something to do next.
+    #[must_use]
+    pub const fn poll_timeout(&self) -> Instant {
+        match self.outputs_due {
+            Some(due) => due,
+            None => self.cycle.next(),
+        }
+    }
+
+    /// Time from one scan to the next.
+    #[must_use]
+    pub const fn period(&self) -> Duration {
+        self.cycle.period()
+    }
+
+    /// How late scans started.
+    #[must_use]
+    pub const fn lateness(&self) -> &Lateness {
+        &self.lateness
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn outputs_are_written_one_scan_cost_after_the_inputs_were_read() {
+        let mut scan = Scan::new(Instant::from_millis(1), MS, Duration::from_micros(150));
+        assert!(scan.begin(Instant::from_micros(999)).is_none());
+        assert!(scan.begin(Instant::from_millis(1)).is_some());
+        assert!(!scan.take_outputs(Instant::from_micros(1_149)));
+        assert_eq!(scan.poll_timeout(), Instant::from_micros(1_150));
+        assert!(scan.take_outputs(Instant::from_micros(1_150)));
+        assert!(!scan.take_outputs(Instant::from_micros(1_150)), "outputs are written once");
+        assert_eq!(scan.poll_timeout(), Instant::from_millis(2));
+    }
+
+    #[test]
+    fn a_scan_without_cost_writes_its_outputs_at_once() {
+        let mut scan = Scan::new(Instant::ZERO, MS, Duration::ZERO);
+        assert!(scan.begin(Instant::ZERO).is_some() && scan.take_outputs(Instant::ZERO));
+    }
+
+    #[test]
+    fn a_scan_that_costs_more_than_the_cycle_delays_the_next_one_and_skips_what_passed() {
+        let mut scan = Scan::new(Instant::ZERO, MS, Duration::from_micros(2_500));
+        assert!(scan.begin(Instant::ZERO).is_some());
+        assert!(scan.begin(Instant::from_millis(1)).is_none(), "the program still runs");
+        assert!(scan.take_outputs(Instant::from_micros(2_500)));
+        let tick = scan.begin(Instant::from_micros(2_500)).unwrap();
+        assert_eq!((tick.due, tick.skipped), (Instant::from_millis(1), 1));
+        assert_eq!((scan.lateness().runs(), scan.lateness().missed()), (2, 1));
+    }
+}

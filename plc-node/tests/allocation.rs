@@ -1,0 +1,95 @@
+//! The cyclic path takes no memory from the heap after the start.
+#![expect(unsafe_code, reason = "a counting allocator is an unsafe trait; it only forwards to the system's")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
+use protocol::direct::Direct;
+use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
+use protocol::wire::{BigEndian, FRAME_CAPACITY};
+use protocol::{Duration, Instant, Machine, Port, Source};
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator unchanged; counting touches no memory that it hands out.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller keeps the contract of `alloc`, which is the system's.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: `memory` came from the system's allocator with this layout.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Answers a command as a robot that ends a motion with every image it sends.
+fn answer(command: &Command, feedback: &mut Feedback) {
+    feedback.life = feedback.life.wrapping_add(1);
+    feedback.life_echo = command.life;
+    if command.number != feedback.number {
+        (feedback.number, feedback.executed) = (command.number, 0);
+        (feedback.state, feedback.status) = (State::Running, Status::BUSY | Status::ENABLED);
+        return;
+    }
+    if feedback.state == State::Running {
+        let total = if command.skill == Skill::RunProgram { 13 } else { command.total };
+        feedback.executed += 1;
+        feedback.accepted = command.written;
+        if feedback.executed == total {
+            (feedback.state, feedback.status) = (State::Ready, Status::DONE | Status::ENABLED);
+        }
+    }
+}
+
+#[test]
+fn no_scan_frame_or_run_allocates_after_the_start() {
+    const MS: Duration = Duration::from_millis(1);
+    let motion = Motion { kind: MotionKind::LinCartesian, ..Motion::EMPTY };
+    let config = PlcConfig {
+        scan_cycle: MS,
+        scan_cost: Duration::ZERO,
+        override_percent: 100,
+        answer_timeout: MS * 100,
+        silent_timeout: MS * 100,
+        program: 1,
+        motions: Box::new(MotionList::from(vec![motion; 13])),
+    };
+    let mut plc = PlcNode::new(config, Direct::new(Instant::ZERO, MS, MS * 20), Instant::ZERO);
+    let mut feedback = Feedback { state: State::Ready, status: Status::ENABLED, ..Feedback::default() };
+    let (mut frame, mut image) = (vec![0; FRAME_CAPACITY], [0; IMAGE_LEN]);
+    let source = Source { port: Port::Ethernet, peer: None };
+
+    let before = ALLOCATIONS.with(Cell::get);
+    let (mut now, mut runs, mut failed) = (Instant::ZERO, 0, 0);
+    for _ in 0..30_000 {
+        now = plc.poll_timeout().unwrap().max(now);
+        plc.handle_timeout(now);
+        while let Some(transmit) = plc.poll_transmit(now, &mut frame) {
+            answer(&Command::parse::<BigEndian>(&frame[..transmit.len]).unwrap(), &mut feedback);
+            feedback.emit::<BigEndian>(&mut image);
+            plc.handle_frame(now, source, &image);
+        }
+        while let Some(event) = plc.poll_event() {
+            match event {
+                PlcEvent::Ready | PlcEvent::Finished(_) => {
+                    plc.start(now, ExecutionType::ALL[runs % 3]).unwrap();
+                    runs += 1;
+                }
+                PlcEvent::Failed(_) => failed += 1,
+                _ => {}
+            }
+        }
+    }
+    assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0, "in {runs} runs");
+    assert!(runs > 1_000 && failed == 0, "{runs} runs, {failed} failed");
+}

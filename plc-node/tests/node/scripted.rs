@@ -1,0 +1,310 @@
+//! A robot that takes as long for each motion as a test says, on a cable without a protocol.
+//!
+//! It keeps to the handshake that `protocol::image` describes and to nothing else, so that these tests are about
+//! the PLC. Faults are switched on by fields.
+
+use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
+use protocol::direct::Direct;
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::{
+    Command, Control, ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status,
+};
+use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
+use protocol::wire::BigEndian;
+use protocol::{Cycle, Duration, Instant, Machine, Source, Transmit};
+
+/// What the robot does wrong.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Fault {
+    None,
+    /// Its life counter stands still from this motion on.
+    LifeStandsStill {
+        at: u32,
+    },
+    /// It ends the skill with this error at this motion of the run.
+    Error {
+        at: u32,
+        number: ErrorNumber,
+    },
+    /// It gives the skill up at this motion of the run.
+    Abort {
+        at: u32,
+    },
+    /// It never takes a command up.
+    Deaf,
+    /// It sees a reset and does not follow.
+    IgnoresReset,
+}
+
+/// The scripted robot.
+#[derive(Debug)]
+pub(crate) struct ScriptedRobot {
+    bus: Direct,
+    cycle: Cycle,
+    pub(crate) motion_cycles: u32,
+    pub(crate) program_motions: u32,
+    pub(crate) fault: Fault,
+    feedback: Feedback,
+    seen: u16,
+    /// A reset counts once each time it is set.
+    reset_armed: bool,
+    total: u32,
+    left: u32,
+    /// Motions that it took from the slots, over all skills.
+    pub(crate) taken: Vec<Motion>,
+    pub(crate) executed_in_all: u32,
+    pub(crate) halts: u32,
+}
+
+impl ScriptedRobot {
+    pub(crate) fn new(bus: Direct, first: Instant, period: Duration) -> Self {
+        Self {
+            bus,
+            cycle: Cycle::new(first, period),
+            motion_cycles: 25,
+            program_motions: 13,
+            fault: Fault::None,
+            feedback: Feedback::default(),
+            seen: 0,
+            reset_armed: true,
+            total: 0,
+            left: 0,
+            taken: Vec::new(),
+            executed_in_all: 0,
+            halts: 0,
+        }
+    }
+
+    /// Its program starts anew while the bus goes on: it knows no command any more.
+    pub(crate) fn restart(&mut self) {
+        self.feedback = Feedback { life: self.feedback.life, ..Feedback::default() };
+        self.seen = 0;
+    }
+
+    fn end(&mut self, status: Status, state: State) {
+        self.feedback.status = status | Status::AT_REST | Status::ENABLED;
+        self.feedback.state = state;
+    }
+
+    fn tick(&mut self, now: Instant) {
+        let stuck = matches!(self.fault, Fault::LifeStandsStill { at } if self.executed_in_all >= at);
+        if !stuck {
+            self.feedback.life = self.feedback.life.wrapping_add(1);
+        }
+        self.feedback.clock_ns = now.as_nanos();
+        let Some(image) = self.bus.input() else { return };
+        let command = Command::parse::<BigEndian>(image).unwrap();
+        self.feedback.life_echo = command.life;
+        if self.feedback.state == State::Running {
+            self.go_on(&command);
+        } else {
+            self.wait(&command);
+        }
+    }
+
+    fn wait(&mut self, command: &Command) {
+        let control = command.control;
+        self.reset_armed |= !control.contains(Control::RESET);
+        self.feedback.status.set(Status::ENABLED, control.contains(Control::ENABLE));
+        self.feedback.status.set(Status::AT_REST, true);
+        if control.contains(Control::HALT) {
+            self.halts += 1;
+            self.feedback.state = State::Halted;
+        } else if control.contains(Control::RESET | Control::ENABLE) && self.reset_armed {
+            self.reset_armed = false;
+            if self.fault != Fault::IgnoresReset {
+                self.feedback.status.set(Status::ERROR, false);
+                self.feedback.state = State::Ready;
+            }
+        }
+        let new = control.contains(Control::EXECUTE) && command.number != self.seen;
+        if new && self.feedback.state == State::Ready && self.fault != Fault::Deaf {
+            self.take_up(command);
+        }
+    }
+
+    fn take_up(&mut self, command: &Command) {
+        self.seen = command.number;
+        self.total = match command.skill {
+            Skill::RunProgram => self.program_motions,
+            _ => command.total,
+        };
+        self.left = self.motion_cycles;
+        let (life, life_echo) = (self.feedback.life, self.feedback.life_echo);
+        self.feedback = Feedback {
+            status: Status::BUSY | Status::ENABLED,
+            state: State::Running,
+            number: command.number,
+            life,
+            life_echo,
+            ..Feedback::default()
+        };
+        self.accept(command);
+    }
+
+    fn accept(&mut self, command: &Command) {
+        while self.feedback.accepted < command.written {
+            self.taken.push(*command.slot(self.feedback.accepted));
+            self.feedback.accepted += 1;
+        }
+    }
+
+    fn go_on(&mut self, command: &Command) {
+        if command.control.contains(Control::HALT) {
+            self.halts += 1;
+            return self.end(Status::ABORTED, State::Halted);
+        }
+        self.accept(command);
+        self.feedback.execution_ns += 4_000_000;
+        self.left -= 1;
+        if self.left > 0 {
+            return;
+        }
+        self.left = self.motion_cycles;
+        self.feedback.executed += 1;
+        self.executed_in_all += 1;
+        match self.fault {
+            Fault::Error { at, number } if self.executed_in_all == at => {
+                self.feedback.error = number;
+                self.feedback.error_motion = self.feedback.executed - 1;
+                self.end(Status::ERROR, State::Halted);
+            }
+            Fault::Abort { at } if self.executed_in_all == at => self.end(Status::ABORTED, State::Halted),
+            _ if self.feedback.executed == self.total => self.end(Status::DONE, State::Ready),
+            _ => {}
+        }
+    }
+}
+
+impl Machine for ScriptedRobot {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_frame(now, from, frame);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        if self.cycle.tick(now).is_some() {
+            self.tick(now);
+            let mut image = [0; IMAGE_LEN];
+            self.feedback.emit::<BigEndian>(&mut image);
+            self.bus.set_output(&image);
+        }
+        if self.bus.poll_timeout().is_some_and(|due| due <= now) {
+            self.bus.handle_timeout(now);
+        }
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.bus.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.bus.poll_event()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.bus.poll_timeout().map(|bus| bus.min(self.cycle.next()))
+    }
+}
+
+/// When each cycle starts, in µs after the origin: PLC's scan, PLC's bus, robot's bus, robot.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Phases(pub(crate) [u64; 4]);
+
+pub(crate) const SCAN: Duration = Duration::from_millis(1);
+pub(crate) const BUS: Duration = Duration::from_millis(1);
+pub(crate) const ROBOT: Duration = Duration::from_millis(4);
+pub(crate) const COST: Duration = Duration::from_micros(150);
+pub(crate) const CABLE: Duration = Duration::from_micros(25);
+pub(crate) const WATCHDOG: Duration = Duration::from_millis(20);
+
+pub(crate) type Cell = Pair<PlcNode<Direct>, ScriptedRobot>;
+
+/// Motions that can be told apart.
+pub(crate) fn motions(count: u16) -> Vec<Motion> {
+    let motion = |index: u16| Motion {
+        kind: if index.is_multiple_of(3) { MotionKind::PtpCartesian } else { MotionKind::LinCartesian },
+        velocity: index + 1,
+        acceleration: 100,
+        ..Motion::EMPTY
+    };
+    (0..count).map(motion).collect()
+}
+
+pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
+    PlcConfig {
+        scan_cycle: SCAN,
+        scan_cost: COST,
+        override_percent: 100,
+        answer_timeout: Duration::from_millis(200),
+        silent_timeout: Duration::from_millis(50),
+        program: 1,
+        motions: Box::new(MotionList::from(motions)),
+    }
+}
+
+pub(crate) fn cell_with(config: PlcConfig, phases: Phases) -> Cell {
+    let [scan, plc_bus, robot_bus, robot] = phases.0.map(Instant::from_micros);
+    let plc = PlcNode::new(config, Direct::new(plc_bus, BUS, WATCHDOG), scan);
+    let robot = ScriptedRobot::new(Direct::new(robot_bus, BUS, WATCHDOG), robot, ROBOT);
+    let cable = Impairment { delay: CABLE, ..Impairment::default() };
+    let config =
+        PairConfig { seed: 1, clocks: [Clock::default(); 2], links: [cable; 2], addresses: [None; 2] };
+    Pair::new(plc, robot, config)
+}
+
+pub(crate) fn cell(motion_count: u16) -> Cell {
+    cell_with(config(motions(motion_count)), Phases([0, 300, 700, 1_900]))
+}
+
+/// Runs until the PLC has this event, for at most ten seconds.
+pub(crate) fn wait_for<T>(cell: &mut Cell, mut wanted: impl FnMut(PlcEvent) -> Option<T>) -> T {
+    let until = cell.now() + Duration::from_secs(10);
+    let mut others = Vec::new();
+    while let Some(event) = cell.next_event(until) {
+        if let Event::A(event) = event {
+            if let Some(found) = wanted(event) {
+                return found;
+            }
+            others.push(event);
+        }
+    }
+    panic!("the event never came; there were {others:?}");
+}
+
+/// Lets time pass.
+pub(crate) fn pause(cell: &mut Cell, time: Duration) {
+    let until = cell.now() + time;
+    while cell.next_event(until).is_some() {}
+}
+
+pub(crate) fn until_ready(cell: &mut Cell) {
+    wait_for(cell, |event| (event == PlcEvent::Ready).then_some(()));
+}
+
+pub(crate) fn start(cell: &mut Cell, execution_type: ExecutionType) {
+    cell.command_a(|plc, now| plc.start(now, execution_type)).unwrap();
+}
+
+pub(crate) fn run(cell: &mut Cell, execution_type: ExecutionType) -> plc_node::Execution {
+    start(cell, execution_type);
+    wait_for(cell, |event| match event {
+        PlcEvent::Finished(execution) => Some(execution),
+        PlcEvent::Failed(failure) => panic!("{failure}"),
+        _ => None,
+    })
+}
+
+pub(crate) fn run_to_failure(cell: &mut Cell, execution_type: ExecutionType) -> plc_node::Failure {
+    start(cell, execution_type);
+    wait_for_failure(cell)
+}
+
+pub(crate) fn wait_for_failure(cell: &mut Cell) -> plc_node::Failure {
+    wait_for(cell, |event| match event {
+        PlcEvent::Failed(failure) => Some(failure),
+        PlcEvent::Finished(execution) => panic!("finished: {execution:?}"),
+        _ => None,
+    })
+}

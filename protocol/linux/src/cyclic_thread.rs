@@ -1,0 +1,187 @@
+//! A driver on a thread of its own: commands go in and news come out through wait-free rings.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+use protocol::{Instant, Machine};
+
+use crate::{Driver, DriverError, Notifier, Owner, Statistics, scheduling};
+
+/// Commands or news that may wait at once.
+const RING_CAPACITY: usize = 64;
+
+/// What the owner of a machine does on the cyclic thread. Like [`Owner`], it must not block, allocate, lock or log.
+pub trait Task<M: Machine>: Send + 'static {
+    /// What it is told from outside.
+    type Command: Send + 'static;
+    /// What it tells.
+    type News: Send + 'static;
+
+    /// A command came; `statistics` is what the driver did so far. `Break` ends the thread.
+    fn command(
+        &mut self,
+        now: Instant,
+        machine: &mut M,
+        statistics: &Statistics,
+        command: Self::Command,
+        news: &mut Outbox<Self::News>,
+    ) -> ControlFlow<()>;
+
+    /// The machine has an event. `Break` ends the thread once everything is sent.
+    fn event(
+        &mut self,
+        now: Instant,
+        machine: &mut M,
+        event: M::Event,
+        news: &mut Outbox<Self::News>,
+    ) -> ControlFlow<()>;
+
+    /// The instant of [`deadline`](Self::deadline) has come. `Break` ends the thread.
+    fn expired(&mut self, _now: Instant, _machine: &mut M) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    /// When [`expired`](Self::expired) is to be called, if at all.
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
+}
+
+/// Where the cyclic thread puts its news.
+#[derive(Debug)]
+pub struct Outbox<N> {
+    ring: rtrb::Producer<N>,
+    reader: Notifier,
+    dropped: u64,
+}
+
+impl<N> Outbox<N> {
+    /// Tells the other thread; where that one is 64 news behind, the news is dropped and counted.
+    pub fn tell(&mut self, news: N) {
+        if self.ring.push(news).is_err() {
+            self.dropped += 1;
+        }
+        self.reader.notify();
+    }
+}
+
+/// The thread is 64 commands behind, or gone.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("the cyclic thread takes no more commands: it is far behind, or it ended")]
+pub struct RingFull;
+
+/// Why the thread did not start.
+#[derive(Debug, thiserror::Error)]
+#[error("starting the cyclic thread: {0}")]
+pub struct StartError(#[from] std::io::Error);
+
+/// A driver that runs.
+#[derive(Debug)]
+pub struct CyclicThread<M, T: Task<M>>
+where
+    M: Machine,
+{
+    commands: rtrb::Producer<T::Command>,
+    news: rtrb::Consumer<T::News>,
+    waker: Notifier,
+    warning: Option<String>,
+    thread: JoinHandle<Finished<M, T>>,
+}
+
+/// What a cyclic thread leaves behind.
+#[derive(Debug)]
+pub struct Finished<M, T> {
+    /// The driver, with the machine and its statistics.
+    pub driver: Driver<M>,
+    /// The task, with what it kept.
+    pub task: T,
+    /// News that were dropped since nobody read them.
+    pub news_dropped: u64,
+    /// How the loop ended.
+    pub result: Result<(), DriverError>,
+}
+
+impl<M, T> CyclicThread<M, T>
+where
+    M: Machine + Send + 'static,
+    T: Task<M>,
+{
+    /// Starts the loop. `waker` is the one that the driver was made with; `reader` is notified of news and of the end.
+    pub fn start(driver: Driver<M>, task: T, waker: Notifier, reader: Notifier) -> Result<Self, StartError> {
+        let (commands, command_ring) = rtrb::RingBuffer::new(RING_CAPACITY);
+        let (news_ring, news) = rtrb::RingBuffer::new(RING_CAPACITY);
+        let (started, start) = mpsc::sync_channel(1);
+        let outbox = Outbox { ring: news_ring, reader: reader.clone(), dropped: 0 };
+        let mut owner = RingOwner { task, commands: command_ring, outbox };
+        let body = move || {
+            let _ = started.send(scheduling::make_real_time());
+            let mut driver = driver;
+            let result = driver.run(&mut owner);
+            let news_dropped = owner.outbox.dropped;
+            drop(owner.outbox);
+            reader.notify();
+            Finished { driver, task: owner.task, news_dropped, result }
+        };
+        let thread = std::thread::Builder::new().name("cyclic".to_owned()).spawn(body)?;
+        // The thread ends without a word only if it panics before its first line.
+        let warning = start.recv().ok().flatten();
+        Ok(Self { commands, news, waker, warning, thread })
+    }
+
+    /// What the host did not grant, in words.
+    pub fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
+    }
+
+    /// Gives the task a command.
+    pub fn send(&mut self, command: T::Command) -> Result<(), RingFull> {
+        let result = self.commands.push(command).map_err(|_| RingFull);
+        self.waker.notify();
+        result
+    }
+
+    /// The next news, if there is some.
+    pub fn news(&mut self) -> Option<T::News> {
+        self.news.pop().ok()
+    }
+
+    /// Whether the loop has ended. News may still wait.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.news.is_abandoned()
+    }
+
+    /// Waits for the loop's end. The error is a panic on the cyclic thread.
+    pub fn join(self) -> std::thread::Result<Finished<M, T>> {
+        self.thread.join()
+    }
+}
+
+struct RingOwner<M: Machine, T: Task<M>> {
+    task: T,
+    commands: rtrb::Consumer<T::Command>,
+    outbox: Outbox<T::News>,
+}
+
+impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
+    fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
+        // One command a wake: the machine's contract wants everything sent between two changes.
+        if let Ok(command) = self.commands.pop() {
+            self.task.command(now, machine, statistics, command, &mut self.outbox)?;
+        }
+        if self.task.deadline().is_some_and(|deadline| deadline <= now) {
+            self.task.expired(now, machine)?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, now: Instant, machine: &mut M, event: M::Event) -> ControlFlow<()> {
+        self.task.event(now, machine, event, &mut self.outbox)
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        // A command that still waits keeps the thread from sleeping.
+        if self.commands.is_empty() { self.task.deadline() } else { Some(Instant::ZERO) }
+    }
+}

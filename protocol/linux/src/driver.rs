@@ -1,0 +1,254 @@
+//! The real-time driver: one machine, its ports, one thread, absolute deadlines.
+//!
+//! A wake goes through four steps. Frames first, a bounded batch of each port: after a stall of the host the frames
+//! that came meanwhile are there before a watchdog looks for them. Then the machine's timeout, if it is due. Then
+//! the owner. Then sleep until the machine's next deadline or a frame, whichever is first. After each step
+//! everything that the machine has to send is sent. Nothing here allocates, locks or logs.
+
+use std::ops::ControlFlow;
+
+use protocol::wire::FRAME_CAPACITY;
+use protocol::{Instant, Lateness, Machine, Source, Tick, Transmit};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use crate::{Interface, Notifier, Received, Wire, allocation, clock};
+
+/// Frames that are taken from one port before everything else gets its turn: more than a host stall of 40 ms brings
+/// at a cycle of 1 ms.
+const BATCH: usize = 64;
+
+/// Why the loop ended before its owner ended it.
+#[derive(Debug, thiserror::Error)]
+pub enum DriverError {
+    /// The network adapter was removed, or the other end of a veth pair was.
+    #[error("network interface `{interface}` is gone: it was removed while the node was running")]
+    InterfaceGone {
+        /// The interface.
+        interface: String,
+    },
+    /// The kernel does not let the thread wait.
+    #[error("waiting for frames: {0}")]
+    Poll(Errno),
+}
+
+/// Who owns the machine: it brings commands in and takes events out, on the cyclic thread, and so must not block,
+/// allocate, lock or log.
+pub trait Owner<M: Machine> {
+    /// The thread is about to sleep; now is the time for commands. `Break` ends the loop.
+    fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()>;
+
+    /// The machine has an event. `Break` ends the loop once everything is sent.
+    fn event(&mut self, now: Instant, machine: &mut M, event: M::Event) -> ControlFlow<()>;
+
+    /// When [`wake`](Self::wake) is to be called at the latest, apart from the machine's own deadlines.
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
+}
+
+/// What the driver did since its start.
+#[derive(Clone, Default, Debug)]
+pub struct Statistics {
+    /// How late the thread came to the machine's deadlines.
+    pub lateness: Lateness,
+    /// Frames given to the machine.
+    pub received: u64,
+    /// Frames for other stations, and such that are too long.
+    pub discarded: u64,
+    /// Frames given to the kernel.
+    pub sent: u64,
+    /// Frames that the kernel did not take.
+    pub send_errors: u64,
+    /// Looks at a port that the kernel answered with an error.
+    pub receive_errors: u64,
+    /// What the kernel said last when it did not take a frame.
+    pub last_send_error: Option<Errno>,
+    /// Allocations of the thread from the first wake to the end; none where the program does not count them, see
+    /// [`allocation`]. While the loop runs, [`allocation::count`] has the figure so far.
+    pub allocations: Option<u64>,
+}
+
+/// One machine on its ports.
+#[derive(Debug)]
+pub struct Driver<M> {
+    machine: M,
+    interface: Interface,
+    wires: Vec<Wire>,
+    notifier: Notifier,
+    receive_buffer: Box<[u8; FRAME_CAPACITY]>,
+    send_buffer: Box<[u8; FRAME_CAPACITY]>,
+    statistics: Statistics,
+}
+
+impl<M: Machine> Driver<M> {
+    /// A driver that has not started, for a machine whose wires are on `interface`; `notifier` wakes it.
+    pub fn new(machine: M, interface: Interface, wires: Vec<Wire>, notifier: Notifier) -> Self {
+        Self {
+            machine,
+            interface,
+            wires,
+            notifier,
+            receive_buffer: Box::new([0; FRAME_CAPACITY]),
+            send_buffer: Box::new([0; FRAME_CAPACITY]),
+            statistics: Statistics::default(),
+        }
+    }
+
+    /// The machine.
+    pub const fn machine(&self) -> &M {
+        &self.machine
+    }
+
+    /// What the driver did so far.
+    pub const fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// Runs the machine on this thread until the owner breaks off or the interface is gone.
+    pub fn run(&mut self, owner: &mut impl Owner<M>) -> Result<(), DriverError> {
+        let Self { machine, interface, wires, notifier, receive_buffer, send_buffer, statistics } = self;
+        // The list of what to wait for is made once; its result flags are what changes.
+        let notifier_fd = notifier.clone();
+        let mut waits: Vec<PollFd<'_>> = std::iter::once(PollFd::new(&notifier_fd, PollFlags::IN))
+            .chain(wires.iter().map(|wire| PollFd::from_borrowed_fd(wire.as_fd(), PollFlags::IN)))
+            .collect();
+        let mut run = Run { machine, interface, wires, send_buffer: &mut **send_buffer, statistics, owner };
+        let counting = allocation::arm();
+        let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
+        statistics.allocations = counting.then(allocation::count);
+        allocation::disarm();
+        result
+    }
+}
+
+/// The parts of a driver that one wake works with.
+struct Run<'a, M, O> {
+    machine: &'a mut M,
+    interface: &'a Interface,
+    wires: &'a [Wire],
+    send_buffer: &'a mut [u8],
+    statistics: &'a mut Statistics,
+    owner: &'a mut O,
+}
+
+impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
+    fn until_the_end(
+        &mut self,
+        waits: &mut [PollFd<'_>],
+        notifier: &Notifier,
+        buf: &mut [u8],
+    ) -> Result<(), DriverError> {
+        let mut deadline = None;
+        loop {
+            if self.frames(waits, buf)?.is_break()
+                || self.timeout(deadline)?.is_break()
+                || self.wake()?.is_break()
+            {
+                return Ok(());
+            }
+            deadline = self.machine.poll_timeout();
+            let wake = [deadline, self.owner.deadline()].into_iter().flatten().min();
+            let rest = wake.map(|wake| {
+                let rest = wake.since(clock::now());
+                Timespec { tv_sec: rest.as_secs() as i64, tv_nsec: rest.subsec_nanos().into() }
+            });
+            match poll(waits, rest.as_ref()) {
+                Ok(_) | Err(Errno::INTR) => {}
+                Err(error) => return Err(DriverError::Poll(error)),
+            }
+            if waits.first().is_some_and(|wait| !wait.revents().is_empty()) {
+                notifier.clear();
+            }
+        }
+    }
+
+    /// Brings in the frames of all ports that have some.
+    fn frames(&mut self, waits: &[PollFd<'_>], buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
+        // The first entry of `waits` is the notifier.
+        for (wire, wait) in self.wires.iter().zip(waits.iter().skip(1)) {
+            if wait.revents().is_empty() {
+                continue;
+            }
+            for _ in 0..BATCH {
+                match wire.receive(buf) {
+                    Ok(Received::Frame { len, peer }) => {
+                        self.statistics.received += 1;
+                        let from = Source { port: wire.port(), peer };
+                        let now = clock::now();
+                        self.machine.handle_frame(now, from, buf.get(..len).unwrap_or_default());
+                        if self.drain(now)?.is_break() {
+                            return Ok(ControlFlow::Break(()));
+                        }
+                    }
+                    Ok(Received::Discarded) => self.statistics.discarded += 1,
+                    Err(Errno::AGAIN) => break,
+                    Err(error) => {
+                        self.statistics.receive_errors += 1;
+                        self.check_interface(error)?;
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Tells the machine that its timeout has come, if it has.
+    fn timeout(&mut self, waited_for: Option<Instant>) -> Result<ControlFlow<()>, DriverError> {
+        let now = clock::now();
+        if let Some(due) = waited_for.filter(|due| *due <= now) {
+            self.statistics.lateness.record(&Tick { due, lateness: now.since(due), skipped: 0 });
+        }
+        if self.machine.poll_timeout().is_some_and(|due| due <= now) {
+            self.machine.handle_timeout(now);
+            return self.drain(now);
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn wake(&mut self) -> Result<ControlFlow<()>, DriverError> {
+        let now = clock::now();
+        let flow = self.owner.wake(now, self.machine, self.statistics);
+        let drained = self.drain(now)?;
+        Ok(if flow.is_break() { flow } else { drained })
+    }
+
+    /// Sends and tells everything that the machine has, as its contract wants it after each change.
+    fn drain(&mut self, now: Instant) -> Result<ControlFlow<()>, DriverError> {
+        let mut flow = ControlFlow::Continue(());
+        loop {
+            while let Some(transmit) = self.machine.poll_transmit(now, self.send_buffer) {
+                self.send(transmit)?;
+            }
+            let Some(event) = self.machine.poll_event() else {
+                return Ok(flow);
+            };
+            if self.owner.event(now, self.machine, event).is_break() {
+                flow = ControlFlow::Break(());
+            }
+        }
+    }
+
+    fn send(&mut self, Transmit { port, to, len }: Transmit) -> Result<(), DriverError> {
+        let frame = self.send_buffer.get(..len).unwrap_or_default();
+        let wire = self.wires.iter().find(|wire| wire.port() == port);
+        match wire.map_or(Err(Errno::NOTCONN), |wire| wire.send(frame, to)) {
+            Ok(()) => self.statistics.sent += 1,
+            Err(error) => {
+                self.statistics.send_errors += 1;
+                self.statistics.last_send_error = Some(error);
+                self.check_interface(error)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether an error means that there is nothing left to send on; a cable without a carrier does not.
+    fn check_interface(&self, error: Errno) -> Result<(), DriverError> {
+        if matches!(error, Errno::NXIO | Errno::NODEV | Errno::NETDOWN) && !self.interface.exists() {
+            return Err(DriverError::InterfaceGone { interface: self.interface.name().to_owned() });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,223 @@
+//! A network interface: its address on the wire, its IP address, and whether it is up.
+
+use std::net::Ipv4Addr;
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::sync::Arc;
+
+use rustix::io::Errno;
+use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with};
+
+use protocol::profinet::ethernet::Mac;
+
+/// Why an interface cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum InterfaceError {
+    /// No interface has this name.
+    #[error("there is no network interface `{name}`; there are: {}", known.join(", "))]
+    NotFound {
+        /// The name that was asked for.
+        name: String,
+        /// The names that there are.
+        known: Vec<String>,
+    },
+    /// It is there, but the kernel refuses to read or change it.
+    #[error("{action} of network interface `{name}`: {source}{}", hint(source))]
+    Refused {
+        /// The interface.
+        name: String,
+        /// What was being done.
+        action: &'static str,
+        /// What the kernel said.
+        source: std::io::Error,
+    },
+}
+
+fn hint(error: &std::io::Error) -> &'static str {
+    if error.kind() == std::io::ErrorKind::PermissionDenied {
+        "; run as root, or give the program the capability CAP_NET_ADMIN"
+    } else {
+        ""
+    }
+}
+
+/// A network interface of the namespace in which it was opened.
+#[derive(Clone, Debug)]
+pub struct Interface {
+    name: String,
+    index: u32,
+    mac: Mac,
+    /// Any socket does: the interface requests go through it.
+    control: Arc<OwnedFd>,
+}
+
+impl Interface {
+    /// Finds the interface `name`.
+    pub fn open(name: &str) -> Result<Self, InterfaceError> {
+        let refused = |action| {
+            move |source: Errno| InterfaceError::Refused {
+                name: name.to_owned(),
+                action,
+                source: source.into(),
+            }
+        };
+        let control = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)
+            .map_err(refused("opening a socket to ask for the properties"))?;
+        let index = match netdevice::name_to_index(&control, name) {
+            Ok(index) => index,
+            Err(Errno::NODEV) => {
+                return Err(InterfaceError::NotFound { name: name.to_owned(), known: names() });
+            }
+            Err(error) => return Err(refused("reading the index")(error)),
+        };
+        let mut interface =
+            Self { name: name.to_owned(), index, mac: Mac::default(), control: Arc::new(control) };
+        interface.mac = interface.read_mac().map_err(refused("reading the hardware address"))?;
+        Ok(interface)
+    }
+
+    /// Its name, such as `eth0`.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The kernel's number for it.
+    #[must_use]
+    pub const fn index(&self) -> u32 {
+        self.index
+    }
+
+    /// Its own MAC address.
+    #[must_use]
+    pub const fn mac(&self) -> Mac {
+        self.mac
+    }
+
+    /// Whether the interface is still there; a cable that is pulled leaves it there, a removed adapter does not.
+    #[must_use]
+    pub fn exists(&self) -> bool {
+        netdevice::index_to_name_inlined(&*self.control, self.index).is_ok()
+    }
+
+    /// Its IPv4 address, if it has one.
+    #[must_use]
+    pub fn address(&self) -> Option<Ipv4Addr> {
+        self.read_ipv4(libc::SIOCGIFADDR)
+    }
+
+    /// The subnet mask of its IPv4 address, if it has one.
+    #[must_use]
+    pub fn mask(&self) -> Option<Ipv4Addr> {
+        self.read_ipv4(libc::SIOCGIFNETMASK)
+    }
+
+    /// Gives it this IPv4 address in place of the one that it has; the unspecified address only takes that away.
+    ///
+    /// Needs `CAP_NET_ADMIN`. Allocates nothing where it succeeds.
+    pub fn set_address(&self, address: Ipv4Addr, mask: Ipv4Addr) -> Result<(), InterfaceError> {
+        // Setting the same address again would drop the routes and the neighbours that hang on it.
+        if self.address().unwrap_or(Ipv4Addr::UNSPECIFIED) == address
+            && (address.is_unspecified() || self.mask() == Some(mask))
+        {
+            return Ok(());
+        }
+        self.write_ipv4(libc::SIOCSIFADDR, address)
+            .map_err(|e| self.refused("setting the IPv4 address", e))?;
+        if address.is_unspecified() {
+            return Ok(());
+        }
+        self.write_ipv4(libc::SIOCSIFNETMASK, mask).map_err(|e| self.refused("setting the subnet mask", e))
+    }
+
+    /// Switches it on, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is on already.
+    pub fn set_up(&self) -> Result<(), InterfaceError> {
+        let mut request = self.request();
+        self.ioctl(libc::SIOCGIFFLAGS, &mut request).map_err(|e| self.refused("reading the state", e))?;
+        // SAFETY: SIOCGIFFLAGS succeeded, so the kernel wrote `ifru_flags`.
+        let flags = unsafe { request.ifr_ifru.ifru_flags };
+        let up = flags | libc::IFF_UP as libc::c_short;
+        if up == flags {
+            return Ok(());
+        }
+        request.ifr_ifru.ifru_flags = up;
+        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
+    }
+
+    fn refused(&self, action: &'static str, source: std::io::Error) -> InterfaceError {
+        InterfaceError::Refused { name: self.name.clone(), action, source }
+    }
+
+    fn read_mac(&self) -> Result<Mac, Errno> {
+        let mut request = self.request();
+        self.ioctl(libc::SIOCGIFHWADDR, &mut request)
+            .map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
+        // SAFETY: SIOCGIFHWADDR succeeded, so the kernel wrote `ifru_hwaddr`.
+        let address = unsafe { request.ifr_ifru.ifru_hwaddr };
+        let [a, b, c, d, e, f, ..] = address.sa_data.map(|byte| byte as u8);
+        Ok(Mac([a, b, c, d, e, f]))
+    }
+
+    fn read_ipv4(&self, what: libc::Ioctl) -> Option<Ipv4Addr> {
+        let mut request = self.request();
+        self.ioctl(what, &mut request).ok()?;
+        // SAFETY: the request succeeded, so the kernel wrote `ifru_addr`, with a sockaddr_in in it.
+        let address = unsafe { request.ifr_ifru.ifru_addr };
+        // A sockaddr_in has the port in the first two bytes after the family, then the address.
+        let [_, _, a, b, c, d, ..] = address.sa_data.map(|byte| byte as u8);
+        Some(Ipv4Addr::new(a, b, c, d))
+    }
+
+    fn write_ipv4(&self, what: libc::Ioctl, address: Ipv4Addr) -> std::io::Result<()> {
+        let mut request = self.request();
+        let mut data = [0; 14];
+        for (to, from) in data.iter_mut().skip(2).zip(address.octets()) {
+            *to = from as libc::c_char;
+        }
+        request.ifr_ifru.ifru_addr =
+            libc::sockaddr { sa_family: libc::AF_INET as libc::sa_family_t, sa_data: data };
+        self.ioctl(what, &mut request)
+    }
+
+    /// A request about this interface with nothing in it yet.
+    fn request(&self) -> libc::ifreq {
+        let mut name = [0; libc::IFNAMSIZ];
+        for (to, from) in name.iter_mut().take(libc::IFNAMSIZ - 1).zip(self.name.bytes()) {
+            *to = from as libc::c_char;
+        }
+        let nothing = libc::sockaddr { sa_family: 0, sa_data: [0; 14] };
+        libc::ifreq { ifr_name: name, ifr_ifru: libc::__c_anonymous_ifr_ifru { ifru_addr: nothing } }
+    }
+
+    fn ioctl(&self, what: libc::Ioctl, request: &mut libc::ifreq) -> std::io::Result<()> {
+        // SAFETY: `control` is an open socket, and every request used in this file takes one `ifreq`, which the
+        // kernel reads and writes during the call only.
+        let result = unsafe { libc::ioctl(self.control.as_fd().as_raw_fd(), what, request) };
+        if result < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
+    }
+}
+
+/// The interfaces of this thread's network namespace. `/sys/class/net` would show those of whoever mounted it.
+fn names() -> Vec<String> {
+    let table = std::fs::read_to_string("/proc/thread-self/net/dev").unwrap_or_default();
+    let names = table.lines().skip(2).filter_map(|line| line.split_once(':'));
+    names.map(|(name, _)| name.trim().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_interface_is_answered_with_those_there_are() {
+        let error = Interface::open("nosuch0").unwrap_err().to_string();
+        assert!(error.contains("`nosuch0`") && error.contains("lo"), "{error}");
+    }
+
+    #[test]
+    fn the_loopback_has_no_hardware_address_and_the_usual_ip_address() {
+        let lo = Interface::open("lo").unwrap();
+        assert_eq!(lo.mac(), Mac([0; 6]));
+        assert!(lo.exists());
+        assert_eq!(lo.address(), Some(Ipv4Addr::LOCALHOST));
+    }
+}

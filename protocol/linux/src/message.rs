@@ -1,0 +1,120 @@
+//! What a node's process and whoever started it tell each other: one JSON value a line, over pipes; and the same as
+//! lines that a person reads.
+
+use std::fmt;
+use std::io::Write as _;
+use std::net::Ipv4Addr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::report::NodeReport;
+
+/// What a node says on standard output. `M` is what only this kind of node says.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Message<M> {
+    /// The node runs and looks for its peer.
+    Hello(Hello),
+    /// Images are exchanged, both ways.
+    LinkUp,
+    /// No images are exchanged any more, or no connection came about. The node tries again.
+    LinkDown {
+        /// Why, in words.
+        reason: String,
+    },
+    /// The peer gave this node an address.
+    Address {
+        /// The address.
+        address: Ipv4Addr,
+        /// Why the interface did not take it, if it did not.
+        problem: Option<String>,
+    },
+    /// How it goes, on request.
+    Report(NodeReport),
+    /// The node ends; its last message.
+    Farewell {
+        /// How it went, unless it broke down.
+        report: Option<NodeReport>,
+        /// What ended it, where that was not a request.
+        problem: Option<String>,
+    },
+    /// What only this kind of node says.
+    Node(M),
+}
+
+/// A node's first message.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Hello {
+    /// Which node, such as `plc-node`.
+    pub node: String,
+    /// The setup's name.
+    pub setup: String,
+    /// Which bus, and how.
+    pub bus: String,
+    /// The interface that it is on.
+    pub interface: String,
+    /// That interface's MAC address.
+    pub mac: String,
+    /// What the host did not grant the cyclic thread, in words.
+    pub warning: Option<String>,
+}
+
+/// What a node is told on standard input. `O` is what only this kind of node is told.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Instruction<O> {
+    /// Say how it goes.
+    Report,
+    /// End the connection in order, then the process.
+    Stop,
+    /// What only this kind of node is told.
+    Node(O),
+}
+
+impl<M: fmt::Display> fmt::Display for Message<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Hello(Hello { node, setup, bus, interface, mac, warning }) => {
+                write!(f, "{node}: setup {setup} on {interface} ({mac}), {bus}")?;
+                warning.as_ref().map_or(Ok(()), |warning| write!(f, "\nwarning: {warning}"))
+            }
+            Self::LinkUp => f.write_str("connected"),
+            Self::LinkDown { reason } => write!(f, "not connected: {reason}"),
+            Self::Address { address, problem: None } => write!(f, "address {address} set by the peer"),
+            Self::Address { address, problem: Some(problem) } => {
+                write!(f, "the peer wants the address {address}, but: {problem}")
+            }
+            Self::Report(report) => report.fmt(f),
+            Self::Farewell { report, problem } => {
+                if let Some(report) = report {
+                    report.fmt(f)?;
+                }
+                problem.as_ref().map_or(Ok(()), |problem| write!(f, "\nerror: {problem}"))
+            }
+            Self::Node(message) => message.fmt(f),
+        }
+    }
+}
+
+/// Where messages go.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Console {
+    /// Lines for a person.
+    Words,
+    /// One JSON value a line, for a program.
+    Json,
+}
+
+impl Console {
+    /// Prints a message on standard output.
+    ///
+    /// Nobody is left to tell if that fails; the end of standard input then says so too.
+    pub fn tell<M: Serialize + fmt::Display>(self, message: &Message<M>) {
+        let line = match self {
+            Self::Words => message.to_string(),
+            Self::Json => serde_json::to_string(message).unwrap_or_default(),
+        };
+        let mut stdout = std::io::stdout().lock();
+        let _ = writeln!(stdout, "{line}").and_then(|()| stdout.flush());
+    }
+}

@@ -1,0 +1,70 @@
+//! SIGINT and SIGTERM as something to poll for.
+
+use std::fmt;
+use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
+
+/// A request to stop.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum StopSignal {
+    /// Ctrl-C.
+    Interrupt,
+    /// What `kill` and a supervisor send.
+    Terminate,
+}
+
+impl fmt::Display for StopSignal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Interrupt => "SIGINT",
+            Self::Terminate => "SIGTERM",
+        })
+    }
+}
+
+/// SIGINT and SIGTERM, kept from ending the process.
+#[derive(Debug)]
+pub struct StopSignals(OwnedFd);
+
+impl StopSignals {
+    /// Takes the two signals over for the whole process. Call it before any other thread is there: threads inherit
+    /// the mask from the one that makes them.
+    pub fn block() -> std::io::Result<Self> {
+        // SAFETY: `set` is initialised by sigemptyset before it is used and outlives the calls; signalfd returns a
+        // new descriptor that nobody else owns.
+        unsafe {
+            let mut set = std::mem::MaybeUninit::uninit();
+            libc::sigemptyset(set.as_mut_ptr());
+            libc::sigaddset(set.as_mut_ptr(), libc::SIGINT);
+            libc::sigaddset(set.as_mut_ptr(), libc::SIGTERM);
+            let error = libc::pthread_sigmask(libc::SIG_BLOCK, set.as_ptr(), std::ptr::null_mut());
+            if error != 0 {
+                return Err(std::io::Error::from_raw_os_error(error));
+            }
+            let fd = libc::signalfd(-1, set.as_ptr(), libc::SFD_CLOEXEC | libc::SFD_NONBLOCK);
+            if fd < 0 {
+                return Err(std::io::Error::last_os_error());
+            }
+            Ok(Self(OwnedFd::from_raw_fd(fd)))
+        }
+    }
+
+    /// The next signal, if one came.
+    #[must_use]
+    pub fn take(&self) -> Option<StopSignal> {
+        let mut info = [0; size_of::<libc::signalfd_siginfo>()];
+        let len = rustix::io::read(&self.0, &mut info).ok()?;
+        // The number is the first field, ssi_signo: u32.
+        let number = info.get(..len)?.first_chunk::<4>()?;
+        Some(if u32::from_ne_bytes(*number) == libc::SIGINT as u32 {
+            StopSignal::Interrupt
+        } else {
+            StopSignal::Terminate
+        })
+    }
+}
+
+impl AsFd for StopSignals {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}

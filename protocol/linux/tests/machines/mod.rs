@@ -1,0 +1,153 @@
+//! Machines without a protocol, to try the driver with.
+
+use std::net::SocketAddrV4;
+
+use protocol::direct::Direct;
+use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
+use protocol::profinet::ethernet::Mac;
+use protocol::{Cycle, Duration, Instant, Lateness, Machine, Port, Source, Tick, Transmit};
+use protocol_linux::Interface;
+
+pub(crate) const UDP_PORT: u16 = 34962;
+const PERIOD: Duration = Duration::from_millis(1);
+const BROADCAST: [u8; 6] = [0xFF; 6];
+const ETHERTYPE: [u8; 2] = [0x88, 0x92];
+
+/// How images travel.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Cable {
+    Untagged,
+    PriorityTagged,
+    Vlan(u16),
+    Udp,
+}
+
+/// One end of a [`Direct`] cable, with the heads that a real wire needs around the image.
+#[derive(Debug)]
+pub(crate) struct Station {
+    direct: Direct,
+    cable: Cable,
+    /// Made once: the cyclic path is to allocate nothing.
+    head: Vec<u8>,
+    peer: SocketAddrV4,
+}
+
+impl Station {
+    pub(crate) fn new(cable: Cable, mac: Mac, peer: SocketAddrV4, now: Instant) -> Self {
+        Self {
+            direct: Direct::new(now + PERIOD, PERIOD, Duration::from_secs(1)),
+            cable,
+            head: head(mac, cable),
+            peer,
+        }
+    }
+
+    pub(crate) fn counters(&self) -> Counters {
+        self.direct.counters()
+    }
+}
+
+fn head(mac: Mac, cable: Cable) -> Vec<u8> {
+    let tag = match cable {
+        Cable::Untagged => vec![],
+        Cable::PriorityTagged => vec![0x81, 0x00, 0xC0, 0x00],
+        Cable::Vlan(id) => [[0x81, 0x00], id.to_be_bytes()].concat(),
+        Cable::Udp => return vec![],
+    };
+    [&BROADCAST[..], &mac.0, &tag, &ETHERTYPE].concat()
+}
+
+impl Machine for Station {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        match from.port {
+            // The kernel takes the tag out of what it hands over.
+            Port::Ethernet => self.direct.handle_frame(now, from, frame.get(14..).unwrap_or_default()),
+            _ => self.direct.handle_frame(now, from, frame),
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.direct.handle_timeout(now);
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let transmit = self.direct.poll_transmit(now, buf)?;
+        if self.cable == Cable::Udp {
+            return Some(Transmit { port: Port::Udp(UDP_PORT), to: Some(self.peer), len: transmit.len });
+        }
+        buf.copy_within(..transmit.len, self.head.len());
+        buf.get_mut(..self.head.len())?.copy_from_slice(&self.head);
+        Some(Transmit { len: transmit.len + self.head.len(), ..transmit })
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.direct.poll_event()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.direct.poll_timeout()
+    }
+}
+
+/// Asks every cycle and measures when the answer is there; or answers.
+#[derive(Debug)]
+pub(crate) struct Echo {
+    mac: Mac,
+    cycle: Option<Cycle>,
+    send: Option<u64>,
+    pub(crate) asked: u64,
+    pub(crate) round_trip: Lateness,
+}
+
+impl Echo {
+    pub(crate) fn asks(interface: &Interface) -> Self {
+        let cycle = Cycle::new(protocol_linux::clock::now() + PERIOD, PERIOD);
+        Self { cycle: Some(cycle), ..Self::answers(interface) }
+    }
+
+    pub(crate) fn answers(interface: &Interface) -> Self {
+        Self { mac: interface.mac(), cycle: None, send: None, asked: 0, round_trip: Lateness::default() }
+    }
+}
+
+impl Machine for Echo {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, _: Source, frame: &[u8]) {
+        let Some(stamp) = frame.get(14..22).and_then(|bytes| bytes.try_into().ok()) else {
+            return;
+        };
+        let stamp = u64::from_be_bytes(stamp);
+        if self.cycle.is_some() {
+            let due = Instant::from_nanos(stamp);
+            self.round_trip.record(&Tick { due, lateness: now.since(due), skipped: 0 });
+        } else {
+            self.send = Some(stamp);
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        if self.cycle.as_mut().is_some_and(|cycle| cycle.tick(now).is_some()) {
+            self.asked += 1;
+            self.send = Some(now.as_nanos());
+        }
+    }
+
+    fn poll_transmit(&mut self, _: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let stamp = self.send.take()?;
+        let head = head(self.mac, Cable::PriorityTagged);
+        let frame = [&head[..], &stamp.to_be_bytes(), &[0; 248]].concat();
+        buf.get_mut(..frame.len())?.copy_from_slice(&frame);
+        Some(Transmit { port: Port::Ethernet, to: None, len: frame.len() })
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        None
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.cycle.as_ref().map(Cycle::next)
+    }
+}

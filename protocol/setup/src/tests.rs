@@ -1,0 +1,198 @@
+use crate::load::parse;
+use crate::{
+    APPLICATIONS, Application, SETUPS, Setup, application, application_to_toml, setup, setup_to_toml,
+    setup_with_application,
+};
+
+/// Setup A's text with one thing changed.
+fn changed(from: &str, to: &str) -> String {
+    let (_, text) = SETUPS[0];
+    assert!(text.contains(from), "{from}");
+    text.replacen(from, to, 1)
+}
+
+/// What is said about a setup file with this text.
+fn refusal(text: &str) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("my.toml");
+    std::fs::write(&path, text).unwrap();
+    let error = setup_with_application(path.to_str().unwrap()).unwrap_err();
+    error.to_string().replace(&directory.path().display().to_string(), "DIR")
+}
+
+#[test]
+fn an_unknown_setup_is_answered_by_those_there_are() {
+    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A; or give the path of a .toml file");
+    insta::assert_snapshot!(application("juggle").unwrap_err(), @"there is no application `juggle`: built in are pick-and-place; or give the path of a .toml file");
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    insta::assert_snapshot!(setup("no/such.toml").unwrap_err(), @"cannot read the setup file no/such.toml: No such file or directory (os error 2)");
+}
+
+#[test]
+fn broken_toml_names_file_line_and_what_was_expected() {
+    insta::assert_snapshot!(refusal(&changed("[plc]", "[plc")), @"
+    DIR/my.toml:14: unclosed table, expected `]`
+       14 | [plc
+    ");
+}
+
+#[test]
+fn an_unknown_key_names_file_line_key_and_the_keys_there_are() {
+    insta::assert_snapshot!(refusal(&changed("scan_cost_us", "scan_cost_ms")), @r#"
+    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown field `scan_cost_ms`, expected `scan_cycle_us` or `scan_cost_us`
+       16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
+    "#);
+    insta::assert_snapshot!(refusal(&changed("link_1_mm", "link_one_mm")), @r#"
+    DIR/my.toml:43: in `robot.kinematics`: unknown field `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
+       43 | link_one_mm = { value = 225.0, from = "datasheet" }
+    "#);
+}
+
+#[test]
+fn a_value_of_the_wrong_type_names_its_key() {
+    insta::assert_snapshot!(refusal(&changed("{ value = 150,", "{ value = \"short\",")), @r#"
+    DIR/my.toml:16: in `plc.scan_cost_us.value`: invalid type: string "short", expected u32
+       16 | scan_cost_us = { value = "short", from = "assumed", note = "a short program on a fast PLC" }
+    "#);
+    insta::assert_snapshot!(refusal(&changed("\"udp\"", "\"tcp\"")), @r#"
+    DIR/my.toml:29: in `bus.profinet.cyclic`: unknown variant `tcp`, expected `udp` or `rt1`
+       29 | cyclic = "tcp"
+    "#);
+    insta::assert_snapshot!(refusal(&changed("192.168.64.2", "192.168.64.256")), @r#"
+    DIR/my.toml:25: in `bus.robot_address`: invalid IPv4 address syntax
+       25 | robot_address = "192.168.64.256"
+    "#);
+}
+
+#[test]
+fn a_missing_key_is_named() {
+    insta::assert_snapshot!(refusal(&changed("model = ", "# model = ")), @"
+    DIR/my.toml:33: in `robot`: missing field `model`
+       33 | [robot]
+    ");
+}
+
+#[test]
+fn a_number_without_its_provenance_is_refused() {
+    insta::assert_snapshot!(refusal(&changed("{ value = 1000, from = \"paper\", note = \"section 6.2\" }", "{ value = 1000 }")), @"
+    DIR/my.toml:15: in `plc.scan_cycle_us`: missing field `from`
+       15 | scan_cycle_us = { value = 1000 }
+    ");
+    insta::assert_snapshot!(refusal(&changed("{ value = 1000, from = \"paper\", note = \"section 6.2\" }", "1000")), @r#"
+    DIR/my.toml:15: in `plc.scan_cycle_us`: invalid type: integer `1000`, expected a value with its provenance: { value = ..., from = "paper", "datasheet", "calibrated" or "assumed" }
+       15 | scan_cycle_us = 1000
+    "#);
+}
+
+#[test]
+fn values_that_make_no_sense_are_refused_with_their_key() {
+    let refusals = [
+        ("schema = 1", "schema = 2"),
+        ("scan_cycle_us = { value = 1000", "scan_cycle_us = { value = 0"),
+        ("scan_cost_us = { value = 150", "scan_cost_us = { value = 1500"),
+        ("\ncycle_us = { value = 1000", "\ncycle_us = { value = 1100"),
+        ("watchdog_cycles = { value = 100", "watchdog_cycles = { value = 0"),
+        ("watchdog_cycles = { value = 100", "watchdog_cycles = { value = 61441"),
+        ("\ncycle_us = { value = 4000", "\ncycle_us = { value = 0"),
+        (
+            "[bus.profinet]\ncyclic = \"udp\"\nplc_station_name = \"skillbench-plc\"\nrobot_station_name = \"skillbench-robot\"\n",
+            "",
+        ),
+        ("skillbench-plc", "Skillbench PLC"),
+        ("robot_address = \"192.168.64.2\"", "robot_address = \"192.168.65.2\""),
+        ("255.255.255.0", "255.0.255.0"),
+        ("[-132.0, -145.0, 0.0, -355.0]", "[-132.0, -145.0, 0.0]"),
+        ("[132.0, 145.0, 200.0, 355.0]", "[132.0, -145.0, 200.0, 355.0]"),
+        ("[420.0, 720.0,", "[420.0, 0.0,"),
+        ("path_acceleration_mm_s2 = { value = 5000.0", "path_acceleration_mm_s2 = { value = inf"),
+        ("acceleration_percent = { value = 100.0", "acceleration_percent = { value = 120.0"),
+        ("approximation_mm = { value = 10.0", "approximation_mm = { value = nan"),
+        ("number = 1", "number = 16"),
+        ("number = 1", "number = 2"),
+    ];
+    let said: Vec<_> = refusals.iter().map(|(from, to)| refusal(&changed(from, to))).collect();
+    insta::assert_snapshot!(said.join("\n"), @r#"
+    DIR/my.toml: `schema`: this program reads version 1 of the format, this is version 2
+    DIR/my.toml: `plc.scan_cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
+    DIR/my.toml: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
+    DIR/my.toml: `bus.cycle_us`: 1100 µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000
+    DIR/my.toml: `bus.watchdog_cycles`: 0 would give every connection up at once; at least 1, and 3 is usual
+    DIR/my.toml: `bus.watchdog_cycles`: 61441 cycles of 1000 µs hold for 61441 ms; PROFINET allows 61440 ms over udp, so at most 7680 cycles
+    DIR/my.toml: `robot.cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
+    DIR/my.toml: `bus.profinet`: `kind = "profinet"` needs a section [bus.profinet]
+    DIR/my.toml: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all
+    DIR/my.toml: `bus.robot_address`: 192.168.65.2 is not in the subnet of 192.168.64.1
+    DIR/my.toml: `bus.subnet_mask`: 255.0.255.0 is not a subnet mask
+    DIR/my.toml: `robot.axes.lower_deg`: 3 values for an arm of 4 joints
+    DIR/my.toml: `robot.axes.upper_deg`: joint 2: the upper limit -145 is not above the lower one -145
+    DIR/my.toml: `robot.axes.speed_deg_s`: 0 is not above 0
+    DIR/my.toml: `robot.path_acceleration_mm_s2`: inf is not a finite number
+    DIR/my.toml: `motions.acceleration_percent`: 120 is not a share: above 0, at most 100 %
+    DIR/my.toml: `motions.approximation_mm`: NaN is not a finite number
+    DIR/my.toml: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
+    built-in application pick-and-place: `base`: setup A has no [[robot.bases]] of number 1
+    "#);
+}
+
+#[test]
+fn the_watchdog_is_bound_by_what_the_cyclic_frames_travel_in() {
+    let text = changed("\"udp\"", "\"rt1\"")
+        .replace("watchdog_cycles = { value = 100", "watchdog_cycles = { value = 1921");
+    insta::assert_snapshot!(refusal(&text), @"DIR/my.toml: `bus.watchdog_cycles`: 1921 cycles of 1000 µs hold for 1921 ms; PROFINET allows 1920 ms over rt1, so at most 1920 cycles");
+}
+
+#[test]
+fn an_application_is_looked_for_beside_the_setup_that_names_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("my.toml");
+    std::fs::write(&path, changed("\"pick-and-place\"", "\"jobs/wave.toml\"")).unwrap();
+    std::fs::create_dir(directory.path().join("jobs")).unwrap();
+    let wave = APPLICATIONS[0].1.replace("name = \"pick-and-place\"", "name = \"wave\"");
+    std::fs::write(directory.path().join("jobs/wave.toml"), wave).unwrap();
+    let (_, application) = setup_with_application(path.to_str().unwrap()).unwrap();
+    assert_eq!(application.name, "wave");
+}
+
+#[test]
+fn what_is_built_in_fits_together() {
+    for (name, _) in SETUPS {
+        let (setup, application) = setup_with_application(name).unwrap();
+        assert!(!crate::motions(&setup, &application).is_empty());
+    }
+}
+
+#[test]
+fn a_setup_that_is_written_is_read_back_the_same() {
+    let (setup, application) = setup_with_application("A").unwrap();
+    let text = setup_to_toml(&setup).unwrap();
+    assert_eq!(parse::<Setup>("written", &text).unwrap(), setup, "{text}");
+    let text = application_to_toml(&application).unwrap();
+    assert_eq!(parse::<Application>("written", &text).unwrap(), application, "{text}");
+}
+
+#[test]
+fn a_written_setup_reads_like_one() {
+    let text = setup_to_toml(&setup("A").unwrap()).unwrap();
+    let opening: Vec<_> = text.lines().take(16).collect();
+    insta::assert_snapshot!(opening.join("\n"), @r#"
+    schema = 1
+    name = "A"
+    title = "Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)"
+    application = "pick-and-place"
+
+    [paper]
+    rc = { aet_ms = 3725.0, mad_ms = 3.6 }
+    sm = { aet_ms = 6477.0, mad_ms = 11.3 }
+    cm = { aet_ms = 3729.0, mad_ms = 3.3 }
+
+    [plc]
+    scan_cycle_us = { value = 1000, from = "paper", note = "section 6.2" }
+    scan_cost_us = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
+
+    [bus]
+    kind = "profinet"
+    "#);
+}

@@ -1,0 +1,26 @@
+//! What a person reads when no connection comes about, and what to look at.
+
+pub(super) const NO_STATION: &str = "no station answers to the device's name: check the cable, that the device is on, \
+     and its name";
+pub(super) const NO_SET: &str = "the device is there but does not answer when its IP address is set by DCP: check \
+     that no switch or second controller filters it";
+pub(super) const NO_RPC: &str = "the device is there but does not answer calls on UDP port 34964: check both IP \
+     addresses, the subnet mask and firewalls";
+pub(super) const NOT_READY: &str = "the device took its parameters but did not report that it is ready: look at the \
+     device, and at firewalls for UDP port 34964";
+pub(super) const NO_CYCLIC: &str = "the device is connected but sends no cyclic frames: check the transport (udp or \
+     rt1) and firewalls for UDP port 34962";
+pub(super) const WATCHDOG: &str = "no cyclic frame came within the data hold time: check the cable and the load on \
+     both sides, or allow more watchdog cycles";
+pub(super) const NO_ALARM_ACK: &str = "the device sent an alarm and then did not take its acknowledgement";
+pub(super) const REJECTED: &str = "the device rejected the call by a status of RPC (C706, appendix E)";
+pub(super) const UNFIT_ANSWER: &str =
+    "the device's answer does not fit the request: compare both in a capture";
+pub(super) const TOO_LONG: &str =
+    "the request does not fit into one call: leave modules out or shorten parameters";
+pub(super) const NO_MODULE: &str = "the device has no module in a slot where one is expected (the status is slot and \
+     subslot): compare its modules with the description";
+pub(super) const WRONG_MODULE: &str = "the device has another module in a slot than expected (the status is slot and \
+     subslot): compare its modules with the description";
+pub(super) const WRONG_SUBMODULE: &str = "the device has another submodule, or none, in a subslot (the status is slot \
+     and subslot): compare its modules with the description";

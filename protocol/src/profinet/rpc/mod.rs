@@ -1,0 +1,421 @@
+//! Connectionless DCE RPC, version 4 (C706, chapter 12), as connection management uses it over UDP.
+//!
+//! ```text
+//!  0 RPCVersion (4)      1 PDUType            2 Flags1               3 Flags2
+//!  4..7 DataRepresentation; high half of byte 4: 0 big-endian, 1 little-endian      7 SerialHigh
+//!  8..24 ObjectUUID     24..40 InterfaceUUID 40..56 ActivityUUID
+//! 56..60 ServerBootTime 60..64 InterfaceVersion 64..68 SequenceNumber
+//! 68..70 OperationNumber 70..72 InterfaceHint 72..74 ActivityHint
+//! 74..76 LengthOfBody   76..78 FragmentNumber 78 AuthenticationProtocol 79 SerialLow    80.. body
+//! ```
+
+mod args;
+mod endpoint_mapper;
+mod fragment;
+
+pub use args::{RequestArgs, ResponseArgs};
+pub use endpoint_mapper::{LOOKUP, LOOKUP_HANDLE_FREE, Lookup, LookupError};
+pub use fragment::{Message, Reassembly, Received};
+
+use super::Uuid;
+use super::description::Identity;
+use crate::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Truncated, Writer};
+
+/// Length in bytes of the header.
+pub const HEADER_LEN: usize = 80;
+
+/// Length in bytes of the five NDR numbers before the blocks.
+pub const ARGS_LEN: usize = 20;
+
+/// Body bytes that go into one datagram; a longer body is sent in fragments of this length.
+pub const FRAGMENT_LEN: usize = 1312;
+
+/// The longest body, in bytes, that is taken together from fragments or sent in fragments.
+pub const BODY_CAPACITY: usize = 8192;
+
+/// InterfaceUUID of an IO-Device.
+pub const DEVICE_INTERFACE: Uuid = interface(1);
+
+/// InterfaceUUID of an IO-Controller.
+pub const CONTROLLER_INTERFACE: Uuid = interface(2);
+
+/// InterfaceUUID of the endpoint mapper (C706, appendix O).
+pub const ENDPOINT_MAPPER_INTERFACE: Uuid =
+    Uuid(0xE1AF_8308_5D1F_11C9_91A4_0800_2B14_A0FA_u128.to_be_bytes());
+
+const fn interface(number: u128) -> Uuid {
+    Uuid((0xDEA0_0000_6C97_11D1_8271_00A0_2442_DF7D_u128 | number << 96).to_be_bytes())
+}
+
+/// ObjectUUID of a station: instance (1 for the first interface), device and vendor.
+#[must_use]
+pub fn object(instance: u16, identity: Identity) -> Uuid {
+    let node = u128::from(instance) << 32 | u128::from(identity.device) << 16 | u128::from(identity.vendor);
+    Uuid((0xDEA0_0000_6C97_11D1_8271_0000_0000_0000_u128 | node).to_be_bytes())
+}
+
+/// The order in which the sender of an RPC header writes numbers.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Order {
+    /// Most significant byte first.
+    Big,
+    /// Least significant byte first.
+    Little,
+}
+
+/// What kind of PDU this is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// A call.
+    Request,
+    /// Is my call still being worked on?
+    Ping,
+    /// The answer to a call.
+    Response,
+    /// The call was begun and failed; the body is one status of RPC.
+    Fault,
+    /// The call is being worked on.
+    Working,
+    /// This call is not known; the answer to a ping.
+    NoCall,
+    /// The call was not begun; the body is one status of RPC.
+    Reject,
+    /// The response has come.
+    Ack,
+    /// Give this call up.
+    Cancel,
+    /// A fragment has come.
+    FragmentAck,
+    /// The call is given up.
+    CancelAck,
+    /// A kind that this version does not know; it survives a round trip.
+    Unknown(u8),
+}
+
+impl From<u8> for Kind {
+    fn from(code: u8) -> Self {
+        match code {
+            0 => Self::Request,
+            1 => Self::Ping,
+            2 => Self::Response,
+            3 => Self::Fault,
+            4 => Self::Working,
+            5 => Self::NoCall,
+            6 => Self::Reject,
+            7 => Self::Ack,
+            8 => Self::Cancel,
+            9 => Self::FragmentAck,
+            10 => Self::CancelAck,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+impl From<Kind> for u8 {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Request => 0,
+            Kind::Ping => 1,
+            Kind::Response => 2,
+            Kind::Fault => 3,
+            Kind::Working => 4,
+            Kind::NoCall => 5,
+            Kind::Reject => 6,
+            Kind::Ack => 7,
+            Kind::Cancel => 8,
+            Kind::FragmentAck => 9,
+            Kind::CancelAck => 10,
+            Kind::Unknown(code) => code,
+        }
+    }
+}
+
+/// What a call does: the operation number of the device and controller interfaces.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Operation {
+    /// Connect: sets an AR up.
+    Connect,
+    /// Release: ends an AR.
+    Release,
+    /// Read within an AR.
+    Read,
+    /// Write within an AR.
+    Write,
+    /// Control: PrmBegin, PrmEnd, ApplicationReady.
+    Control,
+    /// Read without an AR.
+    ReadImplicit,
+    /// An operation that this version does not know; it survives a round trip.
+    Unknown(u16),
+}
+
+impl From<u16> for Operation {
+    fn from(code: u16) -> Self {
+        match code {
+            0 => Self::Connect,
+            1 => Self::Release,
+            2 => Self::Read,
+            3 => Self::Write,
+            4 => Self::Control,
+            5 => Self::ReadImplicit,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+impl From<Operation> for u16 {
+    fn from(operation: Operation) -> Self {
+        match operation {
+            Operation::Connect => 0,
+            Operation::Release => 1,
+            Operation::Read => 2,
+            Operation::Write => 3,
+            Operation::Control => 4,
+            Operation::ReadImplicit => 5,
+            Operation::Unknown(code) => code,
+        }
+    }
+}
+
+/// Flags1 of the header.
+pub mod flags {
+    /// The last fragment.
+    pub const LAST_FRAGMENT: u8 = 0x02;
+    /// One fragment of several.
+    pub const FRAGMENT: u8 = 0x04;
+    /// No FragmentAck is wanted.
+    pub const NO_FRAGMENT_ACK: u8 = 0x08;
+    /// No answer is wanted.
+    pub const MAYBE: u8 = 0x10;
+    /// The call may be carried out twice.
+    pub const IDEMPOTENT: u8 = 0x20;
+    /// The call goes to everyone.
+    pub const BROADCAST: u8 = 0x40;
+}
+
+/// Statuses of RPC itself, the body of a Reject or Fault (C706, appendix E).
+pub mod rpc_status {
+    /// No operation has this number.
+    pub const OPERATION_RANGE: u32 = 0x1C01_0002;
+    /// The interface is not served here.
+    pub const UNKNOWN_INTERFACE: u32 = 0x1C01_0003;
+    /// The protocol was violated.
+    pub const PROTOCOL_ERROR: u32 = 0x1C01_000B;
+    /// The server has no room for the call.
+    pub const SERVER_TOO_BUSY: u32 = 0x1C01_0014;
+}
+
+/// Why a datagram is not an RPC PDU.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum Error {
+    /// It is shorter than its header, or than the body that the header promises.
+    #[error("the RPC PDU is cut: {0}")]
+    Truncated(#[from] Truncated),
+    /// RPCVersion is not 4.
+    #[error("RPC version {0}, where connectionless RPC has 4")]
+    Version(u8),
+    /// It wants authentication, which PROFINET does not have.
+    #[error("authentication protocol {0}, where PROFINET has none (0)")]
+    Authentication(u8),
+}
+
+/// An RPC header.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Header {
+    /// What the PDU is.
+    pub kind: Kind,
+    /// [`flags`].
+    pub flags: u8,
+    /// Flags2: bit 1 = cancel pending.
+    pub flags2: u8,
+    /// The sender's order of this header and of the NDR numbers.
+    pub order: Order,
+    /// Counts the PDUs of one call, fragments and repetitions alike.
+    pub serial: u16,
+    /// The station that is called.
+    pub object: Uuid,
+    /// The interface that is called.
+    pub interface: Uuid,
+    /// The caller's thread of calls.
+    pub activity: Uuid,
+    /// When the server started, in its own units; 0 where the caller does not know.
+    pub server_boot: u32,
+    /// Version of the interface; 1 for PROFINET, 3 for the endpoint mapper.
+    pub interface_version: u32,
+    /// Number of the call within its activity.
+    pub sequence: u32,
+    /// Operation number; see [`Operation`].
+    pub operation: u16,
+    /// A hint for the server; 0xFFFF = none.
+    pub interface_hint: u16,
+    /// A hint for the server; 0xFFFF = none.
+    pub activity_hint: u16,
+    /// Number of the fragment, from 0.
+    pub fragment: u16,
+}
+
+impl Header {
+    /// The header of a call.
+    #[must_use]
+    pub const fn request(
+        operation: Operation,
+        object: Uuid,
+        interface: Uuid,
+        activity: Uuid,
+        sequence: u32,
+    ) -> Self {
+        let operation = match operation {
+            Operation::Connect => 0,
+            Operation::Release => 1,
+            Operation::Read => 2,
+            Operation::Write => 3,
+            Operation::Control => 4,
+            Operation::ReadImplicit => 5,
+            Operation::Unknown(code) => code,
+        };
+        Self {
+            kind: Kind::Request,
+            flags: flags::IDEMPOTENT,
+            flags2: 0,
+            order: Order::Big,
+            serial: 0,
+            object,
+            interface,
+            activity,
+            server_boot: 0,
+            interface_version: 1,
+            sequence,
+            operation,
+            interface_hint: 0xFFFF,
+            activity_hint: 0xFFFF,
+            fragment: 0,
+        }
+    }
+
+    /// The header of the answer to this call.
+    #[must_use]
+    pub const fn answer(&self, kind: Kind) -> Self {
+        Self {
+            kind,
+            flags: flags::IDEMPOTENT | flags::NO_FRAGMENT_ACK,
+            flags2: 0,
+            order: Order::Big,
+            serial: 0,
+            fragment: 0,
+            ..*self
+        }
+    }
+
+    /// Whether `other` belongs to the same call.
+    #[must_use]
+    pub fn is_same_call(&self, other: &Self) -> bool {
+        self.activity == other.activity && self.sequence == other.sequence
+    }
+
+    /// Whether this is one fragment of several.
+    #[must_use]
+    pub const fn is_fragment(&self) -> bool {
+        self.flags & flags::FRAGMENT != 0
+    }
+
+    /// Takes a datagram apart into the header and its body. Bytes after the body are ignored.
+    pub fn parse(datagram: &[u8]) -> Result<(Self, &[u8]), Error> {
+        let mut reader = Reader::<BigEndian>::new(datagram);
+        let version = reader.u8()?;
+        let kind = reader.u8()?.into();
+        let [flags, flags2, representation] = reader.array()?;
+        reader.skip(2)?;
+        if version != 4 {
+            return Err(Error::Version(version));
+        }
+        match representation >> 4 {
+            0 => Self::parse_rest(reader, (kind, flags, flags2, Order::Big)),
+            _ => Self::parse_rest(reader.in_order::<LittleEndian>(), (kind, flags, flags2, Order::Little)),
+        }
+    }
+
+    fn parse_rest<O: ByteOrder>(
+        mut reader: Reader<'_, O>,
+        (kind, flags, flags2, order): (Kind, u8, u8, Order),
+    ) -> Result<(Self, &[u8]), Error> {
+        let serial_high = reader.u8()?;
+        let object = Uuid::read(&mut reader)?;
+        let interface = Uuid::read(&mut reader)?;
+        let activity = Uuid::read(&mut reader)?;
+        let server_boot = reader.u32()?;
+        let interface_version = reader.u32()?;
+        let sequence = reader.u32()?;
+        let operation = reader.u16()?;
+        let interface_hint = reader.u16()?;
+        let activity_hint = reader.u16()?;
+        let body_len = reader.u16()?;
+        let fragment = reader.u16()?;
+        let [authentication, serial_low] = reader.array()?;
+        if authentication != 0 {
+            return Err(Error::Authentication(authentication));
+        }
+        let body = reader.bytes(usize::from(body_len))?;
+        let header = Self {
+            kind,
+            flags,
+            flags2,
+            order,
+            serial: u16::from_be_bytes([serial_high, serial_low]),
+            object,
+            interface,
+            activity,
+            server_boot,
+            interface_version,
+            sequence,
+            operation,
+            interface_hint,
+            activity_hint,
+            fragment,
+        };
+        Ok((header, body))
+    }
+
+    /// Writes the header and a body of at most 65535 bytes; returns the datagram's length.
+    pub fn emit(&self, body: &[u8], datagram: &mut [u8]) -> Result<usize, Overflow> {
+        let mut writer = Writer::<BigEndian>::new(datagram);
+        let representation = match self.order {
+            Order::Big => 0x00,
+            Order::Little => 0x10,
+        };
+        let [serial_high, serial_low] = self.serial.to_be_bytes();
+        writer.bytes(&[4, self.kind.into(), self.flags, self.flags2, representation, 0, 0, serial_high]);
+        match self.order {
+            Order::Big => self.emit_rest(body.len(), serial_low, &mut writer),
+            Order::Little => writer.in_order::<LittleEndian>(|w| self.emit_rest(body.len(), serial_low, w)),
+        }
+        writer.bytes(body);
+        writer.finish()
+    }
+
+    fn emit_rest<O: ByteOrder>(&self, body_len: usize, serial_low: u8, writer: &mut Writer<'_, O>) {
+        self.object.write(writer);
+        self.interface.write(writer);
+        self.activity.write(writer);
+        writer.u32(self.server_boot);
+        writer.u32(self.interface_version);
+        writer.u32(self.sequence);
+        writer.u16(self.operation);
+        writer.u16(self.interface_hint);
+        writer.u16(self.activity_hint);
+        writer.u16(u16::try_from(body_len).unwrap_or(u16::MAX));
+        writer.u16(self.fragment);
+        writer.bytes(&[0, serial_low]);
+    }
+}
+
+/// The status in the body of a Reject or Fault.
+#[must_use]
+pub fn read_rpc_status(header: &Header, body: &[u8]) -> Option<u32> {
+    match header.order {
+        Order::Big => Reader::<BigEndian>::new(body).u32().ok(),
+        Order::Little => Reader::<LittleEndian>::new(body).u32().ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

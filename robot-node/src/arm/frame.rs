@@ -1,0 +1,221 @@
+//! Poses and their algebra: a rotation and a displacement.
+
+use core::ops::Mul;
+
+/// A rotation, as a unit quaternion.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Rotation {
+    w: f64,
+    v: [f64; 3],
+}
+
+impl Rotation {
+    /// No rotation.
+    pub const IDENTITY: Self = Self { w: 1.0, v: [0.0; 3] };
+
+    /// The rotation by `angle` degrees about the unit vector `axis`.
+    #[must_use]
+    pub fn about(axis: [f64; 3], angle: f64) -> Self {
+        let (sin, cos) = (angle / 2.0).to_radians().sin_cos();
+        Self { w: cos, v: axis.map(|part| part * sin) }
+    }
+
+    /// A tool that points straight down, turned by `yaw` degrees about the upward z axis: a = yaw, b = 0, c = 180.
+    #[must_use]
+    pub fn pointing_down(yaw: f64) -> Self {
+        let (sin, cos) = (yaw / 2.0).to_radians().sin_cos();
+        Self { w: 0.0, v: [cos, sin, 0.0] }
+    }
+
+    /// From the angles a, b, c in degrees about z, y' and x''.
+    #[must_use]
+    pub fn from_angles([a, b, c]: [f64; 3]) -> Self {
+        Self::about([0.0, 0.0, 1.0], a) * Self::about([0.0, 1.0, 0.0], b) * Self::about([1.0, 0.0, 0.0], c)
+    }
+
+    /// The angles a, b, c in degrees about z, y' and x''; a and c within (−180, 180].
+    #[must_use]
+    pub fn angles(self) -> [f64; 3] {
+        let Self { w, v: [x, y, z] } = self;
+        let sin_b = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0);
+        let a = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
+        let c = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
+        [half_open(a.to_degrees()), sin_b.asin().to_degrees(), half_open(c.to_degrees())]
+    }
+
+    /// The rotation that undoes this one.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        Self { w: self.w, v: self.v.map(|part| -part) }
+    }
+
+    /// Unit axis and angle in degrees, 0…180: the shorter way round.
+    #[must_use]
+    pub fn axis_angle(self) -> ([f64; 3], f64) {
+        let sign = if self.w < 0.0 { -1.0 } else { 1.0 };
+        let sin = length(self.v);
+        if sin < 1e-12 {
+            return ([0.0, 0.0, 1.0], 0.0);
+        }
+        (self.v.map(|part| sign * part / sin), 2.0 * sin.atan2(sign * self.w).to_degrees())
+    }
+
+    /// The angle in degrees between the rotated z axis and straight down.
+    #[must_use]
+    pub fn tilt_from_down(self) -> f64 {
+        let Self { w, v: [x, y, z] } = self;
+        2.0 * w.hypot(z).atan2(x.hypot(y)).to_degrees()
+    }
+
+    /// How far, in degrees about z, a tool that points straight down is turned; within [−360, 360].
+    #[must_use]
+    pub fn yaw_pointing_down(self) -> f64 {
+        2.0 * self.v[1].atan2(self.v[0]).to_degrees()
+    }
+
+    /// A vector, rotated.
+    #[must_use]
+    pub fn rotate(self, vector: [f64; 3]) -> [f64; 3] {
+        let twice = cross(self.v, vector).map(|part| 2.0 * part);
+        let turned = cross(self.v, twice);
+        core::array::from_fn(|i| vector[i] + self.w * twice[i] + turned[i])
+    }
+}
+
+impl Mul for Rotation {
+    type Output = Self;
+
+    /// First `rhs`, then `self`: the frames of a chain from left to right.
+    fn mul(self, rhs: Self) -> Self {
+        let (p, q) = (self.v, rhs.v);
+        let turned = cross(p, q);
+        Self {
+            w: self.w * rhs.w - dot(p, q),
+            v: core::array::from_fn(|i| self.w * q[i] + rhs.w * p[i] + turned[i]),
+        }
+    }
+}
+
+/// A pose of one frame in another: where its origin is and how it is turned.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Frame {
+    /// Origin, in mm.
+    pub position: [f64; 3],
+    /// Orientation.
+    pub rotation: Rotation,
+}
+
+impl Frame {
+    /// The frame itself.
+    pub const IDENTITY: Self = Self { position: [0.0; 3], rotation: Rotation::IDENTITY };
+
+    /// From x, y, z in mm and a, b, c in degrees about z, y', x''.
+    #[must_use]
+    pub fn from_mm_deg([x, y, z, a, b, c]: [f64; 6]) -> Self {
+        Self { position: [x, y, z], rotation: Rotation::from_angles([a, b, c]) }
+    }
+
+    /// x, y, z in mm and a, b, c in degrees about z, y', x''.
+    #[must_use]
+    pub fn to_mm_deg(self) -> [f64; 6] {
+        let ([x, y, z], [a, b, c]) = (self.position, self.rotation.angles());
+        [x, y, z, a, b, c]
+    }
+
+    /// The pose of the outer frame in this one.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        let rotation = self.rotation.inverse();
+        Self { position: rotation.rotate(self.position).map(|part| -part), rotation }
+    }
+}
+
+impl Mul for Frame {
+    type Output = Self;
+
+    /// The pose of `rhs`, which is given in `self`, in the frame that `self` is given in.
+    fn mul(self, rhs: Self) -> Self {
+        Self {
+            position: sum(self.position, self.rotation.rotate(rhs.position)),
+            rotation: self.rotation * rhs.rotation,
+        }
+    }
+}
+
+/// Distance in mm between two points.
+#[must_use]
+pub fn distance(from: [f64; 3], to: [f64; 3]) -> f64 {
+    length(core::array::from_fn(|i| to[i] - from[i]))
+}
+
+/// Length of a vector.
+#[must_use]
+pub fn length(vector: [f64; 3]) -> f64 {
+    dot(vector, vector).sqrt()
+}
+
+fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// −180 and 180 are one direction; a display that flickers between both helps nobody.
+fn half_open(degrees: f64) -> f64 {
+    if degrees <= -180.0 + 1e-9 { degrees + 360.0 } else { degrees }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn assert_near(actual: [f64; 6], expected: [f64; 6]) {
+        for (actual, expected) in actual.iter().zip(expected) {
+            assert!((actual - expected).abs() < 1e-9, "{actual} is not {expected}");
+        }
+    }
+
+    #[test]
+    fn a_base_turned_by_90_degrees_carries_its_x_along_the_roots_y() {
+        let base = Frame::from_mm_deg([300.0, -150.0, 40.0, 90.0, 0.0, 0.0]);
+        let target = Frame::from_mm_deg([100.0, 20.0, 5.0, 0.0, 0.0, 180.0]);
+        assert_near((base * target).to_mm_deg(), [280.0, -50.0, 45.0, 90.0, 0.0, 180.0]);
+    }
+
+    #[test]
+    fn a_tool_that_points_down_is_c_180() {
+        assert_near(
+            Frame { position: [0.0; 3], rotation: Rotation::pointing_down(30.0) }.to_mm_deg(),
+            [0.0, 0.0, 0.0, 30.0, 0.0, 180.0],
+        );
+        assert!(Rotation::from_angles([17.0, 0.0, 180.0]).tilt_from_down() < 1e-9);
+        assert!((Rotation::from_angles([17.0, 10.0, 180.0]).tilt_from_down() - 10.0).abs() < 1e-9);
+    }
+
+    proptest! {
+        #[test]
+        fn a_frame_and_its_inverse_cancel(
+            pose in proptest::array::uniform6(-170.0..170.0_f64),
+            point in proptest::array::uniform3(-500.0..500.0_f64),
+        ) {
+            let frame = Frame::from_mm_deg(pose);
+            let back = frame.inverse() * (frame * Frame { position: point, rotation: Rotation::IDENTITY });
+            prop_assert!(distance(back.position, point) < 1e-9);
+        }
+
+        #[test]
+        fn angles_survive_a_round_trip(a in -179.0..179.0_f64, b in -89.0..89.0_f64, c in -179.0..179.0_f64) {
+            let angles = Rotation::from_angles([a, b, c]).angles();
+            for (angle, expected) in angles.iter().zip([a, b, c]) {
+                prop_assert!((angle - expected).abs() < 1e-6);
+            }
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! The arm: from joints to poses and back, and what each joint may do.
+
+mod frame;
+mod scara;
+mod violation;
+
+use core::fmt::Debug;
+use std::sync::Arc;
+
+pub use frame::{Frame, Rotation, distance, length};
+pub use scara::Scara;
+pub use violation::Violation;
+
+/// Joints that an arm has at most. Those that an arm lacks stay 0.
+pub const AXES: usize = 6;
+
+/// One value a joint: degrees, mm on a linear joint.
+pub type Joints = [f64; AXES];
+
+/// The geometry of an arm. Limits of joints are not its business but [`Arm`]'s.
+pub trait Kinematics: Debug + Send + Sync {
+    /// How many joints it has, at most [`AXES`].
+    fn axes(&self) -> usize;
+
+    /// Whether a full turn of this joint, counted from 0, brings the arm back to the same pose.
+    fn is_rotary(&self, axis: usize) -> bool;
+
+    /// The flange in the root.
+    fn forward(&self, joints: &Joints) -> Frame;
+
+    /// The joints that bring the flange there, in the configuration (elbow, wrist) of `near`; rotary joints by any
+    /// number of turns.
+    fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation>;
+}
+
+/// Range, rated speed and rated acceleration of every joint. A joint that the arm lacks has no limits.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct AxisLimits {
+    /// Lowest values, in degrees (mm).
+    pub lower: Joints,
+    /// Highest values, in degrees (mm).
+    pub upper: Joints,
+    /// Rated speeds, in degrees (mm) per second.
+    pub speed: Joints,
+    /// Rated accelerations, in degrees (mm) per second².
+    pub acceleration: Joints,
+}
+
+impl AxisLimits {
+    /// No limits at all.
+    pub const NONE: Self = Self {
+        lower: [f64::NEG_INFINITY; AXES],
+        upper: [f64::INFINITY; AXES],
+        speed: [f64::INFINITY; AXES],
+        acceleration: [f64::INFINITY; AXES],
+    };
+
+    /// The joint that such speeds load most, and the share of its rated speed.
+    #[must_use]
+    pub fn speed_load(&self, speeds: &Joints) -> Load {
+        Load::highest(speeds, &self.speed)
+    }
+
+    /// The joint that such accelerations load most, and the share of its rated acceleration.
+    #[must_use]
+    pub fn acceleration_load(&self, accelerations: &Joints) -> Load {
+        Load::highest(accelerations, &self.acceleration)
+    }
+}
+
+/// The joint that is nearest to its limit.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Load {
+    /// Which joint, from 1.
+    pub axis: u8,
+    /// What it does as a share of its limit; 1 is the limit.
+    pub share: f64,
+}
+
+impl Load {
+    fn highest(values: &Joints, limits: &Joints) -> Self {
+        let mut highest = Self { axis: 1, share: 0.0 };
+        for (axis, (value, limit)) in (1..).zip(values.iter().zip(limits)) {
+            let share = value.abs() / limit;
+            if share > highest.share {
+                highest = Self { axis, share };
+            }
+        }
+        highest
+    }
+}
+
+/// An arm with its limits.
+#[derive(Clone, Debug)]
+pub struct Arm {
+    kinematics: Arc<dyn Kinematics>,
+    limits: AxisLimits,
+}
+
+impl Arm {
+    /// An arm of this geometry within these limits.
+    #[must_use]
+    pub fn new(kinematics: Arc<dyn Kinematics>, limits: AxisLimits) -> Self {
+        Self { kinematics, limits }
+    }
+
+    /// How many joints it has.
+    #[must_use]
+    pub fn axes(&self) -> usize {
+        self.kinematics.axes()
+    }
+
+    /// What the joints may do.
+    #[must_use]
+    pub const fn limits(&self) -> &AxisLimits {
+        &self.limits
+    }
+
+    /// The flange in the root.
+    #[must_use]
+    pub fn forward(&self, joints: &Joints) -> Frame {
+        self.kinematics.forward(joints)
+    }
+
+    /// The joints that bring the flange there without a turn or a change of configuration from `near`: for the next
+    /// point of a path.
+    pub fn follow(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
+        let mut joints = self.kinematics.inverse(flange, near)?;
+        for (axis, (joint, near)) in joints.iter_mut().zip(near).enumerate().take(self.axes()) {
+            if self.kinematics.is_rotary(axis) {
+                *joint = near + shortest_turn(*joint - near);
+            }
+        }
+        self.within_range(&joints)?;
+        Ok(joints)
+    }
+
+    /// The joints that bring the flange there in the configuration of `near`, each rotary joint on the shortest way
+    /// that its range allows: for a target that the arm reaches point to point.
+    pub fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
+        let mut joints = self.kinematics.inverse(flange, near)?;
+        let range = self.limits.lower.iter().zip(&self.limits.upper);
+        let axes = joints.iter_mut().zip(near).zip(range).enumerate().take(self.axes());
+        for (axis, ((joint, near), (lower, upper))) in axes {
+            if self.kinematics.is_rotary(axis) {
+                let shortest = near + shortest_turn(*joint - near);
+                let within = [shortest, shortest - 360.0, shortest + 360.0];
+                *joint = within.into_iter().find(|turn| (lower..=upper).contains(&turn)).unwrap_or(shortest);
+            }
+        }
+        self.within_range(&joints)?;
+        Ok(joints)
+    }
+
+    /// Whether every joint is within its range.
+    pub fn within_range(&self, joints: &Joints) -> Result<(), Violation> {
+        let AxisLimits { lower, upper, .. } = &self.limits;
+        for (axis, ((value, lower), upper)) in joints.iter().zip(lower).zip(upper).enumerate() {
+            // A target on the limit itself is allowed, whatever rounding makes of it.
+            if *value < lower - 1e-6 || *value > upper + 1e-6 {
+                return Err(Violation::Axis {
+                    axis: axis as u8 + 1,
+                    value: *value,
+                    lower: *lower,
+                    upper: *upper,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The same turn within [−180, 180].
+fn shortest_turn(degrees: f64) -> f64 {
+    if degrees.abs() <= 180.0 { degrees } else { degrees - 360.0 * (degrees / 360.0).round() }
+}

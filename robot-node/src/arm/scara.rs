@@ -1,0 +1,136 @@
+//! A SCARA: two links that turn in a plane, a vertical stroke, a rotation of the flange.
+//!
+//! ```text
+//! x = l1·cos(q1) + l2·cos(q1 + q2)        z = height + q3
+//! y = l1·sin(q1) + l2·sin(q1 + q2)        a = q1 + q2 + q4, b = 0, c = 180: the tool points down
+//! ```
+
+use super::{Frame, Joints, Kinematics, Rotation, Violation};
+
+/// How far the commanded orientation may be off from straight down, in degrees: what single precision leaves.
+const TILT_TOLERANCE_DEG: f64 = 0.01;
+
+/// The geometry of a SCARA. Joints 1, 2 and 4 are in degrees, joint 3 in mm upward.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Scara {
+    /// First link, from axis 1 to axis 2, in mm.
+    pub link_1_mm: f64,
+    /// Second link, from axis 2 to the quill, in mm.
+    pub link_2_mm: f64,
+    /// Height of the flange above the root at joint 3 = 0, in mm.
+    pub height_mm: f64,
+}
+
+impl Kinematics for Scara {
+    fn axes(&self) -> usize {
+        4
+    }
+
+    fn is_rotary(&self, axis: usize) -> bool {
+        axis != 2
+    }
+
+    fn forward(&self, &[q1, q2, q3, q4, ..]: &Joints) -> Frame {
+        let (sin_1, cos_1) = q1.to_radians().sin_cos();
+        let (sin_12, cos_12) = (q1 + q2).to_radians().sin_cos();
+        Frame {
+            position: [
+                self.link_1_mm * cos_1 + self.link_2_mm * cos_12,
+                self.link_1_mm * sin_1 + self.link_2_mm * sin_12,
+                self.height_mm + q3,
+            ],
+            rotation: Rotation::pointing_down(q1 + q2 + q4),
+        }
+    }
+
+    fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
+        let tilt_deg = flange.rotation.tilt_from_down();
+        if tilt_deg > TILT_TOLERANCE_DEG {
+            return Err(Violation::Tilt { tilt_deg });
+        }
+        let (l1, l2) = (self.link_1_mm, self.link_2_mm);
+        let [x, y, z] = flange.position;
+        let square = x * x + y * y;
+        let cos_2 = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
+        if cos_2.is_nan() || cos_2.abs() > 1.0 + 1e-9 {
+            return Err(Violation::Radius {
+                radius_mm: square.sqrt(),
+                nearest_mm: (l1 - l2).abs(),
+                farthest_mm: l1 + l2,
+            });
+        }
+        let cos_2 = cos_2.clamp(-1.0, 1.0);
+        let elbow = if near[1] < 0.0 { -1.0 } else { 1.0 };
+        let sin_2 = elbow * (1.0 - cos_2 * cos_2).sqrt();
+        let q2 = sin_2.atan2(cos_2);
+        // One arc tangent of the rotated target instead of a difference of two.
+        let (along, across) = (l1 + l2 * cos_2, l2 * sin_2);
+        let q1 = (y * along - x * across).atan2(x * along + y * across);
+        let (q1, q2) = (q1.to_degrees(), q2.to_degrees());
+        let q4 = flange.rotation.yaw_pointing_down() - q1 - q2;
+        Ok([q1, q2, z - self.height_mm, q4, 0.0, 0.0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::{Arm, AxisLimits, distance};
+    use proptest::prelude::*;
+    use std::sync::Arc;
+
+    const KR6_R500: Scara = Scara { link_1_mm: 225.0, link_2_mm: 275.0, height_mm: 0.0 };
+
+    fn arm() -> Arm {
+        let mut limits = AxisLimits::NONE;
+        for (axis, limit) in [132.0, 145.0, 200.0, 355.0].into_iter().enumerate() {
+            (limits.lower[axis], limits.upper[axis]) = (-limit, limit);
+        }
+        limits.lower[2] = 0.0;
+        Arm::new(Arc::new(KR6_R500), limits)
+    }
+
+    #[test]
+    fn stretched_out_it_reaches_half_a_metre_along_x() {
+        let flange = KR6_R500.forward(&[0.0, 0.0, 120.0, 0.0, 0.0, 0.0]);
+        assert!(distance(flange.position, [500.0, 0.0, 120.0]) < 1e-9);
+    }
+
+    #[test]
+    fn what_it_cannot_reach_is_refused_with_the_reach() {
+        let target = Frame::from_mm_deg([400.0, 400.0, 0.0, 0.0, 0.0, 180.0]);
+        let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
+        insta::assert_snapshot!(error, @"the target is 565.685 mm from axis 1; the arm reaches from 50.000 to 500.000 mm");
+    }
+
+    #[test]
+    fn a_tilted_tool_is_refused_with_the_tilt() {
+        let target = Frame::from_mm_deg([300.0, 0.0, 0.0, 0.0, 5.0, 180.0]);
+        let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
+        insta::assert_snapshot!(error, @"the flange would be tilted by 5.000° from straight down; this arm cannot tilt it (c = 180)");
+    }
+
+    #[test]
+    fn a_joint_out_of_its_range_is_refused_with_the_range() {
+        let target = Frame::from_mm_deg([300.0, 0.0, 230.0, 0.0, 0.0, 180.0]);
+        let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
+        insta::assert_snapshot!(error, @"joint 3 would be at 230.000, its range is 0.000 to 200.000");
+    }
+
+    proptest! {
+        #[test]
+        fn inverse_undoes_forward_on_either_elbow_side(
+            q1 in -131.0..131.0_f64,
+            q2 in prop_oneof![-144.0..-1.0_f64, 1.0..144.0_f64],
+            q3 in 0.0..200.0_f64,
+            q4 in -170.0..170.0_f64,
+        ) {
+            let joints = [q1, q2, q3, q4, 0.0, 0.0];
+            let near = joints.map(|joint| joint * 0.9);
+            let found = arm().inverse(&KR6_R500.forward(&joints), &near).unwrap();
+            for (found, expected) in found.iter().zip(joints) {
+                prop_assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");
+            }
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! From a setup to the robot's end of its bus.
+
+use core::net::Ipv4Addr;
+
+use protocol::Instant;
+use protocol::profinet::ethernet::Mac;
+use protocol::profinet::{Device, DeviceConfig, description};
+use setup::Setup;
+
+/// Why a setup gives no bus endpoint.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum BusError {
+    /// The setup names PROFINET but does not describe it.
+    #[error(
+        "bus.kind is `profinet`, so the setup needs a table [bus.profinet] with cyclic and both station names"
+    )]
+    NoProfinet,
+}
+
+/// The IO-Device of a setup, on an interface with this MAC address and, if it has one already, this IP address.
+pub fn profinet_device(
+    setup: &Setup,
+    mac: Mac,
+    address: Option<Ipv4Addr>,
+    start: Instant,
+) -> Result<Device, BusError> {
+    let profinet = setup.bus.profinet.as_ref().ok_or(BusError::NoProfinet)?;
+    let config = DeviceConfig {
+        mac,
+        station_name: profinet.robot_station_name.clone().into_bytes(),
+        address,
+        mask: setup.bus.subnet_mask,
+        description: description::ROBOT,
+    };
+    Ok(Device::new(config, start))
+}

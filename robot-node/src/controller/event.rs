@@ -1,0 +1,69 @@
+//! What the robot tells its owner.
+
+use core::time::Duration;
+
+use protocol::fieldbus::LinkEvent;
+use protocol::image::{ErrorNumber, Skill, State};
+
+use crate::arm::Violation;
+
+/// What happened in the robot.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum RobotEvent {
+    /// News of the connection.
+    Link(LinkEvent),
+    /// The state machine changed its state.
+    State(State),
+    /// The interpreter took up a command.
+    SkillStarted {
+        /// Its command number.
+        number: u16,
+        /// What it executes.
+        skill: Skill,
+    },
+    /// A skill ended.
+    SkillFinished {
+        /// Its command number.
+        number: u16,
+        /// What it executed.
+        skill: Skill,
+        /// How it ended.
+        ending: Ending,
+        /// Motions that were executed.
+        executed: u32,
+        /// From the tick that saw the command to the tick that reports the end.
+        execution: Duration,
+    },
+    /// A motion was run to an exact stop because its successor was not there at its decision point.
+    BlendSuppressed {
+        /// Which motion of the skill, counted from 0.
+        motion: u32,
+    },
+    /// A command was refused, or a motion of a running skill, which then stops after the last good one.
+    Refused {
+        /// The command's number.
+        number: u16,
+        /// What the feedback image says.
+        error: ErrorNumber,
+        /// Which motion of the skill, counted from 0.
+        motion: u32,
+        /// The quantity and its limit.
+        cause: Violation,
+    },
+}
+
+/// How a skill ended.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Ending {
+    /// All motions are executed.
+    Done,
+    /// Given up by a halt.
+    Aborted,
+    /// Ended by an error.
+    Fault {
+        /// What is wrong.
+        error: ErrorNumber,
+        /// Which motion of the skill, counted from 0.
+        motion: u32,
+    },
+}

@@ -1,0 +1,431 @@
+//! The robot controller: dispatches skills from the command image and runs their motions.
+//!
+//! States and transitions are those of OPC UA Part 10 programs:
+//!
+//! ```text
+//! Halted --reset--> Ready --execute--> Running --suspend--> Suspended
+//!    ^                ^ '---- done -------'  ^--- resume ------'
+//!    '-- halt, enable taken back, connection lost, error: stop on the path first
+//! ```
+//!
+//! A skill costs time besides its motion. The interpreter notices a command after a time evenly spread over its
+//! quantum, drawn anew for every call: it runs free against the interpolation, so that calls meet it at any phase. (On
+//! a fixed grid the calls of one run would all meet it at one phase and pay one quantum in all; the paper's MAD of
+//! single skills, which grows with the number of calls, contradicts that.) Then half of the overhead passes before
+//! the motion, and half after it until the arm has settled: only the sum can be identified from the paper. Motions
+//! within a program or a MoveContinuous pay neither.
+
+mod event;
+mod execution;
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocol::Instant;
+use protocol::image::{Command, Control, ErrorNumber, Feedback, Motion, Skill, State, Status};
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+pub use event::{Ending, RobotEvent};
+use execution::{Execution, Phase, Programs};
+
+use crate::RobotConfig;
+use crate::arm::{AXES, Frame, Joints, Violation};
+use crate::motion::{Appended, Interpolator, Segment};
+
+/// Events that wait for the owner; it takes them after every call.
+const EVENTS: usize = 64;
+
+/// A command that the interpreter has not noticed yet.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Pending {
+    number: u16,
+    seen_at: Instant,
+    noticed_at: Instant,
+}
+
+/// The robot controller. It lives by [`tick`](Self::tick), once every robot cycle.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    config: RobotConfig,
+    programs: Programs,
+    random: Pcg64Mcg,
+    interpolator: Interpolator,
+    state: State,
+    /// The last command number that was taken up or refused; none until the first image of a connection, whose
+    /// number is an old one.
+    last_number: Option<u16>,
+    pending: Option<Pending>,
+    execution: Option<Execution>,
+    /// `reset` counts once each time it is set.
+    reset_armed: bool,
+    hold: bool,
+    factor: f64,
+    tool: Frame,
+    base_inverse: Frame,
+    feedback: Feedback,
+    /// The joints that the feedback shows.
+    reported: Joints,
+    events: VecDeque<RobotEvent>,
+}
+
+impl Controller {
+    /// A controller with its programs by number. `seed` feeds the interpreter's random phase.
+    #[must_use]
+    pub fn new(config: RobotConfig, programs: Vec<(u16, Vec<Motion>)>, seed: u64) -> Self {
+        let cycle_s = config.cycle.as_secs_f64();
+        let interpolator =
+            Interpolator::at_rest(config.arm.clone(), config.home, cycle_s, config.path_acceleration_mm_s2);
+        let mut controller = Self {
+            config,
+            programs,
+            random: Pcg64Mcg::seed_from_u64(seed),
+            interpolator,
+            state: State::Halted,
+            last_number: None,
+            pending: None,
+            execution: None,
+            reset_armed: true,
+            hold: false,
+            factor: 1.0,
+            tool: Frame::IDENTITY,
+            base_inverse: Frame::IDENTITY,
+            feedback: Feedback::default(),
+            reported: [0.0; AXES],
+            events: VecDeque::with_capacity(EVENTS),
+        };
+        controller.report_position();
+        controller
+    }
+
+    /// What the feedback image says, as of the last tick.
+    #[must_use]
+    pub const fn feedback(&self) -> &Feedback {
+        &self.feedback
+    }
+
+    /// The joints now, in degrees (mm).
+    #[must_use]
+    pub const fn joints(&self) -> &Joints {
+        self.interpolator.joints()
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<RobotEvent> {
+        self.events.pop_front()
+    }
+
+    /// One robot cycle at the instant `at`, with the command image as it stands, or none without a connection.
+    pub fn tick(&mut self, at: Instant, command: Option<&Command>) {
+        let was = self.state;
+        match command {
+            Some(command) => self.read(at, command),
+            None => self.without_connection(at),
+        }
+        if self.execution.is_some() {
+            self.execute(at, command);
+        } else {
+            self.interpolator.stand_still();
+        }
+        if self.state != was {
+            self.event(RobotEvent::State(self.state));
+        }
+        self.report(at, command);
+    }
+
+    fn without_connection(&mut self, at: Instant) {
+        self.last_number = None;
+        self.reset_armed = true;
+        self.give_up(
+            at,
+            Ending::Fault { error: ErrorNumber::ConnectionLost, motion: self.feedback.executed },
+        );
+    }
+
+    /// Follows the control bits. Of those that contradict each other the one that stops wins.
+    fn read(&mut self, at: Instant, command: &Command) {
+        let control = command.control;
+        let enabled = control.contains(Control::ENABLE);
+        self.reset_armed |= !control.contains(Control::RESET);
+        if !enabled {
+            self.give_up(at, Ending::Fault { error: ErrorNumber::Disabled, motion: self.feedback.executed });
+        } else if control.contains(Control::HALT) {
+            self.give_up(at, Ending::Aborted);
+        } else if control.contains(Control::RESET) && self.reset_armed {
+            self.reset();
+        }
+        if control.contains(Control::SUSPEND) {
+            self.hold = true;
+        } else if control.contains(Control::RESUME) {
+            self.hold = false;
+        }
+        if (1..=100).contains(&command.override_percent) {
+            self.factor = f64::from(command.override_percent) / 100.0;
+        }
+        let last = *self.last_number.get_or_insert(command.number);
+        if control.contains(Control::EXECUTE) && command.number != last {
+            self.notice(at, command);
+        } else {
+            self.pending = None;
+        }
+    }
+
+    /// Takes back an error, and leaves `Halted` once the arm stands.
+    fn reset(&mut self) {
+        if self.execution.is_some() {
+            return;
+        }
+        self.reset_armed = false;
+        self.state = State::Ready;
+        self.feedback.error = ErrorNumber::None;
+        self.feedback.error_motion = 0;
+        self.feedback.status.set(Status::ERROR, false);
+        self.feedback.status.set(Status::ABORTED, false);
+    }
+
+    /// A command that is not taken up yet: the interpreter needs its time to see it.
+    fn notice(&mut self, at: Instant, command: &Command) {
+        if self.state != State::Ready {
+            self.last_number = Some(command.number);
+            return self.refuse(command.number, 0, ErrorNumber::NotReady.into());
+        }
+        let pending = match self.pending {
+            Some(pending) if pending.number == command.number => pending,
+            _ => {
+                let quantum = self.config.interpreter_quantum;
+                let noticed_at = at + quantum.mul_f64(self.random.next_u32() as f64 / 2_f64.powi(32));
+                Pending { number: command.number, seen_at: at, noticed_at }
+            }
+        };
+        self.pending = Some(pending);
+        if at < pending.noticed_at {
+            return;
+        }
+        (self.pending, self.last_number) = (None, Some(command.number));
+        let until = pending.noticed_at + self.config.skill_overhead / 2;
+        let joints = *self.interpolator.joints();
+        self.feedback = Feedback { number: command.number, ..self.cleared_feedback() };
+        match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
+            Ok(execution) => {
+                self.interpolator.clear();
+                self.hold = command.control.contains(Control::SUSPEND);
+                self.execution = Some(execution);
+                self.state = State::Running;
+                self.event(RobotEvent::SkillStarted { number: command.number, skill: command.skill });
+            }
+            Err(error) => {
+                self.state = State::Halted;
+                self.refuse(command.number, 0, error.into());
+            }
+        }
+    }
+
+    fn cleared_feedback(&self) -> Feedback {
+        let Feedback { life, life_echo, joints, pose, .. } = self.feedback;
+        Feedback { life, life_echo, joints, pose, ..Feedback::default() }
+    }
+
+    /// Runs the skill for one cycle.
+    fn execute(&mut self, at: Instant, command: Option<&Command>) {
+        let Some(mut execution) = self.execution else { return };
+        let waited_for_motions = self.interpolator.path().is_finished();
+        if !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none() {
+            self.take_motions(&mut execution, command);
+        }
+        if let Phase::Dispatch { until } = execution.phase {
+            let checked = execution.bad.is_some() || execution.check_program(&self.config, &self.programs);
+            if let Some((motion, violation)) = execution.bad {
+                self.refuse(execution.number, motion, violation);
+                let error = violation.number();
+                return self.finish(at, &execution, Ending::Fault { error, motion });
+            }
+            let there = !self.interpolator.path().is_finished();
+            if checked && there && at >= until && !self.hold {
+                execution.phase = Phase::Driving;
+            }
+            // The motion starts at this tick: the next one finds the arm a cycle further.
+            self.interpolator.stand_still();
+        } else if waited_for_motions || matches!(execution.phase, Phase::Settling { .. }) {
+            self.interpolator.stand_still();
+        } else {
+            self.drive(at, &mut execution);
+        }
+        self.feedback.executed = self.interpolator.path().executed();
+        self.feedback.accepted = execution.accepted;
+        match execution.phase {
+            Phase::Settling { until } if at >= until => self.finish(at, &execution, Ending::Done),
+            Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
+            Phase::Driving if execution.bad.is_some() && waited_for_motions => {
+                let (motion, violation) = execution.bad.unwrap_or((0, ErrorNumber::None.into()));
+                self.finish(at, &execution, Ending::Fault { error: violation.number(), motion });
+            }
+            _ => {
+                let held = self.hold && self.interpolator.is_at_rest();
+                self.state = if held { State::Suspended } else { State::Running };
+                self.execution = Some(execution);
+            }
+        }
+    }
+
+    /// Takes what the PLC has written, or what comes next in the program, as far as the queue has room.
+    fn take_motions(&mut self, execution: &mut Execution, command: Option<&Command>) {
+        loop {
+            let executed = self.interpolator.path().executed();
+            let next = execution.next_motion(command, executed, &self.programs);
+            let prepared = next.and_then(|motion| {
+                motion
+                    .map(|motion| Segment::prepare(&motion, self.interpolator.path().end(), &self.config))
+                    .transpose()
+            });
+            match prepared {
+                Ok(None) => return,
+                Ok(Some(segment)) => {
+                    execution.accepted += 1;
+                    let appended = self.interpolator.append(segment, execution.is_complete());
+                    if appended == Appended::Late {
+                        self.suppressed(execution.accepted.saturating_sub(2));
+                    }
+                }
+                Err(violation) => {
+                    execution.bad = Some((execution.accepted, violation));
+                    if execution.phase == Phase::Driving {
+                        self.refuse_motion(execution.number, execution.accepted, violation);
+                    }
+                    return self.interpolator.close();
+                }
+            }
+        }
+    }
+
+    fn drive(&mut self, at: Instant, execution: &mut Execution) {
+        let stopping = matches!(execution.phase, Phase::Stopping(_));
+        let target = if stopping || self.hold { 0.0 } else { self.factor };
+        match self.interpolator.drive(target) {
+            Ok(step) => {
+                if let Some(motion) = step.suppressed {
+                    self.suppressed(motion);
+                }
+                if let (Some(left), true, false) = (step.ended, execution.is_complete(), stopping) {
+                    let ended_at = at - Duration::from_secs_f64(left.min(1.0));
+                    execution.phase = Phase::Settling { until: ended_at + self.config.skill_overhead / 2 };
+                }
+            }
+            Err(violation) => {
+                // The checks before the start found the path free; what is left is a plan that is wrong.
+                self.interpolator.clear();
+                let motion = self.feedback.executed;
+                execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+            }
+        }
+    }
+
+    fn suppressed(&mut self, motion: u32) {
+        self.feedback.blends_suppressed = self.feedback.blends_suppressed.saturating_add(1);
+        self.event(RobotEvent::BlendSuppressed { motion });
+    }
+
+    /// Ends what runs, on the path; without a skill the state alone changes.
+    fn give_up(&mut self, at: Instant, ending: Ending) {
+        self.pending = None;
+        let Some(mut execution) = self.execution else {
+            self.state = State::Halted;
+            return;
+        };
+        match execution.phase {
+            Phase::Stopping(_) => {}
+            Phase::Dispatch { .. } | Phase::Settling { .. } => self.finish(at, &execution, ending),
+            Phase::Driving => {
+                execution.phase = Phase::Stopping(ending);
+                self.execution = Some(execution);
+            }
+        }
+    }
+
+    fn finish(&mut self, at: Instant, execution: &Execution, ending: Ending) {
+        let Execution { number, skill, .. } = *execution;
+        let execution_time = execution.elapsed(at);
+        let executed = self.interpolator.path().executed();
+        self.execution = None;
+        self.hold = false;
+        self.interpolator.clear();
+        self.feedback.executed = executed;
+        self.feedback.execution_ns = u64::try_from(execution_time.as_nanos()).unwrap_or(u64::MAX);
+        self.state = if ending == Ending::Done { State::Ready } else { State::Halted };
+        if self.feedback.number == number {
+            match ending {
+                Ending::Done => self.feedback.status.set(Status::DONE, true),
+                Ending::Aborted => self.feedback.status.set(Status::ABORTED, true),
+                Ending::Fault { error, motion } => self.set_error(error, motion),
+            }
+        }
+        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution: execution_time });
+    }
+
+    /// Refuses a command: its number is echoed with the error.
+    fn refuse(&mut self, number: u16, motion: u32, cause: Violation) {
+        self.feedback.number = number;
+        self.feedback.status.set(Status::DONE, false);
+        self.feedback.status.set(Status::ABORTED, false);
+        self.set_error(cause.number(), motion);
+        self.refuse_motion(number, motion, cause);
+    }
+
+    fn refuse_motion(&mut self, number: u16, motion: u32, cause: Violation) {
+        self.event(RobotEvent::Refused { number, error: cause.number(), motion, cause });
+    }
+
+    fn set_error(&mut self, error: ErrorNumber, motion: u32) {
+        self.feedback.status.set(Status::ERROR, true);
+        (self.feedback.error, self.feedback.error_motion) = (error, motion);
+    }
+
+    fn event(&mut self, event: RobotEvent) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
+    }
+
+    fn report(&mut self, at: Instant, command: Option<&Command>) {
+        let at_rest = self.interpolator.is_at_rest();
+        if self.reported != *self.interpolator.joints() {
+            self.report_position();
+        }
+        let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
+        let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
+        let feedback = &mut self.feedback;
+        feedback.state = self.state;
+        feedback.status.set(Status::BUSY, busy);
+        feedback.status.set(Status::AT_REST, at_rest);
+        feedback.status.set(Status::ENABLED, enabled);
+        feedback.path_speed = self.interpolator.path_speed() as f32;
+        feedback.clock_ns = at.as_nanos();
+        feedback.life = feedback.life.wrapping_add(1);
+        if let Some(command) = command {
+            feedback.life_echo = command.life;
+        }
+    }
+
+    /// Joints, and the tool of the present motion in its base.
+    fn report_position(&mut self) {
+        if let Some(segment) = self.interpolator.path().current() {
+            if segment.tool != self.tool {
+                self.tool = segment.tool;
+            }
+            if segment.base_inverse != self.base_inverse {
+                self.base_inverse = segment.base_inverse;
+            }
+        }
+        let joints = self.interpolator.joints();
+        self.reported = *joints;
+        let pose = self.base_inverse * (self.config.arm.forward(joints) * self.tool);
+        self.feedback.joints = joints.map(|joint| joint as f32);
+        self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);
+    }
+
+    /// The skill that runs, if one does.
+    #[must_use]
+    pub fn skill(&self) -> Option<Skill> {
+        self.execution.map(|execution| execution.skill)
+    }
+}

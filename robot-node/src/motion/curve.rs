@@ -1,0 +1,134 @@
+//! The geometry of one motion, without time: where the arm is after a way `s` along it.
+
+use crate::arm::{Arm, Frame, Joints, Rotation, Violation, distance};
+
+/// Where the tool, or the joints, go from one point to the next. Another kind of motion is another variant.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Curve {
+    /// A straight line of the tool, orientation turning evenly about one axis.
+    Line(Line),
+    /// All axes together.
+    Axes(AxisLine),
+}
+
+/// A straight line of the tool in the root. Its parameter is the way in mm; where the tool only turns, a degree
+/// counts as a millimetre.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Line {
+    from: Frame,
+    to: Frame,
+    length: f64,
+    axis: [f64; 3],
+    angle: f64,
+    flange: Flange,
+}
+
+/// All axes together from joints to joints. Its parameter is the share of the way, 0…1.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct AxisLine {
+    from: Joints,
+    to: Joints,
+}
+
+/// How the flange follows from the tool.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Flange(Option<Frame>);
+
+impl Flange {
+    /// For this tool frame. The flange itself, the common case, costs no multiplication.
+    #[must_use]
+    pub fn of_tool(tool: &Frame) -> Self {
+        Self((*tool != Frame::IDENTITY).then(|| tool.inverse()))
+    }
+
+    /// The flange, when the tool is at `tool` in the root.
+    #[must_use]
+    pub fn when_tool_at(&self, tool: Frame) -> Frame {
+        self.0.map_or(tool, |from_tool| tool * from_tool)
+    }
+}
+
+impl Line {
+    /// From tool pose to tool pose, both in the root.
+    #[must_use]
+    pub fn new(from: Frame, to: Frame, flange: Flange) -> Self {
+        let (axis, angle) = (from.rotation.inverse() * to.rotation).axis_angle();
+        let way = distance(from.position, to.position);
+        // Single precision on the wire leaves some micrometres: that is no way to divide by.
+        let length = if way < 1e-3 { angle } else { way };
+        let length = if length < 1e-3 { 0.0 } else { length };
+        Self { from, to, length, axis, angle, flange }
+    }
+
+    /// The tool in the root after `way`.
+    #[must_use]
+    pub fn tool(&self, way: f64) -> Frame {
+        let share = if self.length > 0.0 { way / self.length } else { 1.0 };
+        let position = core::array::from_fn(|i| {
+            self.from.position[i] + share * (self.to.position[i] - self.from.position[i])
+        });
+        let rotation = if self.angle == 0.0 {
+            self.to.rotation
+        } else {
+            self.from.rotation * Rotation::about(self.axis, share * self.angle)
+        };
+        Frame { position, rotation }
+    }
+
+    /// The tool in the root at the end.
+    #[must_use]
+    pub const fn end(&self) -> &Frame {
+        &self.to
+    }
+
+    /// How the flange follows from the tool.
+    #[must_use]
+    pub const fn flange(&self) -> &Flange {
+        &self.flange
+    }
+}
+
+impl AxisLine {
+    /// From joints to joints.
+    #[must_use]
+    pub const fn new(from: Joints, to: Joints) -> Self {
+        Self { from, to }
+    }
+
+    /// The joints after a share of the way.
+    #[must_use]
+    pub fn joints(&self, share: f64) -> Joints {
+        core::array::from_fn(|i| self.from[i] + share * (self.to[i] - self.from[i]))
+    }
+
+    /// The whole way of each joint.
+    #[must_use]
+    pub fn way(&self) -> Joints {
+        core::array::from_fn(|i| self.to[i] - self.from[i])
+    }
+}
+
+impl Curve {
+    /// Length in the curve's own unit: mm on a line, 1 point to point, 0 where nothing moves.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        match self {
+            Self::Line(line) => line.length,
+            Self::Axes(axes) => {
+                if axes.way().iter().any(|way| way.abs() > 1e-6) {
+                    1.0
+                } else {
+                    0.0
+                }
+            }
+        }
+    }
+
+    /// The joints after `way`, in the configuration of `near`, a point of the curve close by.
+    pub fn joints(&self, way: f64, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
+        match self {
+            Self::Line(line) => arm.follow(&line.flange.when_tool_at(line.tool(way)), near),
+            Self::Axes(axes) => Ok(axes.joints(way)),
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! From motions to joints: geometry without time, limits, corners, one speed along the path, and a sample of it every
+//! robot cycle.
+//!
+//! [`Segment`] is one checked motion on its [`Curve`]; [`Blend`] the corner between two; [`Profile`] the time law of
+//! what lies between corners; [`Path`] the look-ahead over all that is known; [`Interpolator`] drives along it.
+
+mod blend;
+mod curve;
+mod interpolator;
+mod path;
+mod profile;
+mod segment;
+
+pub use blend::Blend;
+pub use curve::{AxisLine, Curve, Flange, Line};
+pub use interpolator::{Interpolator, Step};
+pub use path::{Appended, Path, Place};
+pub use profile::{Limits, Profile, reachable_speed};
+pub use segment::Segment;

@@ -1,0 +1,221 @@
+//! The robot as a machine: a bus endpoint and a controller that meet every robot cycle.
+
+use std::collections::VecDeque;
+
+use protocol::fieldbus::Fieldbus;
+use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
+use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
+
+use crate::{Controller, RobotConfig, RobotEvent};
+
+/// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
+const CATCH_UP: u64 = 250;
+
+/// News of the connection that wait for the owner.
+const LINK_EVENTS: usize = 16;
+
+/// What the robot does at one instant, for records.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Sample {
+    /// The tick that it was taken at.
+    pub at: Instant,
+    /// Joint values in degrees, mm on a linear axis.
+    pub joints: [f32; 6],
+    /// Tool in base: x, y, z in mm; a, b, c in degrees.
+    pub pose: [f32; 6],
+    /// Speed of the tool along its path in mm/s.
+    pub path_speed_mm_s: f32,
+    /// State of the skill execution.
+    pub state: State,
+    /// The last command number that was taken up or refused.
+    pub number: u16,
+    /// Motions of the skill that are executed.
+    pub executed: u32,
+    /// Motions of the skill that are accepted.
+    pub accepted: u32,
+    /// Motions in the queue: accepted and not executed.
+    pub queued: u32,
+    /// Motions of the skill that ended in a stop because the next was not there in time.
+    pub blends_suppressed: u16,
+}
+
+/// The robot on its bus.
+#[derive(Debug)]
+pub struct RobotNode<B: Fieldbus> {
+    bus: B,
+    controller: Controller,
+    cycle: Cycle,
+    lateness: Lateness,
+    /// The image that the command below was read from.
+    image: Image,
+    command: Command,
+    connected: bool,
+    output: Image,
+    link_events: VecDeque<RobotEvent>,
+    ticked_at: Instant,
+}
+
+impl<B: Fieldbus> RobotNode<B> {
+    /// A robot with its programs by number. Its cycles start at `start`, which fixes their phase; `seed` feeds the
+    /// interpreter's random phase.
+    #[must_use]
+    pub fn new(
+        config: RobotConfig,
+        programs: Vec<(u16, Vec<Motion>)>,
+        bus: B,
+        seed: u64,
+        start: Instant,
+    ) -> Self {
+        let cycle = Cycle::new(start, config.cycle);
+        let controller = Controller::new(config, programs, seed);
+        let mut node = Self {
+            bus,
+            controller,
+            cycle,
+            lateness: Lateness::default(),
+            image: [0; IMAGE_LEN],
+            command: Command::default(),
+            connected: false,
+            output: [0; IMAGE_LEN],
+            link_events: VecDeque::with_capacity(LINK_EVENTS),
+            ticked_at: start,
+        };
+        node.write_feedback();
+        node
+    }
+
+    /// The bus endpoint.
+    #[must_use]
+    pub const fn bus(&self) -> &B {
+        &self.bus
+    }
+
+    /// The bus endpoint, for commands to it.
+    pub const fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
+    }
+
+    /// The controller.
+    #[must_use]
+    pub const fn controller(&self) -> &Controller {
+        &self.controller
+    }
+
+    /// How late the robot's cycles ran.
+    #[must_use]
+    pub const fn lateness(&self) -> &Lateness {
+        &self.lateness
+    }
+
+    /// When the robot's next cycle is due.
+    #[must_use]
+    pub const fn next_tick(&self) -> Instant {
+        self.cycle.next()
+    }
+
+    /// What the robot does, as of its last cycle.
+    #[must_use]
+    pub const fn sample(&self) -> Sample {
+        let feedback = self.controller.feedback();
+        Sample {
+            at: self.ticked_at,
+            joints: feedback.joints,
+            pose: feedback.pose,
+            path_speed_mm_s: feedback.path_speed,
+            state: feedback.state,
+            number: feedback.number,
+            executed: feedback.executed,
+            accepted: feedback.accepted,
+            queued: feedback.accepted.saturating_sub(feedback.executed),
+            blends_suppressed: feedback.blends_suppressed,
+        }
+    }
+
+    /// Runs the robot's cycle if it is due. A real controller does not stall when this host does: cycles that were
+    /// missed are made up for, with the command as it was known then, so that a stall does not lengthen a motion.
+    fn tick(&mut self, now: Instant) {
+        let Some(tick) = self.cycle.tick(now) else { return };
+        self.lateness.record(&tick);
+        let period = self.cycle.period();
+        let mut at = tick.due;
+        if tick.skipped > CATCH_UP {
+            at += period * u32::try_from(tick.skipped - CATCH_UP).unwrap_or(u32::MAX);
+        }
+        for _ in 0..tick.skipped.min(CATCH_UP) {
+            self.controller.tick(at, self.connected.then_some(&self.command));
+            at += period;
+        }
+        self.read_command();
+        self.controller.tick(at, self.connected.then_some(&self.command));
+        self.ticked_at = at;
+        self.write_feedback();
+    }
+
+    fn read_command(&mut self) {
+        let Some(image) = self.bus.input() else {
+            self.connected = false;
+            return;
+        };
+        // Every scan changes the head, but the slots only change with the motions.
+        let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
+            let slots = self.command.slots;
+            Command::parse_head::<B::Order>(image).map(|head| Command { slots, ..head })
+        } else {
+            Command::parse::<B::Order>(image)
+        };
+        if let Ok(command) = command {
+            (self.command, self.image, self.connected) = (command, *image, true);
+        }
+    }
+
+    fn write_feedback(&mut self) {
+        self.controller.feedback().emit::<B::Order>(&mut self.output);
+        self.bus.set_output(&self.output);
+    }
+
+    fn take_link_events(&mut self) {
+        while let Some(event) = self.bus.poll_event() {
+            if self.link_events.len() == LINK_EVENTS {
+                self.link_events.pop_front();
+            }
+            self.link_events.push_back(RobotEvent::Link(event));
+        }
+    }
+}
+
+impl<B: Fieldbus> Machine for RobotNode<B> {
+    type Event = RobotEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_frame(now, from, frame);
+        self.take_link_events();
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        self.bus.handle_stream(now, stream, change);
+        self.take_link_events();
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        if self.bus.poll_timeout().is_some_and(|due| due <= now) {
+            self.bus.handle_timeout(now);
+            self.take_link_events();
+        }
+        self.tick(now);
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.bus.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<RobotEvent> {
+        // A bus may have news after a command or a transmission, too.
+        self.take_link_events();
+        self.link_events.pop_front().or_else(|| self.controller.poll_event())
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        let tick = self.cycle.next();
+        Some(self.bus.poll_timeout().map_or(tick, |bus| bus.min(tick)))
+    }
+}

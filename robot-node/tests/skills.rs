@@ -1,0 +1,144 @@
+//! Skills from the command image to the arm's rest, in virtual time.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod plc;
+
+use plc::{Cell, application, lin, ptp};
+use protocol::image::{Control, ErrorNumber, Motion, MotionKind, Skill, State, Status};
+use robot_node::RobotEvent;
+
+#[test]
+fn a_reset_leads_from_halted_to_ready_once_enabled() {
+    let mut cell = Cell::new(Vec::new());
+    assert_eq!(cell.feedback().state, State::Halted);
+    cell.control(Control::RESET);
+    cell.run_ms(20);
+    assert_eq!(cell.feedback().state, State::Halted, "without `enable` nothing may move");
+    cell.control(Control::ENABLE | Control::RESET);
+    cell.run_ms(20);
+    assert_eq!(cell.feedback().state, State::Ready);
+}
+
+#[test]
+fn a_program_and_the_same_motions_from_the_plc_end_where_they_started() {
+    let home = plc::config().home;
+    for skill in [Skill::RunProgram, Skill::MoveContinuous] {
+        let mut cell = Cell::ready(application());
+        cell.call(skill, application());
+        cell.wait_for_end();
+        let feedback = *cell.feedback();
+        assert!(feedback.status.contains(Status::DONE | Status::AT_REST), "{feedback:?}");
+        assert_eq!((feedback.executed, feedback.accepted, feedback.blends_suppressed), (13, 13, 0));
+        assert_eq!(feedback.state, State::Ready);
+        for (joint, home) in feedback.joints.iter().zip(home) {
+            assert!((f64::from(*joint) - home).abs() < 1e-3, "{joint} is not {home}");
+        }
+    }
+}
+
+#[test]
+fn single_skills_run_one_motion_each() {
+    let mut cell = Cell::ready(Vec::new());
+    for motion in application() {
+        let skill = u8::from(motion.kind).into();
+        cell.call(skill, vec![motion]);
+        cell.wait_for_end();
+        assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
+        assert_eq!(cell.feedback().executed, 1);
+        for (is, target) in cell.feedback().pose.iter().zip(motion.target).take(3) {
+            assert!((is - target).abs() < 1e-3);
+        }
+    }
+}
+
+fn refused(motions: Vec<Motion>) -> (ErrorNumber, u32) {
+    let mut cell = Cell::ready(Vec::new());
+    let joints = *cell.robot().controller().joints();
+    cell.call(Skill::MoveContinuous, motions);
+    cell.wait_for_end();
+    assert!(cell.feedback().status.contains(Status::ERROR));
+    assert_eq!(cell.feedback().state, State::Halted);
+    assert_eq!(*cell.robot().controller().joints(), joints, "refused before anything moves");
+    cell.control(Control::ENABLE | Control::RESET);
+    cell.run_ms(20);
+    assert_eq!(cell.feedback().state, State::Ready, "a reset takes the error back");
+    cell.events
+        .iter()
+        .find_map(|(_, event)| match event {
+            RobotEvent::Refused { error, motion, .. } => Some((*error, *motion)),
+            _ => None,
+        })
+        .unwrap()
+}
+
+#[test]
+fn what_cannot_be_run_is_refused_with_its_number_before_anything_moves() {
+    let good = lin(0.0, 40.0, 90.0, 10);
+    let with = |change: fn(&mut Motion)| {
+        let mut motion = good;
+        change(&mut motion);
+        refused(vec![good, good, motion])
+    };
+    assert_eq!(with(|motion| motion.kind = MotionKind::None), (ErrorNumber::UnknownMotionKind, 2));
+    assert_eq!(with(|motion| motion.kind = MotionKind::Unknown(99)), (ErrorNumber::UnknownMotionKind, 2));
+    assert_eq!(with(|motion| motion.kind = MotionKind::Circular), (ErrorNumber::MotionKindNotSupported, 2));
+    assert_eq!(with(|motion| motion.kind = MotionKind::Spline), (ErrorNumber::MotionKindNotSupported, 2));
+    assert_eq!(
+        with(|motion| motion.kind = MotionKind::LinForceCartesian),
+        (ErrorNumber::MotionKindNotSupported, 2)
+    );
+    assert_eq!(with(|motion| motion.tool = 3), (ErrorNumber::UnknownTool, 2));
+    assert_eq!(with(|motion| motion.base = 3), (ErrorNumber::UnknownBase, 2));
+    assert_eq!(with(|motion| motion.velocity = 0), (ErrorNumber::VelocityOutOfRange, 2));
+    assert_eq!(with(|motion| motion.velocity = 20_001), (ErrorNumber::VelocityOutOfRange, 2));
+    assert_eq!(with(|motion| motion.acceleration = 0), (ErrorNumber::AccelerationOutOfRange, 2));
+    assert_eq!(with(|motion| motion.acceleration = 5_001), (ErrorNumber::AccelerationOutOfRange, 2));
+    assert_eq!(with(|motion| motion.target[4] = f32::NAN), (ErrorNumber::TargetNotFinite, 2));
+    assert_eq!(with(|motion| motion.target[1] = -900.0), (ErrorNumber::Unreachable, 2));
+    assert_eq!(with(|motion| motion.target[4] = 10.0), (ErrorNumber::Unreachable, 2));
+    assert_eq!(with(|motion| motion.target[2] = 176.0), (ErrorNumber::AxisLimit, 2));
+}
+
+#[test]
+fn a_line_between_two_good_points_that_passes_too_close_to_axis_1_is_refused() {
+    let motions = vec![ptp(-150.0, 180.0, 90.0, 0), lin(450.0, 180.0, 90.0, 0)];
+    assert_eq!(refused(motions), (ErrorNumber::AxisLimit, 1));
+}
+
+#[test]
+fn a_call_that_makes_no_sense_is_refused() {
+    let refuse = |skill: Skill, change: fn(&mut protocol::image::Command)| {
+        let mut cell = Cell::ready(application());
+        cell.call(skill, vec![ptp(0.0, 0.0, 60.0, 0)]);
+        cell.command(change);
+        cell.wait_for_end();
+        cell.feedback().error
+    };
+    assert_eq!(refuse(Skill::Unknown(77), |_| {}), ErrorNumber::UnknownSkill);
+    assert_eq!(refuse(Skill::None, |_| {}), ErrorNumber::UnknownSkill);
+    assert_eq!(refuse(Skill::RunProgram, |command| command.program = 9), ErrorNumber::UnknownProgram);
+    assert_eq!(refuse(Skill::MoveContinuous, |command| command.total = 0), ErrorNumber::NoMotions);
+    assert_eq!(
+        refuse(Skill::MovePtpCartesian, |command| command.override_percent = 0),
+        ErrorNumber::OverrideOutOfRange
+    );
+    assert_eq!(
+        refuse(Skill::MoveLinCartesian, |_| {}),
+        ErrorNumber::UnknownMotionKind,
+        "the slot holds a PTP"
+    );
+    assert_eq!(refuse(Skill::MoveContinuous, |command| command.written = 7), ErrorNumber::QueueOverrun);
+}
+
+#[test]
+fn in_halted_a_call_is_refused_and_nothing_moves() {
+    let mut cell = Cell::new(application());
+    cell.call(Skill::RunProgram, Vec::new());
+    cell.run_ms(100);
+    assert_eq!(cell.feedback().error, ErrorNumber::NotReady);
+    assert_eq!((cell.feedback().number, cell.feedback().state), (1, State::Halted));
+    cell.control(Control::ENABLE | Control::RESET | Control::EXECUTE);
+    cell.run_ms(100);
+    assert_eq!(cell.feedback().state, State::Ready, "the refused number does not start later");
+}
