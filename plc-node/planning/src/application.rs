@@ -65,8 +65,9 @@ pub struct Ways {
     pub ceiling_mm: f64,
     /// Intermediate positions lie at whole multiples of this height, in mm.
     pub height_step_mm: f64,
-    /// How far a PTP may bow off the straight line at most, in % of its length.
-    pub ptp_bow_percent: f64,
+    /// A PTP bows off the straight line no more than an arc of this radius, in mm: about the tool's least distance from
+    /// the arm's first axis.
+    pub ptp_radius_mm: f64,
     /// How much longer a way may be to use an intermediate position that another way of the cycle has, in %.
     pub detour_percent: f64,
 }

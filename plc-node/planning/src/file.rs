@@ -48,7 +48,7 @@ pub(crate) struct Ways {
     pub(crate) clearance_mm: Spanned<f64>,
     pub(crate) ceiling_mm: Spanned<f64>,
     pub(crate) height_step_mm: Spanned<f64>,
-    pub(crate) ptp_bow_percent: Spanned<f64>,
+    pub(crate) ptp_radius_mm: Spanned<f64>,
     pub(crate) detour_percent: Spanned<f64>,
 }
 

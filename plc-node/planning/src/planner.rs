@@ -187,6 +187,7 @@ impl<'a> Planner<'a> {
                     obstacles: &self.application.obstacles,
                     ways,
                     approximation_mm: self.sizes.approximation_mm,
+                    bows_sideways: self.bows_sideways(),
                 };
                 space
                     .way(from.point, target.point, &self.crossings)
@@ -213,6 +214,14 @@ impl<'a> Planner<'a> {
         }
         let motion = Motion::point_to_point(Role::Way, self.here.0, target, joints_deg);
         self.push(motion, &format!("PTP {word}{}", into.step.name), into)
+    }
+
+    /// Whether the vertical of the base is an axis of the arm by itself.
+    fn bows_sideways(&self) -> bool {
+        let robot = &self.setup.robot;
+        let mut bases = robot.bases.iter().filter(|base| base.number == self.application.base);
+        let is_upright = bases.all(|base| matches!(base.mm_deg.value, [.., b, c] if b == 0.0 && c == 0.0));
+        is_upright && matches!(robot.kinematics, setup::Kinematics::Scara(_))
     }
 
     /// Appends a motion, if nothing in it is beyond a limit.

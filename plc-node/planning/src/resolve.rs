@@ -66,7 +66,7 @@ impl Resolver<'_> {
         let obstacles = file.obstacles.iter().map(|it| self.obstacle(it)).collect::<Result<Vec<_>, _>>()?;
         if let (Some(obstacle), None) = (file.obstacles.first(), &file.ways) {
             let problem = "an application with obstacles needs a table [ways]: clearance_mm, ceiling_mm, \
-                           height_step_mm, ptp_bow_percent, detour_percent";
+                           height_step_mm, ptp_radius_mm, detour_percent";
             return Err(self.wrong(obstacle, "obstacle", problem.into()));
         }
         let steps = file.steps.iter().map(|step| self.step(step)).collect::<Result<Vec<_>, _>>()?;
@@ -114,7 +114,7 @@ impl Resolver<'_> {
             clearance_mm: self.within(&ways.clearance_mm, "clearance_mm", 0.0..1e4)?,
             ceiling_mm: self.within(&ways.ceiling_mm, "ceiling_mm", -1e4..1e4)?,
             height_step_mm: self.within(&ways.height_step_mm, "height_step_mm", 1.0..1e3)?,
-            ptp_bow_percent: self.within(&ways.ptp_bow_percent, "ptp_bow_percent", 0.0..100.0)?,
+            ptp_radius_mm: self.within(&ways.ptp_radius_mm, "ptp_radius_mm", 1.0..1e6)?,
             detour_percent: self.within(&ways.detour_percent, "detour_percent", 0.0..100.0)?,
         })
     }

@@ -4,11 +4,12 @@
 //! of three parts:
 //!
 //! - the clearance, which tool and part need;
-//! - half the approximation distance: every point of the triangle that a blend of radius r cuts off a corner is at
-//!   most r/2 away from the corner's legs;
+//! - half the approximation distance r, within r of either end: every point of the triangle that a blend cuts off a
+//!   corner is at most r/2 away from the corner's legs;
 //! - the bow of a PTP. Its joints travel evenly, so its path p(s), s = 0…1, leaves the chord by at most
-//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. The application bounds the middle as a share of
-//!   the chord, and the bound elsewhere follows.
+//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. An arc of radius R over a chord of length L has
+//!   L²/8R in the middle; the application names the R, and the bound elsewhere follows. The vertical axis of a SCARA is
+//!   a joint of its own, so its PTP bows sideways only.
 //!
 //! The first of these that is free is taken: the straight way; one intermediate position, over the obstacle, the end or
 //! the start, at the lowest height that is free; two of them, above the start and above the end. Those whose legs are too
@@ -19,7 +20,7 @@ use std::cell::Cell;
 
 use crate::application::{Obstacle, Ways};
 use crate::error::{LEAST_MM, Refusal};
-use crate::geometry::Point;
+use crate::geometry::{Cuboid, Point};
 
 /// Pieces of a chord, each with the largest bow within it.
 const PIECES: u32 = 8;
@@ -52,10 +53,12 @@ pub(crate) struct Space<'a> {
     pub(crate) ways: &'a Ways,
     /// The setup's or the application's approximation distance, in mm.
     pub(crate) approximation_mm: f64,
+    /// Whether a PTP bows in the horizontal plane alone.
+    pub(crate) bows_sideways: bool,
 }
 
 impl Space<'_> {
-    /// What every point of a way keeps from an obstacle besides a PTP's bow, in mm.
+    /// What the ends of a way keep from an obstacle, in mm.
     pub(crate) fn distance_mm(&self) -> f64 {
         self.ways.clearance_mm + self.approximation_mm / 2.0
     }
@@ -75,7 +78,7 @@ impl Space<'_> {
             .filter(|&via| match fresh {
                 Some([Some(new), None]) => {
                     let longest = length(&[from, new, to]) * (1.0 + self.ways.detour_percent / 100.0);
-                    via.z <= new.z && length(&[from, via, to]) <= longest
+                    length(&[from, via, to]) <= longest
                 }
                 _ => true,
             });
@@ -99,7 +102,7 @@ impl Space<'_> {
         let index = if needs_mm.is_some() { first } else { at_the_ceiling.unwrap_or(first) };
         let obstacle = self.obstacles.get(index);
         let too_near = |obstacle: &Obstacle, (from, to): (Point, Point)| {
-            let inside = obstacle.space.grown(self.distance_mm() + self.bow_mm(from, to)).inside(from, to);
+            let inside = self.kept_free(obstacle, self.distance_mm(), self.bow_mm(from, to)).inside(from, to);
             inside.map_or(0.0, |(enters, leaves)| (leaves - enters) * (to - from).length())
         };
         Refusal::NoWay {
@@ -119,19 +122,34 @@ impl Space<'_> {
     fn is_too_near(&self, obstacle: &Obstacle, from: Point, to: Point) -> bool {
         let bow = self.bow_mm(from, to);
         // Most obstacles are nowhere near: one test for the whole way first.
-        obstacle.space.grown(self.distance_mm() + bow).inside(from, to).is_some()
-            && (0..PIECES).any(|piece| {
-                let [begin, end] = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
-                // s·(1 − s) is largest at the end of the piece that is nearer to the middle.
-                let widest = (begin * (1.0 - begin)).max(end * (1.0 - end));
-                let grown = obstacle.space.grown(self.distance_mm() + 4.0 * widest * bow);
-                grown.inside(from.toward(to, begin), from.toward(to, end)).is_some()
-            })
+        if self.kept_free(obstacle, self.distance_mm(), bow).inside(from, to).is_none() {
+            return false;
+        }
+        let cut = self.approximation_mm / (to - from).length();
+        (0..PIECES).any(|piece| {
+            let [begin, end] = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
+            // s·(1 − s) is largest at the end of the piece that is nearer to the middle.
+            let widest = (begin * (1.0 - begin)).max(end * (1.0 - end));
+            let is_cut = begin < cut || end > 1.0 - cut;
+            let distance = if is_cut { self.distance_mm() } else { self.ways.clearance_mm };
+            let kept_free = self.kept_free(obstacle, distance, 4.0 * widest * bow);
+            kept_free.inside(from.toward(to, begin), from.toward(to, end)).is_some()
+        })
+    }
+
+    /// The space about an obstacle into which no chord may come.
+    fn kept_free(&self, obstacle: &Obstacle, distance: f64, bow: f64) -> Cuboid {
+        let upright = if self.bows_sideways { distance } else { distance + bow };
+        obstacle.space.widened(distance + bow, upright)
     }
 
     /// How far a PTP may bow off the straight way in its middle, in mm.
     fn bow_mm(&self, from: Point, to: Point) -> f64 {
-        (to - from).length() * self.ways.ptp_bow_percent / 100.0
+        let mut chord = to - from;
+        if self.bows_sideways {
+            chord.z = 0.0;
+        }
+        chord.dot(chord) / (8.0 * self.ways.ptp_radius_mm)
     }
 
     /// Whether all legs are free. What was in the way of the way tried before is looked at first: mostly it still is.
@@ -215,13 +233,12 @@ fn length(points: &[Point]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Cuboid;
 
     const WAYS: Ways = Ways {
         clearance_mm: 10.0,
         ceiling_mm: 200.0,
         height_step_mm: 10.0,
-        ptp_bow_percent: 0.0,
+        ptp_radius_mm: f64::INFINITY,
         detour_percent: 5.0,
     };
 
@@ -232,7 +249,11 @@ mod tests {
     }
 
     fn way(obstacles: &[Obstacle], ways: &Ways, from: [f64; 3], to: [f64; 3]) -> Result<Way, Refusal> {
-        Space { obstacles, ways, approximation_mm: 0.0 }.way(from.into(), to.into(), &[])
+        Space { obstacles, ways, approximation_mm: 0.0, bows_sideways: false }.way(
+            from.into(),
+            to.into(),
+            &[],
+        )
     }
 
     #[test]
@@ -245,9 +266,23 @@ mod tests {
 
     #[test]
     fn a_bowing_ptp_crosses_higher() {
-        let bowing = Ways { ptp_bow_percent: 10.0, ..WAYS };
+        let bowing = Ways { ptp_radius_mm: 200.0, ..WAYS };
         let over = way(&[wall(100.0, 80.0)], &bowing, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
         assert!(matches!(over, Ok(Way::Over { points: [Some(via), None], .. }) if via.z > 100.0), "{over:?}");
+    }
+
+    #[test]
+    fn an_arm_that_bows_sideways_alone_crosses_lower_than_one_that_bows_all_ways() {
+        let bowing = Ways { ptp_radius_mm: 150.0, height_step_mm: 1.0, ..WAYS };
+        let walls = [wall(100.0, 80.0)];
+        let height = |bows_sideways| {
+            let space = Space { obstacles: &walls, ways: &bowing, approximation_mm: 0.0, bows_sideways };
+            match space.way(Point::new(0.0, 0.0, 50.0), Point::new(200.0, 0.0, 50.0), &[]) {
+                Ok(Way::Over { points: [Some(via), None], .. }) => via.z,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert!(height(true) < height(false));
     }
 
     #[test]
@@ -267,7 +302,7 @@ mod tests {
     #[test]
     fn a_way_back_uses_the_intermediate_position_of_the_way_there_unless_that_is_a_detour() {
         let walls = [wall(100.0, 80.0)];
-        let space = Space { obstacles: &walls, ways: &WAYS, approximation_mm: 0.0 };
+        let space = Space { obstacles: &walls, ways: &WAYS, approximation_mm: 0.0, bows_sideways: false };
         let [near, far] = [Point::new(100.0, 0.0, 100.0), Point::new(100.0, 150.0, 100.0)];
         let back =
             |crossing| space.way(Point::new(200.0, 0.0, 50.0), Point::new(0.0, 20.0, 50.0), &[crossing]);

@@ -13,7 +13,7 @@ const WAYS: Ways = Ways {
     clearance_mm: 12.0,
     ceiling_mm: 400.0,
     height_step_mm: 10.0,
-    ptp_bow_percent: 10.0,
+    ptp_radius_mm: 250.0,
     detour_percent: 5.0,
 };
 

@@ -37,7 +37,7 @@ const MEASURED: &str = "pick-and-place-measured";
 
 #[test]
 fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
-    let wall = "upper_mm = [160.0, 200.0, 60.0]";
+    let wall = "upper_mm = [180.0, 200.0, 125.0]";
     let cases = [
         ("zero length", MEASURED, "line = \"grip\"", "line = \"carrier-rim\""),
         (
@@ -68,7 +68,7 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
             "obstacle that encloses the target of a way",
             MEASURED,
             "[[step]]",
-            "[[obstacle]]\nname = \"block\"\nlower_mm = [-5.0, -5.0, 52.0]\nupper_mm = [5.0, 5.0, 80.0]\n[[step]]",
+            "[[obstacle]]\nname = \"block\"\nlower_mm = [-5.0, -5.0, 92.0]\nupper_mm = [5.0, 5.0, 120.0]\n[[step]]",
         ),
         (
             "path through an obstacle",
@@ -76,14 +76,14 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
             "[[step]]",
             "[[obstacle]]\nname = \"lid\"\nlower_mm = [-5.0, -5.0, 10.0]\nupper_mm = [5.0, 5.0, 12.0]\n[[step]]",
         ),
-        ("no way below the ceiling", MEASURED, wall, "upper_mm = [160.0, 200.0, 120.0]"),
+        ("no way below the ceiling", MEASURED, wall, "upper_mm = [180.0, 200.0, 165.0]"),
         (
             "no way at any height",
             MEASURED,
             "[[step]]",
-            "[[obstacle]]\nname = \"roof\"\nlower_mm = [100.0, -900.0, 81.0]\nupper_mm = [900.0, 900.0, 3000.0]\n[[step]]",
+            "[[obstacle]]\nname = \"roof\"\nlower_mm = [140.0, -900.0, 141.0]\nupper_mm = [900.0, 900.0, 3000.0]\n[[step]]",
         ),
-        ("too near", MEASURED, "lower_mm = [140.0, -200.0, -40.0]", "lower_mm = [10.0, -200.0, -40.0]"),
+        ("too near", MEASURED, "lower_mm = [120.0, -200.0, -25.0]", "lower_mm = [5.0, -200.0, -25.0]"),
         ("no force", "insertion-with-force", "force_n = [0.0, 0.0, -25.0]", "force_n = [0.0, 0.0, 0.0]"),
     ];
     let mut all = String::new();
@@ -101,7 +101,7 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
 fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
     let cases = [
         ("unknown key", MEASURED, "approach_mm", "aproach_mm"),
-        ("wrong type", MEASURED, "ceiling_mm = 150.0", "ceiling_mm = \"high\""),
+        ("wrong type", MEASURED, "ceiling_mm = 170.0", "ceiling_mm = \"high\""),
         ("unknown segment", MEASURED, "path = [{ line", "path = [{ lien"),
         ("unknown label", MEASURED, "labels = [\"accurate-path\"]", "labels = [\"exact\"]"),
         ("no label", MEASURED, "labels = [\"accurate-path\"]", "labels = []"),
@@ -117,8 +117,8 @@ fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
         ("unknown tool name", MEASURED, "tool = \"gripper\"", "tool = \"nozzle\""),
         ("tool number beyond the wire", MEASURED, "gripper = 0", "gripper = 16"),
         ("frame on itself", MEASURED, "{ on = \"grip\",", "{ on = \"carrier-rim\","),
-        ("frame out of this world", MEASURED, "[-40.0, 60.0,", "[-40.0, 1e30,"),
-        ("obstacle inside out", MEASURED, "upper_mm = [160.0,", "upper_mm = [130.0,"),
+        ("frame out of this world", MEASURED, "[-100.0, 100.0,", "[-100.0, 1e30,"),
+        ("obstacle inside out", MEASURED, "upper_mm = [180.0,", "upper_mm = [110.0,"),
         (
             "obstacles without ways",
             "gluing",
@@ -152,7 +152,7 @@ fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
 
 #[test]
 fn a_blend_larger_than_half_a_motion_shrinks_with_a_warning_that_names_both() {
-    let short = text(MEASURED).replacen("retreat_mm = 30.0", "retreat_mm = 12.0", 1);
+    let short = text(MEASURED).replacen("retreat_mm = 70.0", "retreat_mm = 12.0", 1);
     let application = Application::parse("short", &short).expect("reads");
     let plan = plan(&application, &setup_a()).expect("plans");
     let zone = plan.motions.iter().find(|motion| motion.name == "LIN after B").map(|motion| motion.zone_mm);
