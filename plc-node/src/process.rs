@@ -1,15 +1,17 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
-//! By hand it runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
+//! By hand it shows how an application is planned, or runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
 //! message, and runs one repetition for each instruction that comes on standard input.
 
 use std::ffi::OsString;
 use std::fmt;
+use std::io::Write as _;
 use std::net::SocketAddrV4;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::Parser;
+use planning::PROGRAM;
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
@@ -18,7 +20,7 @@ use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
 use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
 use serde::{Deserialize, Serialize};
-use setup::{BusKind, Cyclic, PROGRAM, Setup};
+use setup::{BusKind, Cyclic, Setup};
 
 use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
 
@@ -40,6 +42,21 @@ struct Cli {
 enum Subcommand {
     /// Connect to the robot and run the application.
     Run(Run),
+    /// Plan an application and print its motions: labels, zones and why they have their size.
+    Plan(PlanOptions),
+}
+
+#[derive(clap::Args, Debug)]
+struct PlanOptions {
+    /// A built-in application's name, or the path of a .toml file.
+    #[arg(value_name = "NAME|FILE")]
+    application: String,
+    /// The setup to plan for: a built-in one's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
+    setup: String,
+    /// Print every cycle of a grid and every warning.
+    #[arg(long)]
+    all: bool,
 }
 
 #[derive(clap::Args, Debug)]
@@ -146,15 +163,42 @@ pub enum PlcInstruction {
 /// The process: parses `args`, with the program's name first, and runs until it is done.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
-    let Subcommand::Run(run) = cli.command;
-    match run.execute() {
+    let outcome = match cli.command {
+        Subcommand::Run(run) => run.execute(),
+        Subcommand::Plan(options) => options.execute(),
+    };
+    match outcome {
         Ok(outcome) => outcome.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
-            // What is wrong with a setup is for the user to put right; all else is the host's.
-            let usage = error.is::<setup::Error>() || error.is::<bus::BusError>();
+            // What is wrong with a setup or an application is for the user to put right; all else is the host's.
+            let usage =
+                error.is::<setup::Error>() || error.is::<planning::Error>() || error.is::<bus::BusError>();
             if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
         }
+    }
+}
+
+/// Warnings that are printed of a plan unless all are asked for: the cycles of a grid repeat theirs.
+const WARNINGS: usize = 10;
+
+impl PlanOptions {
+    fn execute(self) -> anyhow::Result<Outcome> {
+        let setup = setup::setup(&self.setup)?;
+        let plan = planning::application(&self.application, None)?.plan(&setup)?;
+        let text = if self.all { format!("{plan:#}") } else { plan.to_string() };
+        // Whoever reads on may stop early: `| head` is no fault.
+        match std::io::stdout().lock().write_all(text.as_bytes()) {
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => return Err(error.into()),
+            _ => {}
+        }
+        let shown = if self.all { usize::MAX } else { WARNINGS };
+        plan.warnings().take(shown).for_each(|warning| eprintln!("warning: {warning}"));
+        let unseen = plan.warnings().skip(shown).count();
+        if unseen > 0 {
+            eprintln!("{unseen} more warnings; --all prints them");
+        }
+        Ok(Outcome::Done)
     }
 }
 
@@ -162,11 +206,12 @@ impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
         // Before any thread is there: threads inherit which signals are blocked.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        let (mut setup, application) = setup::setup_with_application(&self.setup)?;
+        let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
+        let motions = application.plan(&setup)?.wire_motions(&setup);
         let interface = Interface::open(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
@@ -179,7 +224,6 @@ impl Run {
             );
         }
         interface.set_address(setup.bus.plc_address, setup.bus.subnet_mask)?;
-        let motions = setup::motions(&setup, &application);
         // On a real clock the scan takes what it takes.
         let config =
             PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::from_setup(&setup, motions, PROGRAM) };

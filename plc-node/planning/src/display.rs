@@ -1,4 +1,4 @@
-//! A plan for a person to read: labels, motions with their zones and reasons, continuous motions, warnings.
+//! A plan for a person to read: labels, motions with their zones and reasons, continuous motions. Its warnings are sentences of their own.
 
 use std::fmt;
 use std::ops::Range;
@@ -32,18 +32,6 @@ impl fmt::Display for Plan {
                 counted(motions, "motion"),
                 counted(continuous, "continuous motion"),
             )?,
-        }
-        let end = self.ranges().take(shown).last().map_or(0, |range| range.end);
-        let mut unseen = 0_usize;
-        for reason in self.reasons.iter().filter(|reason| reason.why.is_warning()) {
-            if reason.motion < end {
-                writeln!(f, "warning: {}", self.warning(reason))?;
-            } else {
-                unseen += 1;
-            }
-        }
-        if unseen > 0 {
-            writeln!(f, "{} in the other cycles", counted(unseen, "more warning"))?;
         }
         Ok(())
     }

@@ -5,6 +5,9 @@ use std::fmt;
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// The setup cannot be used, or no application of that name is there.
+    #[error(transparent)]
+    Setup(#[from] setup::Error),
     /// The text is not what the format wants: file, line, key and what was expected.
     #[error("{origin}: {source}")]
     Format {
@@ -34,6 +37,16 @@ pub enum Error {
         motion: u64,
         /// Which quantity is beyond which limit.
         refusal: Refusal,
+    },
+    /// An application that was read cannot be planned on a setup.
+    #[error("{origin} on setup {setup}: {refused}")]
+    Unplannable {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// The setup's name.
+        setup: String,
+        /// [`Error::Refused`].
+        refused: Box<Error>,
     },
 }
 

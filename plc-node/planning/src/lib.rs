@@ -20,6 +20,7 @@ mod display;
 mod error;
 mod file;
 mod geometry;
+mod load;
 mod motion;
 mod path;
 mod plan;
@@ -35,16 +36,9 @@ pub use application::{
 };
 pub use error::{Error, Refusal};
 pub use geometry::{Cuboid, Point, Pose};
+pub use load::{APPLICATIONS, Found, application, setup_with_application};
 pub use motion::{Motion, Role};
 pub use plan::{Continuous, Plan, Reason, StepLabels, plan};
 pub use stream::{Stream, Streamed, count, stream};
+pub use wire::PROGRAM;
 pub use zone::Why;
-
-/// Applications compiled in: name and text.
-pub const APPLICATIONS: &[(&str, &str)] = &[
-    ("pick-and-place-measured", include_str!("../../../bench/applications/pick-and-place-measured.toml")),
-    ("pick-and-place-gripper", include_str!("../../../bench/applications/pick-and-place-gripper.toml")),
-    ("gluing", include_str!("../../../bench/applications/gluing.toml")),
-    ("palletising", include_str!("../../../bench/applications/palletising.toml")),
-    ("insertion-with-force", include_str!("../../../bench/applications/insertion-with-force.toml")),
-];

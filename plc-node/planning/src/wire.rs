@@ -6,6 +6,9 @@ use setup::Setup;
 use crate::motion::Motion;
 use crate::plan::Plan;
 
+/// Number under which the robot's program store holds the application, and which the PLC starts for RC.
+pub const PROGRAM: u16 = 1;
+
 impl Plan {
     /// The motions as this setup programs them.
     #[must_use]

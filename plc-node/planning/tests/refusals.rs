@@ -33,7 +33,7 @@ fn setup_a() -> Setup {
     setup
 }
 
-const MEASURED: &str = "pick-and-place-measured";
+const MEASURED: &str = "pick-and-place";
 
 #[test]
 fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {

@@ -26,17 +26,41 @@ fn each_shipped_application_reads_as_in_its_snapshot() {
     }
 }
 
+/// What the measured figures belong to: it must not change unnoticed.
 #[test]
 fn the_measured_variant_is_the_sequence_of_thirteen_motions() {
-    let setup = setup_a();
-    let by_hand = setup::application("pick-and-place").expect("built in");
-    assert_eq!(planned("pick-and-place-measured").wire_motions(&setup), setup::motions(&setup, &by_hand));
+    use MotionKind::{LinCartesian as Lin, PtpCartesian as Ptp};
+    let by_hand = [
+        (Ptp, [0.0, 0.0, 100.0], true),
+        (Lin, [0.0, 0.0, 30.0], true),
+        (Lin, [0.0, 0.0, 0.0], false), // grip
+        (Lin, [0.0, 0.0, 30.0], true),
+        (Lin, [0.0, 0.0, 100.0], true),
+        (Ptp, [150.0, 0.0, 150.0], true), // over the wall
+        (Ptp, [300.0, 0.0, 100.0], true),
+        (Lin, [300.0, 0.0, 30.0], true),
+        (Lin, [300.0, 0.0, 0.0], false), // insert
+        (Lin, [300.0, 0.0, 30.0], true),
+        (Lin, [300.0, 0.0, 100.0], true),
+        (Ptp, [150.0, 0.0, 150.0], true),
+        (Ptp, [-100.0, 100.0, 150.0], false), // the end, which is the start
+    ];
+    let mut setup = setup_a();
+    setup.motions.velocity_percent.value = 25.0;
+    let expected = by_hand.map(|(kind, [x, y, z], blends)| {
+        // 25 % of 2000 mm/s and 50 % of 5000 mm/s² on the path, shares of the axes' speeds for a PTP.
+        let (velocity, acceleration) = if kind == Lin { (5_000, 2_500) } else { (2_500, 5_000) };
+        let target = [x, y, z, 0.0, 0.0, 180.0];
+        let approximation = if blends { 1_000 } else { 0 };
+        image::Motion { kind, target, velocity, acceleration, approximation, base: 1, ..image::Motion::EMPTY }
+    });
+    assert_eq!(plan(&application("pick-and-place"), &setup).expect("plans").wire_motions(&setup), expected);
 }
 
 #[test]
 fn the_measured_variant_is_one_continuous_motion_and_the_one_with_a_gripper_three() {
     let sizes = |name| planned(name).continuous.iter().map(|it| it.motions.len()).collect::<Vec<_>>();
-    assert_eq!(sizes("pick-and-place-measured"), [13]);
+    assert_eq!(sizes("pick-and-place"), [13]);
     assert_eq!(sizes("pick-and-place-gripper"), [3, 6, 4]);
 }
 
@@ -61,7 +85,7 @@ fn every_motion_kind_of_the_image_can_be_planned() {
         .iter()
         .flat_map(|(name, _)| planned(name).motions.into_iter().map(|motion| motion.kind.into()))
         .collect();
-    let joints = include_str!("../../../bench/applications/pick-and-place-measured.toml")
+    let joints = include_str!("../../../bench/applications/pick-and-place.toml")
         .replace("home = {", "home = { joints_deg = [-60.0, 90.0, 150.0, 0.0, 0.0, 0.0],");
     let with_joints = Application::parse("test", &joints).expect("reads");
     let by_joints = plan(&with_joints, &setup_a()).expect("plans").wire_motions(&setup_a());
