@@ -1,11 +1,11 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
-//! By hand it shows how an application is planned, or runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
-//! message, and runs one repetition for each instruction that comes on standard input.
+//! By hand it runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
+//! message, and runs one repetition for each instruction that comes on standard input. Its other command,
+//! `plc-node plan`, needs no bus.
 
 use std::ffi::OsString;
 use std::fmt;
-use std::io::Write as _;
 use std::net::SocketAddrV4;
 use std::process::ExitCode;
 
@@ -22,6 +22,7 @@ use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
+use crate::plan_command::PlanCommand;
 use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
@@ -43,20 +44,7 @@ enum Subcommand {
     /// Connect to the robot and run the application.
     Run(Run),
     /// Plan an application and print its motions: labels, zones and why they have their size.
-    Plan(PlanOptions),
-}
-
-#[derive(clap::Args, Debug)]
-struct PlanOptions {
-    /// A built-in application's name, or the path of a .toml file.
-    #[arg(value_name = "NAME|FILE")]
-    application: String,
-    /// The setup to plan for: a built-in one's name, or the path of a .toml file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
-    setup: String,
-    /// Print every cycle of a grid and every warning.
-    #[arg(long)]
-    all: bool,
+    Plan(PlanCommand),
 }
 
 #[derive(clap::Args, Debug)]
@@ -165,7 +153,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let outcome = match cli.command {
         Subcommand::Run(run) => run.execute(),
-        Subcommand::Plan(options) => options.execute(),
+        Subcommand::Plan(plan) => plan.execute(),
     };
     match outcome {
         Ok(outcome) => outcome.into(),
@@ -176,29 +164,6 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
                 error.is::<setup::Error>() || error.is::<planning::Error>() || error.is::<bus::BusError>();
             if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
         }
-    }
-}
-
-/// Warnings that are printed of a plan unless all are asked for: the cycles of a grid repeat theirs.
-const WARNINGS: usize = 10;
-
-impl PlanOptions {
-    fn execute(self) -> anyhow::Result<Outcome> {
-        let setup = setup::setup(&self.setup)?;
-        let plan = planning::application(&self.application, None)?.plan(&setup)?;
-        let text = if self.all { format!("{plan:#}") } else { plan.to_string() };
-        // Whoever reads on may stop early: `| head` is no fault.
-        match std::io::stdout().lock().write_all(text.as_bytes()) {
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => return Err(error.into()),
-            _ => {}
-        }
-        let shown = if self.all { usize::MAX } else { WARNINGS };
-        plan.warnings().take(shown).for_each(|warning| eprintln!("warning: {warning}"));
-        let unseen = plan.warnings().skip(shown).count();
-        if unseen > 0 {
-            eprintln!("{unseen} more warnings; --all prints them");
-        }
-        Ok(Outcome::Done)
     }
 }
 

@@ -50,5 +50,5 @@ fn what_is_built_in_fits_together() {
 fn an_application_that_does_not_fit_its_setup_is_refused_by_both_their_names() {
     let (mut setup, found) = setup_with_application("A").unwrap();
     setup.robot.bases.clear();
-    insta::assert_snapshot!(found.plan(&setup).expect_err("base 1 is gone"), @"");
+    insta::assert_snapshot!(found.plan(&setup).expect_err("base 1 is gone"), @"built-in application pick-and-place on setup A: step `A`, motion 1: the setup's robot has no base 1; it has 0");
 }
