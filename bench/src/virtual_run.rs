@@ -6,6 +6,7 @@
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use planning::{Application, PROGRAM};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -15,7 +16,7 @@ use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use robot_node::{RobotConfig, RobotEvent, RobotNode};
-use setup::{Application, BusKind, PROGRAM, Setup};
+use setup::{BusKind, Setup};
 
 use crate::cli::Mode;
 use crate::plan::{Plan, Step, below};
@@ -143,7 +144,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     plc_bus: P,
     robot_bus: R,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = setup::motions(setup, application);
+    let motions = planning::plan(application, setup)?.wire_motions(setup);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::{Application, BusKind, Cyclic, Frame, Kinematics, Setup, Sourced};
+use crate::{BusKind, Cyclic, Frame, Kinematics, Setup, Sourced};
 
 /// A key and what is wrong with its value.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ fn problem(key: impl Into<String>, text: impl Into<String>) -> Problem {
     Problem { key: key.into(), text: text.into() }
 }
 
-/// The version of the file formats that this program reads.
+/// The version of the file format that this program reads.
 const SCHEMA: u32 = 1;
 
 /// Highest tool and base number: they have four bits each in the process image.
@@ -55,38 +55,6 @@ pub(crate) fn check_setup(setup: &Setup) -> Check {
     share("motions.acceleration_percent", motions.acceleration_percent.value)?;
     not_negative("motions.approximation_mm", motions.approximation_mm.value)?;
     at_most("motions.approximation_mm", motions.approximation_mm.value, MAX_APPROXIMATION_MM, "mm")
-}
-
-pub(crate) fn check_application(application: &Application) -> Check {
-    schema(application.schema)?;
-    for (key, number) in [("tool", application.tool), ("base", application.base)] {
-        if number > MAX_FRAME {
-            return Err(problem(key, format!("{number} is not a frame number: 0 to {MAX_FRAME}")));
-        }
-    }
-    if application.motion.is_empty() {
-        return Err(problem("motion", "there is none; at least one [[motion]] is needed"));
-    }
-    for (index, motion) in application.motion.iter().enumerate() {
-        let key = |name: &str| format!("motion[{index}].{name}");
-        finite(&key("target_mm_deg"), &motion.target_mm_deg)?;
-        share(&key("velocity_percent"), motion.velocity_percent)?;
-    }
-    Ok(())
-}
-
-/// What neither the setup nor the application can be wrong in alone.
-pub(crate) fn check_together(setup: &Setup, application: &Application) -> Check {
-    let robot = &setup.robot;
-    for (key, number, frames) in
-        [("tool", application.tool, &robot.tools), ("base", application.base, &robot.bases)]
-    {
-        if number != 0 && !frames.iter().any(|frame| frame.number == number) {
-            let text = format!("setup {} has no [[robot.{key}s]] of number {number}", setup.name);
-            return Err(problem(key, text));
-        }
-    }
-    Ok(())
 }
 
 fn schema(found: u32) -> Check {
