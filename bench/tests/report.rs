@@ -130,7 +130,7 @@ fn what_is_missing_in_the_run_directory_is_named_in_the_report() {
         section(&html, id);
     }
     assert!(section(&html, "speed").contains("Not recorded"));
-    assert!(section(&html, "host").contains("cannot read run/host.json"));
+    assert!(section(&html, "host").contains("cannot read run&#x2f;host.json"));
     std::fs::write(run.join("trace-robot.csv"), "t\n1\n").unwrap();
     assert!(redrawn(directory.path(), |_| {}).contains("does not have the columns of this version"));
 }
