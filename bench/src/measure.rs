@@ -150,10 +150,12 @@ impl Measurement<'_> {
         let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
         session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
         refused.iter().for_each(|warning| session.progress.warn(warning));
-        let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        let connected_after = rig.connected_after();
         let stopped = rig.stop().await;
         if ended.failure.is_none() {
-            stopped.map_err(unusable)?;
+            // What both nodes counted at their end belongs together; on the way their reports come one by one.
+            ended.results.set_health(&stopped.map_err(unusable)?.health(connected_after));
         }
         if self.options.capture == Capture::OnFailure && ended.exit != Exit::RunFailed {
             let removed = std::fs::remove_file(&capture);

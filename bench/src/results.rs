@@ -48,6 +48,12 @@ pub struct Results {
     pub cycle: Cycles,
     /// Cyclic frames as the PLC counts them.
     pub bus: Frames,
+    /// From the start of the nodes until the robot was ready; null in virtual mode.
+    #[serde(default)]
+    pub connected_after_ms: Option<f64>,
+    /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
+    #[serde(default)]
+    pub cyclic_allocations: Option<Allocations>,
 }
 
 /// How far a run is, or how it ended.
@@ -210,8 +216,19 @@ pub struct Frames {
     pub frames_sent: u64,
     /// Received from the robot and taken over.
     pub frames_received: u64,
-    /// Sent by the robot but never received, by its cycle counter.
+    /// Cycles in which either node sent nothing, because its host held it up.
+    pub skipped: u64,
+    /// Sent by either node and never received.
     pub lost: u64,
+}
+
+/// Allocations of the cyclic threads once the connection was up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Allocations {
+    /// Of the PLC.
+    pub plc: u64,
+    /// Of the robot.
+    pub robot: u64,
 }
 
 impl Results {
@@ -242,6 +259,8 @@ impl Results {
             calibrated: calibrated(setup),
             cycle: Cycles::default(),
             bus: Frames::default(),
+            connected_after_ms: None,
+            cyclic_allocations: None,
         }
     }
 
@@ -271,8 +290,11 @@ impl Results {
         self.bus = Frames {
             frames_sent: health.bus.sent,
             frames_received: health.bus.received,
-            lost: health.bus.lost,
+            skipped: health.bus.skipped + health.robot_bus.skipped,
+            lost: health.frames_lost(),
         };
+        self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
+        self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
     }
 
     /// What stands beside this run as the one without the calibrated overhead.

@@ -199,7 +199,14 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
 
     fn health(&self) -> Health {
         let (plc, robot): (&Lateness, &Lateness) = (self.a().lateness(), self.b().lateness());
-        Health { plc: plc.into(), robot: robot.into(), bus: self.a().bus().counters() }
+        Health {
+            plc: plc.into(),
+            robot: robot.into(),
+            bus: self.a().bus().counters(),
+            robot_bus: self.b().bus().counters(),
+            connected_after: None,
+            allocations: None,
+        }
     }
 
     fn now(&self) -> Instant {

@@ -118,9 +118,11 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .bus.frames_received
     .bus.frames_sent
     .bus.lost
+    .bus.skipped
     .calibrated[].key
     .calibrated[].note
     .calibrated[].value
+    .connected_after_ms
     .cycle.plc.buckets[][]
     .cycle.plc.max_us
     .cycle.plc.missed
@@ -131,6 +133,7 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .cycle.robot.missed
     .cycle.robot.p50_us
     .cycle.robot.p99_us
+    .cyclic_allocations
     .mode
     .paper.cm.aet_ms
     .paper.cm.mad_ms

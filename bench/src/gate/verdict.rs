@@ -148,7 +148,7 @@ mod tests {
                 results.record(of, &Measured { execution, robot_execution: execution, blends_suppressed: 0 });
             }
         }
-        results.bus = Frames { frames_sent: 6 * sm_ms, frames_received: 6 * sm_ms, lost: 0 };
+        results.bus = Frames { frames_sent: 6 * sm_ms, frames_received: 6 * sm_ms, ..Frames::default() };
         results
     }
 

@@ -58,7 +58,7 @@ struct Page {
     calibrated: Vec<[String; 3]>,
     ratio: Option<String>,
     suppressed: u32,
-    frames: [u64; 3],
+    frames: [u64; 4],
     speed: Option<Figure>,
     samples: Option<Figure>,
     path: Option<Figure>,
@@ -152,7 +152,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
             .filter_map(|of| results.results.get(*of))
             .flat_map(|result| &result.blends_suppressed)
             .sum(),
-        frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost],
+        frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
             traced(&|trace| speed::draw(trace, format))
         })?,
