@@ -133,7 +133,19 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    assert_eq!(names, ["application.toml", "host.json", "results.json", "samples.csv", "setup.toml"]);
+    assert_eq!(
+        names,
+        [
+            "application.toml",
+            "host.json",
+            "report.html",
+            "results.json",
+            "samples.csv",
+            "setup.toml",
+            "trace-plc.csv",
+            "trace-robot.csv",
+        ]
+    );
     let read = |path: &str| fs::read_to_string(directory.path().join(path)).unwrap();
     assert_eq!(read("run/results.json"), read("out.json"));
     assert_eq!(read("run/samples.csv").lines().count(), 1 + 6);
@@ -166,10 +178,12 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .calibrated[].note
     .calibrated[].value
     .connected_after_ms
+    .cycle.plc.buckets[][]
     .cycle.plc.max_us
     .cycle.plc.missed
     .cycle.plc.p50_us
     .cycle.plc.p99_us
+    .cycle.robot.buckets[][]
     .cycle.robot.max_us
     .cycle.robot.missed
     .cycle.robot.p50_us
@@ -243,6 +257,9 @@ fn the_help_shows_examples_and_exit_codes() {
 
     Commands:
       calibrate  Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum
+      gate       Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline
+      report     Draw the report of a run again
+      compare    Set runs beside each other
       help       Print this message or the help of the given subcommand(s)
 
     Options:

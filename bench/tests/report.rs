@@ -130,7 +130,7 @@ fn what_is_missing_in_the_run_directory_is_named_in_the_report() {
         section(&html, id);
     }
     assert!(section(&html, "speed").contains("Not recorded"));
-    assert!(section(&html, "host").contains("cannot read run/host.json"));
+    assert!(section(&html, "host").contains("cannot read run&#x2f;host.json"));
     std::fs::write(run.join("trace-robot.csv"), "t\n1\n").unwrap();
     assert!(redrawn(directory.path(), |_| {}).contains("does not have the columns of this version"));
 }
@@ -144,9 +144,14 @@ fn a_real_run_shows_how_late_its_cycles_were() {
         let late = CycleLateness { p50_us: 12.0, p99_us: 14.0, max_us: 11_734.0, missed: 10, buckets };
         (results.cycle.plc, results.cycle.robot) = (late.clone(), late);
     });
-    let section = section(&html, "lateness");
+    let section = section(&html, "lateness").to_owned();
     assert_eq!(section.matches("<svg").count(), 2);
     assert!(section.contains("11734"));
+    std::fs::remove_file(directory.path().join("run/trace-robot.csv")).unwrap();
+    assert!(
+        redrawn(directory.path(), |_| {})
+            .contains("a real run has no trace yet. bench --mode virtual --setup")
+    );
 }
 
 #[test]

@@ -110,6 +110,9 @@ pub(super) fn figure(
     Ok(svg.replace('\n', ""))
 }
 
+/// How a value of an axis is written.
+type Write<'a> = &'a dyn Fn(&f64) -> String;
+
 /// The axes of a panel.
 pub(super) struct Axes<'a> {
     /// Ends of the horizontal axis.
@@ -125,7 +128,7 @@ pub(super) struct Axes<'a> {
     /// Most labels on each axis.
     pub(super) labels: (usize, usize),
     /// How values of each axis are written.
-    pub(super) write: (&'a dyn Fn(&f64) -> String, &'a dyn Fn(&f64) -> String),
+    pub(super) write: (Write<'a>, Write<'a>),
 }
 
 impl Axes<'_> {
@@ -176,6 +179,9 @@ impl Axes<'_> {
 /// Numbers with the decimals that they have, at most two.
 pub(super) fn short(value: &f64) -> String {
     let text = format!("{value:.2}");
+    if text == "-0.00" {
+        return "0".to_owned();
+    }
     text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
 }
 

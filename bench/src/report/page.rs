@@ -9,6 +9,7 @@ use super::chart::{Format, colour, short};
 use super::run::Run;
 use super::{lateness, path, queue, samples, speed};
 use crate::progress::label;
+use crate::ratio::Ratio;
 use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, Status, VELOCITY};
 use crate::statistics::aet_improvement;
 
@@ -55,8 +56,9 @@ struct Page {
     rows: Vec<Row>,
     improvement: Improvement,
     calibrated: Vec<[String; 3]>,
+    ratio: Option<String>,
     suppressed: u32,
-    frames: [u64; 3],
+    frames: [u64; 4],
     speed: Option<Figure>,
     samples: Option<Figure>,
     path: Option<Figure>,
@@ -68,6 +70,7 @@ struct Page {
     host: Vec<[String; 2]>,
     failures: Vec<[String; 2]>,
     missing: Vec<String>,
+    no_trace: String,
 }
 
 #[derive(Serialize)]
@@ -143,12 +146,13 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         rows: ExecutionType::ALL.into_iter().filter_map(|of| row(results, of)).collect(),
         improvement: improvement(results),
         calibrated: calibrated(results),
+        ratio: ratio(results),
         suppressed: ExecutionType::ALL
             .iter()
             .filter_map(|of| results.results.get(*of))
             .flat_map(|result| &result.blends_suppressed)
             .sum(),
-        frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost],
+        frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
             traced(&|trace| speed::draw(trace, format))
         })?,
@@ -171,6 +175,14 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         host: host(run),
         failures: failures(results),
         missing: run.missing.clone(),
+        no_trace: if results.mode == "real" {
+            format!(
+                "Not recorded: a real run has no trace yet. bench --mode virtual --setup {} draws it in virtual time.",
+                run.directory.join("setup.toml").display()
+            )
+        } else {
+            "Not recorded: this run has no trace.".to_owned()
+        },
     })
 }
 
@@ -222,6 +234,16 @@ fn summary(results: &Results) -> Option<String> {
     Some(format!(
         "One MoveContinuousSkill takes {rc_and_cm}, and saves {saved:.1}\u{a0}%{} of what single skills take.",
         published.unwrap_or_default()
+    ))
+}
+
+/// What one run can say about CM against RC, whatever the host did to both.
+fn ratio(results: &Results) -> Option<String> {
+    let samples = |of| Some(results.results.get(of)?.samples_ms.as_slice());
+    let found = Ratio::of(samples(ExecutionType::Cm)?, samples(ExecutionType::Rc)?, results.seed)?;
+    let Ratio { ratio, low, high } = found;
+    Some(format!(
+        "CM / RC = {ratio:.4}, 95\u{a0}% interval {low:.4} to {high:.4} (percentile bootstrap of this run's samples)."
     ))
 }
 

@@ -110,7 +110,8 @@ impl Quartiles {
 }
 
 fn signed(value: &f64) -> String {
-    if value.abs() < 1e-9 { "0".to_owned() } else { format!("{value:+.0}").replace('-', "−") }
+    let sign = if *value > 1e-9 { "+" } else { "" };
+    format!("{sign}{}", chart::short(value))
 }
 
 #[cfg(test)]
