@@ -88,14 +88,17 @@ fn naming(application: &str) -> String {
 
 #[test]
 fn a_broken_application_file_is_named_with_line_key_and_expectation() {
-    insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"");
-    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"");
+    insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"
+    error: jobs/mine.toml:43: unknown field `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
+       43 | aproach_mm = 70.0
+    ");
+    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"error: jobs/mine.toml:71: reach: there is no frame `hom`; there is above-assembly, carrier-rim, grip, home, inserted");
 }
 
 #[test]
 fn an_application_that_cannot_be_planned_is_named_with_step_motion_quantity_and_limit() {
-    insta::assert_snapshot!(refused_application("line = \"grip\"", "line = \"carrier-rim\""), @"");
-    insta::assert_snapshot!(refused_application("table = 1", "table = 2"), @"");
+    insta::assert_snapshot!(refused_application("line = \"grip\"", "line = \"carrier-rim\""), @"error: jobs/mine.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame");
+    insta::assert_snapshot!(refused_application("table = 1", "table = 2"), @"error: jobs/mine.toml on setup A: step `A`, motion 1: the setup's robot has no base 2; it has 0, 1");
 }
 
 #[test]
@@ -104,7 +107,7 @@ fn an_unknown_application_is_answered_by_those_there_are() {
     fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @"");
+    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, insertion-with-force; or give the path of a .toml file");
 }
 
 #[test]

@@ -55,10 +55,10 @@ fn of_a_grid_one_cycle_is_shown_unless_all_are_asked_for() {
 
 #[test]
 fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
-    let said = changed("shift_mm = [0.0, 0.0, 30.0]", "shift_mm = [0.0, 0.0, 12.0]");
+    let said = changed("retreat_mm = 70.0", "retreat_mm = 12.0");
     assert_eq!(said.code, Some(0));
     assert!(!said.stdout.contains("warning"), "{}", said.stdout);
-    insta::assert_snapshot!(said.stderr, @"");
+    insta::assert_snapshot!(said.stderr, @"warning: motion 5 `LIN after B` blends into motion 6 `PTP over the wall` by 6.00 mm instead of 10 mm: it is only 12.00 mm long and gives at most half");
 }
 
 #[test]
@@ -71,5 +71,11 @@ fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
         assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
         said.stderr
     });
-    insta::assert_snapshot!(said.concat(), @"");
+    insta::assert_snapshot!(said.concat(), @r#"
+    error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, insertion-with-force; or give the path of a .toml file
+    error: my.toml:43: unknown field `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
+       43 | aproach_mm = 70.0
+    error: my.toml:40: labels: step `A`: is empty; expected some of "blending", "accurate-path", "accurate-stop"
+    error: my.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame
+    "#);
 }

@@ -9,15 +9,19 @@ pub enum Error {
     #[error(transparent)]
     Setup(#[from] setup::Error),
     /// The text is not what the format wants: file, line, key and what was expected.
-    #[error("{origin}: {source}")]
+    #[error("{origin}:{line}: {expectation}\n{line:>5} | {text}")]
     Format {
         /// The file, or the built-in's name.
         origin: String,
-        /// Line, key and expectation.
-        source: Box<toml::de::Error>,
+        /// Line, from 1.
+        line: usize,
+        /// What was found and what was expected.
+        expectation: String,
+        /// The line as it stands in the file.
+        text: String,
     },
     /// The text is well formed, but a value makes no sense.
-    #[error("{origin}, line {line}: {key}: {problem}")]
+    #[error("{origin}:{line}: {key}: {problem}")]
     Value {
         /// The file, or the built-in's name.
         origin: String,
@@ -142,6 +146,23 @@ pub(crate) const LEAST_MM: f64 = 0.01;
 
 /// Below this, in degrees, the tool does not turn.
 pub(crate) const LEAST_TURN_DEG: f64 = 0.001;
+
+impl Error {
+    pub(crate) fn format(origin: &str, text: &str, source: &toml::de::Error) -> Self {
+        let line = line_of(text, source.span().map_or(0, |span| span.start));
+        Self::Format {
+            origin: origin.to_owned(),
+            line,
+            expectation: source.message().to_owned(),
+            text: text.lines().nth(line - 1).unwrap_or_default().to_owned(),
+        }
+    }
+}
+
+/// The line, from 1, that a place in a text is on.
+pub(crate) fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
+}
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -8,7 +8,7 @@ use toml::Spanned;
 use crate::application::{
     Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Tool, Ways, Zones,
 };
-use crate::error::Error;
+use crate::error::{Error, line_of};
 use crate::file::{self, File, Label, Name};
 use crate::geometry::{Cuboid, Pose};
 
@@ -30,8 +30,7 @@ impl Application {
     /// # Errors
     /// [`Error::Format`] and [`Error::Value`] name the line, the key and what was expected there.
     pub fn parse(origin: &str, text: &str) -> Result<Self, Error> {
-        let file: File = toml::from_str(text)
-            .map_err(|source| Error::Format { origin: origin.to_owned(), source: Box::new(source) })?;
+        let file: File = toml::from_str(text).map_err(|source| Error::format(origin, text, &source))?;
         Resolver { origin, text, file: &file }.application()
     }
 }
@@ -375,8 +374,7 @@ impl Resolver<'_> {
     }
 
     fn wrong<T>(&self, at: &Spanned<T>, key: &str, problem: String) -> Error {
-        let before = self.text.as_bytes().iter().take(at.span().start);
-        let line = 1 + before.filter(|&&byte| byte == b'\n').count();
+        let line = line_of(self.text, at.span().start);
         Error::Value { origin: self.origin.to_owned(), line, key: key.to_owned(), problem }
     }
 }
