@@ -8,7 +8,10 @@ use crate::check::{Problem, check_application, check_setup, check_together};
 use crate::{Application, Error, Setup};
 
 /// Setups compiled in: name and text.
-pub const SETUPS: &[(&str, &str)] = &[("A", include_str!("../../../bench/setups/A.toml"))];
+pub const SETUPS: &[(&str, &str)] = &[
+    ("A", include_str!("../../../bench/setups/A.toml")),
+    ("B", include_str!("../../../bench/setups/B.toml")),
+];
 
 /// Applications compiled in: name and text.
 pub const APPLICATIONS: &[(&str, &str)] =
