@@ -24,6 +24,9 @@ use crate::virtual_run::{self, VirtualBus, VirtualRun};
 /// What passes the PLC's interface, in the run directory.
 const CAPTURE: &str = "plc.pcapng";
 
+/// What the nodes' cyclic threads have where nothing was refused.
+const GRANTED: &str = "SCHED_FIFO, memory locked";
+
 /// Runs a setup and prints the table.
 ///
 /// # Errors
@@ -83,7 +86,7 @@ impl Measurement<'_> {
             progress: Progress::start(&self.plan, self.options.quiet),
         };
         let host = Host::look(started);
-        session.directory.write_host(&host.to_json().context("cannot write the host as JSON")?)?;
+        session.write_host(&host)?;
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
         let ended = match self.options.mode {
@@ -92,17 +95,22 @@ impl Measurement<'_> {
                 let bus = VirtualBus::OfSetup;
                 let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
-                Ended {
-                    results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results },
-                    ..ended
+                match ended.exit {
+                    Exit::Pass => ended.beside(without_overhead.finish()?),
+                    _ => ended,
                 }
             }
             Mode::Real => {
-                let ended = self.run_real(&mut session, results, interrupt).await?;
-                // Afterwards, so that it takes no core from the nodes.
-                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
-                let without_skill_overhead = without_overhead.finish()?;
-                Ended { results: Results { without_skill_overhead, ..ended.results }, ..ended }
+                let ended = self.run_real(&mut session, host, results, interrupt).await?;
+                match ended.exit {
+                    // Afterwards, so that it takes no core from the nodes. Whoever interrupted the run, or has a node
+                    // to look after, does not want to wait for it.
+                    Exit::Pass => {
+                        let started = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                        ended.beside(started.finish()?)
+                    }
+                    _ => ended,
+                }
             }
         };
         session.finish(&ended.results)?;
@@ -113,6 +121,7 @@ impl Measurement<'_> {
     async fn run_real(
         &self,
         session: &mut Session,
+        host: Host,
         results: Results,
         interrupt: impl Future<Output = ()>,
     ) -> Result<Ended, Failure> {
@@ -128,7 +137,10 @@ impl Measurement<'_> {
             () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
             rig = Rig::start(&config) => rig.map_err(unusable)?,
         };
-        rig.warnings().iter().for_each(|warning| session.progress.warn(warning));
+        let refused = rig.warnings();
+        let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
+        session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
+        refused.iter().for_each(|warning| session.progress.warn(warning));
         let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
         let stopped = rig.stop().await;
         if ended.failure.is_none() {

@@ -4,9 +4,10 @@
 use std::path::PathBuf;
 
 use crate::exit::Exit;
+use crate::host::Host;
 use crate::plan::Plan;
 use crate::progress::Progress;
-use crate::results::{Results, Status};
+use crate::results::{Results, Status, WithoutOverhead};
 use crate::run_directory::{Durability, RunDirectory, replace};
 use crate::stand::Stand;
 
@@ -32,7 +33,24 @@ pub struct Ended {
     pub failure: Option<anyhow::Error>,
 }
 
+impl Ended {
+    /// The same with the run that it is to be compared with.
+    #[must_use]
+    pub fn beside(self, without_skill_overhead: Option<WithoutOverhead>) -> Self {
+        Self { results: Results { without_skill_overhead, ..self.results }, ..self }
+    }
+}
+
 impl Session {
+    /// Writes down what the run runs on.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be written.
+    pub fn write_host(&self, host: &Host) -> anyhow::Result<()> {
+        self.directory.write_host(&host.to_json()?)
+    }
+
     /// Runs the plan on the stand until it is done, a repetition fails, or `interrupt` resolves.
     ///
     /// # Errors

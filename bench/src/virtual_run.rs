@@ -3,6 +3,7 @@
 //! The seed fixes everything that no setup says: what each node's clock shows at the start, how fast it runs within
 //! `bus.clock_drift_ppm`, and where in its cycle each cyclic task starts.
 
+use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -65,7 +66,7 @@ impl VirtualRun {
         let mut cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, application, &mut phases, plc, robot)?
+                cell(setup, application, &mut phases, plc, robot, None)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -73,7 +74,14 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, application, &mut phases, plc, robot)?
+                    cell(setup, application, &mut phases, plc, robot, None)?
+                }
+                BusKind::EthernetIp => {
+                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
+                    let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
+                    let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
+                    let address = Some(setup.bus.robot_address);
+                    cell(setup, application, &mut phases, plc, robot, address)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
@@ -130,6 +138,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
+    robot_address: Option<Ipv4Addr>,
 ) -> anyhow::Result<Box<dyn Cell>> {
     let motions = setup::motions(setup, application);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
@@ -142,7 +151,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         seed: phases.seed,
         clocks: phases.clocks,
         links: [Impairment { delay, ..Impairment::default() }; 2],
-        addresses: [Some(setup.bus.plc_address), None],
+        addresses: [Some(setup.bus.plc_address), robot_address],
     };
     Ok(Box::new(Pair::new(plc, robot, config)))
 }

@@ -1,5 +1,7 @@
 //! The command line: what it says about bad input, its exit codes, and what a run leaves behind.
 
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
 use std::path::Path;
 
 use assert_cmd::Command;
@@ -227,6 +229,16 @@ fn the_help_shows_examples_and_exit_codes() {
               Possible values:
               - udp: RT_CLASS_UDP: UDP port 34962
               - rt1: RT_CLASS_1: EtherType 0x8892
+
+          --capture <CAPTURE>
+              Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only
+
+              Possible values:
+              - always:     Of every run
+              - on-failure: Of runs in which a repetition failed
+              - never:      Nothing is recorded
+              
+              [default: never]
 
       -q, --quiet
               Print the table only: no progress, no warnings

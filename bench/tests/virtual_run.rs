@@ -1,5 +1,7 @@
 //! The run command in virtual mode: the same bytes for the same seed, and figures that make physical sense.
 
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
 use bench::plan::Plan;
 use bench::results::{PerType, Results};
 use bench::virtual_run::whole;

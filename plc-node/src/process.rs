@@ -170,15 +170,7 @@ impl Run {
         let interface = Interface::open(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
-        let wanted = setup.bus.plc_address;
-        if let Some(address) = interface.address().filter(|address| *address != wanted) {
-            anyhow::bail!(
-                "interface `{name}` has the address {address}, but the setup's bus.plc_address is {wanted}: use another \
-                 interface, a setup with that address, or `ip address flush dev {name}`",
-                name = interface.name()
-            );
-        }
-        interface.set_address(setup.bus.plc_address, setup.bus.subnet_mask)?;
+        interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         let motions = setup::motions(&setup, &application);
         // On a real clock the scan takes what it takes.
         let config =
@@ -199,6 +191,12 @@ impl Run {
                 let bus = bus::profinet_controller(&setup, interface.mac(), start.as_nanos(), start)?;
                 let node = PlcNode::new(config, bus, start);
                 self.supervise(&setup, node, "PROFINET IO-Controller", interface, wires, signals)
+            }
+            BusKind::EthernetIp => {
+                let wires = Wire::ethernet_ip(&interface)?;
+                let bus = bus::ethernet_ip_scanner(&setup, interface.mac(), start.as_nanos(), start)?;
+                let node = PlcNode::new(config, bus, start);
+                self.supervise(&setup, node, "EtherNet/IP scanner", interface, wires, signals)
             }
             other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
         }

@@ -47,7 +47,8 @@ struct Run {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
-    /// The network interface that the PLC is on. The PLC gives it an IP address, in place of the one it has.
+    /// The network interface that the PLC is on. Over PROFINET the PLC gives it an IP address, in place of the one
+    /// it has; otherwise it gets the setup's.
     #[arg(long, value_name = "IF")]
     interface: String,
     /// How PROFINET's cyclic frames travel. A device takes what the controller asks for; this only checks the setup.
@@ -147,6 +148,18 @@ impl Run {
                 let bus = bus::profinet_device(&setup, interface.mac(), interface.address(), start)?;
                 let node = RobotNode::new(config, programs, bus, self.seed, start);
                 self.supervise(&setup, node, "PROFINET IO-Device", interface, wires, signals)
+            }
+            BusKind::EthernetIp => {
+                // An adapter has its address from its project: there is no DCP that gives it one.
+                interface.take_address(
+                    "bus.robot_address",
+                    setup.bus.robot_address,
+                    setup.bus.subnet_mask,
+                )?;
+                let wires = Wire::ethernet_ip(&interface)?;
+                let bus = bus::ethernet_ip_adapter(&setup, interface.mac(), start.as_nanos());
+                let node = RobotNode::new(config, programs, bus, self.seed, start);
+                self.supervise(&setup, node, "EtherNet/IP adapter", interface, wires, signals)
             }
             other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
         }

@@ -2,6 +2,9 @@
 
 use std::time::Duration;
 
+use protocol::ethernet_ip::connection::TimeoutMultiplier;
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+
 use crate::{Application, BusKind, Cyclic, Frame, Kinematics, Opw, Setup, Sourced};
 
 /// A key and what is wrong with its value.
@@ -142,8 +145,35 @@ fn bus(setup: &Setup) -> Check {
     }
     match bus.kind {
         BusKind::Profinet => profinet(setup),
-        BusKind::EthernetIp | BusKind::Ethercat => Ok(()),
+        BusKind::EthernetIp => ethernet_ip(setup),
+        BusKind::Ethercat => Ok(()),
     }
+}
+
+fn ethernet_ip(setup: &Setup) -> Check {
+    let bus = &setup.bus;
+    let (shortest, longest) = (SKILL_ROBOT.min_rpi_us, SKILL_ROBOT.max_rpi_us);
+    if !(shortest..=longest).contains(&bus.cycle_us.value) {
+        let text = format!(
+            "{} µs is not a packet interval that the robot serves: {shortest} to {longest} µs",
+            bus.cycle_us.value
+        );
+        return Err(problem("bus.cycle_us", text));
+    }
+    let given = bus.ethernet_ip.as_ref().and_then(|ethernet_ip| ethernet_ip.timeout_multiplier.as_ref());
+    let intervals = bus.timeout_intervals();
+    let covering = TimeoutMultiplier::covering(intervals).map(TimeoutMultiplier::intervals);
+    if given.is_some() && covering != Some(intervals) {
+        let text =
+            format!("{intervals} is not a multiplier of EtherNet/IP: 4, 8, 16, 32, 64, 128, 256 or 512");
+        return Err(problem("bus.ethernet_ip.timeout_multiplier", text));
+    }
+    if covering.is_none() {
+        let text =
+            format!("an EtherNet/IP connection waits for 512 packet intervals at most, not for {intervals}");
+        return Err(problem("bus.watchdog_cycles", text));
+    }
+    Ok(())
 }
 
 fn profinet(setup: &Setup) -> Check {

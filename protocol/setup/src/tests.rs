@@ -108,7 +108,7 @@ fn values_that_make_no_sense_are_refused_with_their_key() {
         ("[132.0, 145.0, 200.0, 355.0]", "[132.0, -145.0, 200.0, 355.0]"),
         ("[420.0, 720.0,", "[420.0, 0.0,"),
         ("path_acceleration_mm_s2 = { value = 5000.0", "path_acceleration_mm_s2 = { value = inf"),
-        ("acceleration_percent = { value = 100.0", "acceleration_percent = { value = 120.0"),
+        ("acceleration_percent = { value = 50.0", "acceleration_percent = { value = 120.0"),
         ("approximation_mm = { value = 10.0", "approximation_mm = { value = nan"),
         ("number = 1", "number = 16"),
         ("number = 1", "number = 2"),

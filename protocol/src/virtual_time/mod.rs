@@ -98,7 +98,9 @@ struct Station {
     clock: Clock,
     link: Link,
     address: Option<Ipv4Addr>,
-    /// True time of the machine's next timeout.
+    /// The machine's next timeout by its own clock.
+    local_timeout: Option<Instant>,
+    /// The same in true time.
     timeout: Option<Instant>,
     alive: bool,
 }
@@ -153,6 +155,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             clock,
             link: Link::new(impairment, seed, stream),
             address,
+            local_timeout: None,
             timeout: None,
             alive: true,
         };
@@ -349,7 +352,11 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::B => self.b.poll_timeout(),
         };
         let station = self.station(side);
-        station.timeout = timeout.map(|local| station.clock.true_time(local));
+        // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
+        if timeout != station.local_timeout {
+            station.local_timeout = timeout;
+            station.timeout = timeout.map(|local| station.clock.true_time(local));
+        }
     }
 
     fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
