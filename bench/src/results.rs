@@ -340,6 +340,9 @@ pub const SKILL_OVERHEAD: &str = "robot.skill_overhead_us";
 /// Key of the controller's time quantum, which the MADs fix.
 pub const QUANTUM: &str = "robot.interpreter_quantum_us";
 
+/// Key of the spread of a program's start, which RC's MAD fixes.
+pub const START_QUANTUM: &str = "robot.start_quantum_us";
+
 fn calibrated(setup: &Setup) -> Vec<Calibrated> {
     fn entry<T: Copy + Into<f64>>(key: &str, number: &Sourced<T>) -> Option<Calibrated> {
         (number.from == Provenance::Calibrated).then(|| Calibrated {
@@ -352,6 +355,7 @@ fn calibrated(setup: &Setup) -> Vec<Calibrated> {
         entry(VELOCITY, &setup.motions.velocity_percent),
         entry(SKILL_OVERHEAD, &setup.robot.skill_overhead_us),
         entry(QUANTUM, &setup.robot.interpreter_quantum_us),
+        setup.robot.start_quantum_us.as_ref().and_then(|quantum| entry(START_QUANTUM, quantum)),
     ];
     numbers.into_iter().flatten().collect()
 }

@@ -42,6 +42,20 @@ fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
 }
 
 #[test]
+fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
+    let (setup, application) = setup::setup_with_application("B").unwrap();
+    let results = whole(&setup, &application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap();
+    let aet = |of| results.figure(of).unwrap().aet_ms;
+    let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
+    assert!((rc / 7617.0 - 1.0).abs() < 0.01, "RC {rc} ms");
+    assert!((sm / 8971.0 - 1.0).abs() < 0.03, "SM {sm} ms");
+    assert!((cm - rc).abs() <= 12.0, "CM − RC = {} ms", cm - rc);
+    assert_eq!(results.bus.lost, 0);
+    let suppressed = ExecutionType::ALL.map(|of| results.results.get(of).unwrap().blends_suppressed.clone());
+    assert!(suppressed.iter().flatten().all(|count| *count == 0), "{suppressed:?}");
+}
+
+#[test]
 fn without_its_calibrated_overhead_a_single_skill_still_costs_more_than_a_blend() {
     let (mut setup, application) = setup_a();
     setup.robot.skill_overhead_us.value = 0;

@@ -47,6 +47,7 @@ impl PlcConfig {
             override_percent: 100,
             answer_timeout: ANSWER_MARGIN
                 + micros(setup.robot.interpreter_quantum_us.value)
+                + micros(setup.robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value))
                 + micros(setup.robot.skill_overhead_us.value),
             silent_timeout: watchdog.max(robot_cycles),
             program,

@@ -1,7 +1,5 @@
 //! Where applications are looked for, and what is said about one that is not there or does not fit.
 
-#![expect(clippy::expect_used, clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use std::fs;
 
 use planning::{APPLICATIONS, application, setup_with_application};
