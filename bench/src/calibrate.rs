@@ -1,17 +1,19 @@
-//! Finds the three numbers of a setup that only the paper's Table 2 can fix, in virtual time.
+//! Finds the numbers of a setup that only the paper's Table 2 can fix, in virtual time.
 //!
 //! Each figure depends on one number more than on the others, so they are found in turn: the controller's time quantum
 //! from the MADs of RC and SM, the programmed speed from RC's AET, the cost of a skill call from SM's AET. The quantum
-//! has two figures to meet; it gets the least sum of squared relative errors.
+//! has two figures to meet; it gets the least sum of squared relative errors. Where the setup gives the start of a
+//! program a quantum of its own, each has its figure: the start RC's MAD, the motion SM's.
 
 use std::fmt::Write as _;
 
 use anyhow::{Context, bail};
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, Setup};
+use setup::Setup;
 
 use crate::plan::Plan;
-use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
+use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY};
 use crate::virtual_run;
 
 /// The MAD of 25 repetitions is known to a sixth of itself only; the quantum is found from this many times as many.
@@ -63,10 +65,23 @@ pub fn calibrate(
             Plan::new(&[ExecutionType::Rc, ExecutionType::Sm], reps.saturating_mul(MAD_REPETITIONS), seed);
         virtual_run::whole(setup, application, &plan)
     };
-    setup.robot.interpreter_quantum_us.value = quantum(&setup, &paper, &mads, &mut progress)?;
+    if setup.robot.start_quantum_us.is_some() {
+        // SM's motions are no starts, so its MAD knows nothing of the start's quantum: two searches, one after the other.
+        let sm = [(ExecutionType::Sm, paper.sm.mad_ms)];
+        setup.robot.interpreter_quantum_us.value =
+            quantum(QUANTUM, &sm, &setup, &set_interpreter, &mads, &mut progress)?;
+        let rc = [(ExecutionType::Rc, paper.rc.mad_ms)];
+        let start = quantum(START_QUANTUM, &rc, &setup, &set_start, &mads, &mut progress)?;
+        set_start(&mut setup, start);
+    } else {
+        let both = [(ExecutionType::Rc, paper.rc.mad_ms), (ExecutionType::Sm, paper.sm.mad_ms)];
+        setup.robot.interpreter_quantum_us.value =
+            quantum(QUANTUM, &both, &setup, &set_interpreter, &mads, &mut progress)?;
+    }
 
     // RC pays the overhead once, and SM's motions have RC's speed: each round takes back what the other did.
-    let calls = f64::from(u32::try_from(application.motion.len()).unwrap_or(u32::MAX));
+    let motions = planning::plan(application, &setup)?.motions.len();
+    let calls = f64::from(u32::try_from(motions).unwrap_or(u32::MAX));
     for _ in 0..ROUNDS {
         let mut trial = setup.clone();
         let velocity_percent = falling_to(paper.rc.aet_ms, setup.motions.velocity_percent.value, |percent| {
@@ -89,21 +104,33 @@ pub fn calibrate(
     Ok(Calibration { setup, results })
 }
 
-/// The quantum whose MADs differ least from the paper's, found in coarse and then in fine steps.
+fn set_interpreter(setup: &mut Setup, quantum_us: u32) {
+    setup.robot.interpreter_quantum_us.value = quantum_us;
+}
+
+fn set_start(setup: &mut Setup, quantum_us: u32) {
+    if let Some(start) = &mut setup.robot.start_quantum_us {
+        start.value = quantum_us;
+    }
+}
+
+/// The quantum whose MADs differ least from the `wanted` ones (in ms), found in coarse and then in fine steps.
 fn quantum(
+    key: &str,
+    wanted: &[(ExecutionType, f64)],
     setup: &Setup,
-    paper: &setup::Paper,
+    set: &impl Fn(&mut Setup, u32),
     run: &impl Fn(&Setup) -> anyhow::Result<Results>,
     progress: &mut impl FnMut(&str),
 ) -> anyhow::Result<u32> {
     let mut trial = setup.clone();
     let mut error_of = |quantum_us: u32| -> anyhow::Result<f64> {
-        trial.robot.interpreter_quantum_us.value = quantum_us;
+        set(&mut trial, quantum_us);
         let results = run(&trial)?;
         let mad = |of| results.figure(of).map_or(0.0, |figure| figure.mad_ms);
         let (rc, sm) = (mad(ExecutionType::Rc), mad(ExecutionType::Sm));
-        progress(&format!("{QUANTUM} = {quantum_us}: MAD of RC {rc:.1} ms, of SM {sm:.1} ms"));
-        Ok((rc / paper.rc.mad_ms - 1.0).powi(2) + (sm / paper.sm.mad_ms - 1.0).powi(2))
+        progress(&format!("{key} = {quantum_us}: MAD of RC {rc:.1} ms, of SM {sm:.1} ms"));
+        Ok(wanted.iter().map(|(of, wanted)| (mad(*of) / wanted - 1.0).powi(2)).sum())
     };
     let mut best = (f64::INFINITY, 0_u32);
     for (step, reach) in [(8_000, 40_000), (2_000, 6_000), (500, 1_500)] {
@@ -159,6 +186,13 @@ impl Calibration {
             self.setup.robot.skill_overhead_us.value,
             self.setup.robot.interpreter_quantum_us.value,
         );
+        if let Some(start) = &self.setup.robot.start_quantum_us {
+            let _ = writeln!(
+                text,
+                "start_quantum_us = {{ value = {}, from = \"calibrated\", note = \"MAD of RC; bench calibrate\" }}\n",
+                start.value,
+            );
+        }
         for of in ExecutionType::ALL {
             let paper = self.results.paper.as_ref().and_then(|paper| paper.get(of).copied());
             if let (Some(found), Some(paper)) = (self.results.figure(of), paper) {

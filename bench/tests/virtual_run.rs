@@ -5,11 +5,13 @@
 use bench::plan::Plan;
 use bench::results::{PerType, Results};
 use bench::virtual_run::whole;
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, BusKind, Setup};
+use setup::{BusKind, Setup};
 
 fn setup_a() -> (Setup, Application) {
-    setup::setup_with_application("A").unwrap()
+    let (setup, found) = planning::setup_with_application("A").unwrap();
+    (setup, found.application)
 }
 
 fn run(seed: u64, reps: u32) -> Results {
@@ -37,6 +39,20 @@ fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
     assert_eq!(results.bus.lost, 0);
     let PerType { rc: Some(rc), .. } = &results.results else { panic!("RC is there") };
     assert!(rc.samples_ms.iter().zip(&rc.robot_samples_ms).all(|(plc, robot)| plc >= robot));
+}
+
+#[test]
+fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
+    let (setup, application) = setup::setup_with_application("B").unwrap();
+    let results = whole(&setup, &application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap();
+    let aet = |of| results.figure(of).unwrap().aet_ms;
+    let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
+    assert!((rc / 7617.0 - 1.0).abs() < 0.01, "RC {rc} ms");
+    assert!((sm / 8971.0 - 1.0).abs() < 0.03, "SM {sm} ms");
+    assert!((cm - rc).abs() <= 12.0, "CM − RC = {} ms", cm - rc);
+    assert_eq!(results.bus.lost, 0);
+    let suppressed = ExecutionType::ALL.map(|of| results.results.get(of).unwrap().blends_suppressed.clone());
+    assert!(suppressed.iter().flatten().all(|count| *count == 0), "{suppressed:?}");
 }
 
 #[test]

@@ -47,6 +47,7 @@ impl PlcConfig {
             override_percent: 100,
             answer_timeout: ANSWER_MARGIN
                 + micros(setup.robot.interpreter_quantum_us.value)
+                + micros(setup.robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value))
                 + micros(setup.robot.skill_overhead_us.value),
             silent_timeout: watchdog.max(robot_cycles),
             program,
@@ -72,8 +73,8 @@ mod tests {
 
     #[test]
     fn setup_a_gives_the_cycles_of_the_paper_and_its_timeouts_in_scans() {
-        let setup = setup::setup("A").unwrap();
-        let motions = setup::motions(&setup, &setup::application(&setup.application).unwrap());
+        let (setup, application) = planning::setup_with_application("A").unwrap();
+        let motions = application.plan(&setup).unwrap().wire_motions(&setup);
         let config = PlcConfig::from_setup(&setup, motions, 1);
         assert_eq!(
             (config.scan_cycle, config.scan_cost),

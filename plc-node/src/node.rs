@@ -392,6 +392,7 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 fn frames_between(before: Counters, after: Counters) -> Counters {
     Counters {
         sent: after.sent.saturating_sub(before.sent),
+        skipped: after.skipped.saturating_sub(before.skipped),
         received: after.received.saturating_sub(before.received),
         lost: after.lost.saturating_sub(before.lost),
         late: after.late.saturating_sub(before.late),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use setup::{Kinematics, Setup};
 
-use crate::arm::{AXES, Arm, AxisLimits, Frame, Joints, Scara};
+use crate::arm::{AXES, Arm, AxisLimits, Frame, Joints, Opw, OpwParameters, Scara};
 
 /// Frames by number; the field in a motion has four bits.
 pub(crate) type Frames = [Option<Frame>; 16];
@@ -29,6 +29,8 @@ pub struct RobotConfig {
     pub cycle: Duration,
     /// The interpreter notices a command after a time evenly spread between 0 and this.
     pub interpreter_quantum: Duration,
+    /// What else passes, evenly spread between 0 and this, before it notices a program or a MoveContinuousSkill.
+    pub start_quantum: Duration,
     /// What a skill call costs besides its motion.
     pub skill_overhead: Duration,
 }
@@ -67,6 +69,7 @@ impl RobotConfig {
                 }
                 (Arc::new(Scara { link_1_mm, link_2_mm, height_mm }), 4)
             }
+            Kinematics::Opw(opw) => (Arc::new(six_axes(opw)?), 6),
         };
         let mut limits = AxisLimits::NONE;
         limits.lower = joints("axes.lower_deg", &robot.axes.lower_deg.value, axes, limits.lower)?;
@@ -109,9 +112,25 @@ impl RobotConfig {
             path_acceleration_mm_s2: acceleration,
             cycle: micros(robot.cycle_us.value),
             interpreter_quantum: micros(robot.interpreter_quantum_us.value),
+            start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             skill_overhead: micros(robot.skill_overhead_us.value),
         })
     }
+}
+
+fn six_axes(opw: &setup::Opw) -> Result<Opw, ConfigError> {
+    let [a1, a2, b, c1, c2, c3, c4] =
+        [&opw.a1_mm, &opw.a2_mm, &opw.b_mm, &opw.c1_mm, &opw.c2_mm, &opw.c3_mm, &opw.c4_mm]
+            .map(|length| length.value);
+    let (offsets, signs) = (opw.offsets_deg.value, opw.signs.value);
+    let are_lengths = [a1, a2, b, c1, c4].iter().all(|length| length.is_finite()) && c2 > 0.0 && c3 > 0.0;
+    if !are_lengths {
+        return error("kinematics", "every length must be a number, and c2 and c3 above 0 mm");
+    }
+    if !offsets.iter().all(|offset| offset.abs() <= 360.0) || !signs.iter().all(|sign| sign.abs() == 1) {
+        return error("kinematics", "offsets must be within ±360° and signs 1 or -1");
+    }
+    Ok(Opw::new(OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs }))
 }
 
 /// One value for each joint that the arm has; the others keep `rest`.

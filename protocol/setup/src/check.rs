@@ -5,7 +5,7 @@ use std::time::Duration;
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 
-use crate::{Application, BusKind, Cyclic, Frame, Kinematics, Setup, Sourced};
+use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, Setup, Sourced};
 
 /// A key and what is wrong with its value.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ fn problem(key: impl Into<String>, text: impl Into<String>) -> Problem {
     Problem { key: key.into(), text: text.into() }
 }
 
-/// The version of the file formats that this program reads.
+/// The version of the file format that this program reads.
 const SCHEMA: u32 = 1;
 
 /// Highest tool and base number: they have four bits each in the process image.
@@ -58,38 +58,6 @@ pub(crate) fn check_setup(setup: &Setup) -> Check {
     share("motions.acceleration_percent", motions.acceleration_percent.value)?;
     not_negative("motions.approximation_mm", motions.approximation_mm.value)?;
     at_most("motions.approximation_mm", motions.approximation_mm.value, MAX_APPROXIMATION_MM, "mm")
-}
-
-pub(crate) fn check_application(application: &Application) -> Check {
-    schema(application.schema)?;
-    for (key, number) in [("tool", application.tool), ("base", application.base)] {
-        if number > MAX_FRAME {
-            return Err(problem(key, format!("{number} is not a frame number: 0 to {MAX_FRAME}")));
-        }
-    }
-    if application.motion.is_empty() {
-        return Err(problem("motion", "there is none; at least one [[motion]] is needed"));
-    }
-    for (index, motion) in application.motion.iter().enumerate() {
-        let key = |name: &str| format!("motion[{index}].{name}");
-        finite(&key("target_mm_deg"), &motion.target_mm_deg)?;
-        share(&key("velocity_percent"), motion.velocity_percent)?;
-    }
-    Ok(())
-}
-
-/// What neither the setup nor the application can be wrong in alone.
-pub(crate) fn check_together(setup: &Setup, application: &Application) -> Check {
-    let robot = &setup.robot;
-    for (key, number, frames) in
-        [("tool", application.tool, &robot.tools), ("base", application.base, &robot.bases)]
-    {
-        if number != 0 && !frames.iter().any(|frame| frame.number == number) {
-            let text = format!("setup {} has no [[robot.{key}s]] of number {number}", setup.name);
-            return Err(problem(key, text));
-        }
-    }
-    Ok(())
 }
 
 fn schema(found: u32) -> Check {
@@ -237,9 +205,11 @@ fn robot(setup: &Setup) -> Check {
     let robot = &setup.robot;
     cycle("robot.cycle_us", &robot.cycle_us)?;
     for (key, value) in [
-        ("robot.interpreter_quantum_us", &robot.interpreter_quantum_us),
-        ("robot.skill_overhead_us", &robot.skill_overhead_us),
+        ("robot.interpreter_quantum_us", Some(&robot.interpreter_quantum_us)),
+        ("robot.start_quantum_us", robot.start_quantum_us.as_ref()),
+        ("robot.skill_overhead_us", Some(&robot.skill_overhead_us)),
     ] {
+        let Some(value) = value else { continue };
         if value.value > 10_000_000 {
             return Err(problem(key, format!("{} µs is above ten seconds", value.value)));
         }
@@ -258,8 +228,36 @@ fn robot(setup: &Setup) -> Check {
             finite("robot.kinematics.height_mm", &[scara.height_mm.value])?;
             4
         }
+        Kinematics::Opw(opw) => {
+            opw_numbers(opw)?;
+            6
+        }
     };
     axes(setup, joints)
+}
+
+fn opw_numbers(opw: &Opw) -> Check {
+    let key = |name: &str| format!("robot.kinematics.{name}");
+    for (name, length) in [
+        ("a1_mm", &opw.a1_mm),
+        ("a2_mm", &opw.a2_mm),
+        ("b_mm", &opw.b_mm),
+        ("c1_mm", &opw.c1_mm),
+        ("c4_mm", &opw.c4_mm),
+    ] {
+        finite(&key(name), &[length.value])?;
+    }
+    above_zero(&key("c2_mm"), opw.c2_mm.value)?;
+    above_zero(&key("c3_mm"), opw.c3_mm.value)?;
+    finite(&key("offsets_deg"), &opw.offsets_deg.value)?;
+    if let Some(offset) = opw.offsets_deg.value.iter().find(|offset| offset.abs() > 360.0) {
+        return Err(problem(key("offsets_deg"), format!("{offset}° is more than a full turn")));
+    }
+    if let Some(sign) = opw.signs.value.iter().find(|sign| sign.abs() != 1) {
+        let text = format!("{sign} is not the sense of a joint: 1, or -1 where it turns against the model");
+        return Err(problem(key("signs"), text));
+    }
+    Ok(())
 }
 
 fn frames(key: &str, frames: &[Frame]) -> Check {

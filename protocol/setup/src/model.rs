@@ -167,6 +167,9 @@ pub struct Robot {
     /// The controller's time quantum in µs: its interpreter notices a new command after a time evenly spread
     /// between 0 and this.
     pub interpreter_quantum_us: Sourced<u32>,
+    /// What else passes before the controller notices the start of a program or of a MoveContinuousSkill, evenly spread
+    /// between 0 and this, in µs; none where it is left out. A single motion does not pay it.
+    pub start_quantum_us: Option<Sourced<u32>>,
     /// What one skill call costs in the robot controller besides the motion, in µs: the paper's SM pays it per
     /// motion, RC and CM once. Interpreter dispatch and exact-stop settling.
     pub skill_overhead_us: Sourced<u32>,
@@ -202,6 +205,33 @@ pub struct Frame {
 pub enum Kinematics {
     /// Two parallel links, a vertical stroke, a rotation: joints 1, 2 (degrees), 3 (mm, up), 4 (degrees).
     Scara(Scara),
+    /// Six axes with a parallel base and a spherical wrist: joints 1 to 6 in degrees.
+    Opw(Box<Opw>),
+}
+
+/// The numbers of a six-axis arm with a parallel base and a spherical wrist, named as by Brandstötter, Angerer and
+/// Hofbaur (2014).
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Opw {
+    /// From axis 1 to axis 2, forward, in mm.
+    pub a1_mm: Sourced<f64>,
+    /// From axis 3 to axis 4, across the forearm, in mm; negative where axis 4 is above axis 3 in the usual drawing.
+    pub a2_mm: Sourced<f64>,
+    /// From the plane of the base to that of the arm, sideways, in mm.
+    pub b_mm: Sourced<f64>,
+    /// From the root to axis 2, upward, in mm.
+    pub c1_mm: Sourced<f64>,
+    /// From axis 2 to axis 3, in mm.
+    pub c2_mm: Sourced<f64>,
+    /// From axis 3 to the wrist centre along the forearm, in mm.
+    pub c3_mm: Sourced<f64>,
+    /// From the wrist centre to the flange, in mm.
+    pub c4_mm: Sourced<f64>,
+    /// What each joint's zero is away from the upright model's, in degrees.
+    pub offsets_deg: Sourced<[f64; 6]>,
+    /// 1 where a joint turns as the model does, −1 where against it.
+    pub signs: Sourced<[i8; 6]>,
 }
 
 /// The numbers of a SCARA.

@@ -45,6 +45,8 @@ codes! {
         ConnectionLost = 17,
         /// The PLC took back `enable` while a skill ran.
         Disabled = 18,
+        /// A line cannot be followed in the configuration (elbow, wrist) that the arm starts it in.
+        ConfigurationChange = 19,
     }
 }
 
@@ -70,6 +72,7 @@ impl fmt::Display for ErrorNumber {
             Self::Singular => "the path passes a singular position",
             Self::ConnectionLost => "the connection to the PLC was lost while the skill ran",
             Self::Disabled => "the PLC took back `enable` while the skill ran",
+            Self::ConfigurationChange => "the line needs another configuration of the arm",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -1,6 +1,7 @@
 //! The arm: from joints to poses and back, and what each joint may do.
 
 mod frame;
+mod opw;
 mod scara;
 mod violation;
 
@@ -8,6 +9,7 @@ use core::fmt::Debug;
 use std::sync::Arc;
 
 pub use frame::{Frame, Rotation, distance, length};
+pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
 pub use violation::Violation;
 
@@ -150,6 +152,18 @@ impl Arm {
         }
         self.within_range(&joints)?;
         Ok(joints)
+    }
+
+    /// Whether no rotary joint turns by more than `most` degrees from one point of a path to the next one; if one does,
+    /// which (from 1) and by how many degrees.
+    pub fn stays_in_configuration(&self, from: &Joints, to: &Joints, most: f64) -> Result<(), (u8, f64)> {
+        for (axis, (from, to)) in from.iter().zip(to).enumerate() {
+            let turn = (to - from).abs();
+            if turn > most && self.kinematics.is_rotary(axis) {
+                return Err((axis as u8 + 1, turn));
+            }
+        }
+        Ok(())
     }
 
     /// Whether every joint is within its range.

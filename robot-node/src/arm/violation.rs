@@ -23,6 +23,34 @@ pub enum Violation {
         /// The most that the arm reaches.
         farthest_mm: f64,
     },
+    /// Distance of the wrist centre from the second axis of a six-axis arm, in mm.
+    #[error(
+        "the wrist centre would be {distance_mm:.3} mm from axis 2; the arm reaches from {nearest_mm:.3} to \
+         {farthest_mm:.3} mm"
+    )]
+    WristReach {
+        /// Its distance.
+        distance_mm: f64,
+        /// The least that the arm reaches.
+        nearest_mm: f64,
+        /// The most that the arm reaches.
+        farthest_mm: f64,
+    },
+    /// A line on which the arm would have to turn over into another configuration (elbow, wrist).
+    #[error(
+        "the line needs another configuration (elbow, wrist) from {way:.1} of its {length:.1} mm on: joint {axis} \
+         would turn by {turn_deg:.1}° at once; go there point to point"
+    )]
+    Configuration {
+        /// Which joint turns most, from 1.
+        axis: u8,
+        /// How far it would turn.
+        turn_deg: f64,
+        /// Where on the line, in mm; where the tool only turns, in degrees.
+        way: f64,
+        /// The line's length, in mm; where the tool only turns, in degrees.
+        length: f64,
+    },
     /// An arm that holds its tool upright was asked to tilt it.
     #[error(
         "the flange would be tilted by {tilt_deg:.3}° from straight down; this arm cannot tilt it (c = 180)"
@@ -80,7 +108,8 @@ impl Violation {
         match self {
             Self::Plain(number) => *number,
             Self::NotFinite(_) => ErrorNumber::TargetNotFinite,
-            Self::Radius { .. } | Self::Tilt { .. } => ErrorNumber::Unreachable,
+            Self::Radius { .. } | Self::WristReach { .. } | Self::Tilt { .. } => ErrorNumber::Unreachable,
+            Self::Configuration { .. } => ErrorNumber::ConfigurationChange,
             Self::Axis { .. } => ErrorNumber::AxisLimit,
             Self::Singular { .. } => ErrorNumber::Singular,
             Self::Velocity { .. } => ErrorNumber::VelocityOutOfRange,

@@ -194,7 +194,12 @@ impl Controller {
             Some(pending) if pending.number == command.number => pending,
             _ => {
                 let quantum = self.config.interpreter_quantum;
-                let noticed_at = at + quantum.mul_f64(self.random.next_u32() as f64 / 2_f64.powi(32));
+                let mut noticed_at = at + quantum.mul_f64(self.random.next_u32() as f64 / 2_f64.powi(32));
+                let start = self.config.start_quantum;
+                let is_start = matches!(command.skill, Skill::RunProgram | Skill::MoveContinuous);
+                if is_start && !start.is_zero() {
+                    noticed_at += start.mul_f64(self.random.next_u32() as f64 / 2_f64.powi(32));
+                }
                 Pending { number: command.number, seen_at: at, noticed_at }
             }
         };

@@ -13,6 +13,10 @@ const CHECKS: usize = 32;
 /// What joint limits keep in reserve for what lies between the checked points.
 const RESERVE: f64 = 0.97;
 
+/// A joint that would turn by more than this, in degrees, from one checked point to the next does not follow the line:
+/// the arm turns over into another configuration there. A line in one configuration turns no joint by half a turn.
+const TURNED_OVER_DEG: f64 = 30.0;
+
 /// A line on which a joint leaves less than this of the programmed velocity counts as singular.
 const SINGULAR_SHARE: f64 = 0.01;
 
@@ -197,6 +201,9 @@ fn difference(curve: &Curve, from: &Joints, arm: &Arm) -> Result<(Joints, [Diffe
     let mut differences = [Difference { slope: [0.0; 6], bend: [0.0; 6] }; CHECKS];
     for (check, difference) in differences.iter_mut().enumerate() {
         let next = curve.joints(step * (check + 1) as f64, arm, &joints)?;
+        arm.stays_in_configuration(&joints, &next, TURNED_OVER_DEG).map_err(|(axis, turn_deg)| {
+            Violation::Configuration { axis, turn_deg, way: step * check as f64, length: curve.length() }
+        })?;
         let slope: Joints = core::array::from_fn(|axis| (next[axis] - joints[axis]) / step);
         let last = before.unwrap_or(slope);
         *difference = Difference {

@@ -1,0 +1,326 @@
+//! A six-axis arm with a parallel base and a spherical wrist, in the parameters a1, a2, b, c1…c4 of Brandstötter,
+//! Angerer and Hofbaur (2014), which `rs-opw-kinematics` takes as well.
+//!
+//! ```text
+//! model angle θ = sign·q − offset                k = √(a2² + c3²), ψ = atan2(a2, c3)
+//! wrist centre in the plane of the arm, from axis 2:    n = c2·sin θ2 + k·sin(θ2 + θ3 + ψ)
+//!                                                       h = c2·cos θ2 + k·cos(θ2 + θ3 + ψ)
+//! orientation = Rz(θ1)·Ry(θ2 + θ3)·Rz(θ4)·Ry(θ5)·Rz(θ6)
+//! ```
+//!
+//! Forward is the crate's. Its inverse finds all eight configurations, checks each with a forward one and returns them
+//! in a new `Vec`: several microseconds and an allocation, 50 times for one line with its corner. A path wants one
+//! configuration, that of the point before, so [`Opw`] solves for that one alone; tests compare it with the crate's.
+
+use rs_opw_kinematics::kinematics_impl::OPWKinematics;
+use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
+
+use super::{Frame, Joints, Kinematics, Rotation, Violation};
+
+/// Below this sine of half of axis 5's angle, axes 4 and 6 turn about one line: axis 4 stays.
+const WRIST_STRETCHED: f64 = 1e-9;
+
+/// What rounding may add to the reach, as a share of it: the arm may be stretched out straight.
+const ROUNDING: f64 = 1e-9;
+
+/// The geometry of a six-axis arm as numbers. Lengths in mm, offsets in degrees.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct OpwParameters {
+    /// From axis 1 to axis 2, forward.
+    pub a1: f64,
+    /// From axis 3 to axis 4, upward positive downward negative as the arm's literature has it.
+    pub a2: f64,
+    /// From the plane of the base to that of the arm, sideways.
+    pub b: f64,
+    /// From the root to axis 2, upward.
+    pub c1: f64,
+    /// From axis 2 to axis 3.
+    pub c2: f64,
+    /// From axis 3 to the wrist centre.
+    pub c3: f64,
+    /// From the wrist centre to the flange.
+    pub c4: f64,
+    /// What a joint's zero is away from the model's.
+    pub offsets: Joints,
+    /// 1 where a joint turns as the model does, −1 where against it.
+    pub signs: [i8; 6],
+}
+
+/// A six-axis arm.
+#[derive(Clone, Copy, Debug)]
+pub struct Opw {
+    parameters: OpwParameters,
+    /// k: from axis 3 to the wrist centre.
+    forearm: f64,
+    /// ψ, in degrees: what the forearm leans from axis 4.
+    lean: f64,
+    solver: OPWKinematics,
+}
+
+/// Which of the eight ways to reach a pose.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Configuration {
+    /// The wrist centre is on the side of axis 1 to which the base looks.
+    front: bool,
+    /// The model's forearm is bent toward positive angles.
+    elbow_positive: bool,
+    /// Axis 5 is at a positive angle.
+    wrist_positive: bool,
+}
+
+impl Opw {
+    /// An arm of these numbers: all finite, c2 and c3 above 0, offsets within ±360°.
+    #[must_use]
+    pub fn new(parameters: OpwParameters) -> Self {
+        let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
+        let offsets = offsets.map(|offset| offset.clamp(-360.0, 360.0).to_radians());
+        let numbers = Parameters { a1, a2, b, c1, c2, c3, c4, offsets, sign_corrections: signs, dof: 6 };
+        Self {
+            parameters,
+            forearm: a2.hypot(c3),
+            lean: a2.atan2(c3).to_degrees(),
+            solver: OPWKinematics::new(numbers),
+        }
+    }
+
+    /// The model's angles, in degrees.
+    fn model(&self, joints: &Joints) -> Joints {
+        let OpwParameters { offsets, signs, .. } = &self.parameters;
+        core::array::from_fn(|axis| joints[axis] * f64::from(signs[axis]) - offsets[axis])
+    }
+
+    fn joints(&self, model: &Joints) -> Joints {
+        let OpwParameters { offsets, signs, .. } = &self.parameters;
+        core::array::from_fn(|axis| (model[axis] + offsets[axis]) * f64::from(signs[axis]))
+    }
+
+    fn configuration(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Configuration {
+        let elbow = q3 + self.lean;
+        let OpwParameters { a1, c2, .. } = self.parameters;
+        let forward = a1 + c2 * q2.to_radians().sin() + self.forearm * (q2 + elbow).to_radians().sin();
+        Configuration {
+            front: forward >= 0.0,
+            elbow_positive: elbow.to_radians().sin() >= 0.0,
+            wrist_positive: q5.to_radians().sin() >= 0.0,
+        }
+    }
+
+    /// Axes 1 to 3 of the model that bring the wrist centre there, in degrees.
+    fn arm(&self, [x, y, z]: [f64; 3], configuration: Configuration) -> Result<[f64; 3], Violation> {
+        let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
+        let forearm = self.forearm;
+        let square = x * x + y * y - b * b;
+        // Square root of a wrist centre beside axis 1 by less than b.
+        let radial = if configuration.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
+        let (n, h) = (radial - a1, z - c1);
+        let bend = (n * n + h * h - c2 * c2 - forearm * forearm) / (2.0 * c2 * forearm);
+        if square < 0.0 || bend.abs() > 1.0 + ROUNDING {
+            return Err(Violation::WristReach {
+                distance_mm: n.hypot(h),
+                nearest_mm: (c2 - forearm).abs(),
+                farthest_mm: c2 + forearm,
+            });
+        }
+        let bend = bend.clamp(-1.0, 1.0);
+        let sine = (1.0 - bend * bend).sqrt();
+        let sine = if configuration.elbow_positive { sine } else { -sine };
+        let q1 = y.atan2(x) - b.atan2(radial);
+        let (along, across) = (c2 + forearm * bend, forearm * sine);
+        let q2 = (n * along - h * across).atan2(h * along + n * across);
+        let q3 = sine.atan2(bend).to_degrees() - self.lean;
+        Ok([q1.to_degrees(), q2.to_degrees(), q3])
+    }
+
+    /// Axes 4 to 6 of the model for a rotation of the flange against the forearm, in degrees.
+    fn wrist(rotation: Rotation, positive: bool, near: &Joints) -> [f64; 3] {
+        let [w, x, y, z] = rotation.quaternion();
+        let (sine, cosine) = (x.hypot(y), w.hypot(z));
+        let half_sum = z.atan2(w).to_degrees();
+        if sine < WRIST_STRETCHED {
+            return [near[3], 0.0, 2.0 * half_sum - near[3]];
+        }
+        let half_difference = x.atan2(y).to_degrees();
+        let (q4, q5, q6) =
+            (half_sum - half_difference, 2.0 * sine.atan2(cosine).to_degrees(), half_sum + half_difference);
+        if positive { [q4, q5, q6] } else { [q4 + 180.0, -q5, q6 - 180.0] }
+    }
+}
+
+impl Kinematics for Opw {
+    fn axes(&self) -> usize {
+        6
+    }
+
+    fn is_rotary(&self, _axis: usize) -> bool {
+        true
+    }
+
+    fn forward(&self, joints: &Joints) -> Frame {
+        // The crate refuses joints that are no numbers; so is their pose.
+        self.solver.try_forward(&joints.map(f64::to_radians)).map_or(
+            Frame { position: [f64::NAN; 3], rotation: Rotation::IDENTITY },
+            |pose| {
+                let rotation = pose.rotation;
+                Frame {
+                    position: pose.translation.to_array(),
+                    rotation: Rotation::from_quaternion([rotation.w, rotation.x, rotation.y, rotation.z]),
+                }
+            },
+        )
+    }
+
+    fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
+        let near = self.model(near);
+        let configuration = self.configuration(&near);
+        let hand = flange.rotation.rotate([0.0, 0.0, self.parameters.c4]);
+        let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
+        let [q1, q2, q3] = self.arm(centre, configuration)?;
+        let forearm = Rotation::about([0.0, 0.0, 1.0], q1) * Rotation::about([0.0, 1.0, 0.0], q2 + q3);
+        let [q4, q5, q6] =
+            Self::wrist(forearm.inverse() * flange.rotation, configuration.wrist_positive, &near);
+        Ok(self.joints(&[q1, q2, q3, q4, q5, q6]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::{Arm, AxisLimits, distance};
+    use proptest::prelude::*;
+    use rs_opw_kinematics::glam::{DQuat, DVec3};
+    use rs_opw_kinematics::kinematic_traits::{Kinematics as _, Pose};
+    use std::sync::Arc;
+
+    const IRB_1100: OpwParameters = OpwParameters {
+        a1: 0.0,
+        a2: -10.0,
+        b: 0.0,
+        c1: 327.0,
+        c2: 225.0,
+        c3: 250.0,
+        c4: 64.0,
+        offsets: [0.0, 0.0, -90.0, 0.0, 0.0, 0.0],
+        signs: [1; 6],
+    };
+
+    const LOWER: Joints = [-230.0, -115.0, -205.0, -230.0, -125.0, -400.0];
+    const UPPER: Joints = [230.0, 113.0, 55.0, 230.0, 120.0, 400.0];
+
+    fn arm() -> Arm {
+        let limits = AxisLimits { lower: LOWER, upper: UPPER, ..AxisLimits::NONE };
+        Arm::new(Arc::new(Opw::new(IRB_1100)), limits)
+    }
+
+    /// An arm with every parameter: nothing cancels.
+    fn odd() -> OpwParameters {
+        OpwParameters {
+            a1: 25.0,
+            a2: 35.0,
+            b: 40.0,
+            c1: 400.0,
+            c2: 455.0,
+            c3: 420.0,
+            c4: 80.0,
+            offsets: [10.0, -90.0, 30.0, 0.0, 5.0, 180.0],
+            signs: [-1, 1, 1, -1, 1, -1],
+        }
+    }
+
+    fn any_joints() -> impl Strategy<Value = Joints> {
+        (-230.0..230.0, -115.0..113.0, -205.0..55.0, -230.0..230.0, -125.0..120.0, -400.0..400.0)
+            .prop_map(|(q1, q2, q3, q4, q5, q6): (f64, f64, f64, f64, f64, f64)| [q1, q2, q3, q4, q5, q6])
+    }
+
+    /// Away from where two configurations meet: there, rounding chooses.
+    fn is_regular(opw: &Opw, joints: &Joints) -> bool {
+        let model = opw.model(joints);
+        let forward = opw.parameters.c2 * model[1].to_radians().sin()
+            + opw.forearm * (model[1] + model[2] + opw.lean).to_radians().sin()
+            + opw.parameters.a1;
+        forward.abs() > 5.0
+            && (model[2] + opw.lean).to_radians().sin().abs() > 0.02
+            && model[4].to_radians().sin().abs() > 0.02
+    }
+
+    #[test]
+    fn at_zero_the_flange_is_in_front_of_the_upright_arm() {
+        let flange = Opw::new(IRB_1100).forward(&[0.0; 6]);
+        assert!(distance(flange.position, [314.0, 0.0, 562.0]) < 1e-9, "{flange:?}");
+        let forward = flange.rotation.rotate([0.0, 0.0, 1.0]);
+        assert!(distance(forward, [1.0, 0.0, 0.0]) < 1e-12, "the flange looks along {forward:?}");
+    }
+
+    #[test]
+    fn what_it_cannot_reach_is_refused_with_the_reach_of_the_wrist() {
+        let target = Frame::from_mm_deg([600.0, 0.0, 263.0, 0.0, 0.0, 180.0]);
+        let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
+        insta::assert_snapshot!(error, @"the wrist centre would be 600.000 mm from axis 2; the arm reaches from 25.200 to 475.200 mm");
+    }
+
+    #[test]
+    fn axis_6_goes_on_past_a_full_half_turn_and_comes_back_where_it_must() {
+        let arm = arm();
+        let at = |q6: f64| [0.0, 0.0, 0.0, 0.0, 60.0, q6];
+        let past = arm.inverse(&arm.forward(&at(200.0)), &at(150.0)).unwrap();
+        assert!((past[5] - 200.0).abs() < 1e-9, "{past:?}");
+        let back = arm.inverse(&arm.forward(&at(410.0 - 360.0)), &at(390.0)).unwrap();
+        assert!((back[5] - 50.0).abs() < 1e-9, "410° is beyond the range: {back:?}");
+        assert!(arm.follow(&arm.forward(&at(50.0)), &at(390.0)).is_err(), "a path cannot turn back");
+    }
+
+    #[test]
+    fn a_stretched_wrist_leaves_axis_4_where_it_is() {
+        let arm = arm();
+        let joints = [10.0, 20.0, -30.0, 35.0, 0.0, 15.0];
+        let found = arm.follow(&arm.forward(&joints), &joints).unwrap();
+        for (found, expected) in found.iter().zip(joints) {
+            assert!((found - expected).abs() < 1e-5, "{found} is not {expected}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn inverse_undoes_forward_in_every_configuration(joints in any_joints()) {
+            prop_assume!(is_regular(&Opw::new(IRB_1100), &joints));
+            let arm = arm();
+            let found = arm.inverse(&arm.forward(&joints), &joints).unwrap();
+            for (found, expected) in found.iter().zip(joints) {
+                prop_assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");
+            }
+        }
+
+        #[test]
+        fn forward_undoes_inverse_for_an_arm_with_every_parameter(joints in any_joints(), near in any_joints()) {
+            let opw = Opw::new(odd());
+            prop_assume!(is_regular(&opw, &joints) && is_regular(&opw, &near));
+            let flange = opw.forward(&joints);
+            if let Ok(found) = opw.inverse(&flange, &near) {
+                let again = opw.forward(&found);
+                prop_assert!(distance(again.position, flange.position) < 1e-6);
+                prop_assert!((again.rotation.inverse() * flange.rotation).axis_angle().1 < 1e-6);
+            }
+        }
+
+        #[test]
+        fn the_crate_finds_the_same_joints_among_all_configurations(joints in any_joints(), near in any_joints()) {
+            for parameters in [IRB_1100, odd()] {
+                let opw = Opw::new(parameters);
+                prop_assume!(is_regular(&opw, &joints) && is_regular(&opw, &near));
+                let flange = opw.forward(&joints);
+                let [w, x, y, z] = flange.rotation.quaternion();
+                let pose = Pose::from_parts(DVec3::from_array(flange.position), DQuat::from_xyzw(x, y, z, w));
+                let Ok(found) = opw.inverse(&flange, &near) else { continue };
+                let same = |other: &Joints| {
+                    other.iter().zip(found).all(|(other, found)| {
+                        let turn = other.to_degrees() - found;
+                        (turn - 360.0 * (turn / 360.0).round()).abs() < 1e-4
+                    })
+                };
+                let all = opw.solver.inverse(&pose);
+                prop_assert!(all.iter().any(same), "{found:?} is not among {all:?} rad");
+            }
+        }
+    }
+}
