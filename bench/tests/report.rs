@@ -1,6 +1,8 @@
 //! The report: every section is there whatever became of the run, nothing comes from elsewhere, and what cannot be
 //! drawn is said.
 
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
 use std::path::Path;
 
 use assert_cmd::Command;
