@@ -96,6 +96,10 @@ verb_wire() { #: a short real run over udp and over rt1, each capture through ts
     done
 }
 
+verb_gate() { #: fail where the virtual figures of a setup left their committed baseline
+    cargo run -p bench --locked -- gate --setup A
+}
+
 verb_user() { #: the same run as an ordinary user, without any privilege (as root)
     cargo build -p bench --locked
     local home
@@ -105,11 +109,11 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
     install -m 755 "${CARGO_TARGET_DIR:-target}/debug/bench" "$home/bench"
     chown 65534:65534 "$home"
     (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
-        ./bench --setup A --reps 1)
+        ./bench --setup A --reps 1 --out run)
 }
 
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test wire user; do
+    for verb in format lint purity test gate wire user; do
         echo "== $verb"
         "verb_$verb"
     done

@@ -37,9 +37,10 @@ fn measure(options: &RunOptions) -> Result<Exit, Failure> {
 }
 
 fn calibrate(options: &CalibrateOptions) -> Result<Exit, Failure> {
-    let (setup, application) = setup::setup_with_application(&options.setup)?;
+    let (setup, found) = planning::setup_with_application(&options.setup)?;
+    found.plan(&setup)?;
     let progress = |text: &str| eprintln!("{text}");
-    let found = calibrate::calibrate(&setup, &application, options.reps, options.seed, progress)?;
+    let found = calibrate::calibrate(&setup, &found.application, options.reps, options.seed, progress)?;
     print!("{}", found.report());
     Ok(Exit::Pass)
 }

@@ -6,7 +6,8 @@ use std::thread::{self, JoinHandle};
 use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
-use setup::{Application, Setup};
+use planning::{Application, Found};
+use setup::Setup;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::{Capture, Mode, RunOptions};
@@ -35,7 +36,7 @@ const GRANTED: &str = "SCHED_FIFO, memory locked";
 /// The options, the setup, the machine or the disk does not allow it. A repetition that fails is none: its table is
 /// printed as far as it goes, and the exit code says so.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
-    let (mut setup, application) = setup::setup_with_application(&options.setup)?;
+    let (mut setup, found) = planning::setup_with_application(&options.setup)?;
     if let Some(cyclic) = options.cyclic {
         let Some(profinet) = &mut setup.bus.profinet else {
             let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);
@@ -44,16 +45,13 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
     }
+    found.plan(&setup)?;
     if options.mode == Mode::Virtual && options.capture != Capture::Never {
         let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
         return Err(Failure::new(Exit::Usage, error));
     }
-    let measurement = Measurement {
-        plan: Plan::new(&options.types, options.reps, options.seed),
-        options,
-        setup,
-        application,
-    };
+    let measurement =
+        Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -76,7 +74,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
 struct Measurement<'a> {
     options: &'a RunOptions,
     setup: Setup,
-    application: Application,
+    found: Found,
     plan: Plan,
 }
 
@@ -89,19 +87,21 @@ impl Measurement<'_> {
             Mode::Virtual => Durability::Written,
         };
         let mut session = Session {
-            directory: RunDirectory::create(&path, &self.setup, &self.application, durability)?,
+            directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
             export_json: self.options.export_json.clone(),
             progress: Progress::start(&self.plan, self.options.quiet),
         };
         let host = Host::look(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
-        let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
+        let results = Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.plan);
         let ended = match self.options.mode {
             Mode::Virtual => {
-                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                let without_overhead =
+                    WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
                 let bus = VirtualBus::OfSetup;
-                let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
+                let mut stand =
+                    VirtualRun::start(&self.setup, &self.found.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
                 stand.trace().save(session.directory.path())?;
                 match ended.exit {
@@ -115,7 +115,8 @@ impl Measurement<'_> {
                     // Afterwards, so that it takes no core from the nodes. Whoever interrupted the run, or has a node
                     // to look after, does not want to wait for it.
                     Exit::Pass => {
-                        let started = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                        let started =
+                            WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
                         ended.beside(started.finish()?)
                     }
                     _ => ended,

@@ -163,11 +163,11 @@ mod tests {
 
     fn run(fails_at: u64, interrupt: impl Future<Output = ()>) -> Outcome {
         let place = tempfile::tempdir().unwrap();
-        let (setup, application) = setup::setup_with_application("A").unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
         let plan = Plan::new(&ExecutionType::ALL, 2, 1);
-        let results = Results::new(&setup, &application.name, Mode::Real, &plan);
+        let results = Results::new(&setup, &found.application.name, Mode::Real, &plan);
         let mut session = Session {
-            directory: RunDirectory::create(place.path(), &setup, &application, Durability::Synced).unwrap(),
+            directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
             export_json: Some(place.path().join("exported.json")),
             progress: Progress::start(&plan, true),
         };

@@ -3,9 +3,11 @@
 //! The seed fixes everything that no setup says: what each node's clock shows at the start, how fast it runs within
 //! `bus.clock_drift_ppm`, and where in its cycle each cyclic task starts.
 
+use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use planning::{Application, PROGRAM};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -15,7 +17,7 @@ use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use robot_node::{RobotConfig, RobotEvent, RobotNode};
-use setup::{Application, BusKind, PROGRAM, Setup};
+use setup::{BusKind, Setup};
 
 use crate::cli::Mode;
 use crate::plan::{Plan, Step, below};
@@ -68,7 +70,7 @@ impl VirtualRun {
         let mut cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, application, &mut phases, plc, robot)?
+                cell(setup, application, &mut phases, plc, robot, None)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -76,7 +78,14 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, application, &mut phases, plc, robot)?
+                    cell(setup, application, &mut phases, plc, robot, None)?
+                }
+                BusKind::EthernetIp => {
+                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
+                    let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
+                    let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
+                    let address = Some(setup.bus.robot_address);
+                    cell(setup, application, &mut phases, plc, robot, address)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
@@ -142,8 +151,9 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
+    robot_address: Option<Ipv4Addr>,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = setup::motions(setup, application);
+    let motions = planning::plan(application, setup)?.wire_motions(setup);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
@@ -154,7 +164,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         seed: phases.seed,
         clocks: phases.clocks,
         links: [Impairment { delay, ..Impairment::default() }; 2],
-        addresses: [Some(setup.bus.plc_address), None],
+        addresses: [Some(setup.bus.plc_address), robot_address],
     };
     Ok(Box::new(Pair::new(plc, robot, config)))
 }

@@ -8,11 +8,13 @@ use assert_cmd::Command;
 use bench::gate::{Baseline, judge};
 use bench::plan::Plan;
 use bench::virtual_run::whole;
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, Setup};
+use setup::Setup;
 
 fn setup_a() -> (Setup, Application) {
-    setup::setup_with_application("A").unwrap()
+    let (setup, found) = planning::setup_with_application("A").unwrap();
+    (setup, found.application)
 }
 
 /// The baseline of the tree as it is; fewer repetitions than the committed one has.

@@ -5,11 +5,13 @@
 use bench::plan::Plan;
 use bench::results::{PerType, Results};
 use bench::virtual_run::whole;
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, Setup};
+use setup::Setup;
 
 fn setup_a() -> (Setup, Application) {
-    setup::setup_with_application("A").unwrap()
+    let (setup, found) = planning::setup_with_application("A").unwrap();
+    (setup, found.application)
 }
 
 fn run(seed: u64, reps: u32) -> Results {

@@ -72,8 +72,8 @@ mod tests {
 
     #[test]
     fn setup_a_gives_the_cycles_of_the_paper_and_its_timeouts_in_scans() {
-        let setup = setup::setup("A").unwrap();
-        let motions = setup::motions(&setup, &setup::application(&setup.application).unwrap());
+        let (setup, application) = planning::setup_with_application("A").unwrap();
+        let motions = application.plan(&setup).unwrap().wire_motions(&setup);
         let config = PlcConfig::from_setup(&setup, motions, 1);
         assert_eq!(
             (config.scan_cycle, config.scan_cost),

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
-use protocol::{Instant, Lateness, Machine, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::function_blocks::BlockError;
 use crate::readiness::Readiness;
@@ -356,6 +356,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 
     fn poll_stream(&mut self) -> Option<StreamRequest> {
         self.bus.poll_stream()
+    }
+
+    fn dscp(&self, port: Port) -> u8 {
+        self.bus.dscp(port)
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use planning::Application;
 use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
-use setup::{Application, Setup};
+use setup::Setup;
 
 use crate::exit::{Exit, Failure};
 use crate::progress::label;

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, Setup};
+use setup::Setup;
 
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use verdict::{Change, Verdict};
@@ -45,7 +46,8 @@ pub struct GateOptions {
 ///
 /// The setup or the baseline cannot be used, the run fails, or a new baseline cannot be written.
 pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
-    let (setup, application) = setup::setup_with_application(&options.setup)?;
+    let (setup, found) = planning::setup_with_application(&options.setup)?;
+    let application = found.application;
     let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup));
     let found = find(&path, options.baseline.is_none(), &setup)?;
     if let Some((baseline, _)) = &found {

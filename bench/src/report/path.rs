@@ -1,10 +1,12 @@
 //! The path of the tool from above and from the side, with the targets and where the path may leave them.
 
+use planning::Application;
 use plc_node::ExecutionType;
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use setup::{Application, Setup};
+use protocol::image::Motion;
+use setup::Setup;
 
 use super::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
 use crate::trace::Trace;
@@ -138,13 +140,13 @@ pub(super) fn draw(
 
 fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<Target> {
     let (Some(setup), Some(application)) = (setup, application) else { return Vec::new() };
-    let motions = application.motion.iter().enumerate();
-    let target = |(index, motion): (usize, &setup::Motion)| {
-        let [x, y, z, ..] = motion.target_mm_deg;
-        let approximation = if motion.blend { setup.motions.approximation_mm.value } else { 0.0 };
-        Target { number: index + 1, at: [x, y, z], approximation }
+    let Ok(plan) = planning::plan(application, setup) else { return Vec::new() };
+    let motions = plan.wire_motions(setup);
+    let target = |(index, motion): (usize, &Motion)| {
+        let [x, y, z, ..] = motion.target.map(f64::from);
+        Target { number: index + 1, at: [x, y, z], approximation: motion.approximation_mm() }
     };
-    motions.map(target).collect()
+    motions.iter().enumerate().map(target).collect()
 }
 
 /// The targets' numbers and where they stand; those that would lie on each other are set as one.

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use setup::{Application, Setup};
+use planning::Application;
+use setup::Setup;
 
 use crate::exit::{Exit, Failure};
 use crate::results::{Results, SCHEMA_VERSION};
@@ -34,8 +35,8 @@ impl Run {
             std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
         };
         let (setup, application) =
-            match setup::setup_with_application(&directory.join("setup.toml").to_string_lossy()) {
-                Ok((setup, application)) => (Some(setup), Some(application)),
+            match planning::setup_with_application(&directory.join("setup.toml").to_string_lossy()) {
+                Ok((setup, found)) => (Some(setup), Some(found.application)),
                 Err(error) => {
                     or_missing(error.into());
                     (None, None)
