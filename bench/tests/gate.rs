@@ -133,3 +133,11 @@ fn a_baseline_of_another_setup_or_version_or_none_at_all_is_refused_and_stays() 
     let senseless = good.to_json().unwrap().replace("\"tolerance\": 0.5", "\"tolerance\": -0.5");
     insta::assert_snapshot!(refused(&senseless, &[]), @"error: cannot use b.json: its figure `RC AET` has a value or a tolerance that is no number from zero up; correct it by hand");
 }
+
+#[test]
+fn an_update_that_cannot_be_written_says_where_to_run_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = gate(directory.path(), &["--update"]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""));
+    insta::assert_snapshot!(said.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write bench/baselines/A.json: No such file or directory (os error 2)");
+}

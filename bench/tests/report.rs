@@ -1,7 +1,7 @@
 //! The report: every section is there whatever became of the run, nothing comes from elsewhere, and what cannot be
 //! drawn is said.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use std::path::Path;
 

@@ -105,8 +105,9 @@ fn update(
         old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
     let new = Baseline::of(&virtual_results(setup, application, reps, seed)?, old.as_ref());
     let diff = new.diff(old.as_ref());
-    replace(path, &new.to_json().context("cannot write the baseline as JSON")?, Durability::Synced).with_context(
-        || format!("the old baseline is as it was; run this from the repository's root, or name a file that can be written by --baseline: {}", path.display()),
+    let json = new.to_json().context("cannot write the baseline as JSON")?;
+    replace(path, &json, Durability::Synced).context(
+        "no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline",
     )?;
     if diff.is_empty() {
         println!("{} stays as it is.", path.display());
