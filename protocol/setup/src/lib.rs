@@ -17,8 +17,8 @@ pub use application::{Application, Motion, MotionKind};
 pub use error::Error;
 pub use load::{APPLICATIONS, SETUPS, application, check, setup, setup_with_application};
 pub use model::{
-    Axes, Bus, BusKind, Cyclic, Figure, Frame, Kinematics, Motions, Paper, Plc, Profinet, Robot, Scara,
-    Setup, UnknownCyclic,
+    Axes, Bus, BusKind, Cyclic, Figure, Frame, Kinematics, Motions, Paper, Plc, Profinet, ProfinetDevice,
+    ProfinetModule, ProfinetSubmodule, Robot, Scara, Setup, UnknownCyclic,
 };
 pub use motions::{PROGRAM, motions};
 pub use sourced::{Provenance, Sourced};
