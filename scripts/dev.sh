@@ -122,6 +122,10 @@ verb_wire() { #: a short real run over udp and over rt1, each capture through ts
     done
 }
 
+verb_gate() { #: fail where the virtual figures of a setup left their committed baseline
+    cargo run -p bench --locked -- gate --setup A
+}
+
 # newest_python: a Python that every peer runs on; ethernetip2 needs 3.12.
 newest_python() {
     local python
@@ -171,11 +175,11 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
     install -m 755 "${CARGO_TARGET_DIR:-target}/debug/bench" "$home/bench"
     chown 65534:65534 "$home"
     (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
-        ./bench --setup A --reps 1)
+        ./bench --setup A --reps 1 --out run)
 }
 
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test wire user interop; do
+    for verb in format lint purity test gate wire user interop; do
         echo "== $verb"
         "verb_$verb"
     done

@@ -7,8 +7,9 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context, bail};
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, Setup};
+use setup::Setup;
 
 use crate::plan::Plan;
 use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
@@ -66,7 +67,8 @@ pub fn calibrate(
     setup.robot.interpreter_quantum_us.value = quantum(&setup, &paper, &mads, &mut progress)?;
 
     // RC pays the overhead once, and SM's motions have RC's speed: each round takes back what the other did.
-    let calls = f64::from(u32::try_from(application.motion.len()).unwrap_or(u32::MAX));
+    let motions = planning::plan(application, &setup)?.motions.len();
+    let calls = f64::from(u32::try_from(motions).unwrap_or(u32::MAX));
     for _ in 0..ROUNDS {
         let mut trial = setup.clone();
         let velocity_percent = falling_to(paper.rc.aet_ms, setup.motions.velocity_percent.value, |percent| {

@@ -5,6 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
+use crate::gate::GateOptions;
+use crate::report::{CompareOptions, ReportOptions};
+
 /// The seed of runs that name none.
 const SEED: u64 = 1;
 
@@ -45,6 +48,12 @@ Exit codes:
 pub enum Command {
     /// Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum.
     Calibrate(CalibrateOptions),
+    /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
+    Gate(GateOptions),
+    /// Draw the report of a run again.
+    Report(ReportOptions),
+    /// Set runs beside each other.
+    Compare(CompareOptions),
 }
 
 /// Options of a measured run.

@@ -50,6 +50,13 @@ impl From<setup::Error> for Failure {
     }
 }
 
+/// So is what is wrong with an application.
+impl From<planning::Error> for Failure {
+    fn from(error: planning::Error) -> Self {
+        Self::new(Exit::Usage, error)
+    }
+}
+
 /// Whatever has no code of its own is internal.
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {

@@ -10,16 +10,23 @@
 //! │  └─ run_directory, results, host    what stays
 //! └─ table       what is printed; statistics has the formulas
 //! calibrate      finds the numbers that only a published figure can fix
+//! trace          both nodes tick by tick; watch fills it in virtual time
+//! ratio          two means of a real run as a ratio, with how sure it is
+//! report         report.html of a run, and runs beside each other
+//! gate           a virtual run against its committed baseline
 //! exit           the exit codes
 //! ```
 
 pub mod calibrate;
 pub mod cli;
 pub mod exit;
+pub mod gate;
 pub mod host;
 pub mod measure;
 pub mod plan;
 pub mod progress;
+pub mod ratio;
+pub mod report;
 pub mod results;
 pub mod rig;
 pub mod run_directory;
@@ -27,4 +34,6 @@ pub mod session;
 pub mod stand;
 pub mod statistics;
 pub mod table;
+pub mod trace;
 pub mod virtual_run;
+mod watch;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, measure, rig};
+use bench::{calibrate, gate, measure, report, rig};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -15,6 +15,9 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         None => measure(&cli.run),
         Some(Command::Calibrate(options)) => calibrate(options),
+        Some(Command::Gate(options)) => gate::run(options),
+        Some(Command::Report(options)) => report::run(options),
+        Some(Command::Compare(options)) => report::compare(options),
     };
     match outcome {
         Ok(exit) => exit.into(),
@@ -34,9 +37,10 @@ fn measure(options: &RunOptions) -> Result<Exit, Failure> {
 }
 
 fn calibrate(options: &CalibrateOptions) -> Result<Exit, Failure> {
-    let (setup, application) = setup::setup_with_application(&options.setup)?;
+    let (setup, found) = planning::setup_with_application(&options.setup)?;
+    found.plan(&setup)?;
     let progress = |text: &str| eprintln!("{text}");
-    let found = calibrate::calibrate(&setup, &application, options.reps, options.seed, progress)?;
+    let found = calibrate::calibrate(&setup, &found.application, options.reps, options.seed, progress)?;
     print!("{}", found.report());
     Ok(Exit::Pass)
 }

@@ -6,7 +6,8 @@ use std::thread::{self, JoinHandle};
 use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
-use setup::{Application, Setup};
+use planning::{Application, Found};
+use setup::Setup;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::{Capture, Mode, RunOptions};
@@ -14,6 +15,7 @@ use crate::exit::{Exit, Failure};
 use crate::host::{Host, date};
 use crate::plan::Plan;
 use crate::progress::Progress;
+use crate::report;
 use crate::results::{self, Results};
 use crate::rig::{Rig, RigConfig, RigError};
 use crate::run_directory::{Durability, RunDirectory};
@@ -24,6 +26,9 @@ use crate::virtual_run::{self, VirtualBus, VirtualRun};
 /// What passes the PLC's interface, in the run directory.
 const CAPTURE: &str = "plc.pcapng";
 
+/// What the nodes' cyclic threads have where nothing was refused.
+const GRANTED: &str = "SCHED_FIFO, memory locked";
+
 /// Runs a setup and prints the table.
 ///
 /// # Errors
@@ -31,7 +36,7 @@ const CAPTURE: &str = "plc.pcapng";
 /// The options, the setup, the machine or the disk does not allow it. A repetition that fails is none: its table is
 /// printed as far as it goes, and the exit code says so.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
-    let (mut setup, application) = setup::setup_with_application(&options.setup)?;
+    let (mut setup, found) = planning::setup_with_application(&options.setup)?;
     if let Some(cyclic) = options.cyclic {
         let Some(profinet) = &mut setup.bus.profinet else {
             let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);
@@ -40,22 +45,26 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
     }
+    found.plan(&setup)?;
     if options.mode == Mode::Virtual && options.capture != Capture::Never {
         let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
         return Err(Failure::new(Exit::Usage, error));
     }
-    let measurement = Measurement {
-        plan: Plan::new(&options.types, options.reps, options.seed),
-        options,
-        setup,
-        application,
-    };
+    let measurement =
+        Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("cannot start the bench's event loop")?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
     println!("{}\n  Saved in {}.", table::render(&ended.results), directory.display());
+    match report::write(&directory) {
+        Ok(path) => println!("  Report: {}.", path.display()),
+        Err(Failure { error, .. }) => eprintln!(
+            "warning: the results are saved, but their report is not: {error:#}; `bench report {}` draws it again",
+            directory.display()
+        ),
+    }
     if let Some(error) = ended.failure {
         eprintln!("error: {error:#}");
     }
@@ -65,7 +74,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
 struct Measurement<'a> {
     options: &'a RunOptions,
     setup: Setup,
-    application: Application,
+    found: Found,
     plan: Plan,
 }
 
@@ -78,31 +87,40 @@ impl Measurement<'_> {
             Mode::Virtual => Durability::Written,
         };
         let mut session = Session {
-            directory: RunDirectory::create(&path, &self.setup, &self.application, durability)?,
+            directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
             export_json: self.options.export_json.clone(),
             progress: Progress::start(&self.plan, self.options.quiet),
         };
         let host = Host::look(started);
-        session.directory.write_host(&host.to_json().context("cannot write the host as JSON")?)?;
+        session.write_host(&host)?;
         let interrupt = interrupt()?;
-        let results = Results::new(&self.setup, &self.application.name, self.options.mode, &self.plan);
+        let results = Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.plan);
         let ended = match self.options.mode {
             Mode::Virtual => {
-                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
+                let without_overhead =
+                    WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
                 let bus = VirtualBus::OfSetup;
-                let mut stand = VirtualRun::start(&self.setup, &self.application, self.options.seed, bus)?;
+                let mut stand =
+                    VirtualRun::start(&self.setup, &self.found.application, self.options.seed, bus)?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
-                Ended {
-                    results: Results { without_skill_overhead: without_overhead.finish()?, ..ended.results },
-                    ..ended
+                stand.trace().save(session.directory.path())?;
+                match ended.exit {
+                    Exit::Pass => ended.beside(without_overhead.finish()?),
+                    _ => ended,
                 }
             }
             Mode::Real => {
-                let ended = self.run_real(&mut session, results, interrupt).await?;
-                // Afterwards, so that it takes no core from the nodes.
-                let without_overhead = WithoutOverhead::start(&self.setup, &self.application, &self.plan);
-                let without_skill_overhead = without_overhead.finish()?;
-                Ended { results: Results { without_skill_overhead, ..ended.results }, ..ended }
+                let ended = self.run_real(&mut session, host, results, interrupt).await?;
+                match ended.exit {
+                    // Afterwards, so that it takes no core from the nodes. Whoever interrupted the run, or has a node
+                    // to look after, does not want to wait for it.
+                    Exit::Pass => {
+                        let started =
+                            WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
+                        ended.beside(started.finish()?)
+                    }
+                    _ => ended,
+                }
             }
         };
         session.finish(&ended.results)?;
@@ -113,6 +131,7 @@ impl Measurement<'_> {
     async fn run_real(
         &self,
         session: &mut Session,
+        host: Host,
         results: Results,
         interrupt: impl Future<Output = ()>,
     ) -> Result<Ended, Failure> {
@@ -128,11 +147,16 @@ impl Measurement<'_> {
             () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
             rig = Rig::start(&config) => rig.map_err(unusable)?,
         };
-        rig.warnings().iter().for_each(|warning| session.progress.warn(warning));
-        let ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        let refused = rig.warnings();
+        let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
+        session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
+        refused.iter().for_each(|warning| session.progress.warn(warning));
+        let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        let connected_after = rig.connected_after();
         let stopped = rig.stop().await;
         if ended.failure.is_none() {
-            stopped.map_err(unusable)?;
+            // What both nodes counted at their end belongs together; on the way their reports come one by one.
+            ended.results.set_health(&stopped.map_err(unusable)?.health(connected_after));
         }
         if self.options.capture == Capture::OnFailure && ended.exit != Exit::RunFailed {
             let removed = std::fs::remove_file(&capture);

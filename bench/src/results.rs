@@ -48,6 +48,12 @@ pub struct Results {
     pub cycle: Cycles,
     /// Cyclic frames as the PLC counts them.
     pub bus: Frames,
+    /// From the start of the nodes until the robot was ready; null in virtual mode.
+    #[serde(default)]
+    pub connected_after_ms: Option<f64>,
+    /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
+    #[serde(default)]
+    pub cyclic_allocations: Option<Allocations>,
 }
 
 /// How far a run is, or how it ended.
@@ -172,7 +178,7 @@ pub struct Calibrated {
 }
 
 /// How late the cycles ran. In virtual mode nothing is late.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Cycles {
     /// The PLC's scans.
     pub plc: CycleLateness,
@@ -181,7 +187,7 @@ pub struct Cycles {
 }
 
 /// How late a cyclic task ran.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct CycleLateness {
     /// Median, in µs.
     pub p50_us: f64,
@@ -191,12 +197,15 @@ pub struct CycleLateness {
     pub max_us: f64,
     /// Cycles that passed without a run.
     pub missed: u64,
+    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    #[serde(default)]
+    pub buckets: Vec<(f64, u32)>,
 }
 
 impl From<CycleHealth> for CycleLateness {
-    fn from(CycleHealth { p50, p99, max, missed }: CycleHealth) -> Self {
+    fn from(CycleHealth { p50, p99, max, missed, buckets }: CycleHealth) -> Self {
         let micros = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e3;
-        Self { p50_us: micros(p50), p99_us: micros(p99), max_us: micros(max), missed }
+        Self { p50_us: micros(p50), p99_us: micros(p99), max_us: micros(max), missed, buckets }
     }
 }
 
@@ -207,8 +216,19 @@ pub struct Frames {
     pub frames_sent: u64,
     /// Received from the robot and taken over.
     pub frames_received: u64,
-    /// Sent by the robot but never received, by its cycle counter.
+    /// Cycles in which either node sent nothing, because its host held it up.
+    pub skipped: u64,
+    /// Sent by either node and never received.
     pub lost: u64,
+}
+
+/// Allocations of the cyclic threads once the connection was up.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Allocations {
+    /// Of the PLC.
+    pub plc: u64,
+    /// Of the robot.
+    pub robot: u64,
 }
 
 impl Results {
@@ -239,6 +259,8 @@ impl Results {
             calibrated: calibrated(setup),
             cycle: Cycles::default(),
             bus: Frames::default(),
+            connected_after_ms: None,
+            cyclic_allocations: None,
         }
     }
 
@@ -264,12 +286,15 @@ impl Results {
 
     /// Takes up the conditions of the run so far.
     pub fn set_health(&mut self, health: &Health) {
-        self.cycle = Cycles { plc: health.plc.into(), robot: health.robot.into() };
+        self.cycle = Cycles { plc: health.plc.clone().into(), robot: health.robot.clone().into() };
         self.bus = Frames {
             frames_sent: health.bus.sent,
             frames_received: health.bus.received,
-            lost: health.bus.lost,
+            skipped: health.bus.skipped + health.robot_bus.skipped,
+            lost: health.frames_lost(),
         };
+        self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
+        self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
     }
 
     /// What stands beside this run as the one without the calibrated overhead.

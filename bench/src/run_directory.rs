@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! setup.toml        the setup as it was used; runs again as `--setup DIR/setup.toml`
-//! application.toml  the application as it was used
+//! application.toml  the text of the application as it was used
 //! host.json         the machine
 //! samples.csv       a line a repetition, written before the next one starts
 //! results.json      the results so far, replaced as a whole
+//! trace-*.csv       both nodes tick by tick in the first repetition of each type
+//! report.html       the report
 //! ```
 
 use std::fs::{self, File, OpenOptions};
@@ -13,7 +15,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use setup::{Application, Setup};
+use setup::Setup;
 
 use crate::plan::Step;
 use crate::results::Results;
@@ -37,11 +39,11 @@ pub struct RunDirectory {
 }
 
 impl RunDirectory {
-    /// Makes the directory and writes down what is to be run. One that holds a run already is left alone.
+    /// Makes the directory and writes down what is to be run: the setup and the text of its application. One that holds a run already is left alone.
     pub fn create(
         path: &Path,
         setup: &Setup,
-        application: &Application,
+        application: &str,
         durability: Durability,
     ) -> anyhow::Result<Self> {
         fs::create_dir_all(path).with_context(|| {
@@ -59,7 +61,7 @@ impl RunDirectory {
         let mut setup = setup.clone();
         setup.application = "application.toml".to_owned();
         fs::write(path.join("setup.toml"), setup::setup_to_toml(&setup)?)?;
-        fs::write(path.join("application.toml"), setup::application_to_toml(application)?)?;
+        fs::write(path.join("application.toml"), application)?;
         Ok(Self { path: path.to_owned(), samples, durability })
     }
 
@@ -160,8 +162,8 @@ mod tests {
     #[test]
     fn a_directory_that_holds_a_run_is_left_alone() {
         let directory = tempfile::tempdir().unwrap();
-        let (setup, application) = setup::setup_with_application("A").unwrap();
-        let create = || RunDirectory::create(directory.path(), &setup, &application, Durability::Written);
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let create = || RunDirectory::create(directory.path(), &setup, &found.text, Durability::Written);
         create().unwrap();
         let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
         insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
@@ -170,10 +172,11 @@ mod tests {
     #[test]
     fn the_setup_in_the_directory_runs_the_same_again() {
         let directory = tempfile::tempdir().unwrap();
-        let (setup, application) = setup::setup_with_application("A").unwrap();
-        RunDirectory::create(directory.path(), &setup, &application, Durability::Synced).unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        RunDirectory::create(directory.path(), &setup, &found.text, Durability::Synced).unwrap();
         let written = directory.path().join("setup.toml");
-        let (again, same_application) = setup::setup_with_application(written.to_str().unwrap()).unwrap();
-        assert_eq!((again.motions, again.robot, same_application), (setup.motions, setup.robot, application));
+        let (again, same) = planning::setup_with_application(written.to_str().unwrap()).unwrap();
+        assert_eq!((again.motions, again.robot), (setup.motions, setup.robot));
+        assert_eq!((same.text, same.application), (found.text, found.application));
     }
 }

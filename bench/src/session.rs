@@ -4,9 +4,10 @@
 use std::path::PathBuf;
 
 use crate::exit::Exit;
+use crate::host::Host;
 use crate::plan::Plan;
 use crate::progress::Progress;
-use crate::results::{Results, Status};
+use crate::results::{Results, Status, WithoutOverhead};
 use crate::run_directory::{Durability, RunDirectory, replace};
 use crate::stand::Stand;
 
@@ -32,7 +33,24 @@ pub struct Ended {
     pub failure: Option<anyhow::Error>,
 }
 
+impl Ended {
+    /// The same with the run that it is to be compared with.
+    #[must_use]
+    pub fn beside(self, without_skill_overhead: Option<WithoutOverhead>) -> Self {
+        Self { results: Results { without_skill_overhead, ..self.results }, ..self }
+    }
+}
+
 impl Session {
+    /// Writes down what the run runs on.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be written.
+    pub fn write_host(&self, host: &Host) -> anyhow::Result<()> {
+        self.directory.write_host(&host.to_json()?)
+    }
+
     /// Runs the plan on the stand until it is done, a repetition fails, or `interrupt` resolves.
     ///
     /// # Errors
@@ -145,11 +163,11 @@ mod tests {
 
     fn run(fails_at: u64, interrupt: impl Future<Output = ()>) -> Outcome {
         let place = tempfile::tempdir().unwrap();
-        let (setup, application) = setup::setup_with_application("A").unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
         let plan = Plan::new(&ExecutionType::ALL, 2, 1);
-        let results = Results::new(&setup, &application.name, Mode::Real, &plan);
+        let results = Results::new(&setup, &found.application.name, Mode::Real, &plan);
         let mut session = Session {
-            directory: RunDirectory::create(place.path(), &setup, &application, Durability::Synced).unwrap(),
+            directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
             export_json: Some(place.path().join("exported.json")),
             progress: Progress::start(&plan, true),
         };

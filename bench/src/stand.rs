@@ -36,10 +36,27 @@ pub struct Health {
     pub robot: CycleHealth,
     /// Cyclic frames as the PLC counts them.
     pub bus: Counters,
+    /// Cyclic frames as the robot counts them.
+    pub robot_bus: Counters,
+    /// From the start of the nodes until the robot was ready; none in virtual mode.
+    pub connected_after: Option<Duration>,
+    /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
+    /// not counted.
+    pub allocations: Option<[u64; 2]>,
+}
+
+impl Health {
+    /// Frames that were sent, either way, and never came. A side sees that a cycle brought no frame; what the other
+    /// side says that it skipped was not lost.
+    #[must_use]
+    pub const fn frames_lost(&self) -> u64 {
+        let towards_plc = self.bus.lost.saturating_sub(self.robot_bus.skipped);
+        towards_plc + self.robot_bus.lost.saturating_sub(self.bus.skipped)
+    }
 }
 
 /// How late the runs of a cyclic task were.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct CycleHealth {
     /// Half of the runs were not later.
     pub p50: Duration,
@@ -49,6 +66,8 @@ pub struct CycleHealth {
     pub max: Duration,
     /// Cycles that passed without a run.
     pub missed: u64,
+    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    pub buckets: Vec<(f64, u32)>,
 }
 
 impl From<&Lateness> for CycleHealth {
@@ -58,6 +77,7 @@ impl From<&Lateness> for CycleHealth {
             p99: lateness.quantile(0.99),
             max: lateness.max(),
             missed: lateness.missed(),
+            buckets: lateness.buckets().map(|(upper, runs)| (upper.as_nanos() as f64 / 1e3, runs)).collect(),
         }
     }
 }

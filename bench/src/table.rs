@@ -4,7 +4,7 @@ use comfy_table::{Cell, CellAlignment, Table, TableComponent, presets};
 use plc_node::ExecutionType;
 
 use crate::progress::label;
-use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
+use crate::results::{Allocations, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
 
 /// The mark of a number that was calibrated on the figure that it stands beside.
 const CALIBRATED: &str = "*";
@@ -136,11 +136,22 @@ fn legend(results: &Results) -> String {
             cycle.robot.p50_us, cycle.robot.p99_us, cycle.robot.max_us, cycle.robot.missed,
         ));
     }
+    if let Some(after) = results.connected_after_ms {
+        let allocations =
+            results.cyclic_allocations.map_or_else(String::new, |Allocations { plc, robot }| {
+                format!("; allocations in the cyclic threads since: PLC {plc}, robot {robot}")
+            });
+        lines.push(format!("  Connected {after:.0} ms after the start of the nodes{allocations}."));
+    }
     let bus = results.bus;
-    lines.push(format!(
-        "  Cyclic frames: {} sent, {} received, {} lost.",
+    let mut frames = format!(
+        "  Cyclic frames: {} sent, {} received, {} lost",
         bus.frames_sent, bus.frames_received, bus.lost
-    ));
+    );
+    if bus.skipped > 0 {
+        frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
+    }
+    lines.push(frames + ".");
     lines.join("\n")
 }
 

@@ -3,9 +3,11 @@
 //! The seed fixes everything that no setup says: what each node's clock shows at the start, how fast it runs within
 //! `bus.clock_drift_ppm`, and where in its cycle each cyclic task starts.
 
+use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use planning::{Application, PROGRAM};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -15,12 +17,14 @@ use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use robot_node::{RobotConfig, RobotEvent, RobotNode};
-use setup::{Application, BusKind, PROGRAM, Setup};
+use setup::{BusKind, Setup};
 
 use crate::cli::Mode;
 use crate::plan::{Plan, Step, below};
 use crate::results::{Results, Status};
 use crate::stand::{Health, Measured, Stand};
+use crate::trace::{Recording, Trace};
+use crate::watch::Watch;
 
 /// Locally administered addresses of the two stations.
 const PLC_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
@@ -47,6 +51,7 @@ pub enum VirtualBus {
 /// Two connected nodes in virtual time.
 pub struct VirtualRun {
     cell: Box<dyn Cell>,
+    trace: Trace,
 }
 
 impl VirtualRun {
@@ -65,7 +70,7 @@ impl VirtualRun {
         let mut cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, application, &mut phases, plc, robot)?
+                cell(setup, application, &mut phases, plc, robot, None)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -73,13 +78,26 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, application, &mut phases, plc, robot)?
+                    cell(setup, application, &mut phases, plc, robot, None)?
+                }
+                BusKind::EthernetIp => {
+                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
+                    let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
+                    let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
+                    let address = Some(setup.bus.robot_address);
+                    cell(setup, application, &mut phases, plc, robot, address)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
         };
         cell.connect()?;
-        Ok(Self { cell })
+        Ok(Self { cell, trace: Trace::default() })
+    }
+
+    /// What happened in the first repetition of each type that was run so far.
+    #[must_use]
+    pub const fn trace(&self) -> &Trace {
+        &self.trace
     }
 
     /// True time since the nodes were switched on: what a plant would have taken.
@@ -98,7 +116,7 @@ pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::R
     let mut results = Results::new(setup, &application.name, Mode::Virtual, plan);
     let mut run = VirtualRun::start(setup, application, plan.seed, VirtualBus::OfSetup)?;
     for step in plan.steps() {
-        let measured = run.cell.execute(step)?;
+        let measured = run.cell.execute(step, None)?;
         results.record(step.execution_type, &measured);
     }
     results.status = Status::Complete;
@@ -108,7 +126,10 @@ pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::R
 
 impl Stand for VirtualRun {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
-        self.cell.execute(step)
+        let is_first = step.repetition == 1;
+        let recording =
+            is_first.then(|| self.trace.types.entry(step.execution_type).insert(Recording::default()));
+        self.cell.execute(step, recording)
     }
 
     fn health(&self) -> Health {
@@ -119,7 +140,7 @@ impl Stand for VirtualRun {
 /// A pair of nodes on whichever bus.
 trait Cell {
     fn connect(&mut self) -> anyhow::Result<()>;
-    fn execute(&mut self, step: Step) -> anyhow::Result<Measured>;
+    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
     fn health(&self) -> Health;
     fn now(&self) -> Instant;
 }
@@ -130,8 +151,9 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
+    robot_address: Option<Ipv4Addr>,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = setup::motions(setup, application);
+    let motions = planning::plan(application, setup)?.wire_motions(setup);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
@@ -142,7 +164,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         seed: phases.seed,
         clocks: phases.clocks,
         links: [Impairment { delay, ..Impairment::default() }; 2],
-        addresses: [Some(setup.bus.plc_address), None],
+        addresses: [Some(setup.bus.plc_address), robot_address],
     };
     Ok(Box::new(Pair::new(plc, robot, config)))
 }
@@ -160,12 +182,16 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
         bail!("the robot was not ready within {} s of virtual time", CONNECT.as_secs())
     }
 
-    fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
         let start = self.now() + step.pause;
         while next_plc_event(self, start).is_some() {}
         self.command_a(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")?;
         let until = self.now() + LONGEST_RUN;
-        while let Some(event) = next_plc_event(self, until) {
+        let mut watch = recording.map(Watch::new);
+        while let Some(event) = match &mut watch {
+            Some(watch) => watch.next_plc_event(self, until),
+            None => next_plc_event(self, until),
+        } {
             match event {
                 PlcEvent::Finished(execution) => {
                     return Ok(Measured {
@@ -183,7 +209,14 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
 
     fn health(&self) -> Health {
         let (plc, robot): (&Lateness, &Lateness) = (self.a().lateness(), self.b().lateness());
-        Health { plc: plc.into(), robot: robot.into(), bus: self.a().bus().counters() }
+        Health {
+            plc: plc.into(),
+            robot: robot.into(),
+            bus: self.a().bus().counters(),
+            robot_bus: self.b().bus().counters(),
+            connected_after: None,
+            allocations: None,
+        }
     }
 
     fn now(&self) -> Instant {
@@ -192,7 +225,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
 }
 
 /// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way.
-fn next_plc_event<P: Fieldbus, R: Fieldbus>(
+pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
 ) -> Option<PlcEvent> {

@@ -1,5 +1,8 @@
 //! The command line: what it says about bad input, its exit codes, and what a run leaves behind.
 
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
+use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
@@ -22,7 +25,7 @@ fn refused(arguments: &[&str]) -> String {
     let directory = tempfile::tempdir().unwrap();
     let said = bench(directory.path(), arguments);
     assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
-    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
     said.stderr
 }
 
@@ -53,13 +56,67 @@ fn no_repetition_is_too_few() {
 fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
     let directory = tempfile::tempdir().unwrap();
     let broken = setup::SETUPS[0].1.replace("scan_cost_us", "scan_costs");
-    std::fs::write(directory.path().join("my.toml"), broken).unwrap();
+    fs::write(directory.path().join("my.toml"), broken).unwrap();
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(said.code, Some(2));
     insta::assert_snapshot!(said.stderr, @r#"
     error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected `scan_cycle_us` or `scan_cost_us`
        16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
+}
+
+/// What is said about Setup A in a directory where the application that it names is the shipped one with one passage
+/// replaced.
+fn refused_application(from: &str, to: &str) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("my.toml"), naming("jobs/mine.toml")).unwrap();
+    fs::create_dir(directory.path().join("jobs")).unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    assert!(text.contains(from), "{from}");
+    fs::write(directory.path().join("jobs/mine.toml"), text.replacen(from, to, 1)).unwrap();
+    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual", "--reps", "1"]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+    assert!(!directory.path().join("runs").exists(), "nothing is written");
+    said.stderr
+}
+
+/// Setup A with another application.
+fn naming(application: &str) -> String {
+    let named = format!("application = \"{application}\"");
+    setup::SETUPS[0].1.replace("application = \"pick-and-place\"", &named)
+}
+
+#[test]
+fn a_broken_application_file_is_named_with_line_key_and_expectation() {
+    insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"");
+    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"");
+}
+
+#[test]
+fn an_application_that_cannot_be_planned_is_named_with_step_motion_quantity_and_limit() {
+    insta::assert_snapshot!(refused_application("line = \"grip\"", "line = \"carrier-rim\""), @"");
+    insta::assert_snapshot!(refused_application("table = 1", "table = 2"), @"");
+}
+
+#[test]
+fn an_unknown_application_is_answered_by_those_there_are() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
+    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @"");
+}
+
+#[test]
+fn an_application_that_is_built_in_runs_by_its_name_and_is_kept_as_its_text() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("my.toml"), naming("pick-and-place-gripper")).unwrap();
+    let arguments = ["--setup", "my.toml", "--mode", "virtual", "--reps", "1", "--out", "run"];
+    let said = bench(directory.path(), &arguments);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let kept = fs::read_to_string(directory.path().join("run/application.toml")).unwrap();
+    let (_, text) = planning::APPLICATIONS[1];
+    assert_eq!(kept, text);
 }
 
 #[test]
@@ -71,13 +128,13 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
     );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(said.stdout.contains("AETi") && said.stdout.contains("Saved in run."), "{}", said.stdout);
-    let mut names: Vec<_> = std::fs::read_dir(directory.path().join("run"))
+    let mut names: Vec<_> = fs::read_dir(directory.path().join("run"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
     assert_eq!(names, ["application.toml", "host.json", "results.json", "samples.csv", "setup.toml"]);
-    let read = |path: &str| std::fs::read_to_string(directory.path().join(path)).unwrap();
+    let read = |path: &str| fs::read_to_string(directory.path().join(path)).unwrap();
     assert_eq!(read("run/results.json"), read("out.json"));
     assert_eq!(read("run/samples.csv").lines().count(), 1 + 6);
     let host: serde_json::Value = serde_json::from_str(&read("run/host.json")).unwrap();
@@ -91,7 +148,7 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
         let said =
             bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--export-json", name, "--quiet"]);
         assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
-        std::fs::read_to_string(directory.path().join(name)).unwrap()
+        fs::read_to_string(directory.path().join(name)).unwrap()
     };
     let json = export("a.json");
     assert_eq!(json, export("b.json"));
@@ -104,9 +161,11 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .bus.frames_received
     .bus.frames_sent
     .bus.lost
+    .bus.skipped
     .calibrated[].key
     .calibrated[].note
     .calibrated[].value
+    .connected_after_ms
     .cycle.plc.max_us
     .cycle.plc.missed
     .cycle.plc.p50_us
@@ -115,6 +174,7 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .cycle.robot.missed
     .cycle.robot.p50_us
     .cycle.robot.p99_us
+    .cyclic_allocations
     .mode
     .paper.cm.aet_ms
     .paper.cm.mad_ms
@@ -228,6 +288,16 @@ fn the_help_shows_examples_and_exit_codes() {
               - udp: RT_CLASS_UDP: UDP port 34962
               - rt1: RT_CLASS_1: EtherType 0x8892
 
+          --capture <CAPTURE>
+              Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only
+
+              Possible values:
+              - always:     Of every run
+              - on-failure: Of runs in which a repetition failed
+              - never:      Nothing is recorded
+              
+              [default: never]
+
       -q, --quiet
               Print the table only: no progress, no warnings
 
@@ -252,7 +322,7 @@ fn the_help_shows_examples_and_exit_codes() {
 #[test]
 fn a_directory_that_cannot_be_made_is_named() {
     let directory = tempfile::tempdir().unwrap();
-    std::fs::write(directory.path().join("file"), "").unwrap();
+    fs::write(directory.path().join("file"), "").unwrap();
     let said = bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", "file/run"]);
     assert_eq!(said.code, Some(1));
     insta::assert_snapshot!(said.stderr, @"error: cannot make the run directory file/run; choose another by --out: Not a directory (os error 20)");

@@ -1,13 +1,17 @@
 //! The run command in virtual mode: the same bytes for the same seed, and figures that make physical sense.
 
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
 use bench::plan::Plan;
 use bench::results::{PerType, Results};
 use bench::virtual_run::whole;
+use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Application, Setup};
+use setup::Setup;
 
 fn setup_a() -> (Setup, Application) {
-    setup::setup_with_application("A").unwrap()
+    let (setup, found) = planning::setup_with_application("A").unwrap();
+    (setup, found.application)
 }
 
 fn run(seed: u64, reps: u32) -> Results {

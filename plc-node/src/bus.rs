@@ -1,5 +1,8 @@
 //! From a setup to the PLC's end of its bus.
 
+use protocol::ethernet_ip::connection::TimeoutMultiplier;
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::ethernet_ip::{Scanner, ScannerConfig};
 use protocol::profinet::description::{self, Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
 use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
@@ -18,6 +21,14 @@ pub enum BusError {
     /// What the setup says of PROFINET does not work.
     #[error("bus: {0}")]
     Profinet(#[from] profinet::ConfigError),
+    /// No EtherNet/IP connection waits for that long.
+    #[error(
+        "bus.watchdog_cycles is {intervals}, but an EtherNet/IP connection waits for 512 packet intervals at most"
+    )]
+    Timeout {
+        /// Packet intervals.
+        intervals: u32,
+    },
 }
 
 /// The IO-Controller of a setup, on an interface with this MAC address. It looks for the robot from `start` on.
@@ -80,6 +91,26 @@ fn described(device: &ProfinetDevice) -> Description {
         .collect();
     let identity = Identity { vendor: device.vendor, device: device.device };
     Description { identity, modules: modules.leak(), ..description::ROBOT }
+}
+
+/// The scanner of a setup, on an interface with this MAC address. It connects to the robot from `start` on.
+///
+/// `seed` makes its connection numbers its own among those of earlier runs.
+pub fn ethernet_ip_scanner(
+    setup: &Setup,
+    Mac([_, _, serial @ ..]): Mac,
+    seed: u64,
+    start: Instant,
+) -> Result<Scanner, BusError> {
+    let bus = &setup.bus;
+    let intervals = bus.timeout_intervals();
+    let config = ScannerConfig {
+        multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
+        serial_number: u32::from_be_bytes(serial),
+        first_id: seed as u32,
+        ..ScannerConfig::exclusive_owner(bus.robot_address, &SKILL_ROBOT, bus.cycle_us.value)
+    };
+    Ok(Scanner::new(config, start))
 }
 
 #[cfg(test)]

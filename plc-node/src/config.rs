@@ -72,16 +72,18 @@ mod tests {
 
     #[test]
     fn setup_a_gives_the_cycles_of_the_paper_and_its_timeouts_in_scans() {
-        let setup = setup::setup("A").unwrap();
-        let motions = setup::motions(&setup, &setup::application(&setup.application).unwrap());
+        let (setup, application) = planning::setup_with_application("A").unwrap();
+        let motions = application.plan(&setup).unwrap().wire_motions(&setup);
         let config = PlcConfig::from_setup(&setup, motions, 1);
         assert_eq!(
             (config.scan_cycle, config.scan_cost),
             (Duration::from_millis(1), Duration::from_micros(150))
         );
         assert_eq!(config.motions.total(), 13);
-        // 1 s, the interpreter's 12 ms and the call's 140 ms; a watchdog of 100 bus cycles of 1 ms.
-        assert_eq!(config.patience(), Patience { answer_scans: 1_152, silent_scans: 100 });
+        // 1 s, the interpreter's quantum and the call's overhead; a watchdog of 100 bus cycles of 1 ms.
+        let robot = &setup.robot;
+        let of_robot = (robot.interpreter_quantum_us.value + robot.skill_overhead_us.value).div_ceil(1_000);
+        assert_eq!(config.patience(), Patience { answer_scans: 1_000 + of_robot, silent_scans: 100 });
     }
 
     #[test]

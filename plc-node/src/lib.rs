@@ -19,6 +19,7 @@ mod event;
 pub mod function_blocks;
 mod motion_source;
 mod node;
+mod plan_command;
 pub mod process;
 mod readiness;
 mod scan;

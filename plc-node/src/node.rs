@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
-use protocol::{Instant, Lateness, Machine, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::function_blocks::BlockError;
 use crate::readiness::Readiness;
@@ -358,6 +358,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         self.bus.poll_stream()
     }
 
+    fn dscp(&self, port: Port) -> u8 {
+        self.bus.dscp(port)
+    }
+
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.
     fn handle_timeout(&mut self, now: Instant) {
         self.write_outputs(now);
@@ -388,6 +392,7 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 fn frames_between(before: Counters, after: Counters) -> Counters {
     Counters {
         sent: after.sent.saturating_sub(before.sent),
+        skipped: after.skipped.saturating_sub(before.skipped),
         received: after.received.saturating_sub(before.received),
         lost: after.lost.saturating_sub(before.lost),
         late: after.late.saturating_sub(before.late),

@@ -1,7 +1,8 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
 //! By hand it runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
-//! message, and runs one repetition for each instruction that comes on standard input.
+//! message, and runs one repetition for each instruction that comes on standard input. Its other command,
+//! `plc-node plan`, needs no bus.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -10,6 +11,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::Parser;
+use planning::PROGRAM;
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
@@ -18,8 +20,9 @@ use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
 use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
 use serde::{Deserialize, Serialize};
-use setup::{BusKind, Cyclic, PROGRAM, Setup};
+use setup::{BusKind, Cyclic, Setup};
 
+use crate::plan_command::PlanCommand;
 use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
@@ -40,6 +43,8 @@ struct Cli {
 enum Subcommand {
     /// Connect to the robot and run the application.
     Run(Run),
+    /// Plan an application and print its motions: labels, zones and why they have their size.
+    Plan(PlanCommand),
 }
 
 #[derive(clap::Args, Debug)]
@@ -146,13 +151,17 @@ pub enum PlcInstruction {
 /// The process: parses `args`, with the program's name first, and runs until it is done.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
-    let Subcommand::Run(run) = cli.command;
-    match run.execute() {
+    let outcome = match cli.command {
+        Subcommand::Run(run) => run.execute(),
+        Subcommand::Plan(plan) => plan.execute(),
+    };
+    match outcome {
         Ok(outcome) => outcome.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
-            // What is wrong with a setup is for the user to put right; all else is the host's.
-            let usage = error.is::<setup::Error>() || error.is::<bus::BusError>();
+            // What is wrong with a setup or an application is for the user to put right; all else is the host's.
+            let usage =
+                error.is::<setup::Error>() || error.is::<planning::Error>() || error.is::<bus::BusError>();
             if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
         }
     }
@@ -162,24 +171,16 @@ impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
         // Before any thread is there: threads inherit which signals are blocked.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        let (mut setup, application) = setup::setup_with_application(&self.setup)?;
+        let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
+        let motions = application.plan(&setup)?.wire_motions(&setup);
         let interface = Interface::open(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
-        let wanted = setup.bus.plc_address;
-        if let Some(address) = interface.address().filter(|address| *address != wanted) {
-            anyhow::bail!(
-                "interface `{name}` has the address {address}, but the setup's bus.plc_address is {wanted}: use another \
-                 interface, a setup with that address, or `ip address flush dev {name}`",
-                name = interface.name()
-            );
-        }
-        interface.set_address(setup.bus.plc_address, setup.bus.subnet_mask)?;
-        let motions = setup::motions(&setup, &application);
+        interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         // On a real clock the scan takes what it takes.
         let config =
             PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::from_setup(&setup, motions, PROGRAM) };
@@ -199,6 +200,12 @@ impl Run {
                 let bus = bus::profinet_controller(&setup, interface.mac(), start.as_nanos(), start)?;
                 let node = PlcNode::new(config, bus, start);
                 self.supervise(&setup, node, "PROFINET IO-Controller", interface, wires, signals)
+            }
+            BusKind::EthernetIp => {
+                let wires = Wire::ethernet_ip(&interface)?;
+                let bus = bus::ethernet_ip_scanner(&setup, interface.mac(), start.as_nanos(), start)?;
+                let node = PlcNode::new(config, bus, start);
+                self.supervise(&setup, node, "EtherNet/IP scanner", interface, wires, signals)
             }
             other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
         }

@@ -36,7 +36,15 @@ impl Direct {
             last_input: None,
             send: false,
             event: None,
-            counters: Counters { sent: 0, received: 0, lost: 0, late: 0, malformed: 0, foreign: 0 },
+            counters: Counters {
+                sent: 0,
+                skipped: 0,
+                received: 0,
+                lost: 0,
+                late: 0,
+                malformed: 0,
+                foreign: 0,
+            },
         }
     }
 

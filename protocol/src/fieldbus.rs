@@ -99,7 +99,10 @@ pub struct Counters {
     pub sent: u64,
     /// Cyclic frames received and taken over.
     pub received: u64,
-    /// Cyclic frames that the peer sent but that never came, by the peer's counter.
+    /// Cycles that passed here without a frame, because the driver came too late to send it.
+    pub skipped: u64,
+    /// Cycles of the peer for which no frame came, by its counter. The wire does not tell a frame that was lost
+    /// from one that the peer skipped; the peer's own `skipped` does.
     pub lost: u64,
     /// Cyclic frames that came out of order or twice, and were dropped.
     pub late: u64,

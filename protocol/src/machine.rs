@@ -95,6 +95,12 @@ pub trait Machine {
         None
     }
 
+    /// The DSCP, 0 to 63, that packets leaving by this port are to carry. The driver asks before it sends, so that a
+    /// change holds from the next frame on.
+    fn dscp(&self, _port: Port) -> u8 {
+        0
+    }
+
     /// The instant of [`poll_timeout`](Self::poll_timeout) has come (or passed: the driver may be late).
     fn handle_timeout(&mut self, now: Instant);
 

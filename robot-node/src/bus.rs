@@ -3,6 +3,8 @@
 use core::net::Ipv4Addr;
 
 use protocol::Instant;
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::ethernet_ip::{Adapter, AdapterConfig};
 use protocol::profinet::ethernet::Mac;
 use protocol::profinet::{Device, DeviceConfig, description};
 use setup::Setup;
@@ -33,4 +35,21 @@ pub fn profinet_device(
         description: description::ROBOT,
     };
     Ok(Device::new(config, start))
+}
+
+/// The adapter of a setup, on an interface with this MAC address and the setup's IP address.
+///
+/// `seed` makes its connection numbers its own among those of earlier runs.
+#[must_use]
+pub fn ethernet_ip_adapter(setup: &Setup, mac: Mac, seed: u64) -> Adapter {
+    let Mac([_, _, serial @ ..]) = mac;
+    Adapter::new(AdapterConfig {
+        description: &SKILL_ROBOT,
+        serial_number: u32::from_be_bytes(serial),
+        address: setup.bus.robot_address,
+        mask: setup.bus.subnet_mask,
+        gateway: Ipv4Addr::UNSPECIFIED,
+        mac: mac.0,
+        first_id: seed as u32,
+    })
 }

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
-use protocol::{Cycle, Instant, Lateness, Machine, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use protocol::{
+    Cycle, Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
 
 use crate::{Controller, RobotConfig, RobotEvent};
 
@@ -202,6 +204,10 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
 
     fn poll_stream(&mut self) -> Option<StreamRequest> {
         self.bus.poll_stream()
+    }
+
+    fn dscp(&self, port: Port) -> u8 {
+        self.bus.dscp(port)
     }
 
     fn handle_timeout(&mut self, now: Instant) {

@@ -10,6 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::Parser;
+use planning::PROGRAM;
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
@@ -17,7 +18,7 @@ use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
 use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
 use serde::{Deserialize, Serialize};
-use setup::{BusKind, Cyclic, PROGRAM, Setup};
+use setup::{BusKind, Cyclic, Setup};
 
 use crate::controller::Ending;
 use crate::{ConfigError, RobotConfig, RobotEvent, RobotNode, bus};
@@ -47,7 +48,8 @@ struct Run {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
-    /// The network interface that the PLC is on. The PLC gives it an IP address, in place of the one it has.
+    /// The network interface that the PLC is on. Over PROFINET the PLC gives it an IP address, in place of the one
+    /// it has; otherwise it gets the setup's.
     #[arg(long, value_name = "IF")]
     interface: String,
     /// How PROFINET's cyclic frames travel. A device takes what the controller asks for; this only checks the setup.
@@ -110,9 +112,11 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(outcome) => outcome.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
-            // What is wrong with a setup is for the user to put right; all else is the host's.
-            let usage =
-                error.is::<setup::Error>() || error.is::<bus::BusError>() || error.is::<ConfigError>();
+            // What is wrong with a setup or an application is for the user to put right; all else is the host's.
+            let usage = error.is::<setup::Error>()
+                || error.is::<planning::Error>()
+                || error.is::<bus::BusError>()
+                || error.is::<ConfigError>();
             if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
         }
     }
@@ -122,15 +126,16 @@ impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
         // Before any thread is there: threads inherit which signals are blocked.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        let (mut setup, application) = setup::setup_with_application(&self.setup)?;
+        let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
+        let motions = application.plan(&setup)?.wire_motions(&setup);
         let interface = Interface::open(&self.interface)?;
         interface.set_up()?;
         let config = RobotConfig::from_setup(&setup)?;
-        let programs = vec![(PROGRAM, setup::motions(&setup, &application))];
+        let programs = vec![(PROGRAM, motions)];
         let start = clock::now() + LEAD;
         if self.direct {
             interface.set_address(setup.bus.robot_address, setup.bus.subnet_mask)?;
@@ -147,6 +152,18 @@ impl Run {
                 let bus = bus::profinet_device(&setup, interface.mac(), interface.address(), start)?;
                 let node = RobotNode::new(config, programs, bus, self.seed, start);
                 self.supervise(&setup, node, "PROFINET IO-Device", interface, wires, signals)
+            }
+            BusKind::EthernetIp => {
+                // An adapter has its address from its project: there is no DCP that gives it one.
+                interface.take_address(
+                    "bus.robot_address",
+                    setup.bus.robot_address,
+                    setup.bus.subnet_mask,
+                )?;
+                let wires = Wire::ethernet_ip(&interface)?;
+                let bus = bus::ethernet_ip_adapter(&setup, interface.mac(), start.as_nanos());
+                let node = RobotNode::new(config, programs, bus, self.seed, start);
+                self.supervise(&setup, node, "EtherNet/IP adapter", interface, wires, signals)
             }
             other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
         }

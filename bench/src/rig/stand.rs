@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
-use protocol::fieldbus::Counters;
-use protocol_linux::report::LatenessReport;
+use protocol_linux::report::{LatenessReport, NodeReport};
 
-use super::Rig;
+use super::{Reports, Rig};
 use crate::plan::Step;
 use crate::stand::{CycleHealth, Health, Measured, Stand};
 
@@ -22,18 +21,21 @@ impl Stand for Rig {
 
     fn health(&self) -> Health {
         let reports = self.reports();
-        let bus = reports.plc.bus;
+        reports.health(self.connected_after())
+    }
+}
+
+impl Reports {
+    /// What the nodes reported, as the conditions of a run.
+    pub fn health(&self, connected_after: Duration) -> Health {
+        let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {
-            plc: (&reports.plc.cycle).into(),
-            robot: (&reports.robot.cycle).into(),
-            bus: Counters {
-                sent: bus.sent,
-                received: bus.received,
-                lost: bus.lost,
-                late: bus.late,
-                malformed: bus.malformed,
-                foreign: bus.foreign,
-            },
+            plc: (&self.plc.cycle).into(),
+            robot: (&self.robot.cycle).into(),
+            bus: self.plc.bus.into(),
+            robot_bus: self.robot.bus.into(),
+            connected_after: Some(connected_after),
+            allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
         }
     }
 }
@@ -46,6 +48,7 @@ impl From<&LatenessReport> for CycleHealth {
             p99: micros(report.p99_us),
             max: micros(report.max_us),
             missed: report.missed,
+            buckets: report.buckets.clone(),
         }
     }
 }

@@ -1,18 +1,22 @@
 //! The real-time driver: one machine, its ports, one thread, absolute deadlines.
 //!
-//! A wake goes through four steps. Frames first, a bounded batch of each port: after a stall of the host the frames
-//! that came meanwhile are there before a watchdog looks for them. Then the machine's timeout, if it is due. Then
-//! the owner. Then sleep until the machine's next deadline or a frame, whichever is first. After each step
-//! everything that the machine has to send is sent. Nothing here allocates, locks or logs.
+//! A wake goes through five steps. Frames first, a bounded batch of each port: after a stall of the host the frames
+//! that came meanwhile are there before a watchdog looks for them. Then the machine's timeout, if it is due. Then TCP,
+//! a piece of each connection, up to the machine's next deadline: the rest waits for the next wake. Then the owner.
+//! Then sleep until the machine's next deadline or a frame, whichever is first. After each change everything that the
+//! machine has to send is sent. Nothing here allocates, locks or logs.
 
 use std::ops::ControlFlow;
+use std::os::fd::AsFd as _;
 
 use protocol::wire::FRAME_CAPACITY;
-use protocol::{Instant, Lateness, Machine, Source, Tick, Transmit};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use protocol::{Instant, Lateness, Machine, Port, Source, StreamRequest, Tick, Transmit};
+use rustix::event::PollFlags;
 use rustix::io::Errno;
 
-use crate::{Interface, Notifier, Received, Wire, allocation, clock};
+use crate::stream::{News, StreamStatistics, Streams};
+use crate::wait::WaitSet;
+use crate::{Interface, Notifier, PortError, Received, Wire, allocation, clock};
 
 /// Frames that are taken from one port before everything else gets its turn: more than a host stall of 40 ms brings
 /// at a cycle of 1 ms.
@@ -64,6 +68,8 @@ pub struct Statistics {
     pub receive_errors: u64,
     /// What the kernel said last when it did not take a frame.
     pub last_send_error: Option<Errno>,
+    /// TCP connections.
+    pub streams: StreamStatistics,
     /// Allocations of the thread from the first wake to the end; none where the program does not count them, see
     /// [`allocation`]. While the loop runs, [`allocation::count`] has the figure so far.
     pub allocations: Option<u64>,
@@ -75,6 +81,7 @@ pub struct Driver<M> {
     machine: M,
     interface: Interface,
     wires: Vec<Wire>,
+    streams: Streams,
     notifier: Notifier,
     receive_buffer: Box<[u8; FRAME_CAPACITY]>,
     send_buffer: Box<[u8; FRAME_CAPACITY]>,
@@ -83,16 +90,29 @@ pub struct Driver<M> {
 
 impl<M: Machine> Driver<M> {
     /// A driver that has not started, for a machine whose wires are on `interface`; `notifier` wakes it.
-    pub fn new(machine: M, interface: Interface, wires: Vec<Wire>, notifier: Notifier) -> Self {
-        Self {
+    ///
+    /// The TCP port at which the machine takes connections, if it does, is open from here on.
+    ///
+    /// # Errors
+    ///
+    /// That port is taken, or not permitted.
+    pub fn new(
+        machine: M,
+        interface: Interface,
+        wires: Vec<Wire>,
+        notifier: Notifier,
+    ) -> Result<Self, PortError> {
+        let streams = Streams::open(&interface, machine.listen_port())?;
+        Ok(Self {
             machine,
             interface,
             wires,
+            streams,
             notifier,
             receive_buffer: Box::new([0; FRAME_CAPACITY]),
             send_buffer: Box::new([0; FRAME_CAPACITY]),
             statistics: Statistics::default(),
-        }
+        })
     }
 
     /// The machine.
@@ -107,13 +127,16 @@ impl<M: Machine> Driver<M> {
 
     /// Runs the machine on this thread until the owner breaks off or the interface is gone.
     pub fn run(&mut self, owner: &mut impl Owner<M>) -> Result<(), DriverError> {
-        let Self { machine, interface, wires, notifier, receive_buffer, send_buffer, statistics } = self;
-        // The list of what to wait for is made once; its result flags are what changes.
-        let notifier_fd = notifier.clone();
-        let mut waits: Vec<PollFd<'_>> = std::iter::once(PollFd::new(&notifier_fd, PollFlags::IN))
-            .chain(wires.iter().map(|wire| PollFd::from_borrowed_fd(wire.as_fd(), PollFlags::IN)))
-            .collect();
-        let mut run = Run { machine, interface, wires, send_buffer: &mut **send_buffer, statistics, owner };
+        let Self { machine, interface, wires, streams, notifier, receive_buffer, send_buffer, statistics } =
+            self;
+        // The notifier first, then the wires, both for ever; then what TCP has at the time.
+        let mut waits = WaitSet::new(1 + wires.len() + Streams::WAITS);
+        waits.set(0, Some((notifier.as_fd(), PollFlags::IN)));
+        for (index, wire) in wires.iter().enumerate() {
+            waits.set(1 + index, Some((wire.as_fd(), PollFlags::IN)));
+        }
+        let send_buffer = &mut **send_buffer;
+        let mut run = Run { machine, interface, wires, streams, send_buffer, statistics, owner };
         let counting = allocation::arm();
         let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
         statistics.allocations = counting.then(allocation::count);
@@ -127,6 +150,7 @@ struct Run<'a, M, O> {
     machine: &'a mut M,
     interface: &'a Interface,
     wires: &'a [Wire],
+    streams: &'a mut Streams,
     send_buffer: &'a mut [u8],
     statistics: &'a mut Statistics,
     owner: &'a mut O,
@@ -135,7 +159,7 @@ struct Run<'a, M, O> {
 impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
     fn until_the_end(
         &mut self,
-        waits: &mut [PollFd<'_>],
+        waits: &mut WaitSet,
         notifier: &Notifier,
         buf: &mut [u8],
     ) -> Result<(), DriverError> {
@@ -143,31 +167,28 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         loop {
             if self.frames(waits, buf)?.is_break()
                 || self.timeout(deadline)?.is_break()
+                || self.streams(waits, buf)?.is_break()
                 || self.wake()?.is_break()
             {
                 return Ok(());
             }
             deadline = self.machine.poll_timeout();
-            let wake = [deadline, self.owner.deadline()].into_iter().flatten().min();
-            let rest = wake.map(|wake| {
-                let rest = wake.since(clock::now());
-                Timespec { tv_sec: rest.as_secs() as i64, tv_nsec: rest.subsec_nanos().into() }
-            });
-            match poll(waits, rest.as_ref()) {
-                Ok(_) | Err(Errno::INTR) => {}
+            let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
+            self.streams.await_in(waits, 1 + self.wires.len());
+            match waits.wait(wake.map(|wake| wake.since(clock::now()))) {
+                Ok(()) | Err(Errno::INTR) => {}
                 Err(error) => return Err(DriverError::Poll(error)),
             }
-            if waits.first().is_some_and(|wait| !wait.revents().is_empty()) {
+            if !waits.ready(0).is_empty() {
                 notifier.clear();
             }
         }
     }
 
     /// Brings in the frames of all ports that have some.
-    fn frames(&mut self, waits: &[PollFd<'_>], buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        // The first entry of `waits` is the notifier.
-        for (wire, wait) in self.wires.iter().zip(waits.iter().skip(1)) {
-            if wait.revents().is_empty() {
+    fn frames(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
+        for (index, wire) in self.wires.iter().enumerate() {
+            if waits.ready(1 + index).is_empty() {
                 continue;
             }
             for _ in 0..BATCH {
@@ -207,6 +228,31 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         Ok(ControlFlow::Continue(()))
     }
 
+    /// Gives each TCP connection that has something its turn, and lets clients in.
+    fn streams(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
+        self.streams.begin_round(clock::now(), waits, 1 + self.wires.len());
+        loop {
+            let now = clock::now();
+            match self.streams.next_news(now, buf) {
+                Some(News::Change(id, change)) => self.machine.handle_stream(now, id, change),
+                Some(News::Piece(id, len)) => {
+                    self.statistics.received += 1;
+                    let from = Source { port: Port::Stream(id), peer: None };
+                    self.machine.handle_frame(now, from, buf.get(..len).unwrap_or_default());
+                }
+                None => break,
+            }
+            if self.drain(now)?.is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+            if self.machine.poll_timeout().is_some_and(|due| due <= clock::now()) {
+                break;
+            }
+        }
+        self.statistics.streams = self.streams.statistics();
+        Ok(ControlFlow::Continue(()))
+    }
+
     fn wake(&mut self) -> Result<ControlFlow<()>, DriverError> {
         let now = clock::now();
         let flow = self.owner.wake(now, self.machine, self.statistics);
@@ -221,6 +267,14 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             while let Some(transmit) = self.machine.poll_transmit(now, self.send_buffer) {
                 self.send(transmit)?;
             }
+            while let Some(request) = self.machine.poll_stream() {
+                match request {
+                    StreamRequest::Connect { to } => {
+                        self.streams.connect(to, |id| self.machine.dscp(Port::Stream(id)));
+                    }
+                    StreamRequest::Close(id) => self.streams.close(now, id),
+                }
+            }
             let Some(event) = self.machine.poll_event() else {
                 return Ok(flow);
             };
@@ -232,8 +286,14 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
 
     fn send(&mut self, Transmit { port, to, len }: Transmit) -> Result<(), DriverError> {
         let frame = self.send_buffer.get(..len).unwrap_or_default();
+        let dscp = self.machine.dscp(port);
+        if let Port::Stream(id) = port {
+            self.streams.send(id, dscp, frame);
+            self.statistics.sent += 1;
+            return Ok(());
+        }
         let wire = self.wires.iter().find(|wire| wire.port() == port);
-        match wire.map_or(Err(Errno::NOTCONN), |wire| wire.send(frame, to)) {
+        match wire.map_or(Err(Errno::NOTCONN), |wire| wire.send(frame, to, dscp)) {
             Ok(()) => self.statistics.sent += 1,
             Err(error) => {
                 self.statistics.send_errors += 1;

@@ -20,6 +20,21 @@ pub enum InterfaceError {
         /// The names that there are.
         known: Vec<String>,
     },
+    /// It has an address already, which is not the one of the setup.
+    #[error(
+        "interface `{name}` has the address {found}, but the setup's {key} is {wanted}: use another interface, a setup \
+         with that address, or `ip address flush dev {name}`"
+    )]
+    OtherAddress {
+        /// The interface.
+        name: String,
+        /// The address that it has.
+        found: Ipv4Addr,
+        /// The setup's key.
+        key: &'static str,
+        /// The address there.
+        wanted: Ipv4Addr,
+    },
     /// It is there, but the kernel refuses to read or change it.
     #[error("{action} of network interface `{name}`: {reason}{}", hint(reason))]
     Refused {
@@ -127,6 +142,20 @@ impl Interface {
             return Ok(());
         }
         self.write_ipv4(libc::SIOCSIFNETMASK, mask).map_err(|e| self.refused("setting the subnet mask", e))
+    }
+
+    /// Gives it the address that a setup says under `key`, unless it has another one: taking that away could cut the
+    /// user's own connection. Needs what [`set_address`](Self::set_address) needs.
+    pub fn take_address(
+        &self,
+        key: &'static str,
+        wanted: Ipv4Addr,
+        mask: Ipv4Addr,
+    ) -> Result<(), InterfaceError> {
+        match self.address().filter(|found| *found != wanted) {
+            Some(found) => Err(InterfaceError::OtherAddress { name: self.name.clone(), found, key, wanted }),
+            None => self.set_address(wanted, mask),
+        }
     }
 
     /// Switches it on, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is on already.

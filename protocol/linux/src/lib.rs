@@ -17,6 +17,7 @@ pub mod allocation;
 pub mod clock;
 mod cyclic_thread;
 mod driver;
+mod dscp;
 mod ethernet;
 mod inbox;
 mod interface;
@@ -28,9 +29,12 @@ mod recorder;
 pub mod report;
 pub mod scheduling;
 mod signals;
+mod stream;
 pub mod supervise;
+mod taken;
 mod udp;
 pub mod veth;
+mod wait;
 mod wire;
 
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
@@ -42,5 +46,7 @@ pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, S
 pub use notifier::Notifier;
 pub use recorder::{Recorder, RecorderError};
 pub use signals::{StopSignal, StopSignals};
+pub use stream::StreamStatistics;
+pub use taken::Transport;
 pub use udp::Udp;
 pub use wire::{PortError, Received, Wire};

@@ -10,8 +10,8 @@ use protocol::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
 use crate::{
-    CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError, Notifier, Outbox, RingFull,
-    StartError, Statistics, StopSignal, StopSignals, Task, Wire, allocation,
+    CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError, Notifier, Outbox, PortError,
+    RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire, allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.
@@ -216,6 +216,9 @@ pub enum NodeError {
     /// It could not start.
     #[error(transparent)]
     Start(#[from] StartError),
+    /// A port of its bus cannot be opened.
+    #[error(transparent)]
+    Port(#[from] PortError),
     /// The process could not listen to what happens.
     #[error("waiting for commands and news: {reason}")]
     Inbox {
@@ -247,7 +250,7 @@ impl<N: Node> NodeProcess<N> {
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);
-        let driver = Driver::new(node, keeper.interface.clone(), wires, waker.clone());
+        let driver = Driver::new(node, keeper.interface.clone(), wires, waker.clone())?;
         let thread = CyclicThread::start(driver, keeper, waker, reader)?;
         Ok(Self { thread, inbox, ended: false })
     }

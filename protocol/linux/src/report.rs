@@ -49,7 +49,9 @@ pub struct BusReport {
     pub sent: u64,
     /// Cyclic frames received and taken over.
     pub received: u64,
-    /// Cyclic frames that never came, by the peer's counter.
+    /// Cycles without a frame, because the node came too late to send it.
+    pub skipped: u64,
+    /// Cycles of the peer for which no frame came, by its counter; those that it skipped are among them.
     pub lost: u64,
     /// Cyclic frames out of order or twice, dropped.
     pub late: u64,
@@ -61,8 +63,15 @@ pub struct BusReport {
 
 impl From<Counters> for BusReport {
     fn from(counters: Counters) -> Self {
-        let Counters { sent, received, lost, late, malformed, foreign } = counters;
-        Self { sent, received, lost, late, malformed, foreign }
+        let Counters { sent, received, skipped, lost, late, malformed, foreign } = counters;
+        Self { sent, received, skipped, lost, late, malformed, foreign }
+    }
+}
+
+impl From<BusReport> for Counters {
+    fn from(report: BusReport) -> Self {
+        let BusReport { sent, received, skipped, lost, late, malformed, foreign } = report;
+        Self { sent, received, skipped, lost, late, malformed, foreign }
     }
 }
 
@@ -111,14 +120,14 @@ impl From<&Snapshot> for NodeReport {
 impl fmt::Display for NodeReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let LatenessReport { runs, missed, p50_us, p99_us, max_us, .. } = &self.cycle;
-        let BusReport { sent, received, lost, late, malformed, foreign } = &self.bus;
+        let BusReport { sent, received, skipped, lost, late, malformed, foreign } = &self.bus;
         writeln!(
             f,
             "cycle: {runs} runs, late by {p50_us:.0} µs (p50), {p99_us:.0} µs (p99), {max_us:.0} µs (max); {missed} missed"
         )?;
         write!(
             f,
-            "bus: {sent} frames sent, {received} received, {lost} lost, {late} late, {malformed} malformed, {foreign} foreign"
+            "bus: {sent} frames sent, {skipped} skipped, {received} received, {lost} missing, {late} late, {malformed} malformed, {foreign} foreign"
         )?;
         if let Some(Allocations { while_connecting, while_cyclic }) = self.allocations {
             write!(

@@ -1,14 +1,17 @@
 //! An open port, whichever it is.
 
-use std::net::SocketAddrV4;
+use std::net::{SocketAddr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
 use protocol::Port;
+use protocol::ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
 use protocol::profinet::RPC_PORT;
 use protocol::profinet::rt::UDP_PORT;
 use rustix::io::Errno;
 
+use crate::dscp::Marking;
 use crate::ethernet::EthernetSocket;
+use crate::taken::{self, Transport};
 use crate::udp::UdpPort;
 use crate::{Ethernet, Interface, PROFINET, Udp};
 
@@ -28,11 +31,19 @@ pub enum PortError {
     },
     /// Another program has it.
     #[error(
-        "UDP port {port} is taken by another program; `ss -ulpn 'sport = :{port}'` shows by which: stop that one first"
+        "{transport} port {port} on `{interface}` is taken by another program{}; `ss -{}lpn 'sport = :{port}'` shows by \
+         which: stop that one first",
+        at(by), transport.option()
     )]
     Taken {
-        /// The UDP port.
+        /// UDP or TCP.
+        transport: Transport,
+        /// The port.
         port: u16,
+        /// The interface.
+        interface: String,
+        /// The addresses that have it.
+        by: Vec<SocketAddr>,
     },
     /// Anything else that the kernel said.
     #[error("opening {what} on `{interface}`: {reason}")]
@@ -52,9 +63,20 @@ impl PortError {
     }
 
     pub(crate) fn udp(interface: &str, port: u16, reason: std::io::Error) -> Self {
+        Self::bound(Transport::Udp, interface, port, reason)
+    }
+
+    pub(crate) fn tcp(interface: &str, port: u16, reason: std::io::Error) -> Self {
+        Self::bound(Transport::Tcp, interface, port, reason)
+    }
+
+    fn bound(transport: Transport, interface: &str, port: u16, reason: std::io::Error) -> Self {
         match reason.kind() {
-            std::io::ErrorKind::AddrInUse => Self::Taken { port },
-            _ => Self::of(format!("UDP port {port}"), interface, reason),
+            std::io::ErrorKind::AddrInUse => {
+                let by = taken::holders(transport, port);
+                Self::Taken { transport, port, interface: interface.to_owned(), by }
+            }
+            _ => Self::of(format!("{transport} port {port}"), interface, reason),
         }
     }
 
@@ -65,6 +87,11 @@ impl PortError {
             _ => Self::Refused { what, interface, reason },
         }
     }
+}
+
+fn at(by: &[SocketAddr]) -> String {
+    let addresses: Vec<_> = by.iter().map(SocketAddr::to_string).collect();
+    if addresses.is_empty() { String::new() } else { format!(" at {}", addresses.join(", ")) }
 }
 
 /// What a look at a socket brought.
@@ -81,10 +108,12 @@ pub enum Received {
     Discarded,
 }
 
-/// An open port of a machine. What impairs frames on their way is to become one more variant; a TCP listener and its
-/// connections, as [`Port::Stream`], another.
+/// An open port of a machine. What impairs frames on their way is to become one more variant. TCP is the driver's own.
 #[derive(Debug)]
-pub struct Wire(Kind);
+pub struct Wire {
+    kind: Kind,
+    marking: Marking,
+}
 
 #[derive(Debug)]
 enum Kind {
@@ -95,12 +124,16 @@ enum Kind {
 impl Wire {
     /// Opens raw Ethernet. Needs `CAP_NET_RAW`.
     pub fn ethernet(interface: &Interface, ethernet: Ethernet) -> Result<Self, PortError> {
-        Ok(Self(Kind::Ethernet(EthernetSocket::open(interface, ethernet)?)))
+        Ok(Self::of(Kind::Ethernet(EthernetSocket::open(interface, ethernet)?)))
     }
 
     /// Opens a UDP port.
     pub fn udp(interface: &Interface, udp: Udp) -> Result<Self, PortError> {
-        Ok(Self(Kind::Udp(UdpPort::open(interface, udp)?)))
+        Ok(Self::of(Kind::Udp(UdpPort::open(interface, udp)?)))
+    }
+
+    fn of(kind: Kind) -> Self {
+        Self { kind, marking: Marking::default() }
     }
 
     /// The ports of a PROFINET station: raw Ethernet, connection management, and cyclic data over UDP.
@@ -112,25 +145,36 @@ impl Wire {
         ])
     }
 
+    /// The UDP ports of an EtherNet/IP station: explicit messages and cyclic data.
+    pub fn ethernet_ip(interface: &Interface) -> Result<Vec<Self>, PortError> {
+        Ok(vec![
+            Self::udp(interface, Udp { port: IO_PORT })?,
+            Self::udp(interface, Udp { port: ENCAPSULATION_PORT })?,
+        ])
+    }
+
     /// The machine's name for it.
     #[must_use]
     pub const fn port(&self) -> Port {
-        match &self.0 {
+        match &self.kind {
             Kind::Ethernet(_) => Port::Ethernet,
             Kind::Udp(udp) => Port::Udp(udp.local_port()),
         }
     }
 
     pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {
-        match &self.0 {
+        match &self.kind {
             Kind::Ethernet(ethernet) => ethernet.as_fd(),
             Kind::Udp(udp) => udp.as_fd(),
         }
     }
 
-    /// Sends a frame without waiting.
-    pub(crate) fn send(&self, frame: &[u8], to: Option<SocketAddrV4>) -> Result<(), Errno> {
-        match (&self.0, to) {
+    /// Sends a frame without waiting; over IP it carries this DSCP.
+    pub(crate) fn send(&self, frame: &[u8], to: Option<SocketAddrV4>, dscp: u8) -> Result<(), Errno> {
+        if let Kind::Udp(udp) = &self.kind {
+            self.marking.follow(udp.as_fd(), dscp);
+        }
+        match (&self.kind, to) {
             (Kind::Ethernet(ethernet), _) => ethernet.send(frame),
             (Kind::Udp(udp), Some(to)) => udp.send(frame, to),
             (Kind::Udp(_), None) => Err(Errno::DESTADDRREQ),
@@ -139,7 +183,7 @@ impl Wire {
 
     /// Takes the next frame without waiting; `Errno::AGAIN` where there is none.
     pub(crate) fn receive(&self, buf: &mut [u8]) -> Result<Received, Errno> {
-        match &self.0 {
+        match &self.kind {
             Kind::Ethernet(ethernet) => ethernet.receive(buf),
             Kind::Udp(udp) => udp.receive(buf),
         }

@@ -2,7 +2,10 @@
 
 use std::time::Duration;
 
-use crate::{Application, BusKind, Cyclic, Frame, Kinematics, ProfinetDevice, Setup, Sourced};
+use protocol::ethernet_ip::connection::TimeoutMultiplier;
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+
+use crate::{BusKind, Cyclic, Frame, Kinematics, ProfinetDevice, Setup, Sourced};
 
 /// A key and what is wrong with its value.
 #[derive(Debug)]
@@ -17,7 +20,7 @@ fn problem(key: impl Into<String>, text: impl Into<String>) -> Problem {
     Problem { key: key.into(), text: text.into() }
 }
 
-/// The version of the file formats that this program reads.
+/// The version of the file format that this program reads.
 const SCHEMA: u32 = 1;
 
 /// Highest tool and base number: they have four bits each in the process image.
@@ -55,38 +58,6 @@ pub(crate) fn check_setup(setup: &Setup) -> Check {
     share("motions.acceleration_percent", motions.acceleration_percent.value)?;
     not_negative("motions.approximation_mm", motions.approximation_mm.value)?;
     at_most("motions.approximation_mm", motions.approximation_mm.value, MAX_APPROXIMATION_MM, "mm")
-}
-
-pub(crate) fn check_application(application: &Application) -> Check {
-    schema(application.schema)?;
-    for (key, number) in [("tool", application.tool), ("base", application.base)] {
-        if number > MAX_FRAME {
-            return Err(problem(key, format!("{number} is not a frame number: 0 to {MAX_FRAME}")));
-        }
-    }
-    if application.motion.is_empty() {
-        return Err(problem("motion", "there is none; at least one [[motion]] is needed"));
-    }
-    for (index, motion) in application.motion.iter().enumerate() {
-        let key = |name: &str| format!("motion[{index}].{name}");
-        finite(&key("target_mm_deg"), &motion.target_mm_deg)?;
-        share(&key("velocity_percent"), motion.velocity_percent)?;
-    }
-    Ok(())
-}
-
-/// What neither the setup nor the application can be wrong in alone.
-pub(crate) fn check_together(setup: &Setup, application: &Application) -> Check {
-    let robot = &setup.robot;
-    for (key, number, frames) in
-        [("tool", application.tool, &robot.tools), ("base", application.base, &robot.bases)]
-    {
-        if number != 0 && !frames.iter().any(|frame| frame.number == number) {
-            let text = format!("setup {} has no [[robot.{key}s]] of number {number}", setup.name);
-            return Err(problem(key, text));
-        }
-    }
-    Ok(())
 }
 
 fn schema(found: u32) -> Check {
@@ -142,8 +113,35 @@ fn bus(setup: &Setup) -> Check {
     }
     match bus.kind {
         BusKind::Profinet => profinet(setup),
-        BusKind::EthernetIp | BusKind::Ethercat => Ok(()),
+        BusKind::EthernetIp => ethernet_ip(setup),
+        BusKind::Ethercat => Ok(()),
     }
+}
+
+fn ethernet_ip(setup: &Setup) -> Check {
+    let bus = &setup.bus;
+    let (shortest, longest) = (SKILL_ROBOT.min_rpi_us, SKILL_ROBOT.max_rpi_us);
+    if !(shortest..=longest).contains(&bus.cycle_us.value) {
+        let text = format!(
+            "{} µs is not a packet interval that the robot serves: {shortest} to {longest} µs",
+            bus.cycle_us.value
+        );
+        return Err(problem("bus.cycle_us", text));
+    }
+    let given = bus.ethernet_ip.as_ref().and_then(|ethernet_ip| ethernet_ip.timeout_multiplier.as_ref());
+    let intervals = bus.timeout_intervals();
+    let covering = TimeoutMultiplier::covering(intervals).map(TimeoutMultiplier::intervals);
+    if given.is_some() && covering != Some(intervals) {
+        let text =
+            format!("{intervals} is not a multiplier of EtherNet/IP: 4, 8, 16, 32, 64, 128, 256 or 512");
+        return Err(problem("bus.ethernet_ip.timeout_multiplier", text));
+    }
+    if covering.is_none() {
+        let text =
+            format!("an EtherNet/IP connection waits for 512 packet intervals at most, not for {intervals}");
+        return Err(problem("bus.watchdog_cycles", text));
+    }
+    Ok(())
 }
 
 fn profinet(setup: &Setup) -> Check {

@@ -1,8 +1,8 @@
-//! Why a setup or an application cannot be used: what was read, what was found there, what would be right.
+//! Why a setup cannot be used: what was read, what was found there, what would be right.
 
 use std::path::PathBuf;
 
-/// Why a setup or an application cannot be used.
+/// Why a setup cannot be used, or the file of an application not be found.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The name is neither built in nor a file.

@@ -1,28 +1,23 @@
-//! Setups and applications: every number that a user may change, with its unit in the key and its provenance
-//! beside it.
+//! Setups: every number that a user may change, with its unit in the key and its provenance beside it.
 //!
-//! A *setup* is a PLC, a bus and a robot ([`Setup`]); an *application* is what the robot does ([`Application`]).
-//! Those that the project ships are compiled in ([`SETUPS`], [`APPLICATIONS`]); a path names one's own.
+//! A *setup* is a PLC, a bus and a robot ([`Setup`]), and it names the application that the robot runs. Those that the
+//! project ships are compiled in ([`SETUPS`]); a path names one's own.
 
-mod application;
 mod check;
 mod error;
 mod load;
 mod model;
-mod motions;
 mod sourced;
 mod write;
 
-pub use application::{Application, Motion, MotionKind};
 pub use error::Error;
-pub use load::{APPLICATIONS, SETUPS, application, check, setup, setup_with_application};
+pub use load::{SETUPS, Text, check, find, setup, setup_with_directory};
 pub use model::{
-    Axes, Bus, BusKind, Cyclic, Figure, Frame, Kinematics, Motions, Paper, Plc, Profinet, ProfinetDevice,
-    ProfinetModule, ProfinetSubmodule, Robot, Scara, Setup, UnknownCyclic,
+    Axes, Bus, BusKind, Cyclic, EthernetIp, Figure, Frame, Kinematics, Motions, Paper, Plc, Profinet,
+    ProfinetDevice, ProfinetModule, ProfinetSubmodule, Robot, Scara, Setup, UnknownCyclic,
 };
-pub use motions::{PROGRAM, motions};
 pub use sourced::{Provenance, Sourced};
-pub use write::{application_to_toml, setup_to_toml};
+pub use write::setup_to_toml;
 
 #[cfg(test)]
 mod tests;

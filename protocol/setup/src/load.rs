@@ -1,38 +1,27 @@
-//! Finding and reading setups and applications.
+//! Finding and reading setups, and finding whatever else is named as they are.
 
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use crate::check::{Problem, check_application, check_setup, check_together};
-use crate::{Application, Error, Setup};
+use crate::check::{Problem, check_setup};
+use crate::{Error, Setup};
 
 /// Setups compiled in: name and text.
 pub const SETUPS: &[(&str, &str)] = &[("A", include_str!("../../../bench/setups/A.toml"))];
 
-/// Applications compiled in: name and text.
-pub const APPLICATIONS: &[(&str, &str)] =
-    &[("pick-and-place", include_str!("../../../bench/applications/pick-and-place.toml"))];
-
 /// Finds the setup that `name` names: a built-in one, or the path of a file. Its values are checked.
 pub fn setup(name: &str) -> Result<Setup, Error> {
-    Ok(read_setup(name)?.value)
+    Ok(setup_with_directory(name)?.0)
 }
 
-/// Finds the application that `name` names: a built-in one, or the path of a file. Its values are checked.
-pub fn application(name: &str) -> Result<Application, Error> {
-    Ok(read_application(name, None)?.value)
-}
-
-/// Finds the setup that `name` names and the application that it runs, and checks that they fit each other.
-///
-/// An application that is not built in is looked for from the directory of the setup's file.
-pub fn setup_with_application(name: &str) -> Result<(Setup, Application), Error> {
-    let setup = read_setup(name)?;
-    let directory = setup.path.as_deref().and_then(Path::parent);
-    let application = read_application(&setup.value.application, directory)?;
-    check_together(&setup.value, &application.value).map_err(|problem| application.refuse(problem))?;
-    Ok((setup.value, application.value))
+/// Finds a setup as [`setup()`] does, and says from which directory it names its application: that of its file, none
+/// for a built-in one.
+pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Error> {
+    let Text { origin, path, text } = find("setup", SETUPS, name, None)?;
+    let setup = parse(&origin, &text)?;
+    check_setup(&setup).map_err(|problem| refuse(origin, problem))?;
+    Ok((setup, path.as_deref().and_then(Path::parent).map(Path::to_owned)))
 }
 
 /// Checks a setup that was changed after it was read, say by an option on the command line.
@@ -40,46 +29,32 @@ pub fn check(setup: &Setup) -> Result<(), Error> {
     check_setup(setup).map_err(|problem| refuse(format!("setup {}", setup.name), problem))
 }
 
-/// A text that was found, and what it says.
-struct Found<T> {
-    origin: String,
-    /// None for a built-in one.
-    path: Option<PathBuf>,
-    value: T,
-}
-
-impl<T> Found<T> {
-    fn refuse(&self, problem: Problem) -> Error {
-        refuse(self.origin.clone(), problem)
-    }
-}
-
 fn refuse(origin: String, Problem { key, text }: Problem) -> Error {
     Error::Value { origin, key, problem: text }
 }
 
-fn read_setup(name: &str) -> Result<Found<Setup>, Error> {
-    let found = find::<Setup>("setup", SETUPS, name, None)?;
-    check_setup(&found.value).map_err(|problem| found.refuse(problem))?;
-    Ok(found)
+/// A text that was found.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Text {
+    /// What messages call it: the file's path, or the built-in's name.
+    pub origin: String,
+    /// The file; none for a built-in one.
+    pub path: Option<PathBuf>,
+    /// What it says.
+    pub text: String,
 }
 
-fn read_application(name: &str, directory: Option<&Path>) -> Result<Found<Application>, Error> {
-    let found = find::<Application>("application", APPLICATIONS, name, directory)?;
-    check_application(&found.value).map_err(|problem| found.refuse(problem))?;
-    Ok(found)
-}
-
-fn find<T: DeserializeOwned>(
+/// Finds the text that `name` names: one of those built in, whatever the case, or a file, its path seen from
+/// `directory`. `what` is what messages call such a thing.
+pub fn find(
     what: &'static str,
     built_in: &[(&'static str, &'static str)],
     name: &str,
     directory: Option<&Path>,
-) -> Result<Found<T>, Error> {
+) -> Result<Text, Error> {
     if let Some((known, text)) = built_in.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
         let origin = format!("built-in {what} {known}");
-        let value = parse(&origin, text)?;
-        return Ok(Found { origin, path: None, value });
+        return Ok(Text { origin, path: None, text: (*text).to_owned() });
     }
     let path = directory.map_or_else(|| PathBuf::from(name), |directory| directory.join(name));
     if !path.exists() && path.extension().is_none() {
@@ -91,9 +66,7 @@ fn find<T: DeserializeOwned>(
         path: path.clone(),
         source,
     })?;
-    let origin = path.display().to_string();
-    let value = parse(&origin, &text)?;
-    Ok(Found { origin, path: Some(path), value })
+    Ok(Text { origin: path.display().to_string(), path: Some(path), text })
 }
 
 pub(crate) fn parse<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, Error> {

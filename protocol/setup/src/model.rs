@@ -95,6 +95,8 @@ pub struct Bus {
     pub subnet_mask: std::net::Ipv4Addr,
     /// What PROFINET needs besides.
     pub profinet: Option<Profinet>,
+    /// What EtherNet/IP needs besides; it can do without.
+    pub ethernet_ip: Option<EthernetIp>,
 }
 
 /// How PROFINET carries its cyclic frames.
@@ -177,6 +179,24 @@ pub struct ProfinetSubmodule {
     /// Data from the PLC to the device, in bytes.
     #[serde(default)]
     pub output_bytes: u16,
+}
+
+/// What EtherNet/IP may be told besides. The requested packet interval is [`Bus::cycle_us`], both ways.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthernetIp {
+    /// Packet intervals without a frame after which a side gives the connection up: 4, 8, 16 and so on up to 512.
+    /// Without it, the smallest that covers [`Bus::watchdog_cycles`].
+    pub timeout_multiplier: Option<Sourced<u32>>,
+}
+
+impl Bus {
+    /// Packet intervals without a frame that an EtherNet/IP connection must bear at least.
+    #[must_use]
+    pub fn timeout_intervals(&self) -> u32 {
+        let given = self.ethernet_ip.as_ref().and_then(|ethernet_ip| ethernet_ip.timeout_multiplier.as_ref());
+        given.unwrap_or(&self.watchdog_cycles).value
+    }
 }
 
 /// The robot and its controller.

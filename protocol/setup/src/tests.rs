@@ -1,8 +1,5 @@
 use crate::load::parse;
-use crate::{
-    APPLICATIONS, Application, SETUPS, Setup, application, application_to_toml, setup, setup_to_toml,
-    setup_with_application,
-};
+use crate::{SETUPS, Setup, setup, setup_to_toml, setup_with_directory};
 
 /// Setup A's text with one thing changed.
 fn changed(from: &str, to: &str) -> String {
@@ -16,14 +13,13 @@ fn refusal(text: &str) -> String {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("my.toml");
     std::fs::write(&path, text).unwrap();
-    let error = setup_with_application(path.to_str().unwrap()).unwrap_err();
+    let error = setup(path.to_str().unwrap()).unwrap_err();
     error.to_string().replace(&directory.path().display().to_string(), "DIR")
 }
 
 #[test]
 fn an_unknown_setup_is_answered_by_those_there_are() {
     insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A; or give the path of a .toml file");
-    insta::assert_snapshot!(application("juggle").unwrap_err(), @"there is no application `juggle`: built in are pick-and-place; or give the path of a .toml file");
 }
 
 #[test]
@@ -108,10 +104,9 @@ fn values_that_make_no_sense_are_refused_with_their_key() {
         ("[132.0, 145.0, 200.0, 355.0]", "[132.0, -145.0, 200.0, 355.0]"),
         ("[420.0, 720.0,", "[420.0, 0.0,"),
         ("path_acceleration_mm_s2 = { value = 5000.0", "path_acceleration_mm_s2 = { value = inf"),
-        ("acceleration_percent = { value = 100.0", "acceleration_percent = { value = 120.0"),
+        ("acceleration_percent = { value = 50.0", "acceleration_percent = { value = 120.0"),
         ("approximation_mm = { value = 10.0", "approximation_mm = { value = nan"),
         ("number = 1", "number = 16"),
-        ("number = 1", "number = 2"),
     ];
     let said: Vec<_> = refusals.iter().map(|(from, to)| refusal(&changed(from, to))).collect();
     insta::assert_snapshot!(said.join("\n"), @r#"
@@ -133,7 +128,6 @@ fn values_that_make_no_sense_are_refused_with_their_key() {
     DIR/my.toml: `motions.acceleration_percent`: 120 is not a share: above 0, at most 100 %
     DIR/my.toml: `motions.approximation_mm`: NaN is not a finite number
     DIR/my.toml: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
-    built-in application pick-and-place: `base`: setup A has no [[robot.bases]] of number 1
     "#);
 }
 
@@ -170,32 +164,20 @@ fn a_device_that_no_connect_can_name_is_refused() {
 }
 
 #[test]
-fn an_application_is_looked_for_beside_the_setup_that_names_it() {
+fn a_setup_of_ones_own_names_its_application_from_its_directory_and_a_built_in_one_from_anywhere() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("my.toml");
-    std::fs::write(&path, changed("\"pick-and-place\"", "\"jobs/wave.toml\"")).unwrap();
-    std::fs::create_dir(directory.path().join("jobs")).unwrap();
-    let wave = APPLICATIONS[0].1.replace("name = \"pick-and-place\"", "name = \"wave\"");
-    std::fs::write(directory.path().join("jobs/wave.toml"), wave).unwrap();
-    let (_, application) = setup_with_application(path.to_str().unwrap()).unwrap();
-    assert_eq!(application.name, "wave");
-}
-
-#[test]
-fn what_is_built_in_fits_together() {
-    for (name, _) in SETUPS {
-        let (setup, application) = setup_with_application(name).unwrap();
-        assert!(!crate::motions(&setup, &application).is_empty());
-    }
+    std::fs::write(&path, changed("name = \"A\"", "name = \"mine\"")).unwrap();
+    let (mine, from) = setup_with_directory(path.to_str().unwrap()).unwrap();
+    assert_eq!((mine.name.as_str(), from.as_deref()), ("mine", Some(directory.path())));
+    assert_eq!(setup_with_directory("a").unwrap().1, None);
 }
 
 #[test]
 fn a_setup_that_is_written_is_read_back_the_same() {
-    let (setup, application) = setup_with_application("A").unwrap();
+    let setup = setup("A").unwrap();
     let text = setup_to_toml(&setup).unwrap();
     assert_eq!(parse::<Setup>("written", &text).unwrap(), setup, "{text}");
-    let text = application_to_toml(&application).unwrap();
-    assert_eq!(parse::<Application>("written", &text).unwrap(), application, "{text}");
 }
 
 #[test]

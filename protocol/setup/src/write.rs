@@ -1,22 +1,12 @@
-//! Writing a setup or an application back, as a person would.
+//! Writing a setup back, as a person would.
 
-use serde::Serialize;
 use toml::{Table, Value};
 
-use crate::{Application, Error, Setup};
+use crate::{Error, Setup};
 
 /// The setup as TOML that [`crate::setup`] reads back to the same.
 pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
-    to_toml(setup)
-}
-
-/// The application as TOML that [`crate::application`] reads back to the same.
-pub fn application_to_toml(application: &Application) -> Result<String, Error> {
-    to_toml(application)
-}
-
-fn to_toml(value: &impl Serialize) -> Result<String, Error> {
-    let table = Table::try_from(value)?;
+    let table = Table::try_from(setup)?;
     let mut text = String::new();
     write_table(&mut text, "", &table);
     Ok(text)

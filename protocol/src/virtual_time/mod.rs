@@ -98,7 +98,9 @@ struct Station {
     clock: Clock,
     link: Link,
     address: Option<Ipv4Addr>,
-    /// True time of the machine's next timeout.
+    /// The machine's next timeout by its own clock.
+    local_timeout: Option<Instant>,
+    /// The same in true time.
     timeout: Option<Instant>,
     alive: bool,
 }
@@ -153,6 +155,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             clock,
             link: Link::new(impairment, seed, stream),
             address,
+            local_timeout: None,
             timeout: None,
             alive: true,
         };
@@ -180,6 +183,16 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.now
     }
 
+    /// What a side's clock shows now.
+    #[must_use]
+    pub fn local_time(&self, side: Side) -> Instant {
+        let [a, b] = &self.stations;
+        match side {
+            Side::A => a.clock.local_time(self.now),
+            Side::B => b.clock.local_time(self.now),
+        }
+    }
+
     /// The first machine.
     #[must_use]
     pub const fn a(&self) -> &A {
@@ -194,7 +207,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
 
     /// Gives a command to the first machine; `now` is its own clock's.
     pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
-        let local = self.local(Side::A);
+        let local = self.local_time(Side::A);
         let result = command(&mut self.a, local);
         self.settle(Side::A);
         result
@@ -202,7 +215,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
 
     /// Gives a command to the second machine; `now` is its own clock's.
     pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
-        let local = self.local(Side::B);
+        let local = self.local_time(Side::B);
         let result = command(&mut self.b, local);
         self.settle(Side::B);
         result
@@ -285,7 +298,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     return false;
                 }
                 self.now = self.now.max(at);
-                let local = self.local(side);
+                let local = self.local_time(side);
                 match side {
                     Side::A => self.a.handle_timeout(local),
                     Side::B => self.b.handle_timeout(local),
@@ -307,7 +320,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             delivery => return self.deliver_stream(side, delivery),
         };
         if self.station(side).alive && self.wants(side, port) {
-            let local = self.local(side);
+            let local = self.local_time(side);
             let source = Source { port, peer };
             match side {
                 Side::A => self.a.handle_frame(local, source, &frame),
@@ -323,7 +336,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if !self.station(side).alive {
             return;
         }
-        let local = self.local(side);
+        let local = self.local_time(side);
         loop {
             let transmit = match side {
                 Side::A => self.a.poll_transmit(local, &mut self.buf),
@@ -349,7 +362,11 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::B => self.b.poll_timeout(),
         };
         let station = self.station(side);
-        station.timeout = timeout.map(|local| station.clock.true_time(local));
+        // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
+        if timeout != station.local_timeout {
+            station.local_timeout = timeout;
+            station.timeout = timeout.map(|local| station.clock.true_time(local));
+        }
     }
 
     fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
@@ -389,14 +406,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 delivery: Delivery::Frame { port, peer, frame: copy },
             }));
         });
-    }
-
-    fn local(&self, side: Side) -> Instant {
-        let [a, b] = &self.stations;
-        match side {
-            Side::A => a.clock.local_time(self.now),
-            Side::B => b.clock.local_time(self.now),
-        }
     }
 
     fn station(&mut self, side: Side) -> &mut Station {

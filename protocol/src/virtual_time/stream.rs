@@ -238,7 +238,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if !self.station(side).alive || !self.wants(side, Port::Stream(id)) {
             return;
         }
-        let local = self.local(side);
+        let local = self.local_time(side);
         match side {
             Side::A => self.a.handle_stream(local, id, change),
             Side::B => self.b.handle_stream(local, id, change),

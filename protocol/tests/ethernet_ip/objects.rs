@@ -2,9 +2,9 @@
 
 use protocol::ethernet_ip::cip::General;
 
+use protocol::ethernet_ip::IO_PORT;
 use protocol::ethernet_ip::encapsulation::{Command, Header, Status};
-use protocol::ethernet_ip::{Adapter, IO_PORT};
-use protocol::{Duration, Port};
+use protocol::{Duration, Machine, Port};
 
 use crate::cell::ROBOT;
 use crate::client::{Client, Rig, close_message, explicit, message, owner};
@@ -168,7 +168,7 @@ fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
     let (mut rig, client) = rig();
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[46]), 0);
     assert_eq!(get(&mut rig, client, 0x48, 1, 5).1, [46]);
-    assert_eq!(Adapter::dscp(&rig.adapter, Port::Udp(IO_PORT)), 46);
+    assert_eq!(Machine::dscp(&rig.adapter, Port::Udp(IO_PORT)), 46);
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[64]), 0x09);
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[]), 0x13);
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[1, 2]), 0x15);

@@ -216,8 +216,8 @@ pub fn config() -> RobotConfig {
 
 /// The shipped application on Setup A.
 pub fn application() -> Vec<Motion> {
-    let setup = setup::setup("A").unwrap();
-    setup::motions(&setup, &setup::application("pick-and-place").unwrap())
+    let (setup, application) = planning::setup_with_application("A").unwrap();
+    application.plan(&setup).unwrap().wire_motions(&setup)
 }
 
 /// A line in base 1 with the tool down: 250 mm/s, 5 m/s², blending by `approximation_mm`.

@@ -72,17 +72,6 @@ impl Adapter {
         }
     }
 
-    /// The DSCP that frames leaving by this port are to carry: a setting of the QoS object, which a scanner may
-    /// change at any time.
-    #[must_use]
-    pub fn dscp(&self, port: Port) -> u8 {
-        let qos = &self.state.device.qos;
-        match port {
-            Port::Udp(IO_PORT) => qos.cyclic(self.state.io.priority().unwrap_or(Priority::Scheduled)),
-            _ => qos.explicit(),
-        }
-    }
-
     /// How many connections are open: class 1, and class 3.
     #[must_use]
     pub fn connections(&self) -> (usize, usize) {
@@ -128,6 +117,15 @@ impl Machine for Adapter {
 
     fn poll_stream(&mut self) -> Option<StreamRequest> {
         self.sessions.poll_close().map(StreamRequest::Close)
+    }
+
+    /// A setting of the QoS object, which a scanner may change at any time.
+    fn dscp(&self, port: Port) -> u8 {
+        let qos = &self.state.device.qos;
+        match port {
+            Port::Udp(IO_PORT) => qos.cyclic(self.state.io.priority().unwrap_or(Priority::Scheduled)),
+            _ => qos.explicit(),
+        }
     }
 
     fn handle_timeout(&mut self, now: Instant) {

@@ -16,6 +16,25 @@ impl TimeoutMultiplier {
         if code <= 7 { Some(Self(code)) } else { None }
     }
 
+    /// The smallest multiplier that waits for so many packet intervals at least, if there is one.
+    #[must_use]
+    pub const fn covering(intervals: u32) -> Option<Self> {
+        let mut code = 0;
+        while code <= 7 {
+            if 4 << code >= intervals {
+                return Some(Self(code));
+            }
+            code += 1;
+        }
+        None
+    }
+
+    /// How many packet intervals a consumer waits: 4 to 512.
+    #[must_use]
+    pub const fn intervals(self) -> u32 {
+        4 << self.0
+    }
+
     /// The code on the wire.
     #[must_use]
     pub const fn code(self) -> u8 {
@@ -25,7 +44,7 @@ impl TimeoutMultiplier {
     /// How long a consumer of this packet interval waits: 4 to 512 intervals.
     #[must_use]
     pub fn timeout(self, packet_interval: Duration) -> Duration {
-        packet_interval.saturating_mul(4 << self.0)
+        packet_interval.saturating_mul(self.intervals())
     }
 }
 
@@ -129,6 +148,13 @@ mod tests {
         let expected = [4, 8, 16, 32, 64, 128, 256, 512].map(Some);
         assert_eq!(all[..8], expected);
         assert_eq!(all[8], None);
+    }
+
+    #[test]
+    fn a_number_of_intervals_is_covered_by_the_next_multiplier_that_is_not_less() {
+        let covering = |intervals| TimeoutMultiplier::covering(intervals).map(TimeoutMultiplier::intervals);
+        let covered: Vec<_> = [0, 3, 4, 5, 100, 512, 513].map(covering).into();
+        assert_eq!(covered, [Some(4), Some(4), Some(4), Some(8), Some(128), Some(512), None]);
     }
 
     #[test]

@@ -24,6 +24,7 @@ use super::class1::Frame;
 use super::connection::Triad;
 use super::description::Identity;
 use super::encapsulation::{Message, Reassembly};
+use super::objects::Qos;
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
@@ -279,6 +280,14 @@ impl Machine for Scanner {
         }
         let to = SocketAddrV4::new(self.config.target, ENCAPSULATION_PORT);
         core::mem::take(&mut self.connect).then_some(StreamRequest::Connect { to })
+    }
+
+    /// What a device's QoS object says before anybody changes it: a scanner has no such object.
+    fn dscp(&self, port: Port) -> u8 {
+        match port {
+            Port::Udp(IO_PORT) => Qos::default().cyclic(self.config.o_t().priority),
+            _ => Qos::default().explicit(),
+        }
     }
 
     fn handle_timeout(&mut self, now: Instant) {

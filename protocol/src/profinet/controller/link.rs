@@ -77,6 +77,7 @@ impl Link {
     /// Adds what this AR counted.
     pub(super) const fn count(&self, counters: &mut Counters) {
         counters.sent += self.sender.sent();
+        counters.skipped += self.sender.skipped();
         counters.received += self.receiver.received();
         counters.lost += self.receiver.lost();
         counters.late += self.receiver.late();

@@ -288,6 +288,7 @@ impl Core {
         let mut counters = self.counters;
         if let Some(relation) = &self.relation {
             counters.sent += relation.sender.sent();
+            counters.skipped += relation.sender.skipped();
             counters.received += relation.receiver.received();
             counters.lost += relation.receiver.lost();
             counters.late += relation.receiver.late();

@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod machines;
+mod streams;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::ControlFlow;
@@ -67,7 +68,7 @@ impl Bed {
                 ];
                 let machine = machine(&interface);
                 let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
-                let driver = Driver::new(machine, interface, wires, waker.clone());
+                let driver = Driver::new(machine, interface, wires, waker.clone()).unwrap();
                 CyclicThread::start(driver, Watch::default(), waker, reader).unwrap()
             })
             .unwrap()

@@ -1,5 +1,7 @@
 //! Machines without a protocol, to try the driver with.
 
+pub(crate) mod tcp;
+
 use std::net::SocketAddrV4;
 
 use protocol::direct::Direct;

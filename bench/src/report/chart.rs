@@ -1,0 +1,185 @@
+//! What all figures share: their two widths, their colours, their axes.
+//!
+//! Each figure is drawn twice, for a screen or paper and for a phone, and the page shows the one that fits. The
+//! colours stand in the SVG as those of the light page; the style sheet names each of them and says what it is on a
+//! dark one.
+
+use plc_node::ExecutionType;
+use plotters::backend::SVGBackend;
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::drawing::{DrawingArea, IntoDrawingArea};
+use plotters::prelude::{Cartesian2d, Color, IntoFont, RGBColor, TextStyle};
+use plotters::style::FontStyle;
+
+/// Where figures are drawn.
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// A rectangle with two linear axes.
+pub(super) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Units of the SVG in a pixel: the backend knows whole numbers only, and a curve needs finer ones.
+const UNITS: f64 = 10.0;
+
+/// Text and marks.
+pub(super) const INK: RGBColor = RGBColor(0x1B, 0x1B, 0x1A);
+/// Labels of axes.
+pub(super) const MUTED: RGBColor = RGBColor(0x66, 0x64, 0x5F);
+/// Lines of a grid.
+pub(super) const GRID: RGBColor = RGBColor(0xE4, 0xE2, 0xDB);
+/// Axes.
+const AXIS: RGBColor = RGBColor(0xB5, 0xB2, 0xA9);
+/// What is behind the figure.
+pub(super) const PAPER: RGBColor = RGBColor(0xFF, 0xFF, 0xFE);
+
+/// A type has the same colour everywhere.
+pub(super) const fn colour(of: ExecutionType) -> RGBColor {
+    match of {
+        ExecutionType::Rc => RGBColor(0x2A, 0x78, 0xD6),
+        ExecutionType::Sm => RGBColor(0xE0, 0x5A, 0x24),
+        ExecutionType::Cm => RGBColor(0x12, 0x8A, 0x63),
+    }
+}
+
+/// What a page is read on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Format {
+    /// A screen or paper: 960 pixels.
+    Wide,
+    /// A phone: 360 pixels.
+    Narrow,
+}
+
+impl Format {
+    /// Width of a figure in pixels.
+    pub(super) const fn width(self) -> f64 {
+        match self {
+            Self::Wide => 960.0,
+            Self::Narrow => 360.0,
+        }
+    }
+
+    /// One of two values.
+    pub(super) fn pick<T>(self, wide: T, narrow: T) -> T {
+        match self {
+            Self::Wide => wide,
+            Self::Narrow => narrow,
+        }
+    }
+
+    /// Width in pixels of what stands left of a vertical axis.
+    pub(super) fn margin(self) -> f64 {
+        self.pick(52.0, 38.0)
+    }
+}
+
+/// Pixels in units of the SVG.
+pub(super) const fn px(pixels: f64) -> i32 {
+    (pixels * UNITS).round() as i32
+}
+
+/// Width of a line.
+pub(super) const fn stroke(pixels: f64) -> u32 {
+    (pixels * UNITS).round() as u32
+}
+
+/// Text of a size in pixels.
+pub(super) fn text(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
+    // The backend divides by 1.24.
+    ("sans-serif", pixels * 1.24 * UNITS).into_font().color(&colour)
+}
+
+/// A type's name beside its panel.
+pub(super) fn name(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", pixels * 1.24 * UNITS, FontStyle::Bold).into_font().color(&colour)
+}
+
+/// Draws a figure of this height in pixels and returns it as SVG.
+pub(super) fn figure(
+    format: Format,
+    height: f64,
+    draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<String> {
+    let mut svg = String::new();
+    {
+        let area =
+            SVGBackend::with_string(&mut svg, (stroke(format.width()), stroke(height))).into_drawing_area();
+        draw(&area)?;
+        area.present()?;
+    }
+    Ok(svg.replace('\n', ""))
+}
+
+/// The axes of a panel.
+pub(super) struct Axes<'a> {
+    /// Ends of the horizontal axis.
+    pub(super) x: (f64, f64),
+    /// Ends of the vertical axis.
+    pub(super) y: (f64, f64),
+    /// Title of the horizontal axis; without one the axis has no labels.
+    pub(super) x_title: Option<&'a str>,
+    /// Title of the vertical axis.
+    pub(super) y_title: &'a str,
+    /// Whether the labels of the horizontal axis have lines.
+    pub(super) x_lines: bool,
+    /// Most labels on each axis.
+    pub(super) labels: (usize, usize),
+    /// How values of each axis are written.
+    pub(super) write: (&'a dyn Fn(&f64) -> String, &'a dyn Fn(&f64) -> String),
+}
+
+impl Axes<'_> {
+    /// Height in pixels of what stands below the horizontal axis.
+    pub(super) const fn below(has_title: bool) -> f64 {
+        if has_title { 44.0 } else { 6.0 }
+    }
+
+    /// Draws the grid; the chart that comes back takes the data.
+    pub(super) fn draw<'a, 'b>(&self, format: Format, area: &'a Area<'b>) -> anyhow::Result<Chart<'a, 'b>> {
+        let mut builder = ChartBuilder::on(area);
+        builder.set_label_area_size(plotters::chart::LabelAreaPosition::Left, px(format.margin()));
+        let below = px(Self::below(self.x_title.is_some()));
+        if self.x_title.is_some() {
+            builder.set_label_area_size(plotters::chart::LabelAreaPosition::Bottom, below);
+        } else {
+            builder.margin_bottom(below);
+        }
+        builder.margin_right(px(10.0)).margin_top(px(6.0));
+        let mut chart = builder.build_cartesian_2d(self.x.0..self.x.1, self.y.0..self.y.1)?;
+        let small = format.pick(12.0, 11.0);
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(plotters::style::TRANSPARENT)
+            .bold_line_style(GRID.stroke_width(stroke(1.0)))
+            .axis_style(AXIS.stroke_width(stroke(1.0)))
+            .set_all_tick_mark_size(px(3.0))
+            .label_style(text(small, MUTED))
+            .x_labels(self.labels.0)
+            .y_labels(self.labels.1)
+            .x_label_formatter(self.write.0)
+            .y_label_formatter(self.write.1)
+            .axis_desc_style(text(small, MUTED));
+        if !self.x_lines {
+            mesh.disable_x_mesh();
+        }
+        if let Some(title) = self.x_title {
+            mesh.x_desc(title);
+        }
+        mesh.draw()?;
+        // A title above the axis is read without turning the head.
+        if !self.y_title.is_empty() {
+            area.draw_text(self.y_title, &text(small, MUTED), (px(2.0), px(-14.0)))?;
+        }
+        Ok(chart)
+    }
+}
+
+/// Numbers with the decimals that they have, at most two.
+pub(super) fn short(value: &f64) -> String {
+    let text = format!("{value:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
+}
+
+/// Whole numbers.
+pub(super) fn whole(value: &f64) -> String {
+    format!("{value:.0}").replace('-', "−")
+}

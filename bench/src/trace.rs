@@ -1,0 +1,366 @@
+//! What both nodes did during one run of a type, tick by tick, wherever the ticks come from.
+//!
+//! Two tables in the run directory, a row a tick, a column a quantity with its unit in its name; a spreadsheet opens
+//! them at once:
+//!
+//! ```text
+//! trace-robot.csv  every interpolation cycle: pose, joints, path speed, state, queue
+//! trace-plc.csv    every scan: command, motions of the skill, motions in the slots
+//! ```
+//!
+//! Times count from the PLC's start edge, in true time in virtual mode.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use plc_node::ExecutionType;
+use protocol::image::State;
+
+use crate::results::PerType;
+use crate::run_directory::{Durability, replace};
+
+/// File of the robot's ticks.
+pub const ROBOT_FILE: &str = "trace-robot.csv";
+/// File of the PLC's scans.
+pub const PLC_FILE: &str = "trace-plc.csv";
+
+const ROBOT_HEADER: &str = "type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
+x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6";
+const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots";
+
+/// Room for a minute of each; what comes after it is not recorded.
+const ROBOT_ROOM: usize = 15_000;
+const PLC_ROOM: usize = 60_000;
+
+/// One interpolation cycle of the robot.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct RobotTick {
+    /// Since the start edge, in ms.
+    pub at_ms: f64,
+    /// State of the skill execution.
+    pub state: State,
+    /// The last command number that the robot took up.
+    pub command: u16,
+    /// Motions of the skill that are executed.
+    pub executed: u32,
+    /// Motions of the skill that are accepted.
+    pub accepted: u32,
+    /// Motions of the skill that ended in a stop because the next was not there in time.
+    pub blends_suppressed: u16,
+    /// Speed of the tool along its path in mm/s.
+    pub path_speed_mm_s: f32,
+    /// Tool in base: x, y, z in mm; a, b, c in degrees.
+    pub pose: [f32; 6],
+    /// Joint values in degrees, mm on a linear axis.
+    pub joints: [f32; 6],
+}
+
+impl RobotTick {
+    /// A sample of the robot node, taken `at_ms` after the start edge.
+    #[must_use]
+    pub const fn new(at_ms: f64, sample: &robot_node::Sample) -> Self {
+        Self {
+            at_ms,
+            state: sample.state,
+            command: sample.number,
+            executed: sample.executed,
+            accepted: sample.accepted,
+            blends_suppressed: sample.blends_suppressed,
+            path_speed_mm_s: sample.path_speed_mm_s,
+            pose: sample.pose,
+            joints: sample.joints,
+        }
+    }
+
+    /// Motions that wait in the robot or are being executed.
+    #[must_use]
+    pub const fn queued(&self) -> u32 {
+        self.accepted.saturating_sub(self.executed)
+    }
+}
+
+/// One scan of the PLC.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct PlcScan {
+    /// Since the scan with the start edge, in µs.
+    pub at_us: i64,
+    /// Scans since the node started.
+    pub scan: u64,
+    /// Number of the last command.
+    pub command: u16,
+    /// Motions of the skill in all: `totalNo`.
+    pub total: u32,
+    /// Motions of the skill that are written into the slots so far.
+    pub written: u32,
+    /// Motions in the slots that the robot has not executed yet.
+    pub in_slots: u32,
+}
+
+impl PlcScan {
+    /// A sample of the PLC node, taken `at_us` after the start edge.
+    #[must_use]
+    pub const fn new(at_us: i64, sample: &plc_node::Sample) -> Self {
+        Self {
+            at_us,
+            scan: sample.scans,
+            command: sample.number,
+            total: sample.total,
+            written: sample.written,
+            in_slots: sample.queue_fill,
+        }
+    }
+}
+
+/// One run of a type. Its room is taken when it is made: recording a tick allocates nothing.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Recording {
+    robot: Vec<RobotTick>,
+    plc: Vec<PlcScan>,
+}
+
+impl Default for Recording {
+    fn default() -> Self {
+        Self { robot: Vec::with_capacity(ROBOT_ROOM), plc: Vec::with_capacity(PLC_ROOM) }
+    }
+}
+
+impl Recording {
+    /// Takes up a tick, if there is room.
+    pub fn robot(&mut self, tick: RobotTick) {
+        if self.robot.len() < self.robot.capacity() {
+            self.robot.push(tick);
+        }
+    }
+
+    /// Takes up a scan, if there is room.
+    pub fn plc(&mut self, scan: PlcScan) {
+        if self.plc.len() < self.plc.capacity() {
+            self.plc.push(scan);
+        }
+    }
+
+    /// The robot's ticks in order.
+    #[must_use]
+    pub fn robot_ticks(&self) -> &[RobotTick] {
+        &self.robot
+    }
+
+    /// The PLC's scans in order.
+    #[must_use]
+    pub fn plc_scans(&self) -> &[PlcScan] {
+        &self.plc
+    }
+}
+
+/// One recording of each type: of its first repetition.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Trace {
+    /// The recordings.
+    pub types: PerType<Recording>,
+}
+
+impl Trace {
+    /// Writes both tables into a run directory.
+    ///
+    /// # Errors
+    ///
+    /// They cannot be written.
+    pub fn save(&self, directory: &Path) -> anyhow::Result<()> {
+        let (robot, plc) = self.to_csv();
+        replace(&directory.join(ROBOT_FILE), &robot, Durability::Written)?;
+        replace(&directory.join(PLC_FILE), &plc, Durability::Written)
+    }
+
+    /// The robot's table and the PLC's.
+    #[must_use]
+    pub fn to_csv(&self) -> (String, String) {
+        let (mut robot, mut plc) = (format!("{ROBOT_HEADER}\n"), format!("{PLC_HEADER}\n"));
+        for of in ExecutionType::ALL {
+            let Some(recording) = self.types.get(of) else { continue };
+            for tick in &recording.robot {
+                let RobotTick { at_ms, state, command, executed, accepted, .. } = tick;
+                let _ = write!(
+                    robot,
+                    "{of},{at_ms:.3},{state:?},{command},{executed},{accepted},{},{},{:.3}",
+                    tick.queued(),
+                    tick.blends_suppressed,
+                    tick.path_speed_mm_s
+                );
+                for value in tick.pose.iter().chain(&tick.joints) {
+                    let _ = write!(robot, ",{value:.4}");
+                }
+                robot.push('\n');
+            }
+            for PlcScan { at_us, scan, command, total, written, in_slots } in &recording.plc {
+                let at_ms = *at_us as f64 / 1e3;
+                let _ = writeln!(plc, "{of},{at_ms:.3},{scan},{command},{total},{written},{in_slots}");
+            }
+        }
+        (robot, plc)
+    }
+
+    /// Reads both tables; the room of the recordings is what they hold.
+    ///
+    /// # Errors
+    ///
+    /// A line does not have the columns of this version, or a value is none.
+    pub fn from_csv(robot: &str, plc: &str) -> Result<Self, TraceError> {
+        let mut trace = Self::default();
+        for row in rows(ROBOT_FILE, ROBOT_HEADER, robot)? {
+            let (of, tick) = row.robot_tick().ok_or(TraceError::Row { file: ROBOT_FILE, line: row.line })?;
+            trace.types.entry(of).get_or_insert_with(Recording::empty).robot.push(tick);
+        }
+        for row in rows(PLC_FILE, PLC_HEADER, plc)? {
+            let (of, scan) = row.plc_scan().ok_or(TraceError::Row { file: PLC_FILE, line: row.line })?;
+            trace.types.entry(of).get_or_insert_with(Recording::empty).plc.push(scan);
+        }
+        Ok(trace)
+    }
+}
+
+impl Recording {
+    const fn empty() -> Self {
+        Self { robot: Vec::new(), plc: Vec::new() }
+    }
+}
+
+/// Why a table cannot be read.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum TraceError {
+    /// Its columns are others.
+    #[error("{file} does not have the columns of this version; record the run again")]
+    Columns {
+        /// The file.
+        file: &'static str,
+    },
+    /// A row is broken.
+    #[error("{file}:{line} is not a row of the table")]
+    Row {
+        /// The file.
+        file: &'static str,
+        /// Its line, counted from 1.
+        line: usize,
+    },
+}
+
+/// The fields of one line.
+struct Row<'a> {
+    line: usize,
+    text: &'a str,
+}
+
+fn rows<'a>(
+    file: &'static str,
+    header: &str,
+    text: &'a str,
+) -> Result<impl Iterator<Item = Row<'a>>, TraceError> {
+    let mut lines = text.lines();
+    if lines.next() != Some(header) {
+        return Err(TraceError::Columns { file });
+    }
+    Ok(lines.enumerate().map(|(index, text)| Row { line: index + 2, text }))
+}
+
+/// The next field, as whatever it is to be.
+fn next<'a, T: std::str::FromStr>(fields: &mut impl Iterator<Item = &'a str>) -> Option<T> {
+    fields.next()?.parse().ok()
+}
+
+impl Row<'_> {
+    fn robot_tick(&self) -> Option<(ExecutionType, RobotTick)> {
+        let mut fields = self.text.split(',');
+        let of = next(&mut fields)?;
+        let at_ms = next(&mut fields)?;
+        let state = match fields.next()? {
+            "Halted" => State::Halted,
+            "Ready" => State::Ready,
+            "Running" => State::Running,
+            "Suspended" => State::Suspended,
+            _ => return None,
+        };
+        let (command, executed, accepted) = (next(&mut fields)?, next(&mut fields)?, next(&mut fields)?);
+        let _queued: u32 = next(&mut fields)?;
+        let mut tick = RobotTick {
+            at_ms,
+            state,
+            command,
+            executed,
+            accepted,
+            blends_suppressed: next(&mut fields)?,
+            path_speed_mm_s: next(&mut fields)?,
+            pose: [0.0; 6],
+            joints: [0.0; 6],
+        };
+        for value in tick.pose.iter_mut().chain(&mut tick.joints) {
+            *value = next(&mut fields)?;
+        }
+        fields.next().is_none().then_some((of, tick))
+    }
+
+    fn plc_scan(&self) -> Option<(ExecutionType, PlcScan)> {
+        let mut fields = self.text.split(',');
+        let of = next(&mut fields)?;
+        let at_ms: f64 = next(&mut fields)?;
+        let scan = PlcScan {
+            at_us: (at_ms * 1e3).round() as i64,
+            scan: next(&mut fields)?,
+            command: next(&mut fields)?,
+            total: next(&mut fields)?,
+            written: next(&mut fields)?,
+            in_slots: next(&mut fields)?,
+        };
+        fields.next().is_none().then_some((of, scan))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trace() -> Trace {
+        let mut recording = Recording::default();
+        recording.robot(RobotTick {
+            at_ms: 12.5,
+            state: State::Running,
+            command: 3,
+            executed: 1,
+            accepted: 5,
+            blends_suppressed: 0,
+            path_speed_mm_s: 441.75,
+            pose: [1.0, -2.5, 3.0, 0.0, 0.0, 180.0],
+            joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
+        });
+        recording.plc(PlcScan { at_us: 13_000, scan: 812, command: 3, total: 13, written: 6, in_slots: 5 });
+        Trace { types: PerType { cm: Some(recording), ..PerType::default() } }
+    }
+
+    #[test]
+    fn the_tables_have_a_row_a_tick_and_a_unit_in_each_name() {
+        let (robot, plc) = trace().to_csv();
+        insta::assert_snapshot!(robot + &plc, @"
+        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6
+        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000,20.0000,30.0000,40.0000,0.0000,0.0000
+        type,t_ms,scan,command,total,written,in_slots
+        cm,13.000,812,3,13,6,5
+        ");
+    }
+
+    #[test]
+    fn what_was_written_is_read_again_and_a_broken_line_is_named() {
+        let (robot, plc) = trace().to_csv();
+        assert_eq!(Trace::from_csv(&robot, &plc), Ok(trace()));
+        let broken = Trace::from_csv(&robot, &plc.replace("812", "-812")).unwrap_err().to_string();
+        assert_eq!(broken, "trace-plc.csv:2 is not a row of the table");
+        assert_eq!(Trace::from_csv("", &plc), Err(TraceError::Columns { file: ROBOT_FILE }));
+    }
+
+    #[test]
+    fn a_recording_that_is_full_takes_no_more_and_does_not_grow() {
+        let mut recording = Recording { robot: Vec::new(), plc: Vec::with_capacity(2) };
+        let room = recording.plc.capacity();
+        for scan in 0..room as u64 + 3 {
+            recording.plc(PlcScan { at_us: 0, scan, command: 0, total: 0, written: 0, in_slots: 0 });
+        }
+        assert_eq!((recording.plc.len(), recording.plc.capacity()), (room, room));
+    }
+}

@@ -1,0 +1,204 @@
+//! The report: every section is there whatever became of the run, nothing comes from elsewhere, and what cannot be
+//! drawn is said.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use bench::results::{CycleLateness, Results, Status};
+
+const SECTIONS: [&str; 8] = ["table", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];
+
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn bench(directory: &Path, arguments: &[&str]) -> Said {
+    let mut command = Command::cargo_bin("bench").unwrap();
+    let output = command.current_dir(directory).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// A virtual run in `run`.
+fn a_run() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--mode", "virtual", "--reps", "3", "--out", "run", "--quiet"]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    directory
+}
+
+fn report(directory: &Path) -> String {
+    std::fs::read_to_string(directory.join("run/report.html")).unwrap()
+}
+
+/// Changes the results of the run and draws its report again.
+fn redrawn(directory: &Path, change: impl FnOnce(&mut Results)) -> String {
+    let path = directory.join("run/results.json");
+    let mut results: Results = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    change(&mut results);
+    std::fs::write(&path, results.to_json().unwrap()).unwrap();
+    let said = bench(directory, &["report", "run"]);
+    assert_eq!((said.code, said.stdout.trim()), (Some(0), "run/report.html"), "{}", said.stderr);
+    report(directory)
+}
+
+/// A section's text.
+fn section<'a>(html: &'a str, id: &str) -> &'a str {
+    let start = html.find(&format!("<section id=\"{id}\">")).unwrap_or_else(|| panic!("no section {id}"));
+    let rest = html.get(start..).unwrap();
+    rest.get(..rest.find("</section>").unwrap()).unwrap()
+}
+
+#[test]
+fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
+    let directory = a_run();
+    let html = report(directory.path());
+    for id in SECTIONS {
+        section(&html, id);
+    }
+    for id in ["speed", "samples", "path", "queue"] {
+        assert_eq!(section(&html, id).matches("<svg").count(), 2, "{id}");
+    }
+    assert!(!html.contains("class=\"banner\""));
+    let table = section(&html, "table");
+    assert!(["3725", "6477", "3729", "42 %", "Calibrated", "h = 0"].iter().all(|text| table.contains(text)));
+    assert!(section(&html, "numbers").contains("robot.skill_overhead_us"));
+    assert!(section(&html, "host").contains("kernel"));
+    assert!(section(&html, "lateness").contains("In virtual time nothing is late"));
+}
+
+#[test]
+fn the_page_asks_for_nothing_from_elsewhere_and_needs_no_script() {
+    let directory = a_run();
+    let html = report(directory.path()).replace("http://www.w3.org/2000/svg", "");
+    for from_elsewhere in
+        ["http://", "https://", "src=", "<script", "<link rel=\"stylesheet", "@import", "url("]
+    {
+        assert!(!html.contains(from_elsewhere), "{from_elsewhere}");
+    }
+    // Every element that is opened is closed.
+    for tag in ["section", "table", "tr", "td", "figure", "div", "svg", "text", "dl", "ul", "p"] {
+        let opened = html.matches(&format!("<{tag}>")).count() + html.matches(&format!("<{tag} ")).count();
+        assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{tag}");
+    }
+}
+
+#[test]
+fn the_traces_have_a_row_for_each_tick_of_each_type() {
+    let directory = a_run();
+    let read = |name: &str| std::fs::read_to_string(directory.path().join("run").join(name)).unwrap();
+    let (robot, plc) = (read("trace-robot.csv"), read("trace-plc.csv"));
+    let results: Results = serde_json::from_str(&read("results.json")).unwrap();
+    for of in plc_node::ExecutionType::ALL {
+        let rows = |table: &str| table.lines().filter(|line| line.starts_with(&format!("{of},"))).count();
+        let took_ms = results.results.get(of).unwrap().samples_ms[0];
+        assert!((rows(&robot) as f64 - took_ms / 4.0).abs() < 3.0, "{of}: {} of 4 ms", rows(&robot));
+        assert!((rows(&plc) as f64 - took_ms).abs() < 3.0, "{of}: {} of 1 ms", rows(&plc));
+    }
+}
+
+#[test]
+fn a_run_that_did_not_end_well_says_so_and_shows_what_there_is() {
+    let directory = a_run();
+    let html = redrawn(directory.path(), |results| results.status = Status::Interrupted);
+    assert!(html.contains("This run was interrupted.</strong> 9 of 9 runs are done"));
+    let html = redrawn(directory.path(), |results| {
+        results.record_failure(plc_node::ExecutionType::Sm, 3, "the <robot> was lost".to_owned());
+        results.status = Status::Failed;
+    });
+    assert!(html.contains("A repetition of this run failed."));
+    assert!(section(&html, "failures").contains("the &lt;robot&gt; was lost"));
+    let html = redrawn(directory.path(), |results| {
+        results.status = Status::Running;
+        (results.results.sm, results.results.cm) = (None, None);
+    });
+    assert!(html.contains("This run is not finished."));
+    assert_eq!(section(&html, "samples").matches("<svg").count(), 2);
+}
+
+#[test]
+fn what_is_missing_in_the_run_directory_is_named_in_the_report() {
+    let directory = a_run();
+    let run = directory.path().join("run");
+    for file in ["trace-robot.csv", "host.json", "setup.toml"] {
+        std::fs::remove_file(run.join(file)).unwrap();
+    }
+    let html = redrawn(directory.path(), |_| {});
+    for id in SECTIONS {
+        section(&html, id);
+    }
+    assert!(section(&html, "speed").contains("Not recorded"));
+    assert!(section(&html, "host").contains("cannot read run/host.json"));
+    std::fs::write(run.join("trace-robot.csv"), "t\n1\n").unwrap();
+    assert!(redrawn(directory.path(), |_| {}).contains("does not have the columns of this version"));
+}
+
+#[test]
+fn a_real_run_shows_how_late_its_cycles_were() {
+    let directory = a_run();
+    let html = redrawn(directory.path(), |results| {
+        results.mode = "real".to_owned();
+        let buckets = vec![(12.0, 100_000), (13.0, 50_000), (95.0, 400), (11_800.0, 1)];
+        let late = CycleLateness { p50_us: 12.0, p99_us: 14.0, max_us: 11_734.0, missed: 10, buckets };
+        (results.cycle.plc, results.cycle.robot) = (late.clone(), late);
+    });
+    let section = section(&html, "lateness");
+    assert_eq!(section.matches("<svg").count(), 2);
+    assert!(section.contains("11734"));
+}
+
+#[test]
+fn a_run_that_is_not_there_or_of_another_version_is_refused_in_words() {
+    let directory = tempfile::tempdir().unwrap();
+    let refused = || {
+        let said = bench(directory.path(), &["report", "run"]);
+        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+        said.stderr
+    };
+    insta::assert_snapshot!(refused(), @"error: there is no run directory run; name one, such as one below runs/");
+    let run = directory.path().join("run");
+    std::fs::create_dir(&run).unwrap();
+    insta::assert_snapshot!(refused(), @"error: run holds no run: results.json is missing; name a run directory, such as one below runs/");
+    std::fs::write(run.join("samples.csv"), "").unwrap();
+    insta::assert_snapshot!(refused(), @"error: the run in run ended before its first repetition did, so there is nothing to report");
+    std::fs::write(run.join("results.json"), "{\"schema_version\": 0}").unwrap();
+    insta::assert_snapshot!(refused(), @"error: run/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
+    std::fs::write(run.join("results.json"), "{\"schema_version\": 1").unwrap();
+    insta::assert_snapshot!(refused(), @"error: run/results.json is no results file: EOF while parsing an object at line 1 column 20");
+}
+
+#[test]
+fn a_report_that_cannot_be_written_leaves_the_one_that_was_there() {
+    let directory = a_run();
+    let before = report(directory.path());
+    std::fs::write(directory.path().join("file"), "").unwrap();
+    let said = bench(directory.path(), &["report", "run", "--out", "file/report.html"]);
+    assert_eq!(said.code, Some(1));
+    insta::assert_snapshot!(said.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write file/report.html: Not a directory (os error 20)");
+    assert_eq!(report(directory.path()), before);
+}
+
+#[test]
+fn runs_are_set_beside_each_other_on_screen_and_as_a_page() {
+    let directory = a_run();
+    let said = bench(
+        directory.path(),
+        &["--mode", "virtual", "--reps", "3", "--seed", "2", "--types", "rc,cm", "--out", "other", "--quiet"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let said = bench(directory.path(), &["compare", "run", "other", "--html", "both.html"]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let row = |name: &str| said.stdout.lines().find(|line| line.trim().starts_with(name)).unwrap_or_default();
+    assert!(
+        row("run 2: other (setup A, virtual mode, 3 repetitions, seed 2").ends_with(')'),
+        "{}",
+        said.stdout
+    );
+    assert!(row("SM AET").ends_with('–') && row("CM AET − run 1").contains('.'), "{}", said.stdout);
+    let html = std::fs::read_to_string(directory.path().join("both.html")).unwrap();
+    assert_eq!(html.matches("<svg").count(), 2 * 3);
+    let one = bench(directory.path(), &["compare", "run"]);
+    assert_eq!(one.code, Some(2), "one run is nothing to compare");
+}

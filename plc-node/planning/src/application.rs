@@ -1,0 +1,231 @@
+//! What an application says, with every name resolved.
+//!
+//! [`Application::parse`] is the only way to one, so a planner never meets a name that is not there.
+
+use std::fmt;
+
+use crate::geometry::{Cuboid, Point, Pose};
+
+/// What the robot is to do, as a process engineer describes it.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Application {
+    /// Short name.
+    pub name: String,
+    /// What happens in it.
+    pub title: String,
+    /// Base frame of all frames and obstacles, by its number in the robot.
+    pub base: u8,
+    /// Where the tool stands before the first step, and which tool it is.
+    pub start: (Place, Tool),
+    /// How blends are sized.
+    pub zones: Zones,
+    /// How ways over obstacles are found; without obstacles there may be none.
+    pub ways: Option<Ways>,
+    /// The grids that the frames move on from one cycle to the next. All have the same number of cells.
+    pub grids: Vec<Grid>,
+    /// What no way may come near.
+    pub obstacles: Vec<Obstacle>,
+    /// The process steps in order; the last ends in an accurate stop.
+    pub steps: Vec<Step>,
+}
+
+impl Application {
+    /// How often the steps run in one pass: once for each cell of the grids, or once without a grid.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.grids.first().map_or(1, Grid::cells)
+    }
+
+    /// Where a place is in a cell, counted from 0.
+    #[must_use]
+    pub fn pose(&self, place: &Place, cell: usize) -> Pose {
+        match place.grid.and_then(|grid| self.grids.get(grid)) {
+            Some(grid) => place.pose.at(place.pose.point + grid.offset(cell)),
+            None => place.pose,
+        }
+    }
+}
+
+/// How blends are sized.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Zones {
+    /// Approximation distance in mm in place of the setup's.
+    pub approximation_mm: Option<f64>,
+    /// How far in mm an accurate path may leave its course where an arc runs smoothly into the next segment. 0 stops
+    /// there.
+    pub path_tolerance_mm: f64,
+}
+
+/// How ways over obstacles are found.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Ways {
+    /// What stays free around the tool's path, in mm: half the tool and the part, and what safety wants.
+    pub clearance_mm: f64,
+    /// Highest z of an intermediate position, in mm.
+    pub ceiling_mm: f64,
+    /// Intermediate positions lie at whole multiples of this height, in mm.
+    pub height_step_mm: f64,
+    /// A PTP bows off the straight line no more than an arc of this radius, in mm: about the tool's least distance from
+    /// the arm's first axis.
+    pub ptp_radius_mm: f64,
+    /// How much longer a way may be to use an intermediate position that another way of the cycle has, in %.
+    pub detour_percent: f64,
+}
+
+/// Rows, columns and layers of equal pitch.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Grid {
+    /// Its name in the file.
+    pub name: String,
+    /// Cells along x, y and z; x counts fastest.
+    pub count: [u32; 3],
+    /// Distance between neighbours along x, y and z, in mm.
+    pub pitch_mm: [f64; 3],
+}
+
+impl Grid {
+    /// How many cells it has.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.count.iter().map(|&count| count as usize).product()
+    }
+
+    /// From the first cell to that of this number, counted from 0; past the last it begins again.
+    #[must_use]
+    pub fn offset(&self, cell: usize) -> Point {
+        let mut rest = cell;
+        let mut offset = [0.0; 3];
+        for ((offset, count), pitch) in offset.iter_mut().zip(self.count).zip(self.pitch_mm) {
+            let count = (count as usize).max(1);
+            *offset = (rest % count) as f64 * pitch;
+            rest /= count;
+        }
+        offset.into()
+    }
+}
+
+/// What no way may come near.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Obstacle {
+    /// Its name.
+    pub name: String,
+    /// The space that it fills.
+    pub space: Cuboid,
+}
+
+/// A named frame.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Place {
+    /// Its name in the file.
+    pub name: String,
+    /// Where it is in the first cell.
+    pub pose: Pose,
+    /// The grid that it moves on.
+    pub grid: Option<usize>,
+    /// The joints by which a PTP gets there, in degrees (a linear axis in mm), where the configuration matters.
+    pub joints_deg: Option<[f64; 6]>,
+}
+
+/// A tool frame of the robot.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Tool {
+    /// Its name in the file.
+    pub name: String,
+    /// Its number in the robot; 0 is the flange.
+    pub number: u8,
+}
+
+/// The labels of a process step (paper, section 4). Without any it is *blending*: smooth passage between segments.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Labels {
+    /// The path is executed without blending.
+    pub accurate_path: bool,
+    /// Exact stop at the end.
+    pub accurate_stop: bool,
+}
+
+impl fmt::Display for Labels {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match (self.accurate_path, self.accurate_stop) {
+            (true, true) => "accurate path, accurate stop",
+            (true, false) => "accurate path",
+            (false, true) => "blending, accurate stop",
+            (false, false) => "blending",
+        })
+    }
+}
+
+/// One step of the process.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Step {
+    /// Short name; the motions are named after it.
+    pub name: String,
+    /// What it is for.
+    pub does: String,
+    /// What the process asks of the path and of its end.
+    pub labels: Labels,
+    /// The tool that follows the path.
+    pub tool: Tool,
+    /// What is to be done.
+    pub course: Course,
+    /// Highest speed along the path in mm/s, besides the setup's programmed one.
+    pub speed_mm_s: Option<f64>,
+    /// Share of the setup's programmed speed for all motions of the step, in %.
+    pub speed_percent: f64,
+    /// What happens at the accurate stop.
+    pub then: Option<Action>,
+}
+
+/// What a step wants of the tool.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Course {
+    /// A secondary motion: be there, whatever the way.
+    Reach(Place),
+    /// A primary process: follow the path.
+    Follow {
+        /// Where the path begins; without it, where the tool is.
+        from: Option<Place>,
+        /// Its segments in order, at least one.
+        segments: Vec<Segment>,
+        /// Length in mm of the linear pre-movement, straight into the path's first direction.
+        approach_mm: f64,
+        /// Length in mm of the linear post-movement, straight on in the path's last direction.
+        retreat_mm: f64,
+    },
+}
+
+/// One segment of a path.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Segment {
+    /// A straight line to a frame.
+    Line(Place),
+    /// A circle through one frame to another.
+    Circle {
+        /// The intermediate point.
+        through: Place,
+        /// Where it ends.
+        to: Place,
+    },
+    /// A spline through all frames, from where the segment before ends.
+    Spline(Vec<Place>),
+    /// A straight line that ends in contact and then holds a force.
+    Press {
+        /// Where it ends at the latest.
+        to: Place,
+        /// The force in N along x, y, z of the base.
+        force_n: [f64; 3],
+    },
+}
+
+/// What happens at an accurate stop before the next continuous motion begins: a gripper, a valve.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Action {
+    /// Its name in the file.
+    pub name: String,
+    /// Which bit of the PLC's digital outputs, 0..=15.
+    pub output: u8,
+    /// Whether the output is set or cleared.
+    pub set: bool,
+    /// How long the PLC waits afterwards, in ms.
+    pub wait_ms: f64,
+}

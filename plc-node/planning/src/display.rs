@@ -1,0 +1,152 @@
+//! A plan for a person to read: labels, motions with their zones and reasons, continuous motions. Its warnings are sentences of their own.
+
+use std::fmt;
+use std::ops::Range;
+
+use crate::application::{Action, Labels};
+use crate::motion::Motion;
+use crate::plan::{Plan, Reason};
+use crate::planner::kind_name;
+use crate::zone::Why;
+
+/// Width of the longest label.
+const LABEL: usize = "accurate path, accurate stop".len();
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} on setup {}: {}", self.name, self.setup, self.title)?;
+        self.show_labels(f)?;
+        let shown = if f.alternate() { self.cycles.len() } else { 1 };
+        for (cycle, range) in self.ranges().enumerate().take(shown) {
+            self.show_cycle(f, cycle, range)?;
+        }
+        let (motions, continuous) = (self.motions.len(), self.continuous.len());
+        writeln!(f)?;
+        match self.cycles.len() {
+            1 => {
+                writeln!(f, "{} in {}", counted(motions, "motion"), counted(continuous, "continuous motion"))?
+            }
+            cycles => writeln!(
+                f,
+                "{} in {} in {cycles} cycles, {shown} of them shown",
+                counted(motions, "motion"),
+                counted(continuous, "continuous motion"),
+            )?,
+        }
+        Ok(())
+    }
+}
+
+impl Plan {
+    /// The motions of each cycle.
+    fn ranges(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let ends = self.cycles.iter().skip(1).copied().chain([self.motions.len()]);
+        self.cycles.iter().copied().zip(ends).map(|(begin, end)| begin..end)
+    }
+
+    fn show_labels(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "\nlabels at process level")?;
+        let width =
+            |of: &dyn Fn(&crate::plan::StepLabels) -> usize| self.labels.iter().map(of).max().unwrap_or(0);
+        let step = width(&|it| it.step.chars().count());
+        let labels = width(&|it| it.labels.to_string().len());
+        for it in &self.labels {
+            let line = format!("  {:step$}  {:labels$}  {}", it.step, it.labels.to_string(), it.does);
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        Ok(())
+    }
+
+    fn show_cycle(&self, f: &mut fmt::Formatter<'_>, cycle: usize, range: Range<usize>) -> fmt::Result {
+        if self.cycles.len() > 1 {
+            writeln!(f, "\ncycle {}", cycle + 1)?;
+        }
+        let name = self.motions.iter().map(|motion| motion.name.chars().count()).max().unwrap_or(0);
+        let inside = self
+            .continuous
+            .iter()
+            .enumerate()
+            .filter(|(_, it)| it.motions.start >= range.start && it.motions.end <= range.end);
+        for (number, continuous) in inside {
+            writeln!(
+                f,
+                "\ncontinuous motion {}, {}",
+                number + 1,
+                counted(continuous.motions.len(), "motion")
+            )?;
+            writeln!(
+                f,
+                "  {:>4}  {:name$}  {:>23}  {:>20}  {:>9}  {:LABEL$}  zone mm  why",
+                "no", "motion", "x, y, z mm", "a, b, c °", "speed", "label"
+            )?;
+            for index in continuous.motions.clone() {
+                if let Some(motion) = self.motions.get(index) {
+                    self.show_motion(f, index, motion, name)?;
+                }
+            }
+            if let Some(then) = &continuous.then {
+                writeln!(f, "  then  {}", described(then))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn show_motion(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        index: usize,
+        motion: &Motion,
+        width: usize,
+    ) -> fmt::Result {
+        let [x, y, z, a, b, c] = motion.target.mm_deg().map(no_minus_zero);
+        let speed = match motion.speed_mm_s {
+            Some(speed) => format!("{speed} mm/s"),
+            None => format!("{} %", motion.speed_percent),
+        };
+        let mut reasons = self.reasons_of(index);
+        let zone = reasons.next().map(|reason| &reason.why);
+        let stops = matches!(zone, Some(Why::AccurateStop { .. } | Why::LastGood));
+        let label = Labels { accurate_path: motion.accurate_path, accurate_stop: stops };
+        let label = if stops && !motion.accurate_path { "accurate stop".into() } else { label.to_string() };
+        writeln!(
+            f,
+            "  {:>4}  {:width$}  {x:>7.1} {y:>7.1} {z:>7.1}  {a:>6.1} {b:>6.1} {c:>6.1}  {speed:>9}  {label:LABEL$}  {:>7.2}  {}",
+            index + 1,
+            motion.name,
+            motion.zone_mm,
+            zone.map(Why::to_string).unwrap_or_default(),
+        )?;
+        let indent = 2 + 4 + 2 + width + 2 + 23 + 2 + 20 + 2 + 9 + 2 + LABEL + 2 + 7 + 2;
+        let [x, y, z] = motion.auxiliary.map(no_minus_zero);
+        match kind_name(motion.kind) {
+            "CIRC" => writeln!(f, "{:indent$}through {x:.1}, {y:.1}, {z:.1} mm", "")?,
+            "LIN force" => writeln!(f, "{:indent$}force {x:.1}, {y:.1}, {z:.1} N", "")?,
+            _ => {}
+        }
+        if let Some(joints) = motion.joints_deg {
+            let joints = joints.map(|joint| format!("{joint:.1}"));
+            writeln!(f, "{:indent$}joints {}", "", joints.join(", "))?;
+        }
+        reasons.try_for_each(|reason| writeln!(f, "{:indent$}{}", "", reason.why))
+    }
+
+    /// The reasons of one motion; they are ordered by motion, that of the zone first.
+    fn reasons_of(&self, motion: usize) -> impl Iterator<Item = &Reason> {
+        let begin = self.reasons.partition_point(|reason| reason.motion < motion);
+        self.reasons.iter().skip(begin).take_while(move |reason| reason.motion == motion)
+    }
+}
+
+fn described(action: &Action) -> String {
+    let switch = if action.set { "set" } else { "clear" };
+    format!("{}: {switch} output {}, wait {} ms", action.name, action.output, action.wait_ms)
+}
+
+fn counted(number: usize, thing: &str) -> String {
+    if number == 1 { format!("1 {thing}") } else { format!("{number} {thing}s") }
+}
+
+/// What prints as -0.0 is 0.0 to a person.
+fn no_minus_zero(value: f64) -> f64 {
+    if value.abs() < 0.05 { 0.0 } else { value }
+}

@@ -1,0 +1,206 @@
+//! Why an application cannot be read or planned.
+
+use std::fmt;
+
+/// Why there is no plan.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The setup cannot be used, or no application of that name is there.
+    #[error(transparent)]
+    Setup(#[from] setup::Error),
+    /// The text is not what the format wants: file, line, key and what was expected.
+    #[error("{origin}: {source}")]
+    Format {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// Line, key and expectation.
+        source: Box<toml::de::Error>,
+    },
+    /// The text is well formed, but a value makes no sense.
+    #[error("{origin}, line {line}: {key}: {problem}")]
+    Value {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// Line of the value, from 1.
+        line: usize,
+        /// The key.
+        key: String,
+        /// What is wrong and what would be right.
+        problem: String,
+    },
+    /// A step asks for what cannot be planned.
+    #[error("step `{step}`, motion {motion}: {refusal}")]
+    Refused {
+        /// The step's name.
+        step: String,
+        /// Number of the motion in the plan, from 1.
+        motion: u64,
+        /// Which quantity is beyond which limit.
+        refusal: Refusal,
+    },
+    /// An application that was read cannot be planned on a setup.
+    #[error("{origin} on setup {setup}: {refused}")]
+    Unplannable {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// The setup's name.
+        setup: String,
+        /// [`Error::Refused`].
+        refused: Box<Error>,
+    },
+}
+
+/// Which quantity of a motion is beyond which limit.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Refusal {
+    /// The motion ends where it begins.
+    ZeroLength {
+        /// Its length in mm.
+        length_mm: f64,
+    },
+    /// A path only turns where its pre- or post-movement begins, so that this has no direction.
+    NoDirection {
+        /// `approach_mm` or `retreat_mm`.
+        key: &'static str,
+        /// Length of the path's motion there, in mm.
+        length_mm: f64,
+    },
+    /// The three points of a circle lie on one line.
+    Collinear {
+        /// How far the intermediate point is off the line from start to end, in mm.
+        off_mm: f64,
+    },
+    /// A speed or an acceleration is 0 or above the robot's.
+    OutOfRange {
+        /// Which one.
+        quantity: &'static str,
+        /// Its value, in `unit`.
+        value: f64,
+        /// The highest that is allowed, in `unit`.
+        highest: f64,
+        /// `mm/s`, `mm/s²` or `%`.
+        unit: &'static str,
+    },
+    /// A force of nothing, or not a number.
+    NoForce {
+        /// The force in N.
+        force_n: [f64; 3],
+    },
+    /// The robot has no such tool or base frame.
+    UnknownFrame {
+        /// `tool` or `base`.
+        what: &'static str,
+        /// Its number in the application.
+        number: u8,
+        /// The numbers that the setup has.
+        known: Vec<u8>,
+    },
+    /// A target lies inside an obstacle.
+    Enclosed {
+        /// The frame or the motion whose target it is.
+        target: String,
+        /// The obstacle.
+        obstacle: String,
+        /// How deep inside it is, in mm.
+        depth_mm: f64,
+    },
+    /// A way would begin or end nearer to an obstacle than allowed.
+    TooNear {
+        /// What lies too near.
+        target: String,
+        /// The obstacle.
+        obstacle: String,
+        /// How much of the distance is missing, in mm.
+        missing_mm: f64,
+        /// The distance that is to be kept, in mm.
+        distance_mm: f64,
+    },
+    /// A path runs through an obstacle.
+    Through {
+        /// The obstacle.
+        obstacle: String,
+        /// How much of the path lies inside it, in mm.
+        inside_mm: f64,
+    },
+    /// No way over the obstacles is free below the ceiling.
+    NoWay {
+        /// The obstacle in the way.
+        obstacle: String,
+        /// Its top, in mm.
+        top_mm: f64,
+        /// The height that would be free, in mm, if one is.
+        needs_mm: Option<f64>,
+        /// How much of a way at the ceiling is too near the obstacle, in mm.
+        inside_mm: f64,
+        /// The highest that is allowed, in mm.
+        ceiling_mm: f64,
+    },
+}
+
+/// Below this, in mm, a motion has no length and a point is on a line: the resolution of the wire's distances.
+pub(crate) const LEAST_MM: f64 = 0.01;
+
+/// Below this, in degrees, the tool does not turn.
+pub(crate) const LEAST_TURN_DEG: f64 = 0.001;
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ZeroLength { length_mm } => write!(
+                f,
+                "its length is {length_mm:.3} mm and it does not turn; a motion needs at least {LEAST_MM} mm: \
+                 remove it or move its frame"
+            ),
+            Self::NoDirection { key, length_mm } => write!(
+                f,
+                "it turns over {length_mm:.3} mm, which gives {key} no direction; that needs at least {LEAST_MM} mm: \
+                 remove {key} or move its frame"
+            ),
+            Self::Collinear { off_mm } => write!(
+                f,
+                "the intermediate point is {off_mm:.3} mm off the line from start to end; a circle needs at least \
+                 {LEAST_MM} mm: use a line or move the point"
+            ),
+            Self::OutOfRange { quantity, value, highest, unit } => {
+                write!(f, "the {quantity} is {value} {unit}; it must be above 0 and at most {highest} {unit}")
+            }
+            Self::NoForce { force_n: [x, y, z] } => {
+                write!(f, "the force is ({x}, {y}, {z}) N; to press it must be finite and above 0 N")
+            }
+            Self::UnknownFrame { what, number, known } => {
+                let known: Vec<String> = known.iter().map(u8::to_string).collect();
+                write!(f, "the setup's robot has no {what} {number}; it has {}", known.join(", "))
+            }
+            Self::Enclosed { target, obstacle, depth_mm } => write!(
+                f,
+                "obstacle `{obstacle}` encloses {target}, {depth_mm:.1} mm deep; at most 0 mm are allowed: correct \
+                 the frame or the obstacle"
+            ),
+            Self::TooNear { target, obstacle, missing_mm, distance_mm } => write!(
+                f,
+                "{target} lies {missing_mm:.1} mm too near obstacle `{obstacle}` to travel freely; {distance_mm:.1} mm \
+                 are needed: lengthen approach_mm or retreat_mm, or lower clearance_mm"
+            ),
+            Self::Through { obstacle, inside_mm } => write!(
+                f,
+                "the path runs through obstacle `{obstacle}` for {inside_mm:.1} mm; 0 mm are allowed: correct the \
+                 frames or the obstacle"
+            ),
+            Self::NoWay { obstacle, top_mm, needs_mm, inside_mm, ceiling_mm } => {
+                write!(f, "no way over obstacle `{obstacle}`, {top_mm:.1} mm high, is free: ")?;
+                match needs_mm {
+                    Some(needs) => write!(
+                        f,
+                        "it needs a height of {needs:.1} mm, {:.1} mm above ceiling_mm = {ceiling_mm}",
+                        needs - ceiling_mm
+                    ),
+                    None => write!(
+                        f,
+                        "no height helps; at ceiling_mm = {ceiling_mm} the way is too near for {inside_mm:.1} mm: move the \
+                         frames or lower clearance_mm"
+                    ),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! The paper's planning method (section 4): from process steps with labels to motions and continuous motions.
+//!
+//! A process engineer writes an [`Application`]: frames, steps that name what the process asks of the path, obstacles.
+//! [`plan()`] makes motions of it on a [`Setup`](setup::Setup):
+//!
+//! 1. the accurate-path motions from the process frames (step I),
+//! 2. extended by linear pre- and post-movements (step II),
+//! 3. the secondary motions in between as PTP, on a way that is free of obstacles (step III),
+//! 4. gathered into continuous motions, each of which ends in an accurate stop, with a zone for every junction
+//!    (step IV).
+//!
+//! A [`Plan`] prints itself with the reason for every zone, and gives the motions in the units of the wire. A long
+//! repetition is a [`stream()`], which holds one cycle.
+//!
+//! Whether the arm reaches a motion is the robot's affair; what can be known without an arm is refused here, with the
+//! step, the motion, the quantity and its limit.
+
+mod application;
+mod display;
+mod error;
+mod file;
+mod geometry;
+mod load;
+mod motion;
+mod path;
+mod plan;
+mod planner;
+mod resolve;
+mod stream;
+mod way;
+mod wire;
+mod zone;
+
+pub use application::{
+    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Tool, Ways, Zones,
+};
+pub use error::{Error, Refusal};
+pub use geometry::{Cuboid, Point, Pose};
+pub use load::{APPLICATIONS, Found, application, setup_with_application};
+pub use motion::{Motion, Role};
+pub use plan::{Continuous, Plan, Reason, StepLabels, plan};
+pub use stream::{Stream, Streamed, count, stream};
+pub use wire::PROGRAM;
+pub use zone::Why;

@@ -1,0 +1,66 @@
+//! Finding applications: a built-in one by its name, one's own by its path.
+//!
+//! Reading the file is the affair of [`setup::find`], as for setups.
+
+use std::path::Path;
+
+use setup::Setup;
+
+use crate::application::Application;
+use crate::error::Error;
+use crate::plan::{Plan, plan};
+
+/// Applications compiled in: name and text.
+pub const APPLICATIONS: &[(&str, &str)] = &[
+    ("pick-and-place", include_str!("../../../bench/applications/pick-and-place.toml")),
+    ("pick-and-place-gripper", include_str!("../../../bench/applications/pick-and-place-gripper.toml")),
+    ("gluing", include_str!("../../../bench/applications/gluing.toml")),
+    ("palletising", include_str!("../../../bench/applications/palletising.toml")),
+    ("insertion-with-force", include_str!("../../../bench/applications/insertion-with-force.toml")),
+];
+
+/// An application and the text that it was read from.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Found {
+    /// What messages call it: the file's path, or the built-in's name.
+    pub origin: String,
+    /// The text as it was found, to be kept beside results.
+    pub text: String,
+    /// What the text says.
+    pub application: Application,
+}
+
+impl Found {
+    /// Plans it as [`plan()`] does; a refusal names where the application was found.
+    ///
+    /// # Errors
+    /// [`Error::Unplannable`]
+    pub fn plan(&self, setup: &Setup) -> Result<Plan, Error> {
+        plan(&self.application, setup).map_err(|refused| Error::Unplannable {
+            origin: self.origin.clone(),
+            setup: setup.name.clone(),
+            refused: Box::new(refused),
+        })
+    }
+}
+
+/// Finds the application that `name` names: one of [`APPLICATIONS`], or a file, its path seen from `directory`.
+///
+/// # Errors
+/// [`Error::Setup`] where there is none, [`Error::Format`] or [`Error::Value`] where it cannot be read.
+pub fn application(name: &str, directory: Option<&Path>) -> Result<Found, Error> {
+    let setup::Text { origin, text, .. } = setup::find("application", APPLICATIONS, name, directory)?;
+    let application = Application::parse(&origin, &text)?;
+    Ok(Found { origin, text, application })
+}
+
+/// Finds the setup that `name` names and the application that it runs, which a setup in a file names by a path from
+/// its directory.
+///
+/// # Errors
+/// Those of [`setup::setup()`] and of [`application()`]. Whether the two fit each other shows when it is planned.
+pub fn setup_with_application(name: &str) -> Result<(Setup, Found), Error> {
+    let (setup, directory) = setup::setup_with_directory(name)?;
+    let found = application(&setup.application, directory.as_deref())?;
+    Ok((setup, found))
+}

@@ -1,0 +1,227 @@
+//! A planned motion and its geometry.
+
+use protocol::image::MotionKind;
+
+use crate::error::{LEAST_MM, Refusal};
+use crate::geometry::{Point, Pose};
+
+/// What a motion is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Role {
+    /// Part of a process step's path (step I).
+    Path,
+    /// The linear pre-movement of a path (step II).
+    PreMovement,
+    /// The linear post-movement of a path (step II).
+    PostMovement,
+    /// A secondary motion to where the next path or its pre-movement begins (step III).
+    Way,
+    /// A secondary motion to an intermediate position over an obstacle (step III).
+    Crossing,
+}
+
+impl Role {
+    /// Whether it is a secondary motion, which may take any way that is free.
+    #[must_use]
+    pub const fn is_secondary(self) -> bool {
+        matches!(self, Self::Way | Self::Crossing)
+    }
+}
+
+/// One planned motion.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Motion {
+    /// What it is called: its kind and its step.
+    pub name: String,
+    /// Index of its step.
+    pub step: usize,
+    /// What it is for.
+    pub role: Role,
+    /// How it gets to its target.
+    pub kind: MotionKind,
+    /// Whether its label is *accurate path*.
+    pub accurate_path: bool,
+    /// Where it begins.
+    pub start: Pose,
+    /// Where it ends.
+    pub target: Pose,
+    /// Its target as joints in degrees (mm), for [`MotionKind::PtpJoint`].
+    pub joints_deg: Option<[f64; 6]>,
+    /// The intermediate point in mm of a circle, or the force in N; zero otherwise.
+    pub auxiliary: [f64; 3],
+    /// How long its path is in mm; of a PTP and a spline the straight line.
+    pub length_mm: f64,
+    /// How far the tool turns, in degrees.
+    pub turn_deg: f64,
+    /// The direction in which it leaves its start; unknown of a PTP and a spline, whose course is the robot's affair.
+    pub leaves: Option<Point>,
+    /// The direction in which it arrives; unknown of a PTP and a spline.
+    pub arrives: Option<Point>,
+    /// Highest speed in mm/s that its step allows.
+    pub speed_mm_s: Option<f64>,
+    /// Share of the setup's programmed speed, in %.
+    pub speed_percent: f64,
+    /// Approximation distance in mm: how far from the target it may leave its path for the next one. 0 stops exactly.
+    pub zone_mm: f64,
+    /// Tool frame.
+    pub tool: u8,
+    /// Base frame.
+    pub base: u8,
+}
+
+impl Motion {
+    /// A motion along the straight line, of any kind that has no circle in it.
+    pub(crate) fn straight(role: Role, kind: MotionKind, start: Pose, target: Pose) -> Self {
+        let way = target.point - start.point;
+        let known = matches!(kind, MotionKind::LinCartesian | MotionKind::LinForceCartesian);
+        let direction = if known { way.direction() } else { None };
+        Self {
+            name: String::new(),
+            step: 0,
+            role,
+            kind,
+            accurate_path: false,
+            start,
+            target,
+            joints_deg: None,
+            auxiliary: [0.0; 3],
+            length_mm: way.length(),
+            turn_deg: start.turn_deg(target),
+            leaves: direction,
+            arrives: direction,
+            speed_mm_s: None,
+            speed_percent: 100.0,
+            zone_mm: 0.0,
+            tool: 0,
+            base: 0,
+        }
+    }
+
+    /// A PTP; by its joints where the frame names them.
+    pub(crate) fn point_to_point(
+        role: Role,
+        start: Pose,
+        target: Pose,
+        joints_deg: Option<[f64; 6]>,
+    ) -> Self {
+        let kind = if joints_deg.is_some() { MotionKind::PtpJoint } else { MotionKind::PtpCartesian };
+        Self { joints_deg, ..Self::straight(role, kind, start, target) }
+    }
+
+    /// The circle from the start through a point to the target.
+    pub(crate) fn circle(role: Role, start: Pose, through: Point, target: Pose) -> Result<Self, Refusal> {
+        let (to_end, to_through) = (target.point - start.point, through - start.point);
+        let area = to_through.cross(to_end);
+        let chord = to_end.length();
+        let off_mm = if chord < LEAST_MM { 0.0 } else { area.length() / chord };
+        let Some(normal) = area.direction().filter(|_| off_mm >= LEAST_MM) else {
+            return Err(Refusal::Collinear { off_mm });
+        };
+        // The centre from the start, by the circumcircle of the triangle start, through, end.
+        let square = 2.0 * area.dot(area);
+        let centre = (to_end.cross(area) * to_through.dot(to_through)
+            + area.cross(to_through) * to_end.dot(to_end))
+            * (1.0 / square);
+        let (to_start, to_target) = (Point::default() - centre, to_end - centre);
+        // Along `normal` the circle turns from start through the intermediate point to the end.
+        let along = |radius: Point| normal.cross(radius).direction();
+        let mut swept = to_start.angle_deg(to_target);
+        if to_start.cross(to_target).dot(normal) < 0.0 {
+            swept = 360.0 - swept;
+        }
+        Ok(Self {
+            auxiliary: through.coordinates(),
+            length_mm: centre.length() * swept.to_radians(),
+            leaves: along(to_start),
+            arrives: along(to_target),
+            ..Self::straight(role, MotionKind::Circular, start, target)
+        })
+    }
+
+    /// Whether the tool goes straight without turning, so that a blend with another such motion in the same direction
+    /// leaves neither path.
+    pub(crate) fn keeps_straight(&self) -> bool {
+        matches!(self.kind, MotionKind::LinCartesian | MotionKind::LinForceCartesian) && self.turn_deg < 1e-6
+    }
+
+    /// The direction in which a pre-movement enters this path.
+    pub(crate) fn first_direction(&self) -> Option<Point> {
+        self.leaves.or_else(|| (self.target.point - self.start.point).direction())
+    }
+
+    /// The direction in which a post-movement goes on from this path.
+    pub(crate) fn last_direction(&self) -> Option<Point> {
+        self.arrives.or_else(|| (self.target.point - self.start.point).direction())
+    }
+
+    /// Points of the path from start to target, near enough to find obstacles in it.
+    pub(crate) fn course(&self) -> impl Iterator<Item = Point> + '_ {
+        /// Pieces of a circle: its chords are off it by at most 2 % of the radius.
+        const PIECES: u32 = 16;
+        let arc = self.leaves.filter(|_| self.kind == MotionKind::Circular).and_then(|leaves| {
+            let through = Point::from(self.auxiliary);
+            let normal = (through - self.start.point).cross(self.target.point - self.start.point);
+            let inwards = normal.direction()?.cross(leaves);
+            // A chord over the angle φ is 2·r²·(1 − cos φ) in square and reaches r·(1 − cos φ) inwards.
+            let chord = self.target.point - self.start.point;
+            let radius = chord.dot(chord) / (2.0 * chord.dot(inwards));
+            Some((leaves, inwards, radius))
+        });
+        let pieces = if arc.is_some() { PIECES } else { 1 };
+        (0..=pieces).map(move |piece| {
+            let share = f64::from(piece) / f64::from(pieces);
+            match arc {
+                Some((leaves, inwards, radius)) => {
+                    let (sine, cosine) = (self.length_mm * share / radius).sin_cos();
+                    self.start.point + leaves * (radius * sine) + inwards * (radius * (1.0 - cosine))
+                }
+                None => self.start.point.toward(self.target.point, share),
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64, y: f64) -> Pose {
+        Pose::new([x, y, 5.0, 0.0, 0.0, 180.0])
+    }
+
+    #[test]
+    fn a_circle_knows_its_length_and_its_tangents_also_past_half_a_turn() {
+        let half = Motion::circle(Role::Path, at(0.0, 0.0), at(10.0, 10.0).point, at(20.0, 0.0)).unwrap();
+        assert!((half.length_mm - 10.0 * std::f64::consts::PI).abs() < 1e-9);
+        assert!((half.leaves.unwrap() - Point::new(0.0, 1.0, 0.0)).length() < 1e-9);
+        assert!((half.arrives.unwrap() - Point::new(0.0, -1.0, 0.0)).length() < 1e-9);
+
+        let most = Motion::circle(Role::Path, at(0.0, 0.0), at(20.0, 0.0).point, at(10.0, -10.0)).unwrap();
+        assert!((most.length_mm - 15.0 * std::f64::consts::PI).abs() < 1e-9, "{}", most.length_mm);
+        assert!((most.arrives.unwrap() - Point::new(-1.0, 0.0, 0.0)).length() < 1e-9);
+    }
+
+    #[test]
+    fn the_course_of_a_circle_lies_on_it_and_ends_at_its_target() {
+        for (through, to) in [((10.0, 10.0), (20.0, 0.0)), ((20.0, 0.0), (10.0, -10.0))] {
+            let circle =
+                Motion::circle(Role::Path, at(0.0, 0.0), at(through.0, through.1).point, at(to.0, to.1))
+                    .unwrap();
+            let centre = at(10.0, 0.0).point;
+            let course: Vec<Point> = circle.course().collect();
+            assert!(
+                course.iter().all(|point| ((*point - centre).length() - 10.0).abs() < 1e-6),
+                "{course:?}"
+            );
+            assert!((*course.last().unwrap() - circle.target.point).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn three_points_on_a_line_are_no_circle_and_neither_is_a_start_that_is_the_end() {
+        let line = Motion::circle(Role::Path, at(0.0, 0.0), at(10.0, 0.001).point, at(20.0, 0.0));
+        assert!(matches!(line, Err(Refusal::Collinear { off_mm }) if off_mm < 0.0011));
+        let closed = Motion::circle(Role::Path, at(0.0, 0.0), at(10.0, 0.0).point, at(0.0, 0.0));
+        assert_eq!(closed, Err(Refusal::Collinear { off_mm: 0.0 }));
+    }
+}

@@ -1,0 +1,130 @@
+//! What planning yields.
+
+use std::ops::Range;
+
+use crate::application::{Action, Application, Labels};
+use crate::error::Error;
+use crate::motion::Motion;
+use crate::planner::Planner;
+use crate::zone::Why;
+use setup::Setup;
+
+/// The motions of an application on a setup, with the reason for each zone. It prints itself; `{:#}` prints every cycle.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Plan {
+    /// The application's name.
+    pub name: String,
+    /// What happens in it.
+    pub title: String,
+    /// The setup's name.
+    pub setup: String,
+    /// All motions in order.
+    pub motions: Vec<Motion>,
+    /// The continuous motions: each is one MoveContinuousSkill and ends in an accurate stop.
+    pub continuous: Vec<Continuous>,
+    /// The labels at process level.
+    pub labels: Vec<StepLabels>,
+    /// Why things are as they are: one reason of a zone for each motion, and more where there is more to say; ordered
+    /// by motion.
+    pub reasons: Vec<Reason>,
+    /// Index of the first motion of each cycle.
+    pub cycles: Vec<usize>,
+}
+
+/// A sequence of motions without an accurate stop but at its end.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Continuous {
+    /// Indices of its motions.
+    pub motions: Range<usize>,
+    /// What happens at its end.
+    pub then: Option<Action>,
+}
+
+/// What a step asks for.
+#[derive(Clone, PartialEq, Debug)]
+pub struct StepLabels {
+    /// The step's name.
+    pub step: String,
+    /// What it is for.
+    pub does: String,
+    /// Its labels.
+    pub labels: Labels,
+}
+
+/// A reason and what it is the reason of.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Reason {
+    /// Index of the motion.
+    pub motion: usize,
+    /// Why it is as it is.
+    pub why: Why,
+}
+
+impl Plan {
+    /// A plan of nothing yet, with the labels at process level.
+    pub(crate) fn empty(application: &Application, setup: &Setup) -> Self {
+        let labels = application.steps.iter().map(|step| StepLabels {
+            step: step.name.clone(),
+            does: step.does.clone(),
+            labels: step.labels,
+        });
+        Self {
+            name: application.name.clone(),
+            title: application.title.clone(),
+            setup: setup.name.clone(),
+            labels: labels.collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Forgets the motions and keeps their memory.
+    pub(crate) fn clear(&mut self) {
+        self.motions.clear();
+        self.continuous.clear();
+        self.reasons.clear();
+        self.cycles.clear();
+    }
+
+    /// What a person should look at, as sentences that name the motions concerned.
+    pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
+        self.reasons.iter().filter(|reason| reason.why.is_warning()).map(|reason| self.warning(reason))
+    }
+
+    pub(crate) fn warning(&self, reason: &Reason) -> String {
+        let called = |index: usize| {
+            let name = self.motions.get(index).map_or("", |motion| motion.name.as_str());
+            format!("motion {} `{name}`", index + 1)
+        };
+        let this = called(reason.motion);
+        let zone = self.motions.get(reason.motion).map_or(0.0, |motion| motion.zone_mm);
+        match &reason.why {
+            Why::Shrunk { wanted_mm, short } => {
+                let length = self.motions.get(*short).map_or(0.0, |motion| motion.length_mm);
+                let (neighbour, cause) = if *short == reason.motion {
+                    (*short + 1, "it".to_owned())
+                } else {
+                    (*short, called(*short))
+                };
+                format!(
+                    "{this} blends into {} by {zone:.2} mm instead of {wanted_mm} mm: {cause} is only {length:.2} mm \
+                     long and gives at most half",
+                    called(neighbour)
+                )
+            }
+            why => format!("{this}: {why}"),
+        }
+    }
+}
+
+/// Plans all cycles of an application on a setup: the paper's steps I to IV.
+///
+/// # Errors
+/// [`Error::Refused`] names the step, the motion, the quantity and its limit.
+pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
+    let mut plan = Plan::empty(application, setup);
+    let mut planner = Planner::new(application, setup);
+    for cell in 0..application.cells() {
+        planner.cycle(cell, &mut plan)?;
+    }
+    Ok(plan)
+}

@@ -1,0 +1,344 @@
+//! Steps I to IV of the paper's section 4, one cycle after another.
+
+use protocol::image::MotionKind;
+use setup::Setup;
+
+use crate::application::{Application, Course, Step, Tool};
+use crate::error::{Error, LEAST_MM, LEAST_TURN_DEG, Refusal};
+use crate::geometry::{Point, Pose};
+use crate::motion::{Motion, Role};
+use crate::path::Path;
+use crate::plan::{Continuous, Plan, Reason};
+use crate::way::{Space, Way};
+use crate::zone::{Sizes, Why};
+
+/// Plans cycle after cycle. It remembers where the tool is and nothing else, so its memory does not grow.
+#[derive(Debug)]
+pub(crate) struct Planner<'a> {
+    application: &'a Application,
+    setup: &'a Setup,
+    sizes: Sizes,
+    /// Where the tool is, and which.
+    here: (Pose, &'a Tool),
+    /// Intermediate positions of this cycle so far.
+    crossings: Vec<Point>,
+    /// Motions planned so far, over all cycles.
+    planned: u64,
+}
+
+impl<'a> Planner<'a> {
+    pub(crate) fn new(application: &'a Application, setup: &'a Setup) -> Self {
+        let programmed = setup.motions.approximation_mm.value;
+        let sizes = Sizes {
+            approximation_mm: application.zones.approximation_mm.unwrap_or(programmed),
+            path_tolerance_mm: application.zones.path_tolerance_mm,
+        };
+        let (start, tool) = &application.start;
+        let here = (application.pose(start, 0), tool);
+        Self { application, setup, sizes, here, crossings: Vec::new(), planned: 0 }
+    }
+
+    /// Motions planned so far, over all cycles.
+    pub(crate) const fn planned(&self) -> u64 {
+        self.planned
+    }
+
+    /// Appends the motions of the steps in this cell of the grids. Where one is refused, those before it stay, ending in
+    /// an exact stop.
+    pub(crate) fn cycle(&mut self, cell: usize, plan: &mut Plan) -> Result<(), Error> {
+        let first = plan.motions.len();
+        plan.cycles.push(first);
+        self.crossings.clear();
+        let mut ways = Vec::new();
+        let mut begin = first;
+        let result = self.application.steps.iter().enumerate().try_for_each(|(index, step)| {
+            self.step(index, step, cell, plan, &mut ways)?;
+            if step.labels.accurate_stop && begin < plan.motions.len() {
+                let motions = begin..plan.motions.len();
+                begin = motions.end;
+                plan.continuous.push(Continuous { motions, then: step.then.clone() });
+            }
+            Ok(())
+        });
+        if begin < plan.motions.len() {
+            plan.continuous.push(Continuous { motions: begin..plan.motions.len(), then: None });
+        }
+        self.size_zones(first, plan, result.is_err(), ways);
+        result
+    }
+
+    /// Step IV: sizes the zones of the motions from `first`, and weaves the reasons of the ways into those of the zones.
+    fn size_zones(&self, first: usize, plan: &mut Plan, refused: bool, ways: Vec<Reason>) {
+        let mut ways = ways.into_iter().peekable();
+        let end = plan.motions.len();
+        let mut stops = plan.continuous.iter().filter(|it| it.motions.start >= first).peekable();
+        for index in first..end {
+            let stop = stops.next_if(|it| it.motions.end == index + 1);
+            let (zone, why) = match (stop, plan.motions.get(index), plan.motions.get(index + 1)) {
+                (Some(_), ..) if refused && index + 1 == end => (0.0, Why::LastGood),
+                (Some(stop), ..) => {
+                    let then = stop.then.as_ref().map(|then| then.name.clone());
+                    (0.0, Why::AccurateStop { then })
+                }
+                (None, Some(motion), Some(next)) => self.sizes.zone(index, motion, next),
+                (None, ..) => (0.0, Why::LastGood),
+            };
+            if let Some(motion) = plan.motions.get_mut(index) {
+                motion.zone_mm = zone;
+            }
+            plan.reasons.push(Reason { motion: index, why });
+            while let Some(reason) = ways.next_if(|reason| reason.motion <= index) {
+                plan.reasons.push(reason);
+            }
+        }
+    }
+
+    fn step(
+        &mut self,
+        index: usize,
+        step: &'a Step,
+        cell: usize,
+        plan: &mut Plan,
+        reasons: &mut Vec<Reason>,
+    ) -> Result<(), Error> {
+        let into = &mut Destination { plan, reasons, index, step };
+        self.take_tool(step)?;
+        match &step.course {
+            Course::Reach(place) => {
+                let target = self.application.pose(place, cell);
+                self.way(target, place.joints_deg, "", into)
+            }
+            Course::Follow { from, segments, approach_mm, retreat_mm } => {
+                let start = from.as_ref().map_or(self.here.0, |from| self.application.pose(from, cell));
+                let path = Path::plan(self.application, step, start, segments, cell);
+                let pre = path.pre_movement(*approach_mm);
+                let post = path.post_movement(*retreat_mm);
+                let (begin, joints) = match &pre {
+                    Ok(Some(pre)) => (pre.start, None),
+                    _ => (start, from.as_ref().and_then(|from| from.joints_deg)),
+                };
+                if differ(self.here.0, begin) {
+                    self.way(begin, joints, "before ", into)?;
+                }
+                // A path that gives its pre-movement no direction is refused by its own number, one later.
+                if let Some(pre) = pre.map_err(|refusal| self.refused(step, 1, refusal))? {
+                    self.push(pre, &format!("LIN before {}", step.name), into)?;
+                }
+                let of = path.motions.len();
+                for (number, motion) in path.motions.into_iter().enumerate() {
+                    let kind = kind_name(motion.kind);
+                    let name = match of {
+                        1 => format!("{kind} {}", step.name),
+                        _ => format!("{kind} {} {}/{of}", step.name, number + 1),
+                    };
+                    self.push(motion, &name, into)?;
+                }
+                if let Some(refusal) = path.refusal {
+                    return Err(self.refused(step, 0, refusal));
+                }
+                match post.map_err(|refusal| self.refused(step, 0, refusal))? {
+                    Some(post) => self.push(post, &format!("LIN after {}", step.name), into),
+                    None => Ok(()),
+                }
+            }
+        }
+    }
+
+    /// The tool and the base must be the robot's; with another tool, its tip is elsewhere.
+    fn take_tool(&mut self, step: &'a Step) -> Result<(), Error> {
+        let robot = &self.setup.robot;
+        let frame = |number: u8, frames: &[setup::Frame]| match number {
+            0 => Some(Pose::new([0.0; 6])),
+            _ => {
+                frames.iter().find(|frame| frame.number == number).map(|frame| Pose::new(frame.mm_deg.value))
+            }
+        };
+        let unknown = |what, number, frames: &[setup::Frame]| {
+            let known = std::iter::once(0).chain(frames.iter().map(|frame| frame.number)).collect();
+            self.refused(step, 0, Refusal::UnknownFrame { what, number, known })
+        };
+        if frame(self.application.base, &robot.bases).is_none() {
+            return Err(unknown("base", self.application.base, &robot.bases));
+        }
+        let (here, old) = self.here;
+        let [old_frame, new_frame] = [old, &step.tool].map(|tool| {
+            frame(tool.number, &robot.tools).ok_or_else(|| unknown("tool", tool.number, &robot.tools))
+        });
+        let (old_frame, new_frame) = (old_frame?, new_frame?);
+        let here = if old.number == step.tool.number { here } else { here.change_tool(old_frame, new_frame) };
+        self.here = (here, &step.tool);
+        Ok(())
+    }
+
+    /// Step III: a secondary motion, by intermediate positions where an obstacle stands in its way.
+    fn way(
+        &mut self,
+        target: Pose,
+        joints_deg: Option<[f64; 6]>,
+        word: &str,
+        into: &mut Destination<'_>,
+    ) -> Result<(), Error> {
+        let from = self.here.0;
+        self.not_enclosed(target.point, &format!("the target of `PTP {word}{}`", into.step.name))
+            .map_err(|refusal| self.refused(into.step, 0, refusal))?;
+        let way = match &self.application.ways {
+            Some(ways) => {
+                let space = Space {
+                    obstacles: &self.application.obstacles,
+                    ways,
+                    approximation_mm: self.sizes.approximation_mm,
+                    bows_sideways: self.bows_sideways(),
+                };
+                space
+                    .way(from.point, target.point, &self.crossings)
+                    .map_err(|refusal| self.refused(into.step, 0, refusal))?
+            }
+            None => Way::Direct,
+        };
+        if let Way::Over { points, obstacle, again } = way {
+            let (name, top_mm) = self
+                .application
+                .obstacles
+                .get(obstacle)
+                .map_or(("", 0.0), |obstacle| (obstacle.name.as_str(), obstacle.space.upper.z));
+            if let ([Some(via), None], false) = (points, again) {
+                self.crossings.push(via);
+            }
+            for via in points.into_iter().flatten() {
+                let motion = Motion::point_to_point(Role::Crossing, self.here.0, target.at(via), None);
+                self.push(motion, &format!("PTP over the {name}"), into)?;
+                let step_mm = self.application.ways.map_or(0.0, |ways| ways.height_step_mm);
+                let why = Why::Over { obstacle: name.to_owned(), top_mm, step_mm, again };
+                into.reasons.push(Reason { motion: into.plan.motions.len() - 1, why });
+            }
+        }
+        let motion = Motion::point_to_point(Role::Way, self.here.0, target, joints_deg);
+        self.push(motion, &format!("PTP {word}{}", into.step.name), into)
+    }
+
+    /// Whether the vertical of the base is an axis of the arm by itself.
+    fn bows_sideways(&self) -> bool {
+        let robot = &self.setup.robot;
+        let mut bases = robot.bases.iter().filter(|base| base.number == self.application.base);
+        let is_upright = bases.all(|base| matches!(base.mm_deg.value, [.., b, c] if b == 0.0 && c == 0.0));
+        is_upright && matches!(robot.kinematics, setup::Kinematics::Scara(_))
+    }
+
+    /// Appends a motion, if nothing in it is beyond a limit.
+    fn push(&mut self, motion: Motion, name: &str, into: &mut Destination<'_>) -> Result<(), Error> {
+        let motion = Motion {
+            name: name.to_owned(),
+            step: into.index,
+            speed_percent: into.step.speed_percent,
+            tool: into.step.tool.number,
+            base: self.application.base,
+            ..motion
+        };
+        self.check(&motion).map_err(|refusal| self.refused(into.step, 0, refusal))?;
+        let programmed = self.setup.motions.velocity_percent.value / 100.0 * motion.speed_percent / 100.0
+            * self.setup.robot.path_velocity_mm_s.value;
+        if let Some(wanted_mm_s) = motion.speed_mm_s.filter(|&wanted| wanted > programmed) {
+            let why = Why::Slower { wanted_mm_s, programmed_mm_s: programmed };
+            into.reasons.push(Reason { motion: into.plan.motions.len(), why });
+        }
+        self.here.0 = motion.target;
+        self.planned += 1;
+        into.plan.motions.push(motion);
+        Ok(())
+    }
+
+    fn check(&self, motion: &Motion) -> Result<(), Refusal> {
+        if motion.length_mm < LEAST_MM && motion.turn_deg < LEAST_TURN_DEG && motion.joints_deg.is_none() {
+            return Err(Refusal::ZeroLength { length_mm: motion.length_mm });
+        }
+        self.check_speed(motion)?;
+        self.not_enclosed(motion.target.point, &format!("the target of `{}`", motion.name))?;
+        if motion.role.is_secondary() {
+            return Ok(());
+        }
+        for obstacle in &self.application.obstacles {
+            let mut inside_mm = 0.0;
+            let mut last = motion.start.point;
+            for point in motion.course() {
+                if let Some((enters, leaves)) = obstacle.space.inside(last, point) {
+                    inside_mm += (leaves - enters) * (point - last).length();
+                }
+                last = point;
+            }
+            if inside_mm > LEAST_MM {
+                return Err(Refusal::Through { obstacle: obstacle.name.clone(), inside_mm });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_speed(&self, motion: &Motion) -> Result<(), Refusal> {
+        let within = |quantity, value: f64, highest: f64, unit| {
+            let fits = value > 0.0 && value <= highest;
+            if fits { Ok(()) } else { Err(Refusal::OutOfRange { quantity, value, highest, unit }) }
+        };
+        within("speed", motion.speed_percent, 100.0, "%")?;
+        let robot = &self.setup.robot;
+        if let Some(speed) = motion.speed_mm_s {
+            within("speed", speed, robot.path_velocity_mm_s.value, "mm/s")?;
+        }
+        // What the wire rounds to nothing is nothing.
+        let wire = motion.wire(self.setup);
+        let programmed = &self.setup.motions;
+        if wire.velocity == 0 {
+            within("setup's velocity_percent, in steps of the wire,", 0.0, 100.0, "%")?;
+        }
+        if wire.acceleration == 0 {
+            within(
+                "setup's acceleration_percent",
+                programmed.acceleration_percent.value.min(0.0),
+                100.0,
+                "%",
+            )?;
+        }
+        Ok(())
+    }
+
+    fn not_enclosed(&self, point: Point, target: &str) -> Result<(), Refusal> {
+        for obstacle in &self.application.obstacles {
+            let depth_mm = obstacle.space.depth_mm(point);
+            if depth_mm > 0.0 {
+                let obstacle = obstacle.name.clone();
+                return Err(Refusal::Enclosed { target: target.to_owned(), obstacle, depth_mm });
+            }
+        }
+        Ok(())
+    }
+
+    /// The motion that would have come next, or `later` ones after it, is refused.
+    fn refused(&self, step: &Step, later: u64, refusal: Refusal) -> Error {
+        Error::Refused { step: step.name.clone(), motion: self.planned + 1 + later, refusal }
+    }
+}
+
+/// Where the motions of a step go.
+struct Destination<'p> {
+    plan: &'p mut Plan,
+    /// Reasons that are not of a zone.
+    reasons: &'p mut Vec<Reason>,
+    index: usize,
+    step: &'p Step,
+}
+
+/// Whether it takes a motion from one pose to the other.
+fn differ(one: Pose, other: Pose) -> bool {
+    (other.point - one.point).length() >= LEAST_MM || one.turn_deg(other) >= LEAST_TURN_DEG
+}
+
+/// What a person calls a kind of motion.
+pub(crate) const fn kind_name(kind: MotionKind) -> &'static str {
+    match kind {
+        MotionKind::LinCartesian => "LIN",
+        MotionKind::PtpCartesian => "PTP",
+        MotionKind::PtpJoint => "PTP joint",
+        MotionKind::Circular => "CIRC",
+        MotionKind::Spline => "SPLINE",
+        MotionKind::LinForceCartesian => "LIN force",
+        MotionKind::None | MotionKind::Unknown(_) => "-",
+    }
+}

@@ -1,0 +1,382 @@
+//! From the file to an [`Application`]: every name is looked up once, and every error names its line.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use toml::Spanned;
+
+use crate::application::{
+    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Tool, Ways, Zones,
+};
+use crate::error::Error;
+use crate::file::{self, File, Label, Name};
+use crate::geometry::{Cuboid, Pose};
+
+/// Version of the format that this reads.
+const SCHEMA: u32 = 2;
+
+/// Highest number of a tool or base frame that the wire carries: four bits.
+const HIGHEST_FRAME: u8 = 15;
+
+/// Highest digital output of the process image.
+const HIGHEST_OUTPUT: u8 = 15;
+
+/// Most cells of a grid: a plan of more is not a grid but a mistake.
+const MOST_CELLS: u64 = 1_000_000;
+
+impl Application {
+    /// Reads an application from the text of `origin`, a file's path or a built-in's name.
+    ///
+    /// # Errors
+    /// [`Error::Format`] and [`Error::Value`] name the line, the key and what was expected there.
+    pub fn parse(origin: &str, text: &str) -> Result<Self, Error> {
+        let file: File = toml::from_str(text)
+            .map_err(|source| Error::Format { origin: origin.to_owned(), source: Box::new(source) })?;
+        Resolver { origin, text, file: &file }.application()
+    }
+}
+
+/// No coordinate lies farther out, in mm (degrees): no robot has such a reach.
+const FARTHEST_MM: f64 = 1e6;
+
+struct Resolver<'a> {
+    origin: &'a str,
+    text: &'a str,
+    file: &'a File,
+}
+
+impl Resolver<'_> {
+    fn application(&self) -> Result<Application, Error> {
+        let file = self.file;
+        if *file.schema.get_ref() != SCHEMA {
+            let found = file.schema.get_ref();
+            return Err(self.wrong(
+                &file.schema,
+                "schema",
+                format!("is {found}; this version reads {SCHEMA}"),
+            ));
+        }
+        for (name, grid) in &file.grids {
+            if file.frames.contains_key(name) {
+                return Err(self.wrong(grid, name, "is a grid and a frame; give one another name".into()));
+            }
+        }
+        let grids =
+            file.grids.iter().map(|(name, grid)| self.grid(name, grid)).collect::<Result<Vec<_>, _>>()?;
+        let obstacles = file.obstacles.iter().map(|it| self.obstacle(it)).collect::<Result<Vec<_>, _>>()?;
+        if let (Some(obstacle), None) = (file.obstacles.first(), &file.ways) {
+            let problem = "an application with obstacles needs a table [ways]: clearance_mm, ceiling_mm, \
+                           height_step_mm, ptp_radius_mm, detour_percent";
+            return Err(self.wrong(obstacle, "obstacle", problem.into()));
+        }
+        let steps = file.steps.iter().map(|step| self.step(step)).collect::<Result<Vec<_>, _>>()?;
+        match (steps.last(), file.steps.last()) {
+            (Some(last), Some(at)) if !last.labels.accurate_stop => {
+                let problem = format!("the last step, `{}`, must be labelled \"accurate-stop\"", last.name);
+                return Err(self.wrong(&at.get_ref().labels, "labels", problem));
+            }
+            (None, _) => {
+                return Err(self.wrong(
+                    &file.start,
+                    "step",
+                    "there is none; an application needs one".into(),
+                ));
+            }
+            _ => {}
+        }
+        Ok(Application {
+            name: file.name.clone(),
+            title: file.title.clone(),
+            base: self.number(&file.bases, &file.base, "base")?,
+            start: (self.place(&file.start, "start")?, self.tool(&file.tool)?),
+            zones: self.zones()?,
+            ways: file.ways.as_ref().map(|ways| self.ways(ways)).transpose()?,
+            grids,
+            obstacles,
+            steps,
+        })
+    }
+
+    fn zones(&self) -> Result<Zones, Error> {
+        let zones = &self.file.zones;
+        let not_negative = |value: &Option<Spanned<f64>>, key| match value {
+            Some(value) => self.within(value, key, 0.0..655.35).map(Some),
+            None => Ok(None),
+        };
+        Ok(Zones {
+            approximation_mm: not_negative(&zones.approximation_mm, "approximation_mm")?,
+            path_tolerance_mm: not_negative(&zones.path_tolerance_mm, "path_tolerance_mm")?.unwrap_or(0.0),
+        })
+    }
+
+    fn ways(&self, ways: &file::Ways) -> Result<Ways, Error> {
+        Ok(Ways {
+            clearance_mm: self.within(&ways.clearance_mm, "clearance_mm", 0.0..1e4)?,
+            ceiling_mm: self.within(&ways.ceiling_mm, "ceiling_mm", -1e4..1e4)?,
+            height_step_mm: self.within(&ways.height_step_mm, "height_step_mm", 1.0..1e3)?,
+            ptp_radius_mm: self.within(&ways.ptp_radius_mm, "ptp_radius_mm", 1.0..1e6)?,
+            detour_percent: self.within(&ways.detour_percent, "detour_percent", 0.0..100.0)?,
+        })
+    }
+
+    fn grid(&self, name: &str, at: &Spanned<file::Grid>) -> Result<Grid, Error> {
+        let grid = at.get_ref();
+        let cells: u64 = grid.count.iter().map(|&count| u64::from(count)).fold(1, u64::saturating_mul);
+        if cells == 0 || cells > MOST_CELLS {
+            let problem = format!("has {cells} cells; there must be 1 to {MOST_CELLS}");
+            return Err(self.wrong(at, &format!("{name}.count"), problem));
+        }
+        if !grid.pitch_mm.iter().all(|pitch| pitch.abs() <= FARTHEST_MM) {
+            let problem = format!("has a number that is not within ±{FARTHEST_MM}");
+            return Err(self.wrong(at, &format!("{name}.pitch_mm"), problem));
+        }
+        let mut others = self.file.grids.iter().map(|(name, other)| (name, other.get_ref().count));
+        let product =
+            |count: [u32; 3]| count.iter().map(|&count| u64::from(count)).fold(1, u64::saturating_mul);
+        if let Some((other, count)) = others.find(|(_, count)| product(*count) != cells) {
+            let problem = format!(
+                "has {cells} cells and grid `{other}` {}; all advance together and need the same number",
+                product(count)
+            );
+            return Err(self.wrong(at, &format!("{name}.count"), problem));
+        }
+        Ok(Grid { name: name.to_owned(), count: grid.count, pitch_mm: grid.pitch_mm })
+    }
+
+    fn obstacle(&self, at: &Spanned<file::Obstacle>) -> Result<Obstacle, Error> {
+        let obstacle = at.get_ref();
+        for ((lower, upper), axis) in obstacle.lower_mm.iter().zip(&obstacle.upper_mm).zip(["x", "y", "z"]) {
+            if !(lower.is_finite() && upper.is_finite() && lower < upper) {
+                let problem =
+                    format!("lower_mm {lower} must be below upper_mm {upper} along {axis}, and both finite");
+                return Err(self.wrong(at, &format!("obstacle `{}`", obstacle.name), problem));
+            }
+        }
+        let space = Cuboid { lower: obstacle.lower_mm.into(), upper: obstacle.upper_mm.into() };
+        Ok(Obstacle { name: obstacle.name.clone(), space })
+    }
+
+    fn step(&self, at: &Spanned<file::Step>) -> Result<Step, Error> {
+        let step = at.get_ref();
+        let labels = self.labels(step)?;
+        let tool = step.tool.as_ref().unwrap_or(&self.file.tool);
+        let then = step.then.as_ref().map(|name| self.action(name)).transpose()?;
+        if let (Some(then), Some(name), false) = (&then, &step.then, labels.accurate_stop) {
+            let problem = format!(
+                "`{}` happens at rest, so step `{}` must be labelled \"accurate-stop\"",
+                then.name, step.name
+            );
+            return Err(self.wrong(name, "then", problem));
+        }
+        Ok(Step {
+            name: step.name.clone(),
+            does: step.does.clone(),
+            labels,
+            tool: self.tool(tool)?,
+            course: self.course(at)?,
+            speed_mm_s: step.speed_mm_s,
+            speed_percent: step.speed_percent.unwrap_or(100.0),
+            then,
+        })
+    }
+
+    fn labels(&self, step: &file::Step) -> Result<Labels, Error> {
+        let labels = step.labels.get_ref();
+        let has = |label| labels.contains(&label);
+        let problem = if labels.is_empty() {
+            "is empty; expected some of \"blending\", \"accurate-path\", \"accurate-stop\""
+        } else if has(Label::Blending) && has(Label::AccuratePath) {
+            "a path is either blended or accurate; keep one of \"blending\" and \"accurate-path\""
+        } else if has(Label::AccuratePath) && step.path.is_none() {
+            "a step without `path` has no accurate path; label it \"blending\" or give it a path"
+        } else {
+            return Ok(Labels {
+                accurate_path: has(Label::AccuratePath),
+                accurate_stop: has(Label::AccurateStop),
+            });
+        };
+        Err(self.wrong(&step.labels, "labels", format!("step `{}`: {problem}", step.name)))
+    }
+
+    fn course(&self, at: &Spanned<file::Step>) -> Result<Course, Error> {
+        let step = at.get_ref();
+        match (&step.reach, &step.path) {
+            (None, None) => {
+                let problem = "names no frame; give it `reach = \"FRAME\"` or `path = [...]`".into();
+                Err(self.wrong(at, &format!("step `{}`", step.name), problem))
+            }
+            (Some(reach), Some(_)) => {
+                Err(self.wrong(reach, "reach", format!("step `{}` has a `path` too; keep one", step.name)))
+            }
+            (Some(reach), None) => {
+                let lengths = [&step.approach_mm, &step.retreat_mm].into_iter().flatten().next();
+                if let Some(length) = lengths {
+                    let problem =
+                        format!("step `{}` has no `path` to extend; remove approach and retreat", step.name);
+                    return Err(self.wrong(length, "approach_mm, retreat_mm", problem));
+                }
+                Ok(Course::Reach(self.place(reach, "reach")?))
+            }
+            (None, Some(path)) => {
+                let segments =
+                    path.get_ref().iter().map(|it| self.segment(it)).collect::<Result<Vec<_>, _>>()?;
+                if segments.is_empty() {
+                    return Err(self.wrong(path, "path", format!("step `{}`: is empty", step.name)));
+                }
+                if let (Some(approach), None) = (&step.approach_mm, &step.from) {
+                    let problem = format!(
+                        "step `{}` begins where the tool is; a pre-movement needs `from = \"FRAME\"`",
+                        step.name
+                    );
+                    return Err(self.wrong(approach, "approach_mm", problem));
+                }
+                let length = |value: &Option<Spanned<f64>>, key| match value {
+                    Some(value) => self.within(value, key, 0.0..1e4),
+                    None => Ok(0.0),
+                };
+                Ok(Course::Follow {
+                    from: step.from.as_ref().map(|name| self.place(name, "from")).transpose()?,
+                    segments,
+                    approach_mm: length(&step.approach_mm, "approach_mm")?,
+                    retreat_mm: length(&step.retreat_mm, "retreat_mm")?,
+                })
+            }
+        }
+    }
+
+    fn segment(&self, segment: &file::Segment) -> Result<Segment, Error> {
+        Ok(match segment {
+            file::Segment::Line(to) => Segment::Line(self.place(to, "line")?),
+            file::Segment::Circle(circle) => Segment::Circle {
+                through: self.place(&circle.through, "through")?,
+                to: self.place(&circle.to, "to")?,
+            },
+            file::Segment::Spline(points) => {
+                if points.get_ref().is_empty() {
+                    return Err(self.wrong(points, "spline", "is empty; name its frames in order".into()));
+                }
+                let places = points.get_ref().iter().map(|name| self.place(name, "spline"));
+                Segment::Spline(places.collect::<Result<_, _>>()?)
+            }
+            file::Segment::Press(press) => {
+                Segment::Press { to: self.place(&press.to, "to")?, force_n: *press.force_n.get_ref() }
+            }
+        })
+    }
+
+    fn action(&self, name: &Name) -> Result<Action, Error> {
+        let at = self.known(&self.file.actions, name, "action", "then")?;
+        let action = at.get_ref();
+        if action.output > HIGHEST_OUTPUT {
+            let problem = format!("is {}; the image has outputs 0 to {HIGHEST_OUTPUT}", action.output);
+            return Err(self.wrong(at, &format!("{}.output", name.get_ref()), problem));
+        }
+        if !(0.0..=60_000.0).contains(&action.wait_ms) {
+            let problem = format!("is {}; it must be 0 to 60000 ms", action.wait_ms);
+            return Err(self.wrong(at, &format!("{}.wait_ms", name.get_ref()), problem));
+        }
+        Ok(Action {
+            name: name.get_ref().clone(),
+            output: action.output,
+            set: action.set,
+            wait_ms: action.wait_ms,
+        })
+    }
+
+    fn tool(&self, name: &Name) -> Result<Tool, Error> {
+        let number = self.number(&self.file.tools, name, "tool")?;
+        Ok(Tool { name: name.get_ref().clone(), number })
+    }
+
+    fn number(
+        &self,
+        known: &BTreeMap<String, Spanned<u8>>,
+        name: &Name,
+        what: &'static str,
+    ) -> Result<u8, Error> {
+        let at = self.known(known, name, what, what)?;
+        let number = *at.get_ref();
+        if number > HIGHEST_FRAME {
+            let problem = format!("is {number}; the wire carries {what} 0 to {HIGHEST_FRAME}");
+            return Err(self.wrong(at, name.get_ref(), problem));
+        }
+        Ok(number)
+    }
+
+    /// Follows `on` from frame to frame down to the one that stands in the base.
+    fn place(&self, name: &Name, key: &str) -> Result<Place, Error> {
+        let mut place = Place {
+            name: name.get_ref().clone(),
+            pose: Pose::new([0.0; 6]),
+            grid: None,
+            joints_deg: self.file.frames.get(name.get_ref()).and_then(|frame| frame.get_ref().joints_deg),
+        };
+        let mut shift = [0.0; 3];
+        let mut at = name;
+        let mut at_key = key;
+        // A chain longer than there are names goes round in a circle.
+        for _ in 0..=self.file.frames.len() + self.file.grids.len() {
+            if let Some(index) = self.file.grids.keys().position(|grid| grid == at.get_ref()) {
+                if place.grid.is_some() {
+                    let problem = "a frame moves on one grid, not on two".into();
+                    return Err(self.wrong(at, at_key, problem));
+                }
+                place.grid = Some(index);
+                let grid = self.known(&self.file.grids, at, "grid", at_key)?;
+                (at, at_key) = (&grid.get_ref().corner, "corner");
+                continue;
+            }
+            let frame = self.known(&self.file.frames, at, "frame", at_key)?;
+            let values = frame.get_ref();
+            let numbers = values.mm_deg.iter().flatten().chain(values.shift_mm.iter().flatten());
+            if !numbers.chain(values.joints_deg.iter().flatten()).all(|value| value.abs() <= FARTHEST_MM) {
+                let problem = format!("has a number that is not within ±{FARTHEST_MM}");
+                return Err(self.wrong(frame, at.get_ref(), problem));
+            }
+            for (shift, more) in shift.iter_mut().zip(values.shift_mm.unwrap_or_default()) {
+                *shift += more;
+            }
+            match (&values.mm_deg, &values.on) {
+                (Some(mm_deg), None) => {
+                    let pose = Pose::new(*mm_deg);
+                    place.pose = pose.at(pose.point + shift.into());
+                    return Ok(place);
+                }
+                (None, Some(on)) => (at, at_key) = (on, "on"),
+                _ => {
+                    let problem = "needs either `mm_deg` or `on` (with `shift_mm`)".into();
+                    return Err(self.wrong(frame, at.get_ref(), problem));
+                }
+            }
+        }
+        Err(self.wrong(at, at_key, format!("frame `{}` stands on itself", name.get_ref())))
+    }
+
+    fn known<'m, T>(
+        &self,
+        all: &'m BTreeMap<String, T>,
+        name: &Name,
+        what: &str,
+        key: &str,
+    ) -> Result<&'m T, Error> {
+        all.get(name.get_ref()).ok_or_else(|| {
+            let known: Vec<&str> = all.keys().map(String::as_str).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            self.wrong(name, key, format!("there is no {what} `{}`; there is {known}", name.get_ref()))
+        })
+    }
+
+    fn within(&self, value: &Spanned<f64>, key: &str, range: Range<f64>) -> Result<f64, Error> {
+        let number = *value.get_ref();
+        if (range.start..=range.end).contains(&number) {
+            return Ok(number);
+        }
+        Err(self.wrong(value, key, format!("is {number}; it must be {} to {}", range.start, range.end)))
+    }
+
+    fn wrong<T>(&self, at: &Spanned<T>, key: &str, problem: String) -> Error {
+        let before = self.text.as_bytes().iter().take(at.span().start);
+        let line = 1 + before.filter(|&&byte| byte == b'\n').count();
+        Error::Value { origin: self.origin.to_owned(), line, key: key.to_owned(), problem }
+    }
+}

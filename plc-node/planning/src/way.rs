@@ -1,0 +1,333 @@
+//! Step III: a way for a secondary motion that is free of obstacles.
+//!
+//! Obstacles are axis-aligned boxes. A way is free if the straight tool path keeps from every box a distance made up
+//! of three parts:
+//!
+//! - the clearance, which tool and part need;
+//! - half the approximation distance r, within r of either end: every point of the triangle that a blend cuts off a
+//!   corner is at most r/2 away from the corner's legs;
+//! - the bow of a PTP. Its joints travel evenly, so its path p(s), s = 0…1, leaves the chord by at most
+//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. An arc of radius R over a chord of length L has
+//!   L²/8R in the middle; the application names the R, and the bound elsewhere follows. The vertical axis of a SCARA is
+//!   a joint of its own, so its PTP bows sideways only.
+//!
+//! The first of these that is free is taken: the straight way; one intermediate position, over the obstacle, the end or
+//! the start, at the lowest height that is free; two of them, above the start and above the end. Those whose legs are too
+//! short for a full blend are taken last. A cycle that has crossed an obstacle
+//! before takes the same intermediate position again where that is hardly longer.
+
+use std::cell::Cell;
+
+use crate::application::{Obstacle, Ways};
+use crate::error::{LEAST_MM, Refusal};
+use crate::geometry::{Cuboid, Point};
+
+/// Pieces of a chord, each with the largest bow within it.
+const PIECES: u32 = 8;
+
+/// How far above the ceiling to look for a height to name in the refusal, in mm.
+const LOOK_ABOVE_MM: f64 = 2000.0;
+
+/// Most heights tried for one way, so that planning stays bounded.
+const MOST_HEIGHTS: u32 = 2000;
+
+/// A way from one point to another.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) enum Way {
+    /// Straight.
+    Direct,
+    /// Over an obstacle.
+    Over {
+        /// The intermediate positions: one, or two.
+        points: [Option<Point>; 2],
+        /// Index of the obstacle.
+        obstacle: usize,
+        /// Whether another way of the cycle has this intermediate position.
+        again: bool,
+    },
+}
+
+/// The space in which ways are sought.
+pub(crate) struct Space<'a> {
+    pub(crate) obstacles: &'a [Obstacle],
+    pub(crate) ways: &'a Ways,
+    /// The setup's or the application's approximation distance, in mm.
+    pub(crate) approximation_mm: f64,
+    /// Whether a PTP bows in the horizontal plane alone.
+    pub(crate) bows_sideways: bool,
+}
+
+impl Space<'_> {
+    /// What the ends of a way keep from an obstacle, in mm.
+    pub(crate) fn distance_mm(&self) -> f64 {
+        self.ways.clearance_mm + self.approximation_mm / 2.0
+    }
+
+    /// The way from one point to another; `crossings` are the intermediate positions that the cycle has so far.
+    pub(crate) fn way(&self, from: Point, to: Point, crossings: &[Point]) -> Result<Way, Refusal> {
+        let Some(obstacle) = self.blocks(from, to) else {
+            return Ok(Way::Direct);
+        };
+        self.ends_are_free(from, to)?;
+        let middle = self.middle(from, to);
+        let fresh = self.lowest(from, to, middle, self.ways.ceiling_mm);
+        let again = crossings
+            .iter()
+            .copied()
+            .find(|&via| self.is_free(&[from, via, to], &Cell::new(obstacle)))
+            .filter(|&via| match fresh {
+                Some([Some(new), None]) => {
+                    let longest = length(&[from, new, to]) * (1.0 + self.ways.detour_percent / 100.0);
+                    length(&[from, via, to]) <= longest
+                }
+                _ => true,
+            });
+        match (again, fresh) {
+            (Some(via), _) => Ok(Way::Over { points: [Some(via), None], obstacle, again: true }),
+            (None, Some(points)) => Ok(Way::Over { points, obstacle, again: false }),
+            (None, None) => Err(self.no_way(from, to, middle, obstacle)),
+        }
+    }
+
+    /// Which obstacle leaves no way, and by how much.
+    fn no_way(&self, from: Point, to: Point, middle: Point, first: usize) -> Refusal {
+        let ceiling_mm = self.ways.ceiling_mm;
+        let needs_mm = self
+            .lowest(from, to, middle, ceiling_mm + LOOK_ABOVE_MM)
+            .and_then(|[via, _]| via)
+            .map(|point| point.z);
+        let via = Point::new(middle.x, middle.y, ceiling_mm);
+        let legs = [(from, via), (via, to)];
+        let at_the_ceiling = legs.iter().find_map(|&(from, to)| self.blocks(from, to));
+        let index = if needs_mm.is_some() { first } else { at_the_ceiling.unwrap_or(first) };
+        let obstacle = self.obstacles.get(index);
+        let too_near = |obstacle: &Obstacle, (from, to): (Point, Point)| {
+            let inside = self.kept_free(obstacle, self.distance_mm(), self.bow_mm(from, to)).inside(from, to);
+            inside.map_or(0.0, |(enters, leaves)| (leaves - enters) * (to - from).length())
+        };
+        Refusal::NoWay {
+            obstacle: obstacle.map_or_else(String::new, |obstacle| obstacle.name.clone()),
+            top_mm: obstacle.map_or(0.0, |obstacle| obstacle.space.upper.z),
+            needs_mm,
+            inside_mm: obstacle.map_or(0.0, |obstacle| legs.iter().map(|&leg| too_near(obstacle, leg)).sum()),
+            ceiling_mm,
+        }
+    }
+
+    /// The first obstacle that the straight way comes too near to.
+    fn blocks(&self, from: Point, to: Point) -> Option<usize> {
+        self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, from, to))
+    }
+
+    fn is_too_near(&self, obstacle: &Obstacle, from: Point, to: Point) -> bool {
+        let bow = self.bow_mm(from, to);
+        // Most obstacles are nowhere near: one test for the whole way first.
+        if self.kept_free(obstacle, self.distance_mm(), bow).inside(from, to).is_none() {
+            return false;
+        }
+        let cut = self.approximation_mm / (to - from).length();
+        (0..PIECES).any(|piece| {
+            let [begin, end] = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
+            // s·(1 − s) is largest at the end of the piece that is nearer to the middle.
+            let widest = (begin * (1.0 - begin)).max(end * (1.0 - end));
+            let is_cut = begin < cut || end > 1.0 - cut;
+            let distance = if is_cut { self.distance_mm() } else { self.ways.clearance_mm };
+            let kept_free = self.kept_free(obstacle, distance, 4.0 * widest * bow);
+            kept_free.inside(from.toward(to, begin), from.toward(to, end)).is_some()
+        })
+    }
+
+    /// The space about an obstacle into which no chord may come.
+    fn kept_free(&self, obstacle: &Obstacle, distance: f64, bow: f64) -> Cuboid {
+        let upright = if self.bows_sideways { distance } else { distance + bow };
+        obstacle.space.widened(distance + bow, upright)
+    }
+
+    /// How far a PTP may bow off the straight way in its middle, in mm.
+    fn bow_mm(&self, from: Point, to: Point) -> f64 {
+        let mut chord = to - from;
+        if self.bows_sideways {
+            chord.z = 0.0;
+        }
+        chord.dot(chord) / (8.0 * self.ways.ptp_radius_mm)
+    }
+
+    /// Whether all legs are free. What was in the way of the way tried before is looked at first: mostly it still is.
+    fn is_free(&self, points: &[Point], before: &Cell<usize>) -> bool {
+        points.iter().zip(points.iter().skip(1)).all(|(&from, &to)| {
+            if self.obstacles.get(before.get()).is_some_and(|obstacle| self.is_too_near(obstacle, from, to)) {
+                return false;
+            }
+            let blocking = self.blocks(from, to);
+            before.set(blocking.unwrap_or(before.get()));
+            blocking.is_none()
+        })
+    }
+
+    /// Where neither end of a way may be, no intermediate position helps.
+    fn ends_are_free(&self, from: Point, to: Point) -> Result<(), Refusal> {
+        for (target, point) in [("the start of the way", from), ("the end of the way", to)] {
+            for obstacle in self.obstacles {
+                let missing_mm = obstacle.space.grown(self.distance_mm()).depth_mm(point);
+                if missing_mm > 0.0 {
+                    return Err(Refusal::TooNear {
+                        target: target.to_owned(),
+                        obstacle: obstacle.name.clone(),
+                        missing_mm,
+                        distance_mm: self.distance_mm(),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The middle of what is blocked of the straight way, on whole millimetres that a person can read and teach.
+    fn middle(&self, from: Point, to: Point) -> Point {
+        let most = self.distance_mm() + self.bow_mm(from, to);
+        let inside = self.obstacles.iter().filter_map(|obstacle| obstacle.space.grown(most).inside(from, to));
+        let (first, last) = inside.fold((1.0_f64, 0.0_f64), |(first, last), (enters, leaves)| {
+            (first.min(enters), last.max(leaves))
+        });
+        let middle = from.toward(to, f64::midpoint(first, last));
+        Point::new(middle.x.round(), middle.y.round(), middle.z)
+    }
+
+    /// The fewest intermediate positions at the lowest height that make a free way.
+    fn lowest(&self, from: Point, to: Point, middle: Point, ceiling: f64) -> Option<[Option<Point>; 2]> {
+        let step = self.ways.height_step_mm;
+        let floor = from.z.min(to.z);
+        let first = (floor / step).ceil();
+        let heights = || {
+            (0..MOST_HEIGHTS)
+                .map(move |count| (first + f64::from(count)) * step)
+                .take_while(|&z| z <= ceiling)
+        };
+        let above = |point: Point, z: f64| Point::new(point.x, point.y, z);
+        let before = Cell::new(0);
+        let one = |shortest: f64| {
+            let vias = heights().flat_map(|z| [middle, to, from].map(|place| above(place, z)));
+            vias.map(|via| [from, via, to]).find(|way| longer(way, shortest) && self.is_free(way, &before))
+        };
+        let two = |shortest: f64| {
+            let vias = heights().filter(|&z| z > from.z.max(to.z));
+            let ways = vias.map(|z| [from, above(from, z), above(to, z), to]);
+            ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way, &before))
+        };
+        // Legs that are long enough for their blends, where there are such.
+        let legs = [2.0 * self.approximation_mm, LEAST_MM];
+        let single = legs.into_iter().find_map(one).map(|[_, via, _]| [Some(via), None]);
+        single.or_else(|| legs.into_iter().find_map(two).map(|[_, up, down, _]| [Some(up), Some(down)]))
+    }
+}
+
+/// Whether every leg of a way is at least this long, in mm.
+fn longer(points: &[Point], shortest: f64) -> bool {
+    points.iter().zip(points.iter().skip(1)).all(|(from, to)| (*to - *from).length() >= shortest)
+}
+
+fn length(points: &[Point]) -> f64 {
+    points.iter().zip(points.iter().skip(1)).map(|(from, to)| (*to - *from).length()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WAYS: Ways = Ways {
+        clearance_mm: 10.0,
+        ceiling_mm: 200.0,
+        height_step_mm: 10.0,
+        ptp_radius_mm: f64::INFINITY,
+        detour_percent: 5.0,
+    };
+
+    fn wall(x: f64, top: f64) -> Obstacle {
+        let space =
+            Cuboid { lower: Point::new(x - 10.0, -200.0, 0.0), upper: Point::new(x + 10.0, 200.0, top) };
+        Obstacle { name: "wall".into(), space }
+    }
+
+    fn way(obstacles: &[Obstacle], ways: &Ways, from: [f64; 3], to: [f64; 3]) -> Result<Way, Refusal> {
+        Space { obstacles, ways, approximation_mm: 0.0, bows_sideways: false }.way(
+            from.into(),
+            to.into(),
+            &[],
+        )
+    }
+
+    #[test]
+    fn the_crossing_is_the_lowest_height_on_the_raster_that_clears_the_grown_wall() {
+        // The grown wall reaches x = 80 at z = 90; from (0, 0, 50) over (100, 0, z) that needs 50 + 0.8·(z − 50) ≥ 90.
+        let over = way(&[wall(100.0, 80.0)], &WAYS, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        let via = Some(Point::new(100.0, 0.0, 100.0));
+        assert_eq!(over, Ok(Way::Over { points: [via, None], obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn a_bowing_ptp_crosses_higher() {
+        let bowing = Ways { ptp_radius_mm: 200.0, ..WAYS };
+        let over = way(&[wall(100.0, 80.0)], &bowing, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        assert!(matches!(over, Ok(Way::Over { points: [Some(via), None], .. }) if via.z > 100.0), "{over:?}");
+    }
+
+    #[test]
+    fn an_arm_that_bows_sideways_alone_crosses_lower_than_one_that_bows_all_ways() {
+        let bowing = Ways { ptp_radius_mm: 150.0, height_step_mm: 1.0, ..WAYS };
+        let walls = [wall(100.0, 80.0)];
+        let height = |bows_sideways| {
+            let space = Space { obstacles: &walls, ways: &bowing, approximation_mm: 0.0, bows_sideways };
+            match space.way(Point::new(0.0, 0.0, 50.0), Point::new(200.0, 0.0, 50.0), &[]) {
+                Ok(Way::Over { points: [Some(via), None], .. }) => via.z,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert!(height(true) < height(false));
+    }
+
+    #[test]
+    fn close_to_a_tall_wall_the_way_goes_straight_up_first() {
+        let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [400.0, 0.0, 50.0]);
+        let points = [Some(Point::new(15.0, 0.0, 180.0)), None];
+        assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn close_to_a_tall_wall_on_both_sides_it_goes_straight_up_over_and_straight_down() {
+        let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [65.0, 0.0, 50.0]);
+        let points = [Some(Point::new(15.0, 0.0, 160.0)), Some(Point::new(65.0, 0.0, 160.0))];
+        assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
+    }
+
+    #[test]
+    fn a_way_back_uses_the_intermediate_position_of_the_way_there_unless_that_is_a_detour() {
+        let walls = [wall(100.0, 80.0)];
+        let space = Space { obstacles: &walls, ways: &WAYS, approximation_mm: 0.0, bows_sideways: false };
+        let [near, far] = [Point::new(100.0, 0.0, 100.0), Point::new(100.0, 150.0, 100.0)];
+        let back =
+            |crossing| space.way(Point::new(200.0, 0.0, 50.0), Point::new(0.0, 20.0, 50.0), &[crossing]);
+        assert_eq!(back(near), Ok(Way::Over { points: [Some(near), None], obstacle: 0, again: true }));
+        assert!(matches!(back(far), Ok(Way::Over { again: false, .. })));
+    }
+
+    #[test]
+    fn a_wall_up_to_the_ceiling_is_refused_by_how_much() {
+        let refused = way(&[wall(100.0, 250.0)], &WAYS, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        let Err(Refusal::NoWay { obstacle, needs_mm: Some(needs), ceiling_mm, .. }) = refused else {
+            panic!("{refused:?}");
+        };
+        assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 320.0, 200.0));
+    }
+
+    #[test]
+    fn a_start_within_the_clearance_is_refused_by_how_much() {
+        let refused = way(&[wall(100.0, 80.0)], &WAYS, [84.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
+        let expected = Refusal::TooNear {
+            target: "the start of the way".into(),
+            obstacle: "wall".into(),
+            missing_mm: 4.0,
+            distance_mm: 10.0,
+        };
+        assert_eq!(refused, Err(expected));
+    }
+}

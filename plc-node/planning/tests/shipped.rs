@@ -1,0 +1,123 @@
+//! The applications that the project ships, on Setup A.
+
+#![expect(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+use planning::{APPLICATIONS, Application, Plan, count, plan, stream};
+use protocol::image::{self, MotionKind};
+use setup::Setup;
+
+fn application(name: &str) -> Application {
+    let (_, text) = APPLICATIONS.iter().find(|(known, _)| *known == name).expect("shipped");
+    Application::parse(name, text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn setup_a() -> Setup {
+    setup::setup("A").expect("built in")
+}
+
+fn planned(name: &str) -> Plan {
+    plan(&application(name), &setup_a()).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+#[test]
+fn each_shipped_application_reads_as_in_its_snapshot() {
+    for (name, _) in APPLICATIONS {
+        insta::assert_snapshot!(*name, planned(name).to_string());
+    }
+}
+
+/// What the measured figures belong to: it must not change unnoticed.
+#[test]
+fn the_measured_variant_is_the_sequence_of_thirteen_motions() {
+    use MotionKind::{LinCartesian as Lin, PtpCartesian as Ptp};
+    let by_hand = [
+        (Ptp, [0.0, 0.0, 100.0], true),
+        (Lin, [0.0, 0.0, 30.0], true),
+        (Lin, [0.0, 0.0, 0.0], false), // grip
+        (Lin, [0.0, 0.0, 30.0], true),
+        (Lin, [0.0, 0.0, 100.0], true),
+        (Ptp, [150.0, 0.0, 150.0], true), // over the wall
+        (Ptp, [300.0, 0.0, 100.0], true),
+        (Lin, [300.0, 0.0, 30.0], true),
+        (Lin, [300.0, 0.0, 0.0], false), // insert
+        (Lin, [300.0, 0.0, 30.0], true),
+        (Lin, [300.0, 0.0, 100.0], true),
+        (Ptp, [150.0, 0.0, 150.0], true),
+        (Ptp, [-100.0, 100.0, 150.0], false), // the end, which is the start
+    ];
+    let mut setup = setup_a();
+    setup.motions.velocity_percent.value = 25.0;
+    let expected = by_hand.map(|(kind, [x, y, z], blends)| {
+        // 25 % of 2000 mm/s and 50 % of 5000 mm/s² on the path, shares of the axes' speeds for a PTP.
+        let (velocity, acceleration) = if kind == Lin { (5_000, 2_500) } else { (2_500, 5_000) };
+        let target = [x, y, z, 0.0, 0.0, 180.0];
+        let approximation = if blends { 1_000 } else { 0 };
+        image::Motion { kind, target, velocity, acceleration, approximation, base: 1, ..image::Motion::EMPTY }
+    });
+    assert_eq!(plan(&application("pick-and-place"), &setup).expect("plans").wire_motions(&setup), expected);
+}
+
+#[test]
+fn the_measured_variant_is_one_continuous_motion_and_the_one_with_a_gripper_three() {
+    let sizes = |name| planned(name).continuous.iter().map(|it| it.motions.len()).collect::<Vec<_>>();
+    assert_eq!(sizes("pick-and-place"), [13]);
+    assert_eq!(sizes("pick-and-place-gripper"), [3, 6, 4]);
+}
+
+#[test]
+fn palletising_places_two_hundred_parts_on_two_hundred_cells() {
+    let plan = planned("palletising");
+    let mut places: Vec<[i64; 3]> = plan
+        .motions
+        .iter()
+        .filter(|motion| motion.name == "LIN place")
+        .map(|motion| motion.target.point.coordinates().map(|mm| mm.round() as i64))
+        .collect();
+    places.sort_unstable();
+    places.dedup();
+    assert_eq!((plan.cycles.len(), places.len()), (200, 200));
+    assert_eq!((places.first(), places.last()), (Some(&[-80, 60, 10]), Some(&[60, 140, 70])));
+}
+
+#[test]
+fn every_motion_kind_of_the_image_can_be_planned() {
+    let mut kinds: Vec<u8> = APPLICATIONS
+        .iter()
+        .flat_map(|(name, _)| planned(name).motions.into_iter().map(|motion| motion.kind.into()))
+        .collect();
+    let joints = include_str!("../../../bench/applications/pick-and-place.toml")
+        .replace("home = {", "home = { joints_deg = [-60.0, 90.0, 150.0, 0.0, 0.0, 0.0],");
+    let with_joints = Application::parse("test", &joints).expect("reads");
+    let by_joints = plan(&with_joints, &setup_a()).expect("plans").wire_motions(&setup_a());
+    kinds.extend(by_joints.iter().map(|motion| u8::from(motion.kind)));
+    kinds.sort_unstable();
+    kinds.dedup();
+    assert_eq!(kinds, [1, 2, 3, 4, 5, 6]);
+    let last = by_joints.last().expect("has motions");
+    assert_eq!((last.kind, last.target), (MotionKind::PtpJoint, [-60.0, 90.0, 150.0, 0.0, 0.0, 0.0]));
+}
+
+#[test]
+fn a_stream_hands_out_the_motions_of_the_plan_and_goes_round_and_round() {
+    let setup = setup_a();
+    for (name, _) in APPLICATIONS {
+        let application = application(name);
+        let once = planned(name).wire_motions(&setup);
+        let total = count(&application, &setup, 3).expect("plans");
+        let streamed: Vec<image::Motion> = stream(&application, &setup, 3)
+            .enumerate()
+            .map(|(index, item)| {
+                let item = item.expect("plans");
+                assert_eq!(item.number, index as u64 + 1);
+                item.motion
+            })
+            .collect();
+        assert_eq!(streamed.len() as u64, total, "{name}");
+        assert_eq!(streamed[..once.len()], once, "{name}");
+        assert_eq!(
+            streamed[streamed.len() - once.len()..],
+            once,
+            "{name}: all shipped ones end where they start"
+        );
+    }
+}

@@ -1,0 +1,43 @@
+//! `plc-node plan`: what becomes of an application, for the process engineer who writes it.
+
+use std::io::{ErrorKind, Write as _, stdout};
+
+use protocol_linux::supervise::Outcome;
+
+/// An application and a setup to plan it for.
+#[derive(clap::Args, Debug)]
+pub(crate) struct PlanCommand {
+    /// A built-in application's name, or the path of a .toml file.
+    #[arg(value_name = "NAME|FILE")]
+    application: String,
+    /// The setup to plan for: a built-in one's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
+    setup: String,
+    /// Print every cycle of a grid and every warning.
+    #[arg(long)]
+    all: bool,
+}
+
+/// Warnings that are printed of a plan unless all are asked for: the cycles of a grid repeat theirs.
+const WARNINGS: usize = 10;
+
+impl PlanCommand {
+    /// Prints the plan to standard output and its warnings to standard error.
+    pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let setup = setup::setup(&self.setup)?;
+        let plan = planning::application(&self.application, None)?.plan(&setup)?;
+        let text = if self.all { format!("{plan:#}") } else { plan.to_string() };
+        // Whoever reads on may stop early: `| head` is no fault.
+        match stdout().lock().write_all(text.as_bytes()) {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => return Err(error.into()),
+            _ => {}
+        }
+        let shown = if self.all { usize::MAX } else { WARNINGS };
+        plan.warnings().take(shown).for_each(|warning| eprintln!("warning: {warning}"));
+        let unseen = plan.warnings().skip(shown).count();
+        if unseen > 0 {
+            eprintln!("{unseen} more warnings; --all prints them");
+        }
+        Ok(Outcome::Done)
+    }
+}

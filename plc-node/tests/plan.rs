@@ -1,0 +1,75 @@
+//! `plc-node plan`: what goes to which stream, and what is said about an application that cannot be planned.
+
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// What a call printed and how it ended.
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn plan_in(directory: &Path, arguments: &[&str]) -> Said {
+    let output = Command::new(env!("CARGO_BIN_EXE_plc-node"))
+        .current_dir(directory)
+        .arg("plan")
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+fn plan(arguments: &[&str]) -> Said {
+    plan_in(Path::new("."), arguments)
+}
+
+/// What is said about the shipped pick and place with one passage replaced.
+fn changed(from: &str, to: &str) -> Said {
+    let directory = tempfile::tempdir().unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    assert!(text.contains(from), "{from}");
+    fs::write(directory.path().join("my.toml"), text.replacen(from, to, 1)).unwrap();
+    plan_in(directory.path(), &["my.toml", "--setup", "A"])
+}
+
+#[test]
+fn every_application_that_is_built_in_is_planned_without_a_warning() {
+    for (name, _) in planning::APPLICATIONS {
+        let said = plan(&[name, "--setup", "A"]);
+        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{name}");
+        assert!(said.stdout.starts_with(&format!("{name} on setup A: ")), "{}", said.stdout);
+    }
+}
+
+#[test]
+fn of_a_grid_one_cycle_is_shown_unless_all_are_asked_for() {
+    let cycles = |said: Said| said.stdout.lines().filter(|line| line.starts_with("cycle ")).count();
+    assert_eq!(cycles(plan(&["palletising"])), 1);
+    assert_eq!(cycles(plan(&["palletising", "--all"])), 200);
+}
+
+#[test]
+fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
+    let said = changed("shift_mm = [0.0, 0.0, 30.0]", "shift_mm = [0.0, 0.0, 12.0]");
+    assert_eq!(said.code, Some(0));
+    assert!(!said.stdout.contains("warning"), "{}", said.stdout);
+    insta::assert_snapshot!(said.stderr, @"");
+}
+
+#[test]
+fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
+    let unknown = plan(&["juggle"]);
+    let key = changed("approach_mm", "aproach_mm");
+    let value = changed("labels = [\"accurate-path\"]", "labels = []");
+    let step = changed("line = \"grip\"", "line = \"carrier-rim\"");
+    let said = [unknown, key, value, step].map(|said| {
+        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+        said.stderr
+    });
+    insta::assert_snapshot!(said.concat(), @"");
+}

@@ -1,0 +1,179 @@
+//! Machines over TCP, to try the driver's connections with.
+
+use std::collections::VecDeque;
+use std::net::SocketAddrV4;
+
+use protocol::fieldbus::LinkEvent;
+use protocol::{
+    Cycle, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
+
+pub(crate) const TCP_PORT: u16 = 44818;
+const PERIOD: Duration = Duration::from_millis(1);
+
+/// Says back what it hears, with a cycle beside it. To a client that says [`FLOOD`] it talks without end; one that
+/// says [`LEAVE`] is told [`FAREWELL`] and left.
+#[derive(Debug)]
+pub(crate) struct EchoServer {
+    cycle: Cycle,
+    to_say: VecDeque<(StreamId, Vec<u8>)>,
+    flooded: Option<StreamId>,
+    to_close: Option<StreamId>,
+    pub(crate) dscp: u8,
+    pub(crate) ticks: u64,
+    pub(crate) opened: Vec<StreamId>,
+    pub(crate) closed: Vec<StreamId>,
+}
+
+pub(crate) const FLOOD: &[u8] = b"flood\n";
+pub(crate) const LEAVE: &[u8] = b"leave\n";
+pub(crate) const FAREWELL: &[u8] = b"farewell";
+
+impl EchoServer {
+    pub(crate) fn new(now: Instant) -> Self {
+        Self {
+            cycle: Cycle::new(now + PERIOD, PERIOD),
+            to_say: VecDeque::new(),
+            flooded: None,
+            to_close: None,
+            dscp: 27,
+            ticks: 0,
+            opened: Vec::new(),
+            closed: Vec::new(),
+        }
+    }
+}
+
+impl Machine for EchoServer {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, _: Instant, from: Source, frame: &[u8]) {
+        let Port::Stream(stream) = from.port else { return };
+        match frame {
+            FLOOD => self.flooded = Some(stream),
+            LEAVE => {
+                self.to_say.push_back((stream, FAREWELL.to_vec()));
+                self.to_close = Some(stream);
+            }
+            frame => self.to_say.push_back((stream, frame.to_vec())),
+        }
+    }
+
+    fn handle_stream(&mut self, _: Instant, stream: StreamId, change: StreamChange) {
+        match change {
+            StreamChange::Opened(_) => self.opened.push(stream),
+            StreamChange::Closed => {
+                self.closed.push(stream);
+                self.flooded = self.flooded.filter(|flooded| *flooded != stream);
+            }
+        }
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        Some(TCP_PORT)
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        self.to_close.take().map(StreamRequest::Close)
+    }
+
+    fn dscp(&self, _: Port) -> u8 {
+        self.dscp
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        if self.cycle.tick(now).is_some() {
+            self.ticks += 1;
+            if let Some(stream) = self.flooded {
+                self.to_say.push_back((stream, vec![0xAA; 4096]));
+            }
+        }
+    }
+
+    fn poll_transmit(&mut self, _: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let (stream, bytes) = self.to_say.pop_front()?;
+        buf.get_mut(..bytes.len())?.copy_from_slice(&bytes);
+        Some(Transmit { port: Port::Stream(stream), to: None, len: bytes.len() })
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        None
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        Some(self.cycle.next())
+    }
+}
+
+/// Connects to a peer, says something and keeps what it hears; tries again 20 ms after it could not.
+#[derive(Debug)]
+pub(crate) struct Caller {
+    to: SocketAddrV4,
+    call_at: Option<Instant>,
+    call: bool,
+    to_say: Option<StreamId>,
+    pub(crate) opened: Vec<StreamId>,
+    pub(crate) closed: Vec<StreamId>,
+    pub(crate) heard: Vec<u8>,
+}
+
+pub(crate) const GREETING: &[u8] = b"who is there?";
+
+impl Caller {
+    pub(crate) fn new(to: SocketAddrV4, now: Instant) -> Self {
+        Self {
+            to,
+            call_at: Some(now),
+            call: false,
+            to_say: None,
+            opened: Vec::new(),
+            closed: Vec::new(),
+            heard: Vec::new(),
+        }
+    }
+}
+
+impl Machine for Caller {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, _: Instant, _: Source, frame: &[u8]) {
+        self.heard.extend_from_slice(frame);
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        match change {
+            StreamChange::Opened(peer) => {
+                assert_eq!(peer, self.to);
+                self.opened.push(stream);
+                self.to_say = Some(stream);
+            }
+            StreamChange::Closed => {
+                self.closed.push(stream);
+                self.call_at = Some(now + Duration::from_millis(20));
+            }
+        }
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        std::mem::take(&mut self.call).then_some(StreamRequest::Connect { to: self.to })
+    }
+
+    fn handle_timeout(&mut self, _: Instant) {
+        self.call_at = None;
+        self.call = true;
+    }
+
+    fn poll_transmit(&mut self, _: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let stream = self.to_say.take()?;
+        buf.get_mut(..GREETING.len())?.copy_from_slice(GREETING);
+        Some(Transmit { port: Port::Stream(stream), to: None, len: GREETING.len() })
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        None
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.call_at
+    }
+}

@@ -1,0 +1,138 @@
+//! TCP connections of a machine, with the ordinary sockets of this host at their other end.
+
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, SocketAddrV4, TcpListener, TcpStream};
+use std::time::{Duration, Instant};
+
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, clock};
+
+use super::machines::tcp::{Caller, EchoServer, FAREWELL, FLOOD, GREETING, LEAVE, TCP_PORT};
+use super::{ADDRESSES, Bed, Watch, stop};
+
+const SERVER: SocketAddrV4 = SocketAddrV4::new(ADDRESSES[1], TCP_PORT);
+
+/// Whatever takes longer hangs.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+impl Bed {
+    fn echo_server(&self) -> CyclicThread<EchoServer, Watch> {
+        self.start(1, |_| EchoServer::new(clock::now()))
+    }
+
+    /// A client in the left network.
+    fn client(&self) -> TcpStream {
+        let client = self.ends[0].0.run(|| TcpStream::connect(SERVER)).unwrap().unwrap();
+        client.set_nodelay(true).unwrap();
+        client.set_read_timeout(Some(PATIENCE)).unwrap();
+        client
+    }
+}
+
+fn echoes(mut client: &TcpStream, text: &[u8]) -> bool {
+    let mut heard = vec![0; text.len()];
+    client.write_all(text).is_ok() && client.read_exact(&mut heard).is_ok() && heard == text
+}
+
+#[test]
+fn a_client_that_speaks_in_single_bytes_and_ends_its_side_hears_everything() {
+    let bed = Bed::lay();
+    let server = bed.echo_server();
+    let text: Vec<u8> = (0..2000_u32).map(|n| n as u8).collect();
+    let mut client = bed.client();
+    for byte in &text {
+        client.write_all(&[*byte]).unwrap();
+    }
+    client.shutdown(Shutdown::Write).unwrap();
+    let mut heard = Vec::new();
+    client.read_to_end(&mut heard).unwrap();
+    assert!(heard == text, "{} of {} bytes came back", heard.len(), text.len());
+    let server = stop(server);
+    assert_eq!(server.driver.machine().opened, server.driver.machine().closed);
+}
+
+#[test]
+fn a_connection_that_the_machine_ends_ends_after_its_last_words() {
+    let bed = Bed::lay();
+    let server = bed.echo_server();
+    let mut client = bed.client();
+    client.write_all(LEAVE).unwrap();
+    let mut heard = Vec::new();
+    client.read_to_end(&mut heard).unwrap();
+    assert_eq!(heard, FAREWELL);
+    drop(client);
+    assert_eq!(stop(server).driver.machine().closed, [], "the machine is not told of what it asked for");
+}
+
+#[test]
+fn a_client_that_does_not_read_is_cut_off_and_nobody_waits_for_it() {
+    let bed = Bed::lay();
+    let server = bed.echo_server();
+    let (mut deaf, other) = (bed.client(), bed.client());
+    deaf.write_all(FLOOD).unwrap();
+    let started = Instant::now();
+    while deaf.take_error().unwrap().is_none() {
+        assert!(started.elapsed() < PATIENCE, "the client that does not read is still connected");
+        assert!(echoes(&other, b"still there?"));
+    }
+    assert!(echoes(&other, b"and after it?"));
+    let server = stop(server);
+    assert_eq!(server.driver.statistics().streams.overflowed, 1);
+    assert_eq!(server.driver.machine().closed, server.driver.machine().opened[..1]);
+}
+
+#[test]
+fn clients_beyond_the_places_are_sent_away_and_those_inside_stay() {
+    let bed = Bed::lay();
+    let server = bed.echo_server();
+    let first = bed.client();
+    assert!(echoes(&first, b"first"));
+    let flood: Vec<_> = (0..100).map(|_| bed.client()).collect();
+    let served = flood.iter().filter(|client| echoes(client, b"me too")).count();
+    assert_eq!(served, 31);
+    assert!(echoes(&first, b"still"));
+    drop(flood);
+    let started = Instant::now();
+    while !echoes(&bed.client(), b"after the flood") {
+        assert!(started.elapsed() < PATIENCE, "nobody gets in any more");
+    }
+    let server = stop(server);
+    assert!(server.driver.statistics().streams.turned_away >= 69);
+    let mut numbers = server.driver.machine().opened.clone();
+    numbers.dedup();
+    assert!(numbers.len() >= 33 && numbers.is_sorted(), "a number was used again: {numbers:?}");
+    assert!(server.driver.machine().ticks > 0);
+}
+
+#[test]
+fn a_machine_hears_that_nobody_listens_and_connects_when_somebody_does() {
+    let bed = Bed::lay();
+    let caller = bed.start(0, |_| Caller::new(SERVER, clock::now()));
+    std::thread::sleep(Duration::from_millis(200));
+    let listener = bed.ends[1].0.run(|| TcpListener::bind(SERVER)).unwrap().unwrap();
+    let (mut called, _) = listener.accept().unwrap();
+    let mut greeting = [0; GREETING.len()];
+    called.read_exact(&mut greeting).unwrap();
+    assert_eq!(greeting, GREETING);
+    called.write_all(b"me").unwrap();
+    drop(called);
+    std::thread::sleep(Duration::from_millis(200));
+    let caller = stop(caller);
+    let machine = caller.driver.machine();
+    assert!(machine.closed.len() > 1 && machine.heard.starts_with(b"me"), "{machine:?}");
+    assert!(machine.closed.is_sorted(), "a number was used again: {machine:?}");
+}
+
+#[test]
+fn a_taken_tcp_port_is_named_with_who_has_it() {
+    let bed = Bed::lay();
+    let (namespace, name) = &bed.ends[1];
+    let message = namespace
+        .run(|| {
+            let _other = TcpListener::bind(SERVER).unwrap();
+            let interface = Interface::open(name).unwrap();
+            let machine = EchoServer::new(clock::now());
+            Driver::new(machine, interface, vec![], Notifier::new().unwrap()).unwrap_err().to_string()
+        })
+        .unwrap();
+    assert!(message.contains("TCP port 44818") && message.contains(" at 10.0.0.2:44818;"), "{message}");
+}
