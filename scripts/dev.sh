@@ -18,6 +18,7 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v setpriv >/dev/null || missing+=(util-linux)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
+    command -v npm >/dev/null || missing+=(nodejs npm)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
@@ -141,7 +142,8 @@ newest_python() {
 
 verb_interop() { #: our stacks against those of others, each in a process of its own; captures through the gates (as root)
     local target="${CARGO_TARGET_DIR:-$PWD/target}" interop=scripts/interop
-    export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python" OUT
+    export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python"
+    export NODE_MODULES="$target/interop/node_modules" OUT
     cargo build -p plc-node -p robot-node --locked
     cargo build --manifest-path "$interop/peers/Cargo.toml" --target-dir "$target/interop/peers" --locked
     if ! cmp -s "$interop/peers/python.txt" "$VENV/python.txt"; then
@@ -149,6 +151,10 @@ verb_interop() { #: our stacks against those of others, each in a process of its
         "$(newest_python)" -m venv "$VENV"
         "$VENV/bin/pip" install --quiet --requirement "$interop/peers/python.txt"
         cp "$interop/peers/python.txt" "$VENV/python.txt"
+    fi
+    if ! cmp -s "$interop/peers/package-lock.json" "$target/interop/package-lock.json"; then
+        cp "$interop/peers/"package{,-lock}.json "$target/interop"
+        npm ci --prefix "$target/interop" --no-audit --no-fund --silent
     fi
     local test name gate
     for test in "$interop"/*-*.sh; do

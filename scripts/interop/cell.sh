@@ -6,9 +6,10 @@
 # programs, interfaces and namespaces are gone, however it ends.
 #
 #   NODES  directory of plc-node and robot-node      PEERS  directory of the peers written in Rust
-#   VENV   virtual environment of the Python peers   OUT    where output and capture of this test go
+#   VENV   virtual environment of the Python peers   NODE_MODULES  packages of the Node.js peers
+#   OUT    where output and capture of this test go
 set -euo pipefail
-: "${NODES:?}" "${PEERS:?}" "${VENV:?}" "${OUT:?}"
+: "${NODES:?}" "${PEERS:?}" "${VENV:?}" "${NODE_MODULES:?}" "${OUT:?}"
 
 if [ -z "${CELL:-}" ]; then
     rm -rf "$OUT"
@@ -24,7 +25,7 @@ export PLC_ADDRESS=192.168.64.1 ROBOT_ADDRESS=192.168.64.2
 mount -t sysfs sysfs /sys
 unshare --net --mount sh -c 'mount -t sysfs sysfs /sys; echo there; exec sleep infinity' >"$OUT/robot-namespace.log" &
 robot_namespace=$!
-until grep -q there "$OUT/robot-namespace.log"; do sleep 0.02; done
+until grep -sq there "$OUT/robot-namespace.log"; do sleep 0.02; done
 
 # at_plc COMMAND... and at_robot COMMAND...: run it at that end of the cable.
 at_plc() { "$@"; }
@@ -51,7 +52,7 @@ start() {
 # says NAME PATTERN [SECONDS]: waits until the program has said it.
 says() {
     local tenths=$((${3:-10} * 10))
-    until grep -qE -- "$2" "$OUT/$1.log"; do
+    until grep -sqE -- "$2" "$OUT/$1.log"; do
         [ $((tenths -= 1)) -gt 0 ] || fail "$1 did not say /$2/"
         sleep 0.1
     done
