@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# cpppo as explicit client of our adapter: ListServices, ListIdentity and ListInterfaces over TCP and UDP, attributes.
+# cpppo as explicit client of our adapter: ListServices, ListIdentity and ListInterfaces over TCP and UDP, attributes, a
+# class 3 connection from Forward_Open to Forward_Close.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
@@ -12,4 +13,5 @@ ends peer 30
 says peer 'listed over UDP'
 says peer 'listed over TCP'
 says peer 'attributes read'
+says peer 'opened, asked and closed'
 recorded

@@ -32,3 +32,14 @@ with client.connector(host=address, timeout=3) as connection:
     assert bytes(values[0]) == b"\xff\xff", values
     assert bytes(values[1]) == b"\x10skillbench robot", values
 print("attributes read", flush=True)
+
+# A class 3 connection to the message router: Forward_Open, an attribute through it, Forward_Close.
+router = [{"class": 2}, {"instance": 1}]
+connection = client.implicit(host=address, timeout=3, connection_path=router)
+assert connection.established.forward_open.O_T.connection_ID, connection.established
+operations = attribute_operations(["@1/1/7"], route_path=False, send_path="")
+with connection:
+    ((*_, value),) = connection.synchronous(operations=operations, timeout=3)
+assert bytes(value) == b"\x10skillbench robot", value
+connection.close()
+print("opened, asked and closed", flush=True)

@@ -9,8 +9,9 @@ from pnio_dcp import DCP
 
 ours, station, address = sys.argv[1:]
 dcp = DCP(ours)
-dcp.default_timeout = 1
-found = dcp.identify_all(timeout=1)
+dcp.default_timeout = 2
+# It lets devices spread their answers over 1.28 s.
+found = dcp.identify_all(timeout=2)
 assert len(found) == 1, f"{len(found)} devices answered Identify"
 mac = found[0].MAC
 assert found[0].name_of_station == station, found[0]
@@ -24,7 +25,7 @@ assert dcp.get_ip_address(mac) == address, dcp.get_ip_address(mac)
 answer = dcp.set_name_of_station(mac, "renamed-robot", store_permanent=False)
 assert answer, answer.get_message()
 assert dcp.get_name_of_station(mac) == "renamed-robot"
-(found,) = dcp.identify_all(timeout=1)
+(found,) = dcp.identify_all(timeout=2)
 assert (found.name_of_station, found.IP) == ("renamed-robot", address), found
 
 answer = dcp.blink(mac)
