@@ -18,6 +18,7 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v setpriv >/dev/null || missing+=(util-linux)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
+    command -v npm >/dev/null || missing+=(nodejs npm)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
@@ -33,7 +34,7 @@ verb_format() { #: fail where the formatting differs
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
     cargo clippy --workspace --all-targets --locked -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-    shellcheck scripts/*.sh .ci/run
+    shellcheck --external-sources scripts/*.sh scripts/interop/*.sh .ci/run
 }
 
 verb_purity() { #: prove that `protocol` can name no clock, socket, thread or file
@@ -76,6 +77,37 @@ gate_profinet() {
     [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
 }
 
+# EtherNet/IP gate: its ports carry nothing else, nothing is malformed, short or in error, and datagrams of I/O have
+# one sequenced address item and one connected data item.
+ENIP_TRAFFIC='(tcp.port==44818||udp.port==44818||udp.port==2222)&&!icmp'
+gate_ethernet_ip() {
+    local dissect=(tshark -n -2 -r "$1" -d "udp.port==2222,cipio" -d "udp.port==44818,enip" -d "tcp.port==44818,enip")
+    local frames faults
+    frames=$("${dissect[@]}" -Y "($ENIP_TRAFFIC)&&(enip||cipio)" 2>/dev/null | wc -l)
+    faults=$(
+        for fault in \
+            "$ENIP_TRAFFIC&&(_ws.malformed||_ws.short||_ws.expert.group==0x07000000||_ws.expert.severity==0x00800000)" \
+            "(udp.port==44818||udp.port==2222)&&!icmp&&!enip&&!cipio" \
+            "cipio&&!(enip.cpf.typeid==0x8002||enip.cpf.typeid==0x00a1)"; do
+            "${dissect[@]}" -Y "$fault" 2>/dev/null
+        done | tee /dev/stderr | wc -l
+    )
+    echo "$1: $frames EtherNet/IP frames, $faults faults"
+    [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
+}
+
+# gate_sees_faults GATE CAPTURE: a gate must see a fault that is there: the same capture with one byte in twenty changed.
+gate_sees_faults() {
+    local broken
+    broken=$(mktemp --suffix .pcapng)
+    editcap --seed 1 -E 0.05 "$2" "$broken" 2>/dev/null
+    if "$1" "$broken" >/dev/null 2>&1; then
+        echo "$1 did not see the faults put into $2" >&2
+        return 1
+    fi
+    rm "$broken"
+}
+
 verb_wire() { #: a short real run over udp and over rt1, each capture through tshark's gate
     cargo build -p bench --locked
     local out
@@ -86,18 +118,58 @@ verb_wire() { #: a short real run over udp and over rt1, each capture through ts
         cargo run -p bench --locked -- --setup A --cyclic "$cyclic" --reps 1 --capture always --out "$out/$cyclic"
         for capture in "$out/$cyclic"/*.pcapng; do
             gate_profinet "$capture"
-            # The gate must see a fault that is there: the same capture with one byte in a hundred changed.
-            editcap --seed 1 -E 0.01 "$capture" "$out/broken.pcapng" 2>/dev/null
-            if gate_profinet "$out/broken.pcapng" >/dev/null 2>&1; then
-                echo "the gate did not see the faults put into $capture" >&2
-                exit 1
-            fi
+            gate_sees_faults gate_profinet "$capture"
         done
     done
 }
 
 verb_gate() { #: fail where the virtual figures of a setup left their committed baseline
     cargo run -p bench --locked -- gate --setup A
+}
+
+# newest_python: a Python that every peer runs on; ethernetip2 needs 3.12.
+newest_python() {
+    local python
+    for python in python3 python3.1{4,3,2} ~/.pyenv/versions/3.1[2-9]*/bin/python3; do
+        if "$python" -c 'import sys, venv; sys.exit(sys.version_info < (3, 12))' 2>/dev/null; then
+            command -v "$python"
+            return
+        fi
+    done
+    echo "the interop peers need Python 3.12 or newer with the module venv" >&2
+    return 1
+}
+
+verb_interop() { #: our stacks against those of others, each in a process of its own; captures through the gates (as root)
+    local target="${CARGO_TARGET_DIR:-$PWD/target}" interop=scripts/interop
+    export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python"
+    export NODE_MODULES="$target/interop/node_modules" OUT
+    cargo build -p plc-node -p robot-node --locked
+    cargo build --manifest-path "$interop/peers/Cargo.toml" --target-dir "$target/interop/peers" --locked
+    if ! cmp -s "$interop/peers/python.txt" "$VENV/python.txt"; then
+        rm -rf "$VENV"
+        "$(newest_python)" -m venv "$VENV"
+        "$VENV/bin/pip" install --quiet --requirement "$interop/peers/python.txt"
+        cp "$interop/peers/python.txt" "$VENV/python.txt"
+    fi
+    if ! cmp -s "$interop/peers/package-lock.json" "$target/interop/package-lock.json"; then
+        cp "$interop/peers/"package{,-lock}.json "$target/interop"
+        npm ci --prefix "$target/interop" --no-audit --no-fund --silent
+    fi
+    local test name gate
+    for test in "$interop"/*-*.sh; do
+        name=$(basename "$test" .sh)
+        case " ${*:-$name} " in *" $name "*) ;; *) continue ;; esac
+        OUT="$target/interop/$name"
+        echo "-- $name"
+        timeout 90 bash "$test"
+        case $name in
+            profinet-*) gate=gate_profinet ;;
+            *) gate=gate_ethernet_ip ;;
+        esac
+        "$gate" "$OUT/capture.pcapng"
+        gate_sees_faults "$gate" "$OUT/capture.pcapng"
+    done
 }
 
 verb_user() { #: the same run as an ordinary user, without any privilege (as root)
@@ -113,7 +185,7 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
 }
 
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test gate wire user; do
+    for verb in format lint purity test gate wire user interop; do
         echo "== $verb"
         "verb_$verb"
     done
@@ -121,4 +193,4 @@ verb_ci() { #: everything above but setup
 
 verb=${1:-help}
 declare -F "verb_${verb//-/_}" >/dev/null || { verb_help >&2; exit 2; }
-"verb_${verb//-/_}"
+"verb_${verb//-/_}" "${@:2}"

@@ -43,8 +43,8 @@ fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
 
 #[test]
 fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
-    let (setup, application) = setup::setup_with_application("B").unwrap();
-    let results = whole(&setup, &application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap();
+    let (setup, found) = planning::setup_with_application("B").unwrap();
+    let results = whole(&setup, &found.application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap();
     let aet = |of| results.figure(of).unwrap().aet_ms;
     let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
     assert!((rc / 7617.0 - 1.0).abs() < 0.01, "RC {rc} ms");

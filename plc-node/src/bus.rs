@@ -3,11 +3,12 @@
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Scanner, ScannerConfig};
+use protocol::profinet::description::{self, Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
 use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
-use protocol::profinet::{self, Controller, ControllerConfig, Parameter, description};
+use protocol::profinet::{self, Controller, ControllerConfig, Parameter};
 use protocol::{Duration, Instant};
-use setup::{Cyclic, Setup};
+use setup::{Cyclic, ProfinetDevice, Setup};
 
 /// Why a setup gives no bus endpoint.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -41,6 +42,9 @@ pub fn profinet_controller(
 ) -> Result<Controller, BusError> {
     let bus = &setup.bus;
     let profinet = bus.profinet.as_ref().ok_or(BusError::NoProfinet)?;
+    let description = profinet.device.as_ref().map_or(description::ROBOT, described);
+    // Devices may refuse a record for a subslot that they do not have.
+    let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
     let config = ControllerConfig {
         mac,
         station_name: profinet.plc_station_name.clone(),
@@ -48,8 +52,8 @@ pub fn profinet_controller(
         mask: bus.subnet_mask,
         device_station_name: profinet.robot_station_name.clone(),
         device_address: bus.robot_address,
-        description: description::ROBOT,
-        parameters: vec![Parameter::interface_adjust()],
+        description,
+        parameters: has_interface.then(Parameter::interface_adjust).into_iter().collect(),
         transport: match profinet.cyclic {
             Cyclic::Udp => Transport::Udp,
             Cyclic::Rt1 => Transport::Rt1,
@@ -60,6 +64,33 @@ pub fn profinet_controller(
         seed,
     };
     Ok(Controller::new(config, start)?)
+}
+
+/// A device of a setup, for a controller that expects it.
+///
+/// A description lives as long as the program, since the usual one is compiled in. One out of a setup is read once a
+/// start, so leaking its few hundred bytes costs less than counting references to them.
+fn described(device: &ProfinetDevice) -> Description {
+    let modules: Vec<Module> = device
+        .modules
+        .iter()
+        .map(|module| {
+            let submodules: Vec<Submodule> = module
+                .submodules
+                .iter()
+                .map(|submodule| Submodule {
+                    subslot: submodule.subslot,
+                    ident: submodule.ident,
+                    input_len: submodule.input_bytes,
+                    output_len: submodule.output_bytes,
+                    parameters: &[],
+                })
+                .collect();
+            Module { slot: module.slot, ident: module.ident, submodules: submodules.leak() }
+        })
+        .collect();
+    let identity = Identity { vendor: device.vendor, device: device.device };
+    Description { identity, modules: modules.leak(), ..description::ROBOT }
 }
 
 /// The scanner of a setup, on an interface with this MAC address. It connects to the robot from `start` on.
@@ -80,4 +111,29 @@ pub fn ethernet_ip_scanner(
         ..ScannerConfig::exclusive_owner(bus.robot_address, &SKILL_ROBOT, bus.cycle_us.value)
     };
     Ok(Scanner::new(config, start))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use setup::{ProfinetModule, ProfinetSubmodule};
+
+    #[test]
+    fn a_device_of_the_setup_takes_the_place_of_our_robot() {
+        let submodule =
+            |subslot, ident, input_bytes| ProfinetSubmodule { subslot, ident, input_bytes, output_bytes: 0 };
+        let device = ProfinetDevice {
+            vendor: 0x0493,
+            device: 2,
+            modules: vec![
+                ProfinetModule { slot: 0, ident: 1, submodules: vec![submodule(1, 1, 0)] },
+                ProfinetModule { slot: 4, ident: 0x40, submodules: vec![submodule(1, 0x140, 8)] },
+            ],
+        };
+        let description = described(&device);
+        assert_eq!(description.identity, Identity { vendor: 0x0493, device: 2 });
+        let found: Vec<_> =
+            description.submodules().map(|(slot, s)| (slot, s.subslot, s.ident, s.input_len)).collect();
+        assert_eq!(found, [(0, 1, 1, 0), (4, 1, 0x140, 8)]);
+    }
 }

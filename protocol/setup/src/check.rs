@@ -5,7 +5,7 @@ use std::time::Duration;
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 
-use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, Setup, Sourced};
+use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, ProfinetDevice, Setup, Sourced};
 
 /// A key and what is wrong with its value.
 #[derive(Debug)]
@@ -178,6 +178,32 @@ fn profinet(setup: &Setup) -> Check {
     station_name("bus.profinet.robot_station_name", &profinet.robot_station_name)?;
     if profinet.plc_station_name == profinet.robot_station_name {
         return Err(problem("bus.profinet.robot_station_name", "the PLC has the same name"));
+    }
+    profinet.device.as_ref().map_or(Ok(()), profinet_device)
+}
+
+/// A device describes each of its slots and subslots once and in order, as a controller names them in its Connect.
+fn profinet_device(device: &ProfinetDevice) -> Check {
+    let key = "bus.profinet.device.modules";
+    if !device.modules.is_sorted_by(|one, next| one.slot < next.slot) {
+        return Err(problem(key, "list every slot once, the lowest first"));
+    }
+    for (index, module) in device.modules.iter().enumerate() {
+        if module.submodules.is_empty()
+            || !module.submodules.is_sorted_by(|one, next| one.subslot < next.subslot)
+        {
+            let text = "list every subslot once, the lowest first; a module has at least one";
+            return Err(problem(format!("{key}[{index}].submodules"), text));
+        }
+    }
+    let submodules = || device.modules.iter().flat_map(|module| &module.submodules);
+    let inputs: u64 = submodules().map(|submodule| u64::from(submodule.input_bytes)).sum();
+    let outputs: u64 = submodules().map(|submodule| u64::from(submodule.output_bytes)).sum();
+    if inputs == 0 || outputs == 0 {
+        let text = format!(
+            "the modules have {inputs} bytes of input and {outputs} of output; the process image needs both"
+        );
+        return Err(problem(key, text));
     }
     Ok(())
 }

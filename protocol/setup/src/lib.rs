@@ -14,7 +14,7 @@ pub use error::Error;
 pub use load::{SETUPS, Text, check, find, setup, setup_with_directory};
 pub use model::{
     Axes, Bus, BusKind, Cyclic, EthernetIp, Figure, Frame, Kinematics, Motions, Opw, Paper, Plc, Profinet,
-    Robot, Scara, Setup, UnknownCyclic,
+    ProfinetDevice, ProfinetModule, ProfinetSubmodule, Robot, Scara, Setup, UnknownCyclic,
 };
 pub use sourced::{Provenance, Sourced};
 pub use write::setup_to_toml;

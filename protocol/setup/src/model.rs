@@ -136,6 +136,49 @@ pub struct Profinet {
     pub plc_station_name: String,
     /// The robot's name of station.
     pub robot_station_name: String,
+    /// What the PLC expects to find there, where it is not our robot node but, say, a robot's own fieldbus interface.
+    pub device: Option<ProfinetDevice>,
+}
+
+/// An IO-Device as its GSDML file describes it.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfinetDevice {
+    /// VendorID.
+    pub vendor: u16,
+    /// DeviceID.
+    pub device: u16,
+    /// What is plugged, by ascending slot; slot 0 is the device access point. The image goes over the submodules with
+    /// data, by slot and subslot; what does not fit is left out, what stays over is zero.
+    pub modules: Vec<ProfinetModule>,
+}
+
+/// What is in one slot of an IO-Device.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfinetModule {
+    /// Slot number.
+    pub slot: u16,
+    /// ModuleIdentNumber.
+    pub ident: u32,
+    /// Its submodules, by ascending subslot.
+    pub submodules: Vec<ProfinetSubmodule>,
+}
+
+/// What is in one subslot of an IO-Device.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfinetSubmodule {
+    /// Subslot number.
+    pub subslot: u16,
+    /// SubmoduleIdentNumber.
+    pub ident: u32,
+    /// Data from the device to the PLC, in bytes.
+    #[serde(default)]
+    pub input_bytes: u16,
+    /// Data from the PLC to the device, in bytes.
+    #[serde(default)]
+    pub output_bytes: u16,
 }
 
 /// What EtherNet/IP may be told besides. The requested packet interval is [`Bus::cycle_us`], both ways.

@@ -138,6 +138,31 @@ fn the_watchdog_is_bound_by_what_the_cyclic_frames_travel_in() {
     insta::assert_snapshot!(refusal(&text), @"DIR/my.toml: `bus.watchdog_cycles`: 1921 cycles of 1000 µs hold for 1921 ms; PROFINET allows 1920 ms over rt1, so at most 1920 cycles");
 }
 
+/// Setup A driving a device of four bytes each way, with one thing changed.
+fn with_device(from: &str, to: &str) -> String {
+    let text = "robot_station_name = \"skillbench-robot\"\n";
+    let device = "[bus.profinet.device]\nvendor = 0x0493\ndevice = 2\nmodules = [\n\
+        { slot = 0, ident = 1, submodules = [{ subslot = 1, ident = 1 }] },\n\
+        { slot = 4, ident = 0x40, submodules = [{ subslot = 1, ident = 0x140, input_bytes = 4, output_bytes = 4 }] },\n]\n";
+    changed(text, &format!("{text}{}", device.replacen(from, to, 1)))
+}
+
+#[test]
+fn a_device_other_than_our_robot_is_described_by_its_modules() {
+    let setup = parse::<Setup>("with a device", &with_device("", "")).unwrap();
+    let device = setup.bus.profinet.as_ref().and_then(|profinet| profinet.device.as_ref()).unwrap();
+    assert_eq!((device.vendor, device.modules[1].submodules[0].ident), (0x0493, 0x140));
+    let written = setup_to_toml(&setup).unwrap();
+    assert_eq!(parse::<Setup>("written", &written).unwrap(), setup, "{written}");
+}
+
+#[test]
+fn a_device_that_no_connect_can_name_is_refused() {
+    insta::assert_snapshot!(refusal(&with_device("slot = 4", "slot = 0")), @"DIR/my.toml: `bus.profinet.device.modules`: list every slot once, the lowest first");
+    insta::assert_snapshot!(refusal(&with_device("[{ subslot = 1, ident = 1 }]", "[]")), @"DIR/my.toml: `bus.profinet.device.modules[0].submodules`: list every subslot once, the lowest first; a module has at least one");
+    insta::assert_snapshot!(refusal(&with_device("input_bytes = 4, ", "")), @"DIR/my.toml: `bus.profinet.device.modules`: the modules have 0 bytes of input and 4 of output; the process image needs both");
+}
+
 #[test]
 fn a_setup_of_ones_own_names_its_application_from_its_directory_and_a_built_in_one_from_anywhere() {
     let directory = tempfile::tempdir().unwrap();

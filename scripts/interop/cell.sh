@@ -1,0 +1,82 @@
+# shellcheck shell=bash
+# A cell for one interop test, to be sourced by it: a PLC's and a robot's network namespace with a cable between them,
+# a capture of what goes over it, and programs whose output is kept.
+#
+# The test starts itself again in anonymous namespaces, that of the process numbers among them: with the test all its
+# programs, interfaces and namespaces are gone, however it ends.
+#
+#   NODES  directory of plc-node and robot-node      PEERS  directory of the peers written in Rust
+#   VENV   virtual environment of the Python peers   NODE_MODULES  packages of the Node.js peers
+#   OUT    where output and capture of this test go
+set -euo pipefail
+: "${NODES:?}" "${PEERS:?}" "${VENV:?}" "${NODE_MODULES:?}" "${OUT:?}"
+
+if [ -z "${CELL:-}" ]; then
+    rm -rf "$OUT"
+    mkdir -p "$OUT"
+    CELL=1 exec unshare --net --pid --fork --kill-child --mount-proc "$BASH" "$0" "$@"
+fi
+# The first process of a namespace is spared the signals that it does not expect.
+trap 'exit 130' INT TERM
+
+export PLC_ADDRESS=192.168.64.1 ROBOT_ADDRESS=192.168.64.2
+
+# Programs look their interface up in /sys, which shows the namespace that mounted it.
+mount -t sysfs sysfs /sys
+unshare --net --mount sh -c 'mount -t sysfs sysfs /sys; echo there; exec sleep infinity' >"$OUT/robot-namespace.log" &
+robot_namespace=$!
+until grep -sq there "$OUT/robot-namespace.log"; do sleep 0.02; done
+
+# at_plc COMMAND... and at_robot COMMAND...: run it at that end of the cable.
+at_plc() { "$@"; }
+at_robot() { nsenter --net --mount --target "$robot_namespace" -- "$@"; }
+
+ip link add name plc type veth peer name robot netns "$robot_namespace"
+for interface in lo plc; do ip link set "$interface" up; done
+for interface in lo robot; do at_robot ip link set "$interface" up; done
+
+fail() { # fail WORDS...: ends the test and shows what its programs said last
+    echo "FAILED: $*" >&2
+    tail -n 12 "$OUT"/*.log >&2
+    exit 1
+}
+
+# start NAME COMMAND...: runs it beside the test; what it says goes to NAME.log, its process number to the variable NAME.
+start() {
+    local name=$1
+    shift
+    "$@" >"$OUT/$name.log" 2>&1 &
+    printf -v "$name" %s $!
+}
+
+# says NAME PATTERN [SECONDS]: waits until the program has said it.
+says() {
+    local tenths=$((${3:-10} * 10)) over=
+    until grep -sqE -- "$2" "$OUT/$1.log"; do
+        # What a program said last may have come after the look into its log.
+        [ -z "$over" ] || fail "$1 did not say /$2/"
+        sleep 0.1
+        [ $((tenths -= 1)) -gt 0 ] && kill -0 "${!1}" 2>/dev/null || over=1
+    done
+}
+
+# ends NAME [SECONDS]: waits until the program has ended, and well.
+ends() {
+    local tenths=$((${2:-10} * 10))
+    while kill -0 "${!1}" 2>/dev/null; do
+        [ $((tenths -= 1)) -gt 0 ] || fail "$1 did not end"
+        sleep 0.1
+    done
+    wait "${!1}" || fail "$1 ended with exit code $?"
+}
+
+# From here on everything that goes over the cable is in the capture.
+start recorder dumpcap -q -i plc -w "$OUT/capture.pcapng"
+says recorder '^File:'
+
+# recorded: ends the capture.
+recorded() {
+    sleep 0.2 # the last frames are in dumpcap's ring still
+    kill -INT "${recorder:?}"
+    ends recorder
+}
