@@ -45,6 +45,10 @@ codes! {
         ConnectionLost = 17,
         /// The PLC took back `enable` while a skill ran.
         Disabled = 18,
+        /// The motion leads nowhere: its target is where it starts.
+        ZeroLength = 19,
+        /// Start, intermediate point and target of a circle lie on one line.
+        CollinearCircle = 20,
     }
 }
 
@@ -70,6 +74,8 @@ impl fmt::Display for ErrorNumber {
             Self::Singular => "the path passes a singular position",
             Self::ConnectionLost => "the connection to the PLC was lost while the skill ran",
             Self::Disabled => "the PLC took back `enable` while the skill ran",
+            Self::ZeroLength => "the motion's target is where it starts",
+            Self::CollinearCircle => "start, intermediate point and target of the circle lie on one line",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -8,6 +8,7 @@ use core::fmt::Debug;
 use std::sync::Arc;
 
 pub use frame::{Frame, Rotation, distance, length};
+pub(crate) use frame::{cross, dot};
 pub use scara::Scara;
 pub use violation::Violation;
 
