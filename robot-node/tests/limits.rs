@@ -37,6 +37,36 @@ fn motion() -> impl Strategy<Value = Motion> {
     )
 }
 
+/// A motion to a circle within that part, and the circle.
+fn circle() -> impl Strategy<Value = Vec<Motion>> {
+    let centre = (0.0..270.0_f32, 0.0..60.0_f32, 65.0..95.0_f32);
+    let plane = (10.0..50.0_f32, 0.0..6.2_f32, 0.0..6.2_f32);
+    let turns = (0.1..0.9_f32, 0.3..5.5_f32);
+    (motion(), motion(), centre, plane, turns).prop_map(
+        |(to_start, limits, (x, y, z), (radius, turn, tilt), (middle, end))| {
+            let at = |angle: f32| {
+                let (across, along) = (radius * angle.cos(), radius * angle.sin());
+                [
+                    x + across * turn.cos() - along * turn.sin() * tilt.cos(),
+                    y + across * turn.sin() + along * turn.cos() * tilt.cos(),
+                    z + along * tilt.sin(),
+                ]
+            };
+            let with = |motion: Motion, [x, y, z]: [f32; 3]| {
+                let [_, _, _, a, b, c] = motion.target;
+                Motion { target: [x, y, z, a, b, c], ..motion }
+            };
+            let limits = if limits.kind.is_point_to_point() {
+                Motion { velocity: limits.velocity * 2, acceleration: limits.acceleration / 2, ..limits }
+            } else {
+                limits
+            };
+            let circle = Motion { kind: MotionKind::Circular, auxiliary: at(middle * end), ..limits };
+            vec![with(to_start, at(0.0)), with(circle, at(end))]
+        },
+    )
+}
+
 fn bare() -> RobotConfig {
     RobotConfig { interpreter_quantum: Duration::ZERO, skill_overhead: Duration::ZERO, ..config() }
 }
@@ -119,6 +149,29 @@ impl Watched {
     }
 }
 
+/// Runs motions that are written in time to their end.
+fn run_whole(motions: &[Motion]) -> Result<(), TestCaseError> {
+    let mut watched = Watched::start(motions.to_vec());
+    let mut executed = 0;
+    while !watched.ended() {
+        watched.tick();
+        let feedback = watched.feedback();
+        prop_assert!(feedback.executed >= executed && feedback.executed <= executed + 2);
+        prop_assert!(feedback.accepted <= feedback.executed + SLOTS as u32);
+        executed = feedback.executed;
+        prop_assert!(watched.at < Instant::from_millis(200_000), "it never ends");
+    }
+    let feedback = watched.feedback();
+    prop_assert!(feedback.status.contains(Status::DONE), "{:?}", feedback);
+    prop_assert_eq!(feedback.executed as usize, motions.len());
+    prop_assert_eq!(feedback.blends_suppressed, 0, "every motion was there in time");
+    let target = motions.last().unwrap_or(&Motion::EMPTY).target;
+    for (is, wanted) in feedback.pose.iter().zip(target).take(3) {
+        prop_assert!((is - wanted).abs() < 1e-3, "{is} is not {wanted}");
+    }
+    watched.keeps_limits()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -126,25 +179,32 @@ proptest! {
     fn every_sequence_ends_at_its_last_target_within_all_limits(
         motions in proptest::collection::vec(motion(), 1..12),
     ) {
-        let mut watched = Watched::start(motions.clone());
-        let mut executed = 0;
-        while !watched.ended() {
-            watched.tick();
-            let feedback = watched.feedback();
-            prop_assert!(feedback.executed >= executed && feedback.executed <= executed + 2);
-            prop_assert!(feedback.accepted <= feedback.executed + SLOTS as u32);
-            executed = feedback.executed;
-            prop_assert!(watched.at < Instant::from_millis(200_000), "it never ends");
-        }
-        let feedback = watched.feedback();
-        prop_assert!(feedback.status.contains(Status::DONE), "{:?}", feedback);
-        prop_assert_eq!(feedback.executed as usize, motions.len());
-        prop_assert_eq!(feedback.blends_suppressed, 0, "every motion was there in time");
-        let target = motions.last().unwrap_or(&Motion::EMPTY).target;
-        for (is, wanted) in feedback.pose.iter().zip(target).take(3) {
-            prop_assert!((is - wanted).abs() < 1e-3, "{is} is not {wanted}");
-        }
-        watched.keeps_limits()?;
+        run_whole(&motions)?;
+    }
+
+    #[test]
+    fn so_does_every_sequence_with_splines(
+        motions in proptest::collection::vec((motion(), 0..4_u8), 2..12),
+    ) {
+        let motions: Vec<Motion> = motions
+            .into_iter()
+            .map(|(motion, kind)| match kind {
+                0 => motion,
+                _ if motion.kind.is_point_to_point() => Motion {
+                    kind: MotionKind::Spline,
+                    velocity: motion.velocity * 2,
+                    acceleration: motion.acceleration / 2,
+                    ..motion
+                },
+                _ => Motion { kind: MotionKind::Spline, ..motion },
+            })
+            .collect();
+        run_whole(&motions)?;
+    }
+
+    #[test]
+    fn so_does_every_sequence_with_circles(circles in proptest::collection::vec(circle(), 1..5)) {
+        run_whole(&circles.concat())?;
     }
 
     #[test]

@@ -5,7 +5,7 @@
 mod plc;
 
 use plc::{Cell, application, lin, ptp};
-use protocol::image::{Control, ErrorNumber, Motion, MotionKind, Skill, State, Status};
+use protocol::image::{Control, ErrorNumber, Feedback, Motion, MotionKind, Skill, State, Status};
 use robot_node::RobotEvent;
 
 #[test]
@@ -52,6 +52,63 @@ fn single_skills_run_one_motion_each() {
     }
 }
 
+/// A half circle in base 1 around (50, 40) at z = 90, from x = 0 to x = 100.
+fn half_circle(approximation_mm: u16) -> Motion {
+    Motion {
+        kind: MotionKind::Circular,
+        auxiliary: [50.0, 90.0, 90.0],
+        ..lin(100.0, 40.0, 90.0, approximation_mm)
+    }
+}
+
+#[test]
+fn a_circle_runs_as_a_single_skill_and_within_a_continuous_motion() {
+    let start = ptp(0.0, 40.0, 90.0, 0);
+    for (skill, motions) in [
+        (Skill::MoveCircular, vec![half_circle(0)]),
+        (Skill::MoveContinuous, vec![start, half_circle(10), lin(150.0, 40.0, 90.0, 0)]),
+    ] {
+        let mut cell = Cell::ready(Vec::new());
+        cell.call(Skill::MovePtpCartesian, vec![start]);
+        cell.wait_for_end();
+        let target = motions.last().unwrap().target;
+        cell.call(skill, motions);
+        cell.wait(|feedback| feedback.pose[1] > 89.0);
+        let [x, y, ..] = cell.feedback().pose;
+        assert!(((x - 50.0).hypot(y - 40.0) - 50.0).abs() < 1e-3, "({x}, {y}) is not on the circle");
+        cell.wait_for_end();
+        assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
+        assert!((cell.feedback().pose[0] - target[0]).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn a_spline_passes_its_targets_at_constant_speed() {
+    let targets =
+        [(0.0, 0.0), (40.0, 25.0), (85.0, 40.0), (130.0, 35.0), (170.0, 10.0), (215.0, 0.0), (260.0, 20.0)];
+    let spline = |(x, y)| Motion { kind: MotionKind::Spline, ..lin(x, y, 90.0, 5) };
+    let mut cell = Cell::ready(Vec::new());
+    cell.call(Skill::MovePtpCartesian, vec![ptp(0.0, 0.0, 90.0, 0)]);
+    cell.wait_for_end();
+    cell.call(Skill::MoveContinuous, targets.into_iter().skip(1).map(spline).collect());
+    cell.wait(|feedback| feedback.path_speed > 249.0);
+    let mut slowest = f32::INFINITY;
+    let mut nearest = targets.map(|_| f32::INFINITY);
+    while cell.feedback().pose[0] < 245.0 {
+        cell.run_ms(1);
+        let Feedback { path_speed, pose: [x, y, ..], .. } = *cell.feedback();
+        slowest = slowest.min(path_speed);
+        for (nearest, target) in nearest.iter_mut().zip(targets) {
+            *nearest = nearest.min((x - target.0).hypot(y - target.1));
+        }
+    }
+    assert!(slowest > 249.0, "it slowed down to {slowest} mm/s");
+    assert!(nearest[1..6].iter().all(|nearest| *nearest < 0.51), "a sample is 1 mm apart: {nearest:?}");
+    cell.wait_for_end();
+    assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
+    assert_eq!(cell.feedback().blends_suppressed, 0);
+}
+
 fn refused(motions: Vec<Motion>) -> (ErrorNumber, u32) {
     let mut cell = Cell::ready(Vec::new());
     let joints = *cell.robot().controller().joints();
@@ -78,12 +135,15 @@ fn what_cannot_be_run_is_refused_with_its_number_before_anything_moves() {
     let with = |change: fn(&mut Motion)| {
         let mut motion = good;
         change(&mut motion);
-        refused(vec![good, good, motion])
+        refused(vec![good, lin(10.0, 40.0, 90.0, 10), motion])
     };
     assert_eq!(with(|motion| motion.kind = MotionKind::None), (ErrorNumber::UnknownMotionKind, 2));
     assert_eq!(with(|motion| motion.kind = MotionKind::Unknown(99)), (ErrorNumber::UnknownMotionKind, 2));
-    assert_eq!(with(|motion| motion.kind = MotionKind::Circular), (ErrorNumber::MotionKindNotSupported, 2));
-    assert_eq!(with(|motion| motion.kind = MotionKind::Spline), (ErrorNumber::MotionKindNotSupported, 2));
+    assert_eq!(with(|motion| motion.target[0] = 10.0), (ErrorNumber::ZeroLength, 2));
+    let circle = |motion: &mut Motion| {
+        (motion.kind, motion.target[0], motion.auxiliary) = (MotionKind::Circular, 100.0, [50.0, 40.0, 90.0]);
+    };
+    assert_eq!(with(circle), (ErrorNumber::CollinearCircle, 2));
     assert_eq!(
         with(|motion| motion.kind = MotionKind::LinForceCartesian),
         (ErrorNumber::MotionKindNotSupported, 2)

@@ -47,6 +47,10 @@ codes! {
         Disabled = 18,
         /// A line cannot be followed in the configuration (elbow, wrist) that the arm starts it in.
         ConfigurationChange = 19,
+        /// The motion leads nowhere: its target is where it starts.
+        ZeroLength = 20,
+        /// Start, intermediate point and target of a circle lie on one line.
+        CollinearCircle = 21,
     }
 }
 
@@ -73,6 +77,8 @@ impl fmt::Display for ErrorNumber {
             Self::ConnectionLost => "the connection to the PLC was lost while the skill ran",
             Self::Disabled => "the PLC took back `enable` while the skill ran",
             Self::ConfigurationChange => "the line needs another configuration of the arm",
+            Self::ZeroLength => "the motion's target is where it starts",
+            Self::CollinearCircle => "start, intermediate point and target of the circle lie on one line",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

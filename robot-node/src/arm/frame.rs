@@ -56,6 +56,21 @@ impl Rotation {
         [half_open(a.to_degrees()), sin_b.asin().to_degrees(), half_open(c.to_degrees())]
     }
 
+    /// The unit quaternion w, x, y, z.
+    #[must_use]
+    pub const fn quaternion(self) -> [f64; 4] {
+        let [x, y, z] = self.v;
+        [self.w, x, y, z]
+    }
+
+    /// From a quaternion w, x, y, z of any length but zero.
+    #[must_use]
+    pub fn from_quaternion(quaternion: [f64; 4]) -> Self {
+        let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let [w, x, y, z] = quaternion.map(|part| part / length);
+        Self { w, v: [x, y, z] }
+    }
+
     /// The rotation that undoes this one.
     #[must_use]
     pub fn inverse(self) -> Self {
@@ -135,6 +150,12 @@ impl Frame {
         [x, y, z, a, b, c]
     }
 
+    /// Where a point that is given in this frame is in the outer one, in mm.
+    #[must_use]
+    pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
+        sum(self.position, self.rotation.rotate(point))
+    }
+
     /// The pose of the outer frame in this one.
     #[must_use]
     pub fn inverse(self) -> Self {
@@ -171,11 +192,11 @@ fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

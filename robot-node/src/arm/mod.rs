@@ -9,6 +9,7 @@ use core::fmt::Debug;
 use std::sync::Arc;
 
 pub use frame::{Frame, Rotation, distance, length};
+pub(crate) use frame::{cross, dot};
 pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
 pub use violation::Violation;

@@ -8,8 +8,8 @@ pub enum Violation {
     /// The error number says everything.
     #[error("{0}")]
     Plain(ErrorNumber),
-    /// A coordinate of the target, counted from 1.
-    #[error("coordinate {0} of the target is not a finite number")]
+    /// A coordinate of the target (1 to 6) or of the auxiliary point or force (7 to 9).
+    #[error("coordinate {0} of target and auxiliary is not a finite number")]
     NotFinite(u8),
     /// Distance of the target from the first axis, in mm.
     #[error(
@@ -81,6 +81,22 @@ pub enum Violation {
         /// What is left of the velocity, 0…1.
         share: f64,
     },
+    /// The target is where the motion starts.
+    #[error("the target is {way_mm:.4} mm from the start; a motion along a path is at least 0.001 mm long")]
+    ZeroLength {
+        /// How far it is, in mm.
+        way_mm: f64,
+    },
+    /// No circle through three points on one line.
+    #[error(
+        "the intermediate point is {offset_mm:.4} mm off the line from start to target; a circle needs {least_mm} mm"
+    )]
+    Collinear {
+        /// How far it is off the line, in mm.
+        offset_mm: f64,
+        /// How far it must be at least, in mm.
+        least_mm: f64,
+    },
     /// A velocity: mm/s, or a share of the axes' rated speeds.
     #[error("the velocity is {value}, allowed is above 0 up to {limit} (mm/s; for PTP 1 is the rated speed)")]
     Velocity {
@@ -112,6 +128,8 @@ impl Violation {
             Self::Configuration { .. } => ErrorNumber::ConfigurationChange,
             Self::Axis { .. } => ErrorNumber::AxisLimit,
             Self::Singular { .. } => ErrorNumber::Singular,
+            Self::ZeroLength { .. } => ErrorNumber::ZeroLength,
+            Self::Collinear { .. } => ErrorNumber::CollinearCircle,
             Self::Velocity { .. } => ErrorNumber::VelocityOutOfRange,
             Self::Acceleration { .. } => ErrorNumber::AccelerationOutOfRange,
         }

@@ -215,11 +215,9 @@ fn distance_at(segment: &Segment, end: End, way: f64, arm: &Arm) -> f64 {
         End::First => (0.0, way),
         End::Last => (whole, whole - way),
     };
-    match &segment.curve {
-        Curve::Line(line) => distance(line.tool(corner).position, line.tool(there).position),
-        Curve::Axes(axes) => {
-            let [corner, there] = [corner, there].map(|share| segment.tool_at(&axes.joints(share), arm));
-            distance(corner, there)
-        }
-    }
+    let place = |way| match &segment.curve {
+        Curve::Axes(axes) => segment.tool_at(&axes.joints(way), arm),
+        cartesian => cartesian.tool(way).map_or([f64::NAN; 3], |tool| tool.position),
+    };
+    distance(place(corner), place(there))
 }

@@ -1,12 +1,22 @@
 //! The geometry of one motion, without time: where the arm is after a way `s` along it.
 
+use super::arc::Arc;
+use super::spline::Spline;
 use crate::arm::{Arm, Frame, Joints, Rotation, Violation, distance};
 
 /// Where the tool, or the joints, go from one point to the next. Another kind of motion is another variant.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "kept in queues of fixed size; nothing is allocated while it runs"
+)]
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Curve {
     /// A straight line of the tool, orientation turning evenly about one axis.
     Line(Line),
+    /// A circle of the tool through an intermediate point.
+    Arc(Arc),
+    /// A piece of a spline of the tool.
+    Spline(Spline),
     /// All axes together.
     Axes(AxisLine),
 }
@@ -114,6 +124,8 @@ impl Curve {
     pub fn length(&self) -> f64 {
         match self {
             Self::Line(line) => line.length,
+            Self::Arc(arc) => arc.length(),
+            Self::Spline(spline) => spline.length(),
             Self::Axes(axes) => {
                 if axes.way().iter().any(|way| way.abs() > 1e-6) {
                     1.0
@@ -128,7 +140,20 @@ impl Curve {
     pub fn joints(&self, way: f64, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
         match self {
             Self::Line(line) => arm.follow(&line.flange.when_tool_at(line.tool(way)), near),
+            Self::Arc(arc) => arm.follow(&arc.flange().when_tool_at(arc.tool(way)), near),
+            Self::Spline(spline) => arm.follow(&spline.flange().when_tool_at(spline.tool(way)), near),
             Self::Axes(axes) => Ok(axes.joints(way)),
+        }
+    }
+
+    /// The tool in the root after `way`; none point to point, where only the joints are given.
+    #[must_use]
+    pub fn tool(&self, way: f64) -> Option<Frame> {
+        match self {
+            Self::Line(line) => Some(line.tool(way)),
+            Self::Arc(arc) => Some(arc.tool(way)),
+            Self::Spline(spline) => Some(spline.tool(way)),
+            Self::Axes(_) => None,
         }
     }
 }

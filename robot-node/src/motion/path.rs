@@ -7,6 +7,8 @@
 use std::collections::VecDeque;
 
 use super::blend::{self, BORDER_SLOPE, Blend};
+use super::curve::Curve;
+use super::curved;
 use super::profile::{Profile, reachable_speed};
 use super::segment::Segment;
 use crate::arm::{Arm, Joints, Violation};
@@ -61,6 +63,8 @@ struct Planned {
     from: f64,
     profile: Profile,
     blend: Option<Blend>,
+    /// The next motion goes on as one curve with this one: no corner, no stop.
+    goes_on: bool,
 }
 
 impl Planned {
@@ -75,6 +79,8 @@ impl Planned {
 pub struct Path {
     queue: VecDeque<Planned>,
     place: Place,
+    /// The joints at the start of the first motion.
+    start: Joints,
     end: Joints,
     left_behind: u32,
 }
@@ -83,13 +89,20 @@ impl Path {
     /// A path that ends where the arm stands.
     #[must_use]
     pub fn at_rest(joints: Joints) -> Self {
-        Self { queue: VecDeque::with_capacity(CAPACITY), place: Place::START, end: joints, left_behind: 0 }
+        Self {
+            queue: VecDeque::with_capacity(CAPACITY),
+            place: Place::START,
+            start: joints,
+            end: joints,
+            left_behind: 0,
+        }
     }
 
     /// Forgets all motions; the arm stands at `joints`.
     pub fn clear(&mut self, joints: Joints) {
         self.queue.clear();
-        (self.place, self.end, self.left_behind) = (Place::START, joints, 0);
+        (self.place, self.left_behind) = (Place::START, 0);
+        (self.start, self.end) = (joints, joints);
     }
 
     /// The joints at the end of all motions.
@@ -130,6 +143,7 @@ impl Path {
             from: 0.0,
             profile: Profile::REST,
             blend: None,
+            goes_on: false,
         });
         self.take_up_speed();
         let open = before.filter(|before| self.queue.get(*before).is_some_and(|planned| !planned.stops));
@@ -137,6 +151,9 @@ impl Path {
             self.plan(Feasibility::Known);
             return Appended::Planned;
         };
+        if let Some(appended) = self.go_on(before, arm) {
+            return appended;
+        }
         for share in [1.0, 0.5, 0.25] {
             let blend = match (self.queue.get(before), self.queue.back()) {
                 (Some(before), Some(last)) => Blend::between(&before.segment, &last.segment, share, arm),
@@ -155,6 +172,62 @@ impl Path {
         self.stop_after(before);
         self.plan(Feasibility::Known);
         Appended::Late
+    }
+
+    /// Makes the last motion and the one before it pieces of one spline, if both are motions of one. Both take their
+    /// shape from each other, which is only possible until the arm comes to the first one.
+    fn go_on(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
+        let (one, next) = (self.queue.get(before)?, self.queue.back()?);
+        let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
+            return None;
+        };
+        let is_ahead = if before == 0 {
+            !self.place.in_blend && one.from == 0.0 && self.place.time == 0.0 && one.profile.at(0.0).1 == 0.0
+        } else {
+            before > usize::from(self.place.in_blend)
+        };
+        let separate = (one.segment, next.segment);
+        let joined = (is_ahead && first.goes_on_to(second)).then(|| {
+            let shapes = (
+                first.with_neighbours(first.before(), Some(*second.to())),
+                second.with_neighbours(Some(*first.from()), None),
+            );
+            let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
+            let start = corner.map_or(self.start, |corner| corner.segment.end);
+            let one = curved::reshaped(&separate.0, shapes.0, &start, arm)?;
+            let next = curved::reshaped(&separate.1, shapes.1, &one.end, arm)?;
+            let old = corner.and_then(|corner| corner.blend);
+            let new = corner
+                .filter(|_| old.is_some())
+                .and_then(|corner| Blend::between(&corner.segment, &one, 1.0, arm));
+            Some(((one, next), old, new))
+        });
+        if let Some((pieces, old, new)) = joined.flatten() {
+            self.set_pieces(before, pieces, true);
+            if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
+                self.set_blend(corner, new);
+            }
+            if self.plan(Feasibility::Open) {
+                return Some(Appended::Planned);
+            }
+            self.set_pieces(before, separate, false);
+            if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
+                self.set_blend(corner, old);
+            }
+        }
+        self.stop_after(before);
+        self.plan(Feasibility::Known);
+        Some(if is_ahead { Appended::Planned } else { Appended::Late })
+    }
+
+    fn set_pieces(&mut self, before: usize, pieces: (Segment, Segment), goes_on: bool) {
+        self.end = pieces.1.end;
+        if let Some(planned) = self.queue.get_mut(before) {
+            (planned.segment, planned.goes_on) = (pieces.0, goes_on);
+        }
+        if let Some(planned) = self.queue.back_mut() {
+            planned.segment = pieces.1;
+        }
     }
 
     /// No motion will follow: the last one stops at its end, and that is as wanted.
@@ -202,7 +275,9 @@ impl Path {
     /// thereby has reached its decision point without a successor: its blend is suppressed.
     pub fn go_to(&mut self, place: Place) -> Option<u32> {
         for _ in 0..place.index {
-            self.queue.pop_front();
+            if let Some(left) = self.queue.pop_front() {
+                self.start = left.segment.end;
+            }
             self.left_behind += 1;
         }
         self.place = Place { index: 0, ..place };
@@ -257,9 +332,11 @@ impl Path {
     /// present speed. Returns false, and changes nothing, if the arm is too fast for it already.
     fn plan(&mut self, feasibility: Feasibility) -> bool {
         let first = usize::from(self.place.in_blend);
-        let (mut exits, mut entry_limit) = ([0.0; CAPACITY], 0.0);
+        let (mut exits, mut entry_limit) = ([0.0; CAPACITY], 0.0_f64);
         for (index, planned) in self.queue.iter().enumerate().skip(first).rev() {
-            let exit = planned.blend.map_or(0.0, |blend| {
+            let without_corner =
+                if planned.goes_on { entry_limit.min(planned.segment.limits.speed) } else { 0.0 };
+            let exit = planned.blend.map_or(without_corner, |blend| {
                 BORDER_SLOPE
                     * blend.from_zone
                     * blend.max_rate.min(entry_limit / (BORDER_SLOPE * blend.to_zone))
@@ -289,6 +366,7 @@ impl Path {
                     blend.rate = exit / (BORDER_SLOPE * blend.from_zone);
                     BORDER_SLOPE * blend.to_zone * blend.rate
                 }
+                None if planned.goes_on => exit,
                 None => 0.0,
             };
         }

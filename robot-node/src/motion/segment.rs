@@ -2,10 +2,13 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind};
 
+use super::arc::Arc;
 use super::curve::{AxisLine, Curve, Flange, Line};
+use super::curved;
 use super::profile::Limits;
+use super::spline::Spline;
 use crate::RobotConfig;
-use crate::arm::{Arm, Frame, Joints, Violation};
+use crate::arm::{Arm, Frame, Joints, Violation, distance};
 
 /// Points at which a line is checked for reach, joint ranges, speeds and accelerations.
 const CHECKS: usize = 32;
@@ -50,12 +53,16 @@ impl Segment {
     pub fn prepare(motion: &Motion, from: &Joints, config: &RobotConfig) -> Result<Self, Violation> {
         match motion.kind {
             MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
-            MotionKind::Circular | MotionKind::Spline | MotionKind::LinForceCartesian => {
+            MotionKind::Circular | MotionKind::Spline => {}
+            MotionKind::LinForceCartesian => {
                 return Err(ErrorNumber::MotionKindNotSupported.into());
             }
             MotionKind::None | MotionKind::Unknown(_) => return Err(ErrorNumber::UnknownMotionKind.into()),
         }
-        if let Some(index) = motion.target.iter().position(|coordinate| !coordinate.is_finite()) {
+        let used =
+            if matches!(motion.kind, MotionKind::Circular | MotionKind::LinForceCartesian) { 9 } else { 6 };
+        let mut coordinates = motion.target.iter().chain(&motion.auxiliary).take(used);
+        if let Some(index) = coordinates.position(|coordinate| !coordinate.is_finite()) {
             return Err(Violation::NotFinite(index as u8 + 1));
         }
         let frame =
@@ -67,7 +74,7 @@ impl Segment {
         let (flange, base_inverse) = (Flange::of_tool(&tool), base.inverse());
         let arm = &config.arm;
         let approximation_mm = motion.approximation_mm();
-        if motion.kind == MotionKind::LinCartesian {
+        if !motion.kind.is_point_to_point() {
             let programmed = Limits {
                 speed: within(motion.velocity_mm_s(), config.path_velocity_mm_s, velocity)?,
                 acceleration: within(
@@ -76,8 +83,29 @@ impl Segment {
                     acceleration,
                 )?,
             };
-            let curve = Curve::Line(Line::new(arm.forward(from) * tool, to, flange));
-            let (end, limits) = along_line(&curve, from, programmed, arm)?;
+            let start = arm.forward(from) * tool;
+            let (curve, end, limits) = if motion.kind == MotionKind::Circular {
+                let through = base.point(motion.auxiliary.map(f64::from));
+                let arc = Arc::new(start, through, to, flange)?;
+                let wanted = curved::on_bend(programmed, 1.0 / arc.radius());
+                let (end, limits) = curved::followed(&Curve::Arc(arc), from, wanted, arm)?;
+                (Curve::Arc(arc), end, limits)
+            } else if motion.kind == MotionKind::Spline {
+                let way_mm = distance(start.position, to.position);
+                if way_mm < 1e-3 {
+                    return Err(Violation::ZeroLength { way_mm });
+                }
+                let curve = Curve::Spline(Spline::new(start, to, flange, programmed));
+                let (end, limits) = curved::followed(&curve, from, programmed, arm)?;
+                (curve, end, limits)
+            } else {
+                let curve = Curve::Line(Line::new(start, to, flange));
+                if curve.length() == 0.0 {
+                    return Err(Violation::ZeroLength { way_mm: distance(start.position, to.position) });
+                }
+                let (end, limits) = along_line(&curve, from, programmed, arm)?;
+                (curve, end, limits)
+            };
             let tool_acceleration = programmed.acceleration;
             Ok(Self {
                 curve,
@@ -159,10 +187,6 @@ fn along_line(
     programmed: Limits,
     arm: &Arm,
 ) -> Result<(Joints, Limits), Violation> {
-    let length = curve.length();
-    if length == 0.0 {
-        return Ok((curve.joints(0.0, arm, from)?, programmed));
-    }
     let (end, steps) = difference(curve, from, arm)?;
     let rated = arm.limits();
     let half = steps.iter().fold(0.0_f64, |load, step| load.max(rated.acceleration_load(&step.slope).share));
