@@ -123,7 +123,8 @@ fn six_axes(opw: &setup::Opw) -> Result<Opw, ConfigError> {
         [&opw.a1_mm, &opw.a2_mm, &opw.b_mm, &opw.c1_mm, &opw.c2_mm, &opw.c3_mm, &opw.c4_mm]
             .map(|length| length.value);
     let (offsets, signs) = (opw.offsets_deg.value, opw.signs.value);
-    if ![a1, a2, b, c1, c4].iter().all(|length| length.is_finite()) || !(c2 > 0.0 && c3 > 0.0) {
+    let all_finite = [a1, a2, b, c1, c2, c3, c4].iter().all(|length| length.is_finite());
+    if !all_finite || c2 <= 0.0 || c3 <= 0.0 {
         return error("kinematics", "every length must be a number, and c2 and c3 above 0 mm");
     }
     if !offsets.iter().all(|offset| offset.abs() <= 360.0) || !signs.iter().all(|sign| sign.abs() == 1) {
