@@ -259,7 +259,8 @@ pub enum Kinematics {
 pub struct Opw {
     /// From axis 1 to axis 2, forward, in mm.
     pub a1_mm: Sourced<f64>,
-    /// From axis 3 to axis 4, across the forearm, in mm; negative where axis 4 is above axis 3 in the usual drawing.
+    /// From axis 3 to axis 4, across the forearm, in mm; negative where axis 4 lies above axis 3 with the
+    /// forearm level.
     pub a2_mm: Sourced<f64>,
     /// From the plane of the base to that of the arm, sideways, in mm.
     pub b_mm: Sourced<f64>,

@@ -33,19 +33,6 @@ impl Rotation {
         Self::about([0.0, 0.0, 1.0], a) * Self::about([0.0, 1.0, 0.0], b) * Self::about([1.0, 0.0, 0.0], c)
     }
 
-    /// From a unit quaternion w, x, y, z.
-    #[must_use]
-    pub const fn from_quaternion([w, x, y, z]: [f64; 4]) -> Self {
-        Self { w, v: [x, y, z] }
-    }
-
-    /// The unit quaternion w, x, y, z.
-    #[must_use]
-    pub const fn quaternion(self) -> [f64; 4] {
-        let Self { w, v: [x, y, z] } = self;
-        [w, x, y, z]
-    }
-
     /// The angles a, b, c in degrees about z, y' and x''; a and c within (−180, 180].
     #[must_use]
     pub fn angles(self) -> [f64; 3] {

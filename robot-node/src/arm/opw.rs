@@ -28,7 +28,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct OpwParameters {
     /// From axis 1 to axis 2, forward.
     pub a1: f64,
-    /// From axis 3 to axis 4, upward positive downward negative as the arm's literature has it.
+    /// From axis 3 to axis 4, across the forearm; negative where axis 4 lies above axis 3 with the forearm level.
     pub a2: f64,
     /// From the plane of the base to that of the arm, sideways.
     pub b: f64,
@@ -110,7 +110,7 @@ impl Opw {
         let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
         let forearm = self.forearm;
         let square = x * x + y * y - b * b;
-        // Square root of a wrist centre beside axis 1 by less than b.
+        // Below zero the wrist centre is nearer to axis 1 than the arm's own plane.
         let radial = if configuration.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
         let (n, h) = (radial - a1, z - c1);
         let bend = (n * n + h * h - c2 * c2 - forearm * forearm) / (2.0 * c2 * forearm);
