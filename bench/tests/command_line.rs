@@ -31,7 +31,7 @@ fn refused(arguments: &[&str]) -> String {
 
 #[test]
 fn an_unknown_setup_is_answered_by_those_there_are() {
-    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A; or give the path of a .toml file");
+    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B; or give the path of a .toml file");
 }
 
 #[test]

@@ -76,7 +76,7 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
             "[[step]]",
             "[[obstacle]]\nname = \"lid\"\nlower_mm = [-5.0, -5.0, 10.0]\nupper_mm = [5.0, 5.0, 12.0]\n[[step]]",
         ),
-        ("no way below the ceiling", MEASURED, wall, "upper_mm = [180.0, 200.0, 165.0]"),
+        ("no way below the ceiling", MEASURED, wall, "upper_mm = [180.0, 200.0, 185.0]"),
         (
             "no way at any height",
             MEASURED,
@@ -101,7 +101,7 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
 fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
     let cases = [
         ("unknown key", MEASURED, "approach_mm", "aproach_mm"),
-        ("wrong type", MEASURED, "ceiling_mm = 170.0", "ceiling_mm = \"high\""),
+        ("wrong type", MEASURED, "ceiling_mm = 180.0", "ceiling_mm = \"high\""),
         ("unknown segment", MEASURED, "path = [{ line", "path = [{ lien"),
         ("unknown label", MEASURED, "labels = [\"accurate-path\"]", "labels = [\"exact\"]"),
         ("no label", MEASURED, "labels = [\"accurate-path\"]", "labels = []"),

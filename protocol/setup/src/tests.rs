@@ -19,7 +19,7 @@ fn refusal(text: &str) -> String {
 
 #[test]
 fn an_unknown_setup_is_answered_by_those_there_are() {
-    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A; or give the path of a .toml file");
+    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B; or give the path of a .toml file");
 }
 
 #[test]
