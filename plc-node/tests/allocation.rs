@@ -1,36 +1,14 @@
 //! The cyclic path takes no memory from the heap after the start.
-#![expect(unsafe_code, reason = "a counting allocator is an unsafe trait; it only forwards to the system's")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
 use protocol::wire::{BigEndian, FRAME_CAPACITY};
 use protocol::{Duration, Instant, Machine, Port, Source};
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-// SAFETY: every call goes to the system's allocator unchanged; counting touches no memory that it hands out.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller keeps the contract of `alloc`, which is the system's.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: `memory` came from the system's allocator with this layout.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
+use protocol_linux::allocation::{self, AllocationCounter};
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 /// Answers a command as a robot that ends a motion with every image it sends.
 fn answer(command: &Command, feedback: &mut Feedback) {
@@ -69,7 +47,7 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
     let (mut frame, mut image) = (vec![0; FRAME_CAPACITY], [0; IMAGE_LEN]);
     let source = Source { port: Port::Ethernet, peer: None };
 
-    let before = ALLOCATIONS.with(Cell::get);
+    assert!(allocation::arm(), "the counter is installed");
     let (mut now, mut runs, mut failed) = (Instant::ZERO, 0, 0);
     for _ in 0..30_000 {
         now = plc.poll_timeout().unwrap().max(now);
@@ -90,6 +68,6 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
             }
         }
     }
-    assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0, "in {runs} runs");
+    assert_eq!(allocation::count(), 0, "in {runs} runs");
     assert!(runs > 1_000 && failed == 0, "{runs} runs, {failed} failed");
 }

@@ -1,7 +1,5 @@
 //! Nothing is allocated in the cyclic paths of EtherNet/IP: counted by the allocator itself.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use protocol::ethernet_ip::description::SKILL_ROBOT;
@@ -9,37 +7,13 @@ use protocol::ethernet_ip::{Adapter, AdapterConfig, Scanner, ScannerConfig};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::wire::FRAME_CAPACITY;
 use protocol::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
+use protocol_linux::allocation::{self, AllocationCounter};
 
 const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
 
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// The system's allocator, and a count of what this thread asked of it.
-struct Counting;
-
-#[expect(
-    unsafe_code,
-    reason = "an allocator cannot be written without; all work is the system's allocator's"
-)]
-// SAFETY: every call is handed on unchanged to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller keeps the contract of `GlobalAlloc`, which is the system's too.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the pointer came from `alloc` above, and so from the system's allocator.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 /// Hands frames from one machine to the other, at once. Returns whether there were any.
 fn hand_over<A: Machine, B: Machine>(
@@ -108,14 +82,15 @@ fn ten_thousand_cycles_and_a_request_in_each_allocate_nothing() {
         now += Duration::from_millis(1);
     }
     assert_eq!((scanner.poll_event(), adapter.poll_event()), (Some(LinkEvent::Up), Some(LinkEvent::Up)));
-    let (before, received) = (ALLOCATIONS.get(), adapter.counters().received);
+    let received = adapter.counters().received;
+    assert!(allocation::arm(), "the counter is installed");
     for _ in 0..10_000 {
         cycle(&mut scanner, &mut adapter, now);
         now += Duration::from_millis(1);
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 10 000 cycles");
+    assert_eq!(allocation::count(), 0, "allocations in 10 000 cycles");
     assert_eq!(adapter.counters().received - received, 10_000);
     assert!(scanner.input().is_some() && adapter.input().is_some());
     let probe = vec![0_u8; usize::from(now.as_nanos() > 0)];
-    assert!(ALLOCATIONS.get() > before && probe.first().copied().unwrap() == 0, "the counter counts");
+    assert!(allocation::count() > 0 && probe.first().copied().unwrap() == 0, "the counter counts");
 }
