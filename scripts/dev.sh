@@ -72,7 +72,7 @@ verb_test() { #: the README's test command
 gate_profinet() {
     local frames faults
     frames=$(tshark -n -r "$1" -Y "$PROFINET_TRAFFIC" 2>/dev/null | wc -l)
-    faults=$(tshark -n -r "$1" -2 -Y "$PROFINET_FAULTS" 2>/dev/null | tee /dev/stderr | wc -l)
+    faults=$(tshark -n -r "$1" -2 -Y "$PROFINET_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
     echo "$1: $frames PROFINET frames, $faults faults"
     [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
 }
@@ -90,7 +90,7 @@ gate_ethernet_ip() {
             "(udp.port==44818||udp.port==2222)&&!icmp&&!enip&&!cipio" \
             "cipio&&!(enip.cpf.typeid==0x8002||enip.cpf.typeid==0x00a1)"; do
             "${dissect[@]}" -Y "$fault" 2>/dev/null
-        done | tee /dev/stderr | wc -l
+        done | tee >(cat >&2) | wc -l
     )
     echo "$1: $frames EtherNet/IP frames, $faults faults"
     [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
