@@ -26,6 +26,9 @@ use crate::virtual_run::{self, VirtualBus, VirtualRun};
 /// What passes the PLC's interface, in the run directory.
 const CAPTURE: &str = "plc.pcapng";
 
+/// Warnings of a plan that are shown before a run.
+const WARNINGS: usize = 5;
+
 /// What the nodes' cyclic threads have where nothing was refused.
 const GRANTED: &str = "SCHED_FIFO, memory locked";
 
@@ -45,13 +48,18 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
     }
-    found.plan(&setup)?;
+    let warnings = found.plan(&setup)?.warnings().collect();
     if options.mode == Mode::Virtual && options.capture != Capture::Never {
         let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
         return Err(Failure::new(Exit::Usage, error));
     }
-    let measurement =
-        Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
+    let measurement = Measurement {
+        plan: Plan::new(&options.types, options.reps, options.seed),
+        options,
+        setup,
+        found,
+        warnings,
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -76,6 +84,8 @@ struct Measurement<'a> {
     setup: Setup,
     found: Found,
     plan: Plan,
+    /// What a person should look at in the planned motions: blends that had to shrink.
+    warnings: Vec<String>,
 }
 
 impl Measurement<'_> {
@@ -91,6 +101,7 @@ impl Measurement<'_> {
             export_json: self.options.export_json.clone(),
             progress: Progress::start(&self.plan, self.options.quiet),
         };
+        self.warn(&session.progress);
         let host = Host::look(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
@@ -125,6 +136,18 @@ impl Measurement<'_> {
         };
         session.finish(&ended.results)?;
         Ok((ended, path))
+    }
+
+    /// Shows the first warnings of the plan: in a grid each comes once a cycle.
+    fn warn(&self, progress: &Progress) {
+        self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
+        let more = self.warnings.len().saturating_sub(WARNINGS);
+        if more > 0 {
+            let Setup { name, application, .. } = &self.setup;
+            progress.warn(&format!(
+                "{more} more of that kind; `plc-node plan {application} --setup {name}` shows them all"
+            ));
+        }
     }
 
     /// Runs the plan on two processes, which read the setup as it stands in the run directory.

@@ -16,7 +16,7 @@ use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use robot_node::{RobotConfig, RobotEvent, RobotNode};
+use robot_node::{Program, RobotConfig, RobotEvent, RobotNode};
 use setup::{BusKind, Setup};
 
 use crate::cli::Mode;
@@ -153,12 +153,15 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     robot_bus: R,
     robot_address: Option<Ipv4Addr>,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = planning::plan(application, setup)?.wire_motions(setup);
+    let plan = planning::plan(application, setup)?;
+    let (motions, stops) = (plan.wire_motions(setup), plan.stops());
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
-    let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
-    let robot_config = RobotConfig::from_setup(setup)?;
-    let robot = RobotNode::new(robot_config, vec![(PROGRAM, motions)], robot_bus, phases.seed, robot_start);
+    let program = Program::new(motions.clone(), &stops);
+    let plc_config = PlcConfig { stops, ..PlcConfig::from_setup(setup, motions, PROGRAM) };
+    let plc = PlcNode::new(plc_config, plc_bus, plc_start);
+    let robot_config = RobotConfig::from_setup(setup)?.in_cell_of(application);
+    let robot = RobotNode::new(robot_config, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed: phases.seed,

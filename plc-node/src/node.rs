@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
 use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
@@ -29,6 +30,7 @@ pub struct PlcNode<B> {
     group: AxesGroup,
     program: u16,
     motions: Box<dyn MotionSource>,
+    stops: Vec<Stop>,
     connected: bool,
     mode: Mode,
     readiness: Readiness,
@@ -95,6 +97,7 @@ impl<B: Fieldbus> PlcNode<B> {
             group: AxesGroup::new(config.override_percent, patience),
             program: config.program,
             motions: config.motions,
+            stops: config.stops,
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
@@ -236,12 +239,12 @@ impl<B: Fieldbus> PlcNode<B> {
     }
 
     fn run(&mut self, now: Instant) {
-        match self.run.sequence.scan(&mut *self.motions, &mut self.group) {
+        match self.run.sequence.scan(now, &mut *self.motions, &self.stops, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
             Progress::Aborted => self.fail(FailureCause::RobotHalted),
             Progress::Failed { motion, error } => self.fail(match error {
-                BlockError::Robot { number, .. } => FailureCause::Robot { number, motion },
+                BlockError::Robot { number, finding, .. } => FailureCause::Robot { number, motion, finding },
                 error => FailureCause::Block { error, motion },
             }),
         }

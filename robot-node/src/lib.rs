@@ -14,6 +14,6 @@ pub mod motion;
 mod node;
 pub mod process;
 
-pub use config::{ConfigError, RobotConfig};
-pub use controller::{Controller, Ending, RobotEvent};
+pub use config::{ConfigError, ForceControl, RobotConfig};
+pub use controller::{Controller, Ending, Program, RobotEvent};
 pub use node::{RobotNode, Sample};

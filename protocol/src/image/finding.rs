@@ -117,12 +117,20 @@ impl fmt::Display for InWords {
                 write!(f, " (joint {index} would turn by {value}° at once, at most by {upper}°)")
             }
             ErrorNumber::VelocityOutOfRange => {
-                write!(f, " (it is {value}, allowed is above {lower} up to {upper}: mm/s, for PTP 1 is rated)")
+                write!(
+                    f,
+                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s, for PTP 1 is rated)"
+                )
             }
             ErrorNumber::AccelerationOutOfRange => {
-                write!(f, " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)")
+                write!(
+                    f,
+                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)"
+                )
             }
-            ErrorNumber::ZeroLength => write!(f, " (it is {value} mm away, at least {lower} mm are a motion)"),
+            ErrorNumber::ZeroLength => {
+                write!(f, " (it is {value} mm away, at least {lower} mm are a motion)")
+            }
             ErrorNumber::CollinearCircle => {
                 write!(f, " (the intermediate point is {value} mm off it, at least {lower} mm are needed)")
             }
