@@ -242,7 +242,9 @@ impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for Served {
                 let reason = format!("given up after {executed} motions: the PLC halted it, or is gone");
                 Some(RobotMessage::Trouble { number, reason })
             }
-            RobotEvent::SkillFinished { number, ending: Ending::Fault { error, motion, finding }, .. } => {
+            RobotEvent::SkillFinished {
+                number, ending: Ending::Fault { error, motion, finding }, ..
+            } => {
                 let reason = format!("motion {motion}, counted from 0: {}", finding.in_words(error));
                 Some(RobotMessage::Trouble { number, reason })
             }

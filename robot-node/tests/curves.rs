@@ -139,7 +139,11 @@ fn a_late_successor_makes_an_exact_stop_that_is_reported_and_the_run_goes_on() {
             robot.keep_back = 1;
             robot.call(Skill::MoveContinuous, motions.clone());
             let before = motions.len() as u32 - 1;
-            robot.wait(|feedback| feedback.executed == before && feedback.status.contains(Status::AT_REST));
+            let number = robot.command.number;
+            robot.wait(|feedback| {
+                let waits = feedback.executed == before && feedback.status.contains(Status::AT_REST);
+                feedback.number == number && waits
+            });
             let [x, y, _] = place(robot.feedback());
             assert!((x - last_good[0]).hypot(y - last_good[1]) < 1e-2, "{setup} {name}: ({x}, {y})");
             assert_eq!(robot.feedback().state, State::Running, "it waits, it does not fail");

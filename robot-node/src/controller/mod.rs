@@ -254,12 +254,13 @@ impl Controller {
     fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
         let waited_for_motions = self.interpolator.path().is_finished();
-        if !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none() {
+        let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
+        if takes && execution.bad.is_none() {
             self.take_motions(&mut execution, command);
         }
         if let Phase::Dispatch { until } = execution.phase {
-            let checked = execution.bad.is_some()
-                || execution.check_ahead(command, &self.config, &self.programs);
+            let checked =
+                execution.bad.is_some() || execution.check_ahead(command, &self.config, &self.programs);
             if let Some((motion, violation)) = execution.bad {
                 self.refuse(execution.number, motion, violation);
                 return self.finish(at, &execution, Ending::of(violation, motion));
@@ -276,7 +277,9 @@ impl Controller {
                 self.go_on(until, &mut execution);
                 self.take_motions(&mut execution, command);
             }
-        } else if self.is_pressing(press::Phase::Pressing) && !matches!(execution.phase, Phase::Settling { .. }) {
+        } else if self.is_pressing(press::Phase::Pressing)
+            && !matches!(execution.phase, Phase::Settling { .. })
+        {
             self.press_on(at, &mut execution);
         } else if waited_for_motions || matches!(execution.phase, Phase::Settling { .. }) {
             self.rest();

@@ -19,7 +19,7 @@
 use protocol::image::{Motion, MotionKind};
 
 use crate::arm::{Arm, Joints, LEAST_WAY_MM, Violation, distance, dot, length};
-use crate::motion::{Curve, Segment};
+use crate::motion::Segment;
 use crate::{ForceControl, RobotConfig};
 
 /// The share of the way to the wanted force, on the stiffest surface, that one cycle goes.
@@ -163,7 +163,7 @@ impl Press {
 
     /// What the tool presses with along the line, in N, when the surfaces push it with `force`.
     fn along(&self, force: [f64; 3]) -> f64 {
-        -dot(force, self.direction)
+        0.0 - dot(force, self.direction)
     }
 
     /// Leads the arm for one cycle, with `share` (0…1) of its speed, against surfaces that push it with `force` now.

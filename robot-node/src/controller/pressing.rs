@@ -107,3 +107,71 @@ impl Controller {
         };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use protocol::image::{Command, Control, Motion, MotionKind, Skill, State, Status};
+
+    use super::*;
+    use crate::RobotConfig;
+    use crate::arm::Surface;
+
+    #[test]
+    fn a_held_force_follows_a_surface_that_moves_and_is_let_go_at_the_lines_end() {
+        let mut config = RobotConfig {
+            interpreter_quantum: Duration::ZERO,
+            skill_overhead: Duration::ZERO,
+            ..RobotConfig::from_setup(&setup::setup("A").unwrap()).unwrap()
+        };
+        let home = config.arm.forward(&config.home);
+        let [x, y, z] = home.position;
+        config.surfaces = vec![Surface {
+            point: [x, y, z - 10.0],
+            normal: [0.0, 0.0, 1.0],
+            radius_mm: f64::INFINITY,
+            stiffness_n_per_mm: 40.0,
+        }];
+        let mut target = home.to_mm_deg().map(|coordinate| coordinate as f32);
+        target[2] -= 15.0;
+        let press = Motion {
+            kind: MotionKind::LinForceCartesian,
+            target,
+            auxiliary: [0.0, 0.0, -25.0],
+            velocity: 100,
+            acceleration: 5_000,
+            ..Motion::EMPTY
+        };
+        let mut controller = Controller::new(config, Vec::new(), 1);
+        let mut at = Instant::ZERO;
+        let mut tick = |controller: &mut Controller, command: &Command| {
+            at += Duration::from_millis(4);
+            controller.tick(at, Some(command));
+        };
+        let mut command = Command { control: Control::ENABLE | Control::RESET, ..Command::default() };
+        tick(&mut controller, &command);
+        command.control = Control::ENABLE | Control::EXECUTE;
+        (command.number, command.skill, command.total, command.written) =
+            (1, Skill::MoveLinForceCartesian, 1, 1);
+        command.set_slot(0, press);
+        (0..2_000).for_each(|_| tick(&mut controller, &command));
+        assert!(controller.feedback().status.contains(Status::DONE), "{:?}", controller.feedback());
+        // 1 mm/s, up and then down past the line's end.
+        for (step_mm, ticks) in [(0.004, 400), (-0.004, 1_200)] {
+            for _ in 0..ticks {
+                controller.config.surfaces[0].point[2] += step_mm;
+                tick(&mut controller, &command);
+                let force = f64::from(controller.feedback().contact_force);
+                assert!((force - 25.0).abs() < 4.0, "{force} N");
+            }
+        }
+        (0..2_000).for_each(|_| {
+            controller.config.surfaces[0].point[2] -= 0.004;
+            tick(&mut controller, &command);
+        });
+        let low = controller.config.arm.forward(controller.joints()).position[2];
+        assert!((z - 15.0 - low).abs() < 1e-2, "it stops at the line's end, not at {low}");
+        assert_eq!((controller.feedback().state, controller.feedback().contact_force), (State::Ready, 0.0));
+    }
+}
