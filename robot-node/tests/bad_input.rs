@@ -8,7 +8,7 @@ use std::fmt::Write;
 use driven::{Driven, bare, lin, press, ptp};
 use protocol::image::{ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
 use protocol::wire::BigEndian;
-use robot_node::Program;
+use robot_node::{Program, RobotConfig};
 
 /// A good motion, changed into a bad one.
 fn but(good: Motion, change: impl FnOnce(&mut Motion)) -> Motion {
@@ -176,6 +176,16 @@ fn a_bad_motion_in_a_program_is_refused_before_anything_moves_however_late_it_co
 }
 
 #[test]
+fn a_robot_without_a_force_controller_says_so() {
+    let mut robot = Driven::ready(RobotConfig { force: None, ..bare("A") }, Program::default());
+    robot.run(vec![ptp(100.0, 40.0, 20.0), press(5.0, 25.0)]);
+    assert_eq!(
+        (robot.feedback().error, robot.feedback().error_motion),
+        (ErrorNumber::MotionKindNotSupported, 1)
+    );
+}
+
+#[test]
 fn a_line_through_a_singular_position_is_refused_on_six_axes() {
     let mut config = bare("B");
     // The wrist is nearly stretched: on a line across it joints 4 and 6 would have to turn against each other at once.
@@ -192,8 +202,8 @@ fn a_line_through_a_singular_position_is_refused_on_six_axes() {
     assert_eq!(*robot.controller.joints(), before);
 }
 
-/// As controllers do (FACTS of the field: a zone reaches over at most half of the shorter neighbour), a blend that is
-/// too large is no error: it shrinks.
+/// A zone reaches over at most half of the shorter neighbour, as in every controller of the field: one that is larger is
+/// no error but shrinks. The plan warns of it, and so does the bench before a run.
 #[test]
 fn a_blend_larger_than_its_motions_shrinks_and_the_run_ends_as_wanted() {
     let mut robot = at_the_start();
