@@ -18,6 +18,8 @@ use plc_node::{AxesGroup, MotionList, Patience};
 use protocol::image::{Motion, MotionKind};
 
 use super::*;
+use crate::ForceControl;
+use crate::arm::Surface;
 
 /// Scans that the PLC waits for an answer.
 const PATIENCE: u32 = 4;
@@ -56,34 +58,73 @@ const CHANGES: [Change; 9] = [
     Change::LostFrame,
 ];
 
-/// Joint 3 at the ends of the motions, in mm. The last one is out of its range where a bad one is wanted.
-fn targets(bad: bool) -> Vec<f64> {
-    let home = 175.0;
-    if bad {
-        vec![home - 0.06, home - 0.12, home - 0.06, home - 0.12, home - 0.06, home + 100.0]
-    } else {
-        vec![home - 0.1, home - 0.2, home - 0.05]
-    }
+/// What MoveContinuous runs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Skills {
+    /// Three motions.
+    Good,
+    /// Six motions, the last one out of reach: it comes when the run is under way.
+    Bad,
+    /// A motion, a LIN force, a motion.
+    Pressing,
 }
 
-fn motions(bad: bool) -> Vec<Motion> {
-    let home = config().home;
-    let to = |joint_3: f64| {
-        let mut target = home.map(|joint| joint as f32);
-        target[2] = joint_3 as f32;
-        let kind = MotionKind::PtpJoint;
-        Motion { kind, target, velocity: 10_000, acceleration: 10_000, ..Motion::EMPTY }
-    };
-    targets(bad).into_iter().map(to).collect()
+/// Joint 3 at power-on, in mm.
+const HOME: f64 = 175.0;
+
+impl Skills {
+    /// Joint 3 at the ends of the motions, in mm; of a LIN force where its line ends.
+    fn targets(self) -> &'static [f64] {
+        match self {
+            Self::Good => &[HOME - 0.1, HOME - 0.2, HOME - 0.05],
+            Self::Bad => &[HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME + 100.0],
+            Self::Pressing => &[HOME - 0.1, HOME - 1.0, HOME - 0.05],
+        }
+    }
+
+    fn motions(self) -> Vec<Motion> {
+        let config = config();
+        let to = |joint_3: f64| {
+            let mut target = config.home.map(|joint| joint as f32);
+            target[2] = joint_3 as f32;
+            let kind = MotionKind::PtpJoint;
+            Motion { kind, target, velocity: 10_000, acceleration: 10_000, ..Motion::EMPTY }
+        };
+        let mut motions: Vec<Motion> = self.targets().iter().copied().map(to).collect();
+        if self == Self::Pressing {
+            let mut joints = config.home;
+            joints[2] = self.targets()[1];
+            let target = config.arm.forward(&joints).to_mm_deg().map(|coordinate| coordinate as f32);
+            let (kind, auxiliary) = (MotionKind::LinForceCartesian, [0.0, 0.0, -25.0]);
+            motions[1] =
+                Motion { kind, target, auxiliary, velocity: 100, acceleration: 5_000, ..Motion::EMPTY };
+        }
+        motions
+    }
+
+    /// Whether motion `index` ends where the surface says, not where its target is.
+    fn presses(self, index: usize) -> bool {
+        self == Self::Pressing && index == 1
+    }
 }
 
 fn config() -> RobotConfig {
     let setup = setup::setup("A").unwrap();
-    RobotConfig {
+    let mut config = RobotConfig {
         interpreter_quantum: Duration::ZERO,
         skill_overhead: Duration::ZERO,
         ..RobotConfig::from_setup(&setup).unwrap()
-    }
+    };
+    let [x, y, z] = config.arm.forward(&config.home).position;
+    config.surfaces = vec![Surface {
+        point: [x, y, z - 0.3],
+        normal: [0.0, 0.0, 1.0],
+        radius_mm: f64::INFINITY,
+        stiffness_n_per_mm: 50.0,
+    }];
+    // As short as can be: how far it has settled is no state of its own here.
+    config.force = config.force.map(|force| ForceControl { settling: Duration::from_millis(4), ..force });
+    config
 }
 
 #[derive(Clone)]
@@ -104,11 +145,11 @@ struct Explored {
     connected: bool,
     /// The image that the robot had last.
     seen: Command,
-    bad: bool,
+    skills: Skills,
 }
 
 impl Explored {
-    fn new(bad: bool) -> Self {
+    fn new(skills: Skills) -> Self {
         Self {
             controller: Controller::new(config(), Vec::new(), 1),
             at: Instant::ZERO,
@@ -124,7 +165,7 @@ impl Explored {
             enabled: true,
             connected: true,
             seen: Command::default(),
-            bad,
+            skills,
         }
     }
 
@@ -181,17 +222,15 @@ impl Explored {
         assert!(shown <= 1, "{feedback:?}");
         let moved = self.controller.joints() != before.controller.joints();
         let state = self.controller.state;
-        assert!(
-            !moved || state == State::Running || self.controller.execution.is_none(),
-            "moves in {state:?}"
-        );
+        let running = [before.controller.state, state].contains(&State::Running);
+        assert!(!moved || running, "the arm moves in {state:?}");
         if state != State::Running {
             assert!(self.controller.interpolator.is_at_rest(), "{state:?} and not at rest");
         }
         if matches!(state, State::Halted | State::Ready) {
             assert!(self.controller.execution.is_none(), "a skill in {state:?}");
         }
-        let targets = targets(self.bad);
+        let targets = self.skills.targets();
         let joint_3 = self.joint_3();
         let is = |target: f64| (joint_3 - target).abs() < 1e-4;
         let executed = feedback.executed as usize;
@@ -200,11 +239,9 @@ impl Explored {
             assert!(feedback.executed >= before.controller.feedback().executed, "a motion counts twice");
         }
         // Between the ends of the last executed motion and of the present one: none is left out, none runs again.
-        if let (Some(from), Some(to), true) = (
-            executed.checked_sub(1).map(|last| targets[last]),
-            targets.get(executed),
-            feedback.status.contains(Status::BUSY),
-        ) {
+        let last = executed.checked_sub(1).filter(|last| !self.skills.presses(*last));
+        let ends = last.map(|last| targets[last]).zip(targets.get(executed));
+        if let (Some((from, to)), true) = (ends, feedback.status.contains(Status::BUSY)) {
             let (low, high) = (from.min(*to) - 1e-4, from.max(*to) + 1e-4);
             assert!((low..=high).contains(&joint_3), "at {joint_3} in motion {executed}: {feedback:?}");
         }
@@ -245,7 +282,7 @@ impl Explored {
             u8::from(*state),
             last_number.map(|last| last == number),
             (pending.is_some(), *reset_armed, *hold),
-            skill,
+            (skill, self.controller.press.as_ref().map(|press| press.phase as u8)),
             (feedback.status.0, feedback.number == number, feedback.executed, u16::from(feedback.error)),
             (interpolator.path().is_finished(), interpolator.path().executed(), interpolator.is_held()),
             ((self.joint_3() / PLACE_MM).round() as i64, interpolator.is_at_rest()),
@@ -296,9 +333,9 @@ impl Explored {
 }
 
 /// Explores everything that can come; returns how many states there are, and the ends that MoveContinuous came to.
-fn explore(bad: bool) -> (usize, HashSet<Outputs>, HashSet<u8>) {
-    let mut source = MotionList::from(motions(bad));
-    let start = Explored::new(bad);
+fn explore(skills: Skills) -> (usize, HashSet<Outputs>, HashSet<u8>) {
+    let mut source = MotionList::from(skills.motions());
+    let start = Explored::new(skills);
     let mut found = HashSet::from([start.key()]);
     let (mut ends, mut states) = (HashSet::new(), HashSet::new());
     let mut open = vec![start];
@@ -319,7 +356,7 @@ fn explore(bad: bool) -> (usize, HashSet<Outputs>, HashSet<u8>) {
 
 #[test]
 fn a_skill_of_good_motions_keeps_all_rules_in_every_order_of_commands_losses_and_faults() {
-    let (found, ends, states) = explore(false);
+    let (found, ends, states) = explore(Skills::Good);
     println!("{found} states");
     assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
     assert!(ends.iter().any(|end| end.error));
@@ -328,8 +365,16 @@ fn a_skill_of_good_motions_keeps_all_rules_in_every_order_of_commands_losses_and
 
 #[test]
 fn so_does_a_stream_with_a_bad_motion_which_never_ends_as_done() {
-    let (found, ends, _) = explore(true);
+    let (found, ends, _) = explore(Skills::Bad);
     println!("{found} states");
     assert!(!ends.iter().any(|end| end.done));
     assert!(ends.iter().any(|end| end.error_id == u16::from(ErrorNumber::AxisLimit)));
+}
+
+#[test]
+fn so_does_a_skill_that_presses_and_nothing_but_a_skill_that_runs_moves_the_arm() {
+    let (found, ends, states) = explore(Skills::Pressing);
+    println!("{found} states");
+    assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
+    assert_eq!(states.len(), 4);
 }
