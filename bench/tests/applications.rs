@@ -37,5 +37,6 @@ fn gripping_and_releasing_takes_their_waits_and_for_cm_two_more_skill_calls() {
     let overhead_ms = 142.7;
     let calls = more(Cm) - 250.0;
     assert!((2.0 * overhead_ms..2.0 * overhead_ms + 60.0).contains(&calls), "CM's calls take {calls} ms");
-    assert!((250.0..300.0).contains(&more(Sm)), "SM takes {} ms more", more(Sm));
+    // Thirteen calls find the interpreter at thirteen phases, so that the mean of two runs is off by up to 30 ms.
+    assert!((220.0..290.0).contains(&more(Sm)), "SM takes {} ms more", more(Sm));
 }
