@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
+use crate::doctor::DoctorOptions;
+use crate::export::Exports;
 use crate::gate::GateOptions;
+use crate::history::HistoryOptions;
 use crate::report::{CompareOptions, ReportOptions};
 
 /// The seed of runs that name none.
@@ -54,6 +57,10 @@ pub enum Command {
     Report(ReportOptions),
     /// Set runs beside each other.
     Compare(CompareOptions),
+    /// List the runs that are kept, with the trend of their figures.
+    History(HistoryOptions),
+    /// Look whether this machine can do real mode, and how well.
+    Doctor(DoctorOptions),
 }
 
 /// Options of a measured run.
@@ -77,9 +84,9 @@ pub struct RunOptions {
     /// Run directory; it must not hold a run yet [default: runs/TIME-SETUP-MODE].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write the results to this file as well, as JSON.
-    #[arg(long, value_name = "FILE")]
-    pub export_json: Option<PathBuf>,
+    /// Files besides the run directory.
+    #[command(flatten)]
+    pub exports: Exports,
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,

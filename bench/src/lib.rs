@@ -7,20 +7,25 @@
 //! │  ├─ plan     which run follows which
 //! │  ├─ stand    what it runs on: virtual_run, or the rig with two processes
 //! │  ├─ progress the live view
-//! │  └─ run_directory, results, host    what stays
+//! │  └─ run_directory, results, export, host    what stays
 //! └─ table       what is printed; statistics has the formulas
 //! calibrate      finds the numbers that only a published figure can fix
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! ratio          two means of a real run as a ratio, with how sure it is
 //! report         report.html of a run, and runs beside each other
 //! gate           a virtual run against its committed baseline
+//! history        the runs that are kept
+//! doctor         what this machine can do
 //! exit           the exit codes
 //! ```
 
 pub mod calibrate;
 pub mod cli;
+pub mod doctor;
 pub mod exit;
+pub mod export;
 pub mod gate;
+pub mod history;
 pub mod host;
 pub mod measure;
 pub mod plan;

@@ -16,7 +16,7 @@ use crate::host::{Host, date};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report;
-use crate::results::{self, Results};
+use crate::results::{self, Results, Status};
 use crate::rig::{Rig, RigConfig, RigError};
 use crate::run_directory::{Durability, RunDirectory};
 use crate::session::{Ended, Session};
@@ -46,6 +46,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         setup::check(&setup)?;
     }
     found.plan(&setup)?;
+    if let Some(file) = options.exports.written_twice() {
+        let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
+        return Err(Failure::new(Exit::Usage, error));
+    }
     if options.mode == Mode::Virtual && options.capture != Capture::Never {
         let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
         return Err(Failure::new(Exit::Usage, error));
@@ -88,7 +92,7 @@ impl Measurement<'_> {
         };
         let mut session = Session {
             directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
-            export_json: self.options.export_json.clone(),
+            exports: self.options.exports.clone(),
             progress: Progress::start(&self.plan, self.options.quiet),
         };
         let host = Host::look(started);
@@ -143,9 +147,20 @@ impl Measurement<'_> {
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
         let mut interrupt = std::pin::pin!(interrupt);
-        let mut rig = tokio::select! {
-            () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
-            rig = Rig::start(&config) => rig.map_err(unusable)?,
+        let started = tokio::select! {
+            () = &mut interrupt => None,
+            rig = Rig::start(&config) => Some(rig),
+        };
+        let mut rig = match started {
+            Some(Ok(rig)) => rig,
+            Some(Err(error)) => {
+                session.finish(&Results { status: Status::Failed, ..results })?;
+                return Err(unusable(error));
+            }
+            None => {
+                let results = Results { status: Status::Interrupted, ..results };
+                return Ok(Ended { results, exit: Exit::Interrupted, failure: None });
+            }
         };
         let refused = rig.warnings();
         let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };

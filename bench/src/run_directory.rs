@@ -14,11 +14,11 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use setup::Setup;
 
 use crate::plan::Step;
-use crate::results::Results;
+use crate::results::{Results, SCHEMA_VERSION};
 use crate::stand::Measured;
 
 /// How sure a repetition is on the disk before the next one starts.
@@ -97,6 +97,51 @@ impl RunDirectory {
     pub fn save_results(&self, results: &Results) -> anyhow::Result<()> {
         replace(&self.path.join("results.json"), &results.to_json()?, self.durability)
     }
+}
+
+/// The results that a run directory holds.
+///
+/// # Errors
+///
+/// There are none, or they are of another version.
+pub fn results(directory: &Path) -> anyhow::Result<Results> {
+    let path = directory.join("results.json");
+    let text = match fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let shown = directory.display();
+            return Err(if directory.join("samples.csv").exists() {
+                anyhow!(
+                    "the run in {shown} ended before its first repetition did, so there is nothing to report"
+                )
+            } else if directory.is_dir() {
+                anyhow!(
+                    "{shown} holds no run: results.json is missing; name a run directory, such as one below runs/"
+                )
+            } else {
+                anyhow!("there is no run directory {shown}; name one, such as one below runs/")
+            });
+        }
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+    };
+    let value: serde_json::Value =
+        serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
+    match value.get("schema_version").and_then(serde_json::Value::as_u64) {
+        Some(version) if version == u64::from(SCHEMA_VERSION) => {}
+        Some(version) => anyhow::bail!(
+            "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
+            path.display()
+        ),
+        None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
+    }
+    serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
+}
+
+/// What a run directory says of the machine, key by key; none where it does not.
+#[must_use]
+pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Value>> {
+    let text = fs::read_to_string(directory.join("host.json")).ok()?;
+    serde_json::from_str(&text).ok()
 }
 
 /// Replaces a file as a whole: whoever reads it sees the old text or the new one, also after a crash.

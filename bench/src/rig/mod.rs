@@ -31,6 +31,7 @@ use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
+use protocol_linux::{Interface, PortError, Wire};
 use robot_node::process::{RobotInstruction, RobotMessage};
 use setup::Cyclic;
 use tokio::sync::mpsc;
@@ -77,6 +78,22 @@ pub fn run_as_node() -> Option<ExitCode> {
 /// already. Call it while the process has one thread: before tokio starts, and before any other thread.
 pub fn enter_user_namespace() -> Result<(), RigError> {
     Ok(protocol_linux::namespace::enter_user_namespace()?)
+}
+
+/// Tries what the rig needs of the host and leaves nothing behind: a cable between two networks, and on it the sockets
+/// of both buses.
+///
+/// # Errors
+///
+/// The outer one says why there is no cable, the inner one why there are no sockets on it.
+pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
+    let cable = Cable::lay(None)?;
+    let open = || {
+        let interface = Interface::open(cable::PLC)?;
+        let ports = Wire::profinet(&interface).and_then(|_| Wire::ethernet_ip(&interface));
+        Ok::<_, RigError>(ports.map(drop))
+    };
+    cable.plc().run(open)?
 }
 
 /// What the rig is to run.

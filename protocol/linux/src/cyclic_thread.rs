@@ -123,7 +123,7 @@ where
         let outbox = Outbox { ring: news_ring, reader: reader.clone(), dropped: 0 };
         let mut owner = RingOwner { task, commands: command_ring, outbox };
         let body = move || {
-            let _ = started.send(scheduling::make_real_time());
+            let _ = started.send(scheduling::make_real_time().refused());
             let mut driver = driver;
             let result = driver.run(&mut owner);
             let news_dropped = owner.outbox.dropped;

@@ -35,6 +35,7 @@ mod taken;
 mod udp;
 pub mod veth;
 mod wait;
+pub mod wakeups;
 mod wire;
 
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
