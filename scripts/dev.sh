@@ -19,6 +19,7 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v setpriv >/dev/null || missing+=(util-linux)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
     command -v npm >/dev/null || missing+=(nodejs npm)
+    browser >/dev/null || missing+=(chromium)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
@@ -66,6 +67,17 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
 
 verb_test() { #: the README's test command
     cargo test --workspace --locked
+}
+
+# browser: the path of a Chromium, by any of its names.
+browser() {
+    command -v chromium || command -v chromium-browser || command -v google-chrome
+}
+
+verb_browser() { #: open reports in a headless Chromium, wide, on a phone and in print
+    CHROMIUM=$(browser) || { echo "there is no Chromium: scripts/dev.sh setup installs it" >&2; return 1; }
+    export CHROMIUM
+    cargo test -p bench --locked --test browser -- --ignored
 }
 
 # gate_profinet CAPTURE: prints what is wrong in a capture; fails where something is, or where nothing is in it.
@@ -123,8 +135,32 @@ verb_wire() { #: a short real run over udp and over rt1, each capture through ts
     done
 }
 
-verb_gate() { #: fail where the virtual figures of a setup left their committed baseline
-    cargo run -p bench --locked -- gate --setup A
+verb_gate() { #: fail where the virtual figures of a setup left their committed baseline, or CM lost ground in real time
+    cargo build -p bench --locked
+    local out status=0
+    out=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$out'" EXIT
+    for setup in A B; do
+        run_bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
+        summarise "$out/$setup.txt"
+    done
+    run_bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
+    run_bench gate --run "$out/real" >"$out/real.txt" || status=$?
+    summarise "$out/real.txt"
+    return "$status"
+}
+
+run_bench() {
+    "${CARGO_TARGET_DIR:-target}/debug/bench" "$@"
+}
+
+# summarise FILE: prints it, and puts it into the summary of a job of GitHub Actions.
+summarise() {
+    cat "$1"
+    if [ -n "${GITHUB_STEP_SUMMARY:-}" ]; then
+        { echo '```text'; cat "$1"; echo '```'; } >>"$GITHUB_STEP_SUMMARY"
+    fi
 }
 
 # newest_python: a Python that every peer runs on; ethernetip2 needs 3.12.
@@ -185,7 +221,7 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
 }
 
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test gate wire user interop; do
+    for verb in format lint purity test browser gate wire user interop; do
         echo "== $verb"
         "verb_$verb"
     done
