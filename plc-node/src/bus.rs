@@ -106,6 +106,7 @@ pub fn ethernet_ip_scanner(
     let intervals = bus.timeout_intervals();
     let config = ScannerConfig {
         multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
+        multicast: bus.ethernet_ip.as_ref().is_some_and(|ethernet_ip| ethernet_ip.multicast),
         serial_number: u32::from_be_bytes(serial),
         first_id: seed as u32,
         ..ScannerConfig::exclusive_owner(bus.robot_address, &SKILL_ROBOT, bus.cycle_us.value)

@@ -36,6 +36,7 @@ mod udp;
 pub mod veth;
 mod wait;
 mod wire;
+mod words;
 
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
@@ -50,3 +51,4 @@ pub use stream::StreamStatistics;
 pub use taken::Transport;
 pub use udp::Udp;
 pub use wire::{PortError, Received, Wire};
+pub use words::Words;

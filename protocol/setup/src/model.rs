@@ -188,6 +188,10 @@ pub struct EthernetIp {
     /// Packet intervals without a frame after which a side gives the connection up: 4, 8, 16 and so on up to 512.
     /// Without it, the smallest that covers [`Bus::watchdog_cycles`].
     pub timeout_multiplier: Option<Sourced<u32>>,
+    /// Whether the robot sends its frames to a multicast group, which other scanners may join as well, and not to this
+    /// PLC alone.
+    #[serde(default)]
+    pub multicast: bool,
 }
 
 impl Bus {

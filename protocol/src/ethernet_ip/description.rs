@@ -21,6 +21,20 @@ pub enum Role {
     ListenOnlyHeartbeat,
 }
 
+impl Role {
+    /// What it is for, in words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Produced => "for T→O",
+            Self::Consumed => "for O→T",
+            Self::Configuration => "for configuration",
+            Self::InputOnlyHeartbeat => "for O→T of input-only connections",
+            Self::ListenOnlyHeartbeat => "for O→T of listen-only connections",
+        }
+    }
+}
+
 /// An assembly: what a connection can be opened to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Assembly {

@@ -540,6 +540,55 @@ proptest! {
     }
 
     #[test]
+    fn after_each_bad_input_the_good_scanners_next_frame_is_on_time(
+        inputs in prop::collection::vec((0..4_u8, hostile_bytes()), 1..12),
+    ) {
+        let (mut rig, bad) = rig();
+        let opened = rig.open(bad, &explicit(0x55));
+        for (port, bytes) in inputs {
+            let bytes = mutate(bad.session, bytes);
+            match port {
+                0 => rig.datagram(IO_PORT, peer(PLC, IO_PORT), &bytes),
+                1 => rig.broadcast(ENCAPSULATION_PORT, peer(ROBOT, 5_000), &bytes),
+                2 => rig.send(bad.stream, &bytes),
+                // Whatever it is, over a class 3 connection that is open.
+                _ => {
+                    let bytes = &bytes[..bytes.len().min(500)];
+                    let data = crate::client::connected(opened.o_t_id, 1, bytes);
+                    rig.send(bad.stream, &message(Command::SendUnitData, bad.session, &data));
+                }
+            }
+            // Not at the end alone: after each one.
+            rig.assert_good_scanner_is_served_beside(rig.adapter.connections().0);
+        }
+    }
+
+    #[test]
+    fn no_bytes_keep_an_adapter_that_nobody_is_connected_to_from_serving_the_first_who_comes(
+        inputs in prop::collection::vec((0..4_u8, hostile_bytes()), 1..12),
+    ) {
+        let mut rig = Rig::new();
+        let (silent, registered) = (rig.connect_from(ROBOT), rig.client_from(ROBOT));
+        for (port, bytes) in inputs {
+            let bytes = mutate(registered.session, bytes);
+            match port {
+                0 => rig.datagram(IO_PORT, peer(ROBOT, IO_PORT), &bytes),
+                1 => rig.datagram(ENCAPSULATION_PORT, peer(ROBOT, 5_000), &bytes),
+                2 => rig.send(silent, &bytes),
+                _ => rig.send(registered.stream, &bytes),
+            }
+            rig.advance(Duration::from_micros(300));
+            prop_assert!(rig.adapter.poll_timeout().is_none_or(|at| at >= rig.now), "a deadline that is not met");
+        }
+        // A mutation may have opened the owner's connection; it gives it back, or runs into its first timeout.
+        rig.hang_up(registered.stream);
+        rig.advance(Duration::from_secs(120));
+        prop_assert_eq!(rig.adapter.connections().0, 0);
+        rig.start_good_scanner();
+        rig.assert_good_scanner_is_served();
+    }
+
+    #[test]
     fn no_cyclic_datagram_from_the_owners_address_makes_the_adapter_panic_or_lose_its_grid(
         frames in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..300), 1..20),
     ) {
