@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn a_text_that_is_too_long_ends_with_a_whole_character() {
         let mut words = Words::default();
-        assert!(write!(words, "{} and", "every 100 µs").is_ok());
+        assert!(write!(words, "every {} µs and", 100).is_ok());
         assert_eq!(words.as_str(), "every 100 µs and");
         assert!(words.write_str(&"µ".repeat(ROOM)).is_err());
         assert!(words.as_str().ends_with('µ') && words.as_str().len() >= ROOM - 1);
