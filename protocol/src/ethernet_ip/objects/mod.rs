@@ -12,7 +12,7 @@ mod tcp_ip;
 pub(super) use connection_manager::ManagerCounters;
 pub(super) use identity::{IoState, write_identity_item};
 pub(super) use message_router::multiple_service;
-pub(super) use port::PORT_NUMBER;
+pub use port::PORT_NUMBER;
 pub(super) use qos::Qos;
 pub(super) use tcp_ip::Network;
 
@@ -20,6 +20,18 @@ use super::cip::{General, Target, Violation, class, service};
 use super::description::Description;
 use super::{Reader, Writer};
 use crate::image::{IMAGE_LEN, Image};
+
+/// Every class of objects that a device of ours has: its code, its revision and its name.
+pub const CLASSES: [(u32, u16, &str); 8] = [
+    (class::IDENTITY, identity::Identity::REVISION, "Identity"),
+    (class::MESSAGE_ROUTER, message_router::MessageRouter::REVISION, "Message Router"),
+    (class::ASSEMBLY, assembly::Assembly::REVISION, "Assembly"),
+    (class::CONNECTION_MANAGER, connection_manager::ConnectionManager::REVISION, "Connection Manager"),
+    (class::QOS, qos::QosObject::REVISION, "QoS"),
+    (class::PORT, port::Port::REVISION, "Port"),
+    (class::TCP_IP_INTERFACE, tcp_ip::TcpIpInterface::REVISION, "TCP/IP Interface"),
+    (class::ETHERNET_LINK, ethernet_link::EthernetLink::REVISION, "Ethernet Link"),
+];
 
 /// What the objects hold.
 #[derive(Debug)]
