@@ -121,7 +121,7 @@ impl Refusal {
     /// What the device has instead, where its reply has no field for it but its EDS file tells.
     fn write_described(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_described =
-            |device: &&Description| self.found.is_none_or(|found| device.key().check(&found.key).is_ok());
+            |device: &&Description| self.found.is_some_and(|found| device.key().check(&found.key).is_ok());
         let Some(device) = self.asked.described.filter(is_described) else {
             return match self.extended {
                 Some(Extended::RpiNotSupported) => {
