@@ -4,7 +4,12 @@
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
-# asks NAME KEY VALUE...: a PLC that expects an adapter in which these keys have other values.
+# Programs are started without a shell function around them, so that a signal reaches them and not a shell.
+# shellcheck disable=SC2034 # by name, in holds
+plc_end=()
+robot_end=(nsenter --net --mount --target "${robot_namespace:?}" --)
+
+# asks NAME SED-ARGUMENTS...: a PLC that expects an adapter in which these keys have other values.
 asks() {
     local name=$1
     shift
@@ -16,16 +21,16 @@ asks() {
             'key = { vendor = 65535, device_type = 43, product_code = 1, major_revision = 1, minor_revision = 1 }' |
             sed "$@"
     } >"$OUT/$name.toml"
-    start "$name" at_plc "$NODES/plc-node" run --setup "$OUT/$name.toml" --interface plc --types rc
+    start "$name" "$NODES/plc-node" run --setup "$OUT/$name.toml" --interface plc --types rc
 }
 
 # stops NAME: ends it in order; it may end with the exit code of a run that did not come about.
 stops() {
-    kill -INT "${!1}"
+    kill -TERM "${!1}"
     wait "${!1}" || true
 }
 
-start robot_node at_robot "$NODES/robot-node" run --setup B --interface robot
+start robot_node "${robot_end[@]}" "$NODES/robot-node" run --setup B --interface robot
 says robot_node adapter
 
 asks assembly 's/150/99/'
@@ -51,17 +56,20 @@ says second '^connected' # once the adapter gave the first one up
 stops second
 stops robot_node
 
-# holds AT ADDRESS udp|tcp PORT: another program has this port at this end of the cable.
+# holds plc|robot ADDRESS udp|tcp PORT: another program has this port at this end of the cable.
 holds() {
     local type=SOCK_DGRAM
     [ "$3" = udp ] || type=SOCK_STREAM
-    start holder "$1" "$VENV/bin/python" -uc "
+    local -n end="$1_end"
+    holder="holder_$1_$3_$4"
+    start "$holder" "${end[@]}" "$VENV/bin/python" -uc "
 import socket, time
 holder = socket.socket(socket.AF_INET, socket.$type)
+holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, '$3' == 'tcp') # connections of before linger
 holder.bind(('$2', $4))
 if '$3' == 'tcp': holder.listen()
 print('holds'); time.sleep(60)"
-    says holder holds
+    says "$holder" holds
 }
 
 at_robot ip address replace "$ROBOT_ADDRESS/24" dev robot
@@ -69,14 +77,13 @@ at_plc ip address replace "$PLC_ADDRESS/24" dev plc
 for port in 'tcp 44818' 'udp 44818' 'udp 2222'; do
     read -r transport number <<<"$port"
     name="robot_${transport}_$number"
-    holds at_robot "$ROBOT_ADDRESS" "$transport" "$number"
-    start "$name" at_robot "$NODES/robot-node" run --setup B --interface robot
+    holds robot "$ROBOT_ADDRESS" "$transport" "$number"
+    start "$name" "${robot_end[@]}" "$NODES/robot-node" run --setup B --interface robot
     says "$name" "${transport^^} port $number on .robot. is taken by another program at $ROBOT_ADDRESS:$number; .ss "
-    kill "${holder:?}"
-    wait "$holder" || true
+    kill "${!holder}"
 done
-holds at_plc 0.0.0.0 udp 2222
+holds plc 0.0.0.0 udp 2222
 asks plc_udp ''
 says plc_udp 'UDP port 2222 on .plc. is taken by another program at 0\.0\.0\.0:2222; '
-kill "$holder"
+kill "${!holder}"
 recorded
