@@ -1,5 +1,6 @@
 //! The PLC as a machine: scan, bus, readiness, runs.
 
+use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
@@ -345,6 +346,11 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         self.drain_bus();
     }
 
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+        self.drain_bus();
+    }
+
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.drain_bus();
@@ -360,6 +366,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 
     fn dscp(&self, port: Port) -> u8 {
         self.bus.dscp(port)
+    }
+
+    fn group(&self, port: Port) -> Option<Ipv4Addr> {
+        self.bus.group(port)
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

@@ -286,6 +286,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         self.bus_mut().address_set(now, done);
     }
 
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().explain(words)
+    }
+
     fn disconnect(&mut self, now: Instant) {
         Self::disconnect(self, now);
     }

@@ -37,6 +37,7 @@ pub mod veth;
 mod wait;
 pub mod wakeups;
 mod wire;
+mod words;
 
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
@@ -51,3 +52,4 @@ pub use stream::StreamStatistics;
 pub use taken::Transport;
 pub use udp::Udp;
 pub use wire::{PortError, Received, Wire};
+pub use words::Words;

@@ -1,17 +1,17 @@
 //! A node as its process runs it: what every node has in common, whichever its bus and its work.
 
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use protocol::fieldbus::{Counters, LinkEvent};
+use protocol::fieldbus::{Counters, Down, DownCause, LinkEvent};
 use protocol::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
 use crate::{
     CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError, Notifier, Outbox, PortError,
-    RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire, allocation,
+    RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire, Words, allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.
@@ -32,6 +32,11 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 
     /// [`protocol::fieldbus::Fieldbus::address_set`] of its bus.
     fn address_set(&mut self, now: Instant, done: bool);
+
+    /// [`protocol::fieldbus::Fieldbus::explain`] of its bus.
+    fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
 
     /// Ends the connection as its standard wants it.
     fn disconnect(&mut self, now: Instant);
@@ -60,6 +65,8 @@ pub enum Command<O> {
 pub enum News<E, A> {
     /// An event of the node.
     Event(E),
+    /// Why the peer refused the connection and what it has instead; the event that says so is next.
+    Explanation(Words),
     /// An answer to an order.
     Answer(A),
     /// The interface did not take the address that the bus wanted it to have.
@@ -153,6 +160,14 @@ impl<N: Node> Task<N> for Keeper {
         news: &mut Outbox<Self::News>,
     ) -> ControlFlow<()> {
         let link = N::link_event(&event);
+        if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
+            let mut words = Words::default();
+            // Words that do not fit are cut off.
+            let _ = node.explain(&mut words);
+            if !words.as_str().is_empty() {
+                news.tell(News::Explanation(words));
+            }
+        }
         news.tell(News::Event(event));
         match link {
             Some(LinkEvent::Up) => {

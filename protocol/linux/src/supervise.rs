@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
-use crate::{Command, Happening, News, Node, NodeError, NodeProcess};
+use crate::{Command, Happening, News, Node, NodeError, NodeProcess, Words};
 
 /// What one kind of node adds to what all nodes do.
 pub trait Conductor<N: Node> {
@@ -103,9 +103,14 @@ fn converse<N: Node, C: Conductor<N>>(
     console: Console,
 ) -> Result<Outcome, NodeError> {
     let mut outcome = Outcome::Done;
+    let mut explanation = None;
     loop {
         let next = match process.next_happening()? {
-            Happening::News(news) => tell(news, conductor, console),
+            Happening::News(News::Explanation(words)) => {
+                explanation = Some(words);
+                Next::Wait
+            }
+            Happening::News(news) => tell(news, explanation.take(), conductor, console),
             Happening::Line(line) => match serde_json::from_str(&line) {
                 Ok(Instruction::Node(instruction)) => Next::Order(conductor.instruction(instruction)),
                 Ok(Instruction::Report) => {
@@ -137,12 +142,13 @@ fn converse<N: Node, C: Conductor<N>>(
 
 fn tell<N: Node, C: Conductor<N>>(
     news: News<N::Event, N::Answer>,
+    explanation: Option<Words>,
     conductor: &mut C,
     console: Console,
 ) -> Next<N::Order> {
     let (message, next) = match news {
         News::Event(event) => match N::link_event(&event) {
-            Some(link) => (Some(link_message(link)), conductor.link(link)),
+            Some(link) => (Some(link_message(link, explanation)), conductor.link(link)),
             None => {
                 let (message, next) = conductor.event(event);
                 (message.map(Message::Node), next)
@@ -155,6 +161,8 @@ fn tell<N: Node, C: Conductor<N>>(
         News::NoAddress(address, error) => {
             (Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
         }
+        // Waits for its event.
+        News::Explanation(_) => (None, Next::Wait),
         News::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
     };
     if let Some(message) = message {
@@ -163,10 +171,12 @@ fn tell<N: Node, C: Conductor<N>>(
     next
 }
 
-fn link_message<M>(event: LinkEvent) -> Message<M> {
+fn link_message<M>(event: LinkEvent, explanation: Option<Words>) -> Message<M> {
     match event {
         LinkEvent::Up => Message::LinkUp,
-        LinkEvent::Down(down) => Message::LinkDown { reason: down.to_string() },
+        LinkEvent::Down(down) => Message::LinkDown {
+            reason: explanation.map_or_else(|| down.to_string(), |words| words.as_str().to_owned()),
+        },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
     }
 }

@@ -119,6 +119,8 @@ enum Delivery {
     Frame {
         port: Port,
         peer: Option<SocketAddrV4>,
+        /// The address that a datagram was sent to.
+        to: Option<Ipv4Addr>,
         frame: Vec<u8>,
     },
     Opened(StreamId, SocketAddrV4),
@@ -315,20 +317,31 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             return;
         };
         let side = if to == 0 { Side::A } else { Side::B };
-        let (port, peer, frame) = match delivery {
-            Delivery::Frame { port, peer, frame } => (port, peer, frame),
+        let (port, peer, to, frame) = match delivery {
+            Delivery::Frame { port, peer, to, frame } => (port, peer, to, frame),
             delivery => return self.deliver_stream(side, delivery),
         };
-        if self.station(side).alive && self.wants(side, port) {
+        if self.station(side).alive && self.wants(side, port) && self.belongs(side, port, to) {
             let local = self.local_time(side);
             let source = Source { port, peer };
-            match side {
-                Side::A => self.a.handle_frame(local, source, &frame),
-                Side::B => self.b.handle_frame(local, source, &frame),
+            match (side, to.is_some_and(|to| to.is_broadcast())) {
+                (Side::A, false) => self.a.handle_frame(local, source, &frame),
+                (Side::B, false) => self.b.handle_frame(local, source, &frame),
+                (Side::A, true) => self.a.handle_broadcast(local, source, &frame),
+                (Side::B, true) => self.b.handle_broadcast(local, source, &frame),
             }
             self.settle(side);
         }
         self.spare_frames.push(frame);
+    }
+
+    /// Whether a datagram is for this side: a multicast is for those that joined its group.
+    fn belongs(&self, side: Side, port: Port, to: Option<Ipv4Addr>) -> bool {
+        let joined = match side {
+            Side::A => self.a.group(port),
+            Side::B => self.b.group(port),
+        };
+        to.is_none_or(|to| !to.is_multicast() || joined == Some(to))
     }
 
     /// Follows the contract after a mutation: drains frames and events, then reads the timeout.
@@ -381,16 +394,16 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             let source = sender.address.unwrap_or(Ipv4Addr::UNSPECIFIED);
             tap(Tapped { at: now, from, port, source, to, frame });
         }
-        let (port, peer) = match (port, to) {
+        let (port, peer, to) = match (port, to) {
             (Port::Udp(local), Some(to)) => {
                 let known = receiver.address.is_some_and(|address| address == *to.ip())
                     || to.ip().is_broadcast()
                     || to.ip().is_multicast();
                 let Some(source) = sender.address.filter(|_| known) else { return };
-                (Port::Udp(to.port()), Some(SocketAddrV4::new(source, local)))
+                (Port::Udp(to.port()), Some(SocketAddrV4::new(source, local)), Some(*to.ip()))
             }
             (Port::Stream(id), _) => return self.send_stream(from, id, len),
-            (port, _) => (port, None),
+            (port, _) => (port, None, None),
         };
         let (in_flight, spare_frames, number) =
             (&mut self.in_flight, &mut self.spare_frames, &mut self.next_number);
@@ -403,7 +416,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 arrives,
                 number: *number,
                 to: from.other().index() as u8,
-                delivery: Delivery::Frame { port, peer, frame: copy },
+                delivery: Delivery::Frame { port, peer, to, frame: copy },
             }));
         });
     }

@@ -138,7 +138,11 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             let mut frame = self.spare_frames.pop().unwrap_or_default();
             frame.clear();
             frame.extend_from_slice(self.buf.get(start..end).unwrap_or_default());
-            self.push_stream(from, id, Delivery::Frame { port: Port::Stream(id), peer: None, frame });
+            self.push_stream(
+                from,
+                id,
+                Delivery::Frame { port: Port::Stream(id), peer: None, to: None, frame },
+            );
             start = end;
         }
     }
