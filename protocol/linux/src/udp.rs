@@ -12,7 +12,7 @@ use crate::{Interface, PortError, Received};
 /// What to listen to over UDP.
 #[derive(Clone, Copy, Debug)]
 pub struct Udp {
-    /// The local port.
+    /// The local port; 0 for one that the kernel chooses.
     pub port: u16,
 }
 
@@ -37,7 +37,9 @@ impl UdpPort {
             socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
             Ok(socket.into())
         };
-        Ok(Self { port, socket: open().map_err(|reason| PortError::udp(interface.name(), port, reason))? })
+        let opened = open().and_then(|socket| Ok((socket.local_addr()?.port(), socket)));
+        let (port, socket) = opened.map_err(|reason| PortError::udp(interface.name(), port, reason))?;
+        Ok(Self { port, socket })
     }
 
     pub(crate) const fn local_port(&self) -> u16 {
