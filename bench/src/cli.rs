@@ -7,6 +7,7 @@ use plc_node::ExecutionType;
 
 use crate::gate::GateOptions;
 use crate::report::{CompareOptions, ReportOptions};
+use crate::timing::TimingOptions;
 
 /// The seed of runs that name none.
 const SEED: u64 = 1;
@@ -54,6 +55,8 @@ pub enum Command {
     Report(ReportOptions),
     /// Set runs beside each other.
     Compare(CompareOptions),
+    /// Measure how evenly cyclic EtherNet/IP frames come, beside a bare loop on this host and a peer.
+    Timing(TimingOptions),
 }
 
 /// Options of a measured run.
