@@ -18,6 +18,7 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v setpriv >/dev/null || missing+=(util-linux)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
+    command -v valgrind >/dev/null || missing+=(valgrind)
     command -v npm >/dev/null || missing+=(nodejs npm)
     browser >/dev/null || missing+=(chromium)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
@@ -206,6 +207,18 @@ verb_interop() { #: our stacks against those of others, each in a process of its
         "$gate" "$OUT/capture.pcapng"
         gate_sees_faults "$gate" "$OUT/capture.pcapng"
     done
+}
+
+verb_instructions() { #: count the instructions of the hot paths; fail where one takes over 1 % more than committed (--update)
+    cargo run -p hot-path --locked -- "$@"
+}
+
+verb_timing() { #: how evenly cyclic frames come, beside a bare loop and the adapter of the crate `ciplink` (as root)
+    local peers="${CARGO_TARGET_DIR:-$PWD/target}/interop/peers"
+    cargo build -p bench --locked
+    cargo build --manifest-path scripts/interop/peers/Cargo.toml --target-dir "$peers" --locked
+    # All of them with the same priority: what is compared is what a program does with it.
+    cargo run -p bench --locked -- timing "$@" -- chrt --fifo 49 "$peers/debug/ciplink-robot"
 }
 
 verb_user() { #: the same run as an ordinary user, without any privilege (as root)

@@ -10,6 +10,7 @@ use crate::export::Exports;
 use crate::gate::GateOptions;
 use crate::history::HistoryOptions;
 use crate::report::{CompareOptions, ReportOptions};
+use crate::timing::TimingOptions;
 
 /// The seed of runs that name none.
 const SEED: u64 = 1;
@@ -61,6 +62,8 @@ pub enum Command {
     History(HistoryOptions),
     /// Look whether this machine can do real mode, and how well.
     Doctor(DoctorOptions),
+    /// Measure how evenly cyclic EtherNet/IP frames come, beside a bare loop on this host and a peer.
+    Timing(TimingOptions),
 }
 
 /// Options of a measured run.

@@ -13,6 +13,7 @@
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! ratio          two means of a real run as a ratio, with how sure it is
 //! report         report.html of a run, and runs beside each other
+//! timing         how evenly cyclic frames come, beside a bare loop and a peer
 //! gate           a virtual run against its committed baseline
 //! history        the runs that are kept
 //! doctor         what this machine can do
@@ -39,6 +40,7 @@ pub mod session;
 pub mod stand;
 pub mod statistics;
 pub mod table;
+pub mod timing;
 pub mod trace;
 pub mod virtual_run;
 mod watch;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, doctor, gate, history, measure, report, rig};
+use bench::{calibrate, doctor, gate, history, measure, report, rig, timing};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -20,6 +20,7 @@ fn main() -> ExitCode {
         Some(Command::Compare(options)) => report::compare(options),
         Some(Command::History(options)) => history::run(options),
         Some(Command::Doctor(options)) => doctor::run(options),
+        Some(Command::Timing(options)) => timing::run(options),
     };
     match outcome {
         Ok(exit) => exit.into(),

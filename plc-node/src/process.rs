@@ -1,8 +1,8 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
 //! By hand it runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
-//! message, and runs one repetition for each instruction that comes on standard input. Its other command,
-//! `plc-node plan`, needs no bus.
+//! message, and runs one repetition for each instruction that comes on standard input. Of its other commands
+//! `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -22,6 +22,7 @@ use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
+use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
 use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
 
@@ -45,6 +46,8 @@ enum Subcommand {
     Run(Run),
     /// Plan an application and print its motions: labels, zones and why they have their size.
     Plan(PlanCommand),
+    /// List the PROFINET and EtherNet/IP devices on a network interface.
+    Discover(DiscoverCommand),
 }
 
 #[derive(clap::Args, Debug)]
@@ -154,6 +157,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let outcome = match cli.command {
         Subcommand::Run(run) => run.execute(),
         Subcommand::Plan(plan) => plan.execute(),
+        Subcommand::Discover(discover) => discover.execute(),
     };
     match outcome {
         Ok(outcome) => outcome.into(),

@@ -14,6 +14,7 @@
 )]
 
 pub mod allocation;
+mod arrivals;
 pub mod clock;
 mod cyclic_thread;
 mod driver;
@@ -39,6 +40,7 @@ pub mod wakeups;
 mod wire;
 mod words;
 
+pub use arrivals::{Arrival, ArrivalLog};
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
 pub use ethernet::{Ethernet, PROFINET};

@@ -26,7 +26,7 @@ const RECEIVE_BUFFER: usize = 8 << 20;
 /// Frames are on disk after this time even if the process is killed.
 const FLUSH_AFTER: Duration = Duration::from_millis(100);
 
-const SNAP_LEN: usize = 2048;
+pub(crate) const SNAP_LEN: usize = 2048;
 
 /// Why a capture could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -140,12 +140,12 @@ impl Capture {
 }
 
 /// A frame as the kernel hands it over.
-struct Received<'a> {
-    since_1970: Duration,
-    data: &'a [u8],
+pub(crate) struct Received<'a> {
+    pub(crate) since_1970: Duration,
+    pub(crate) data: &'a [u8],
 }
 
-fn open(interface: &str) -> io::Result<Socket> {
+pub(crate) fn open(interface: &str) -> io::Result<Socket> {
     let all = (libc::ETH_P_ALL as u16).to_be();
     let socket = Socket::new(Domain::PACKET, Type::RAW, Some(Protocol::from(i32::from(all))))?;
     // The buffer is a wish: without CAP_NET_ADMIN the kernel cuts it to its limit.
@@ -166,7 +166,7 @@ fn set_flag(socket: &Socket, level: libc::c_int, name: libc::c_int) -> io::Resul
 }
 
 /// Waits for a frame, and puts back a tag that the kernel took off.
-fn receive<'a>(socket: &Socket, buf: &'a mut [u8; SNAP_LEN]) -> io::Result<Received<'a>> {
+pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut [u8; SNAP_LEN]) -> io::Result<Received<'a>> {
     const TAG: usize = 4;
     const MACS: usize = 12;
     let mut control = [0_u64; 16];

@@ -13,7 +13,7 @@ use crate::{Interface, PortError, Received};
 /// What to listen to over UDP.
 #[derive(Clone, Copy, Debug)]
 pub struct Udp {
-    /// The local port.
+    /// The local port; 0 for one that the kernel chooses.
     pub port: u16,
 }
 
@@ -44,7 +44,8 @@ impl UdpPort {
             socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
             Ok(socket.into())
         };
-        let socket = open().map_err(|reason| PortError::udp(interface.name(), port, reason))?;
+        let opened = open().and_then(|socket| Ok((socket.local_addr()?.port(), socket)));
+        let (port, socket) = opened.map_err(|reason| PortError::udp(interface.name(), port, reason))?;
         Ok(Self { port, socket, interface: interface.index(), group: Cell::new(None) })
     }
 
