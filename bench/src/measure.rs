@@ -50,6 +50,9 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
         return Err(Failure::new(Exit::Usage, error));
     }
+    if options.attach.is_some() {
+        check_attach(options)?;
+    }
     let measurement =
         Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -69,6 +72,20 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         eprintln!("error: {error:#}");
     }
     Ok(ended.exit)
+}
+
+/// What the bench cannot ask of nodes that somebody else started.
+fn check_attach(options: &RunOptions) -> Result<(), Failure> {
+    let instead = if options.mode == Mode::Virtual {
+        "--attach measures on running nodes, in real time: leave out `--mode virtual`"
+    } else if options.capture != Capture::Never {
+        "--capture records the network that the bench makes: with --attach, record on the nodes' machine"
+    } else if options.cyclic.is_some() {
+        "the nodes run already: give --cyclic to plc-node"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::new(Exit::Usage, anyhow!(instead)))
 }
 
 struct Measurement<'a> {
@@ -127,7 +144,8 @@ impl Measurement<'_> {
         Ok((ended, path))
     }
 
-    /// Runs the plan on two processes, which read the setup as it stands in the run directory.
+    /// Runs the plan on two processes: ones that run already, or own ones, which read the setup as it stands in the run
+    /// directory.
     async fn run_real(
         &self,
         session: &mut Session,
@@ -143,9 +161,15 @@ impl Measurement<'_> {
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
         let mut interrupt = std::pin::pin!(interrupt);
+        let start = async {
+            match &self.options.attach {
+                Some(nodes) => Rig::attach(nodes, &self.setup.name).await,
+                None => Rig::start(&config).await,
+            }
+        };
         let mut rig = tokio::select! {
             () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
-            rig = Rig::start(&config) => rig.map_err(unusable)?,
+            rig = start => rig.map_err(unusable)?,
         };
         let refused = rig.warnings();
         let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };

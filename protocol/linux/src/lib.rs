@@ -15,6 +15,7 @@
 
 pub mod allocation;
 pub mod clock;
+mod control;
 mod cyclic_thread;
 mod driver;
 mod dscp;
@@ -37,10 +38,11 @@ pub mod veth;
 mod wait;
 mod wire;
 
+pub use control::{ControlError, ControlPort};
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
 pub use ethernet::{Ethernet, PROFINET};
-pub use inbox::{Inbox, Input};
+pub use inbox::{Commands, Inbox, Input};
 pub use interface::{Interface, InterfaceError};
 pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, Snapshot};
 pub use notifier::Notifier;
