@@ -19,6 +19,9 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v setpriv >/dev/null || missing+=(util-linux)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
     command -v npm >/dev/null || missing+=(nodejs npm)
+    command -v dockerd >/dev/null || missing+=(docker.io iptables)
+    command -v docker-compose >/dev/null || missing+=(docker-compose)
+    command -v setcap >/dev/null || missing+=(libcap2-bin)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
@@ -34,7 +37,7 @@ verb_format() { #: fail where the formatting differs
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
     cargo clippy --workspace --all-targets --locked -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-    shellcheck --external-sources scripts/*.sh scripts/interop/*.sh .ci/run
+    shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
 verb_purity() { #: prove that `protocol` can name no clock, socket, thread or file
@@ -184,8 +187,49 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
         ./bench --setup A --reps 1 --out run)
 }
 
+# demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program.
+demo_compose() {
+    if docker compose version >/dev/null 2>&1; then docker compose "$@"; else docker-compose "$@"; fi
+}
+
+# demo_end: whatever verb_demo started is gone afterwards.
+demo_end() {
+    RUNS=runs demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
+    if [ -n "${DEMO_ENGINE:-}" ]; then
+        kill "$(cat "$DEMO_ENGINE/pid")" && tail --pid "$(cat "$DEMO_ENGINE/pid")" -f /dev/null
+        rm -rf "$DEMO_ENGINE"
+    fi
+}
+
+verb_demo() { #: the README's containers for real, Setup A and B, REPS=1 of each type (as root)
+    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" SETUP RUNS BENCH_USER=65534:65534 COMPOSE_PROJECT_NAME=skillbench-ci
+    trap demo_end EXIT
+    if ! docker info >/dev/null 2>&1; then
+        # An engine of our own, so that no image stays and none of another engine's is hidden by ours.
+        DEMO_ENGINE=$(mktemp -d)
+        export DOCKER_HOST="unix://$DEMO_ENGINE/socket"
+        dockerd --data-root "$DEMO_ENGINE/data" --exec-root "$DEMO_ENGINE/exec" --pidfile "$DEMO_ENGINE/pid" \
+            --host "$DOCKER_HOST" >"$DEMO_ENGINE/log" 2>&1 &
+        timeout 60 sh -c "until docker info >/dev/null 2>&1; do kill -0 $! && sleep 0.2; done" \
+            || { tail "$DEMO_ENGINE/log" >&2; exit 1; }
+        scripts/demo/base-image.sh "$(sed -n 's/^FROM \(.*\) AS build$/\1/p' Dockerfile)"
+    fi
+    RUNS=$(mktemp -d)
+    chown "$BENCH_USER" "$RUNS"
+    local output
+    for SETUP in A B; do
+        output="$RUNS/$SETUP.txt"
+        demo_compose up --build --abort-on-container-exit --exit-code-from bench | tee "$output"
+        for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done
+        ls "$RUNS"/*"-$SETUP-real/results.json"
+        demo_compose down
+    done
+    docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"
+    rm -rf "$RUNS"
+}
+
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test gate wire user interop; do
+    for verb in format lint purity test gate wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

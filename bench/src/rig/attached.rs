@@ -16,7 +16,7 @@ use super::node::{Said, listen};
 use super::{RigError, Which};
 
 /// How long a node may take to come up that is started together with the bench.
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// How long an address may take to answer before it is tried again: one that is not there yet never does.
 const ATTEMPT: Duration = Duration::from_secs(2);
