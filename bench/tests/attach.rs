@@ -61,7 +61,10 @@ impl Cell {
     /// A bench with one CM that is attached like this, beside whatever else `args` say.
     fn bench(&self, run: &str, attach: &str, args: &[&str]) -> Child {
         let mut command = bench();
-        command.args(["--types", "cm", "--attach", attach, "--out"]).arg(self.place.path().join(run)).args(args);
+        command
+            .args(["--types", "cm", "--attach", attach, "--out"])
+            .arg(self.place.path().join(run))
+            .args(args);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         self.control.confine(&mut command).unwrap();
         command.spawn().unwrap()
@@ -147,8 +150,7 @@ fn with_networks(name: &str, test: impl FnOnce(Cell)) {
 #[test]
 fn one_bench_after_the_other_measures_on_nodes_that_run_on() {
     with_networks("one_bench_after_the_other_measures_on_nodes_that_run_on", |mut cell| {
-        let outputs =
-            ["first", "second"].map(|run| cell.measure(run, BOTH, &["--reps", "1", "--quiet"]));
+        let outputs = ["first", "second"].map(|run| cell.measure(run, BOTH, &["--reps", "1", "--quiet"]));
         for output in outputs {
             assert!(output.status.success(), "{}", text(&output.stderr));
         }
@@ -181,17 +183,20 @@ fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
 
 #[test]
 fn a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use() {
-    with_networks("a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use", |mut cell| {
-        for (signal, code) in [(Signal::KILL, None), (Signal::TERM, Some(130))] {
-            let run = format!("ended-by-{}", signal.as_raw());
-            let bench = cell.long_run(&run);
-            kill_process(Pid::from_child(&bench), signal).unwrap();
-            assert_eq!(bench.wait_with_output().unwrap().status.code(), code);
-        }
-        let output = cell.measure("after", BOTH, &["--reps", "1"]);
-        assert!(output.status.success(), "{}", text(&output.stderr));
-        assert!(cell.nodes_run());
-    });
+    with_networks(
+        "a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use",
+        |mut cell| {
+            for (signal, code) in [(Signal::KILL, None), (Signal::TERM, Some(130))] {
+                let run = format!("ended-by-{}", signal.as_raw());
+                let bench = cell.long_run(&run);
+                kill_process(Pid::from_child(&bench), signal).unwrap();
+                assert_eq!(bench.wait_with_output().unwrap().status.code(), code);
+            }
+            let output = cell.measure("after", BOTH, &["--reps", "1"]);
+            assert!(output.status.success(), "{}", text(&output.stderr));
+            assert!(cell.nodes_run());
+        },
+    );
 }
 
 #[test]
@@ -249,7 +254,8 @@ fn a_node_that_is_not_there_is_waited_for_and_then_named() {
 
 #[test]
 fn what_cannot_be_asked_of_running_nodes_is_refused() {
-    let refused = [["--mode", "virtual"], ["--capture", "always"], ["--cyclic", "rt1"], ["--attach", "robot=a:1"]];
+    let refused =
+        [["--mode", "virtual"], ["--capture", "always"], ["--cyclic", "rt1"], ["--attach", "robot=a:1"]];
     for option in refused {
         let attach: &[_] = if option[0] == "--attach" { &[] } else { &["--attach", "plc=127.0.0.1:7700"] };
         let output = bench().args(attach).args(option).output().unwrap();

@@ -62,7 +62,13 @@ struct Run {
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "control", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     reps: u32,
     /// Execution types to run, interleaved in this order.
-    #[arg(long, value_name = "TYPES", value_delimiter = ',', default_value = "rc,sm,cm", conflicts_with = "control")]
+    #[arg(
+        long,
+        value_name = "TYPES",
+        value_delimiter = ',',
+        default_value = "rc,sm,cm",
+        conflicts_with = "control"
+    )]
     types: Vec<ExecutionType>,
     /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT`. There is no password, so give an
     /// address that only the bench reaches.

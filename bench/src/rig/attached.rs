@@ -4,7 +4,9 @@
 use std::str::FromStr;
 use std::time::Duration;
 
-use protocol_linux::message::Instruction;
+use plc_node::process::PlcInstruction;
+use protocol_linux::message::{Hello, Instruction};
+use robot_node::process::RobotInstruction;
 use serde::Serialize;
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
@@ -13,7 +15,8 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::node::{Said, listen};
-use super::{RigError, Which};
+use super::party::Party;
+use super::{Rig, RigError, Which};
 
 /// How long a node may take to come up that is started together with the bench.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -72,6 +75,52 @@ impl FromStr for Attach {
     }
 }
 
+impl Rig {
+    /// Takes control of nodes that run `setup` already and waits until the PLC finds the robot ready. They run on when
+    /// the rig ends.
+    ///
+    /// # Errors
+    ///
+    /// A node that is not there, is not the one that is wanted or has another controller; or a connection between them
+    /// that does not come about.
+    pub async fn attach(to: &Attach, setup: &str) -> Result<Self, RigError> {
+        let (sayings, said) = mpsc::channel(1_024);
+        let mut plc = AttachedNode::reach(Which::Plc, &to.plc, sayings.clone()).await?;
+        // Whoever says nothing yields the control port to the next that comes.
+        plc.tell(&Instruction::<PlcInstruction>::Report).await;
+        let robot = match &to.robot {
+            Some(address) => {
+                let mut robot = AttachedNode::reach(Which::Robot, address, sayings).await?;
+                robot.tell(&Instruction::<RobotInstruction>::Report).await;
+                Some(Party::Attached(robot))
+            }
+            None => None,
+        };
+        let mut rig = Self::of(Party::Attached(plc), robot, said, None);
+        rig.wait_until_ready(Instant::now(), Some(setup)).await?;
+        rig.ask_for_reports().await?;
+        rig.before = rig.reports.clone();
+        Ok(rig)
+    }
+
+    /// What is reached by an address may be the other node, or run another setup.
+    pub(super) fn check(&self, which: Which, hello: &Hello, setup: Option<&str>) -> Result<(), RigError> {
+        let node = match which {
+            Which::Plc => Some(&self.plc),
+            Which::Robot => self.robot.as_ref(),
+        };
+        let (Some(Party::Attached(node)), Some(setup)) = (node, setup) else { return Ok(()) };
+        if hello.node == which.to_string() && hello.setup == setup {
+            return Ok(());
+        }
+        Err(RigError::Other {
+            address: node.address().to_owned(),
+            found: format!("{} of setup {}", hello.node, hello.setup),
+            wanted: format!("{which} of setup {setup}"),
+        })
+    }
+}
+
 /// The conversation with one of them.
 #[derive(Debug)]
 pub(super) struct AttachedNode {
@@ -101,12 +150,8 @@ impl AttachedNode {
             }
         };
         let reached = timeout_at(until, reached).await;
-        let unreachable = |reason| RigError::Unreachable {
-            which,
-            address: address.to_owned(),
-            waited: PATIENCE,
-            reason,
-        };
+        let unreachable =
+            |reason| RigError::Unreachable { which, address: address.to_owned(), waited: PATIENCE, reason };
         let stream = reached.map_err(|_| unreachable(reason))?;
         stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
         let (from, stream) = stream.into_split();
@@ -145,8 +190,17 @@ mod tests {
         let both = Attach { plc: "10.0.0.1:7700".to_owned(), robot: Some("[fe80::1]:7700".to_owned()) };
         assert_eq!(attach("robot=[fe80::1]:7700,plc=10.0.0.1:7700"), Ok(both));
         assert_eq!(attach("plc=cell:1"), Ok(Attach { plc: "cell:1".to_owned(), robot: None }));
-        for wrong in ["", "plc", "plc=", "plc=cell", "plc=:1", "plc=cell:70000", "cell=a:1", "robot=a:1", "plc=a:1,plc=a:1"]
-        {
+        for wrong in [
+            "",
+            "plc",
+            "plc=",
+            "plc=cell",
+            "plc=:1",
+            "plc=cell:70000",
+            "cell=a:1",
+            "robot=a:1",
+            "plc=a:1,plc=a:1",
+        ] {
             assert!(attach(wrong).is_err(), "{wrong}");
         }
     }

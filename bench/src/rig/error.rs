@@ -163,8 +163,12 @@ impl RigError {
         // Exit code 5 of a node says that the host lacks what it needs.
         let unusable = |status: &ExitStatus| status.code() == Some(Exit::EnvironmentUnusable as i32);
         match self {
-            Self::Namespace { .. } | Self::Interface(_) | Self::Spawn { .. } | Self::NotConnected { .. }
-            | Self::Unreachable { .. } | Self::Busy { .. } => Exit::EnvironmentUnusable,
+            Self::Namespace { .. }
+            | Self::Interface(_)
+            | Self::Spawn { .. }
+            | Self::NotConnected { .. }
+            | Self::Unreachable { .. }
+            | Self::Busy { .. } => Exit::EnvironmentUnusable,
             Self::Other { .. } => Exit::Usage,
             Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {
                 Exit::EnvironmentUnusable

@@ -41,7 +41,6 @@ use setup::Cyclic;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout, timeout_at};
 
-use attached::AttachedNode;
 use cable::Cable;
 use node::{NodeProcess, Said};
 use party::Party;
@@ -194,33 +193,6 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Takes control of nodes that run `setup` already and waits until the PLC finds the robot ready. They run on when
-    /// the rig ends.
-    ///
-    /// # Errors
-    ///
-    /// A node that is not there, is not the one that is wanted or has another controller; or a connection between them
-    /// that does not come about.
-    pub async fn attach(to: &Attach, setup: &str) -> Result<Self, RigError> {
-        let (sayings, said) = mpsc::channel(1_024);
-        let mut plc = AttachedNode::reach(Which::Plc, &to.plc, sayings.clone()).await?;
-        // Whoever says nothing yields the control port to the next that comes.
-        plc.tell(&Instruction::<PlcInstruction>::Report).await;
-        let robot = match &to.robot {
-            Some(address) => {
-                let mut robot = AttachedNode::reach(Which::Robot, address, sayings).await?;
-                robot.tell(&Instruction::<RobotInstruction>::Report).await;
-                Some(Party::Attached(robot))
-            }
-            None => None,
-        };
-        let mut rig = Self::of(Party::Attached(plc), robot, said, None);
-        rig.wait_until_ready(Instant::now(), Some(setup)).await?;
-        rig.ask_for_reports().await?;
-        rig.before = rig.reports.clone();
-        Ok(rig)
-    }
-
     fn of(plc: Party, robot: Option<Party>, said: mpsc::Receiver<Said>, cable: Option<Cable>) -> Self {
         Self {
             plc,
@@ -339,23 +311,6 @@ impl Rig {
             }
         }
         Ok(())
-    }
-
-    /// What is reached by an address may be the other node, or run another setup.
-    fn check(&self, which: Which, hello: &Hello, setup: Option<&str>) -> Result<(), RigError> {
-        let node = match which {
-            Which::Plc => Some(&self.plc),
-            Which::Robot => self.robot.as_ref(),
-        };
-        let (Some(Party::Attached(node)), Some(setup)) = (node, setup) else { return Ok(()) };
-        if hello.node == which.to_string() && hello.setup == setup {
-            return Ok(());
-        }
-        Err(RigError::Other {
-            address: node.address().to_owned(),
-            found: format!("{} of setup {}", hello.node, hello.setup),
-            wanted: format!("{which} of setup {setup}"),
-        })
     }
 
     /// What the PLC says next of its runs. A lost connection and an ended node are errors.

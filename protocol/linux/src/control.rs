@@ -129,8 +129,7 @@ impl ControlPort {
         match self.listener.accept() {
             Ok((stream, peer)) => self.receive(stream, peer),
             Err(error) => {
-                let harmless =
-                    [ErrorKind::WouldBlock, ErrorKind::Interrupted, ErrorKind::ConnectionAborted];
+                let harmless = [ErrorKind::WouldBlock, ErrorKind::Interrupted, ErrorKind::ConnectionAborted];
                 self.rests = !harmless.contains(&error.kind());
             }
         }

@@ -10,8 +10,9 @@ use protocol::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
 use crate::{
-    Commands, ControlPort, CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError, Notifier, Outbox, PortError,
-    RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire, allocation,
+    Commands, ControlPort, CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError,
+    Notifier, Outbox, PortError, RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire,
+    allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.

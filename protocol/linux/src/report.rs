@@ -43,7 +43,8 @@ impl LatenessReport {
     /// too, unless it is the latest of all.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
-        let earlier = |end: f64| before.buckets.iter().find(|(other, _)| *other == end).map_or(0, |(_, n)| *n);
+        let earlier =
+            |end: f64| before.buckets.iter().find(|(other, _)| *other == end).map_or(0, |(_, n)| *n);
         let buckets = self.buckets.iter().map(|(end, count)| (*end, count.saturating_sub(earlier(*end))));
         let buckets: Vec<_> = buckets.filter(|(_, count)| *count > 0).collect();
         let runs = buckets.iter().map(|(_, count)| u64::from(*count)).sum();

@@ -5,6 +5,7 @@
 //! gives up what the one that left had started.
 
 use std::fmt::Display;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use protocol::fieldbus::LinkEvent;
@@ -88,7 +89,7 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
     console.tell::<C::Message>(&Message::Hello(hello.clone()));
     if let Some(Ok(address)) = process.control().map(|port| port.address()) {
-        println!("controlled over {address}, by whoever reaches it");
+        note(format_args!("controlled over {address}, by whoever reaches it"));
     }
     let mut supervisor = Supervisor { process: &mut process, conductor, console, hello, linked: false };
     let told = supervisor.converse();
@@ -129,12 +130,12 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
                 Happening::News(news) => self.tell_news(news),
                 Happening::Line(line) => self.obey(&line),
                 Happening::Attached(peer) => {
-                    println!("controlled by {peer}");
+                    note(format_args!("controlled by {peer}"));
                     self.greet();
                     Next::Wait
                 }
                 Happening::Detached { peer, reason } => {
-                    println!("no longer controlled by {peer}: {reason}");
+                    note(format_args!("no longer controlled by {peer}: {reason}"));
                     self.conductor.deserted()
                 }
                 Happening::Closed | Happening::Signal(_) => Next::End(Outcome::Done),
@@ -223,6 +224,12 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
             self.console.tell(message);
         }
     }
+}
+
+/// Tells whoever looks at the node about its controllers, which none of those needs to hear.
+fn note(words: std::fmt::Arguments<'_>) {
+    // Unlike `println!`, it does not end the node where nobody reads any more.
+    let _ = writeln!(std::io::stdout(), "{words}");
 }
 
 fn link_message<M>(event: LinkEvent) -> Message<M> {
