@@ -1,5 +1,6 @@
 # The two nodes and the bench, each a static binary in an image of its own with nothing else in it.
-# docker-compose.yml runs them; README.md says how.
+# docker-compose.yml runs them; README.md says how. It takes BuildKit, as the builder before it loses the capabilities
+# that a file has.
 
 FROM rust:1.95 AS build
 # Cargo's profile: `release`, or `dev`, which builds in half the time.
@@ -7,15 +8,18 @@ ARG PROFILE=release
 RUN command -v setcap || (apt-get update && apt-get install --yes --no-install-recommends libcap2-bin)
 WORKDIR /src
 COPY . .
-# The flag is for the target alone: build scripts and macros are linked as usual because --target is named.
-RUN target=$(rustc -vV | sed -n 's/^host: //p') \
+# The flag is for the target alone: build scripts and macros are linked as usual because --target is named. What was
+# compiled is kept for the next build.
+RUN --mount=type=cache,target=/src/target \
+    target=$(rustc -vV | sed -n 's/^host: //p') \
     && RUSTFLAGS="-C target-feature=+crt-static" cargo build --locked --profile "$PROFILE" --target "$target" \
-        --package plc-node --package robot-node --package bench \
+        --target-dir "target/$PROFILE" --package plc-node --package robot-node --package bench \
     && mkdir --parents /out/runs \
-    && cp target/"$target"/*/plc-node target/"$target"/*/robot-node target/"$target"/*/bench /out \
-    && rm --recursive target
-# Raw Ethernet frames (PROFINET's DCP and RT_CLASS_1) are the one thing that an ordinary user may not send.
-RUN setcap cap_net_raw=ep /out/plc-node && setcap cap_net_raw=ep /out/robot-node
+    && for program in plc-node robot-node bench; do \
+        strip --strip-debug -o /out/$program target/"$PROFILE"/"$target"/*/$program || exit 1; \
+    done
+# What an ordinary user may not do and a container may permit: raw Ethernet frames, SCHED_FIFO, locked memory.
+RUN for node in plc-node robot-node; do setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=p /out/$node; done
 
 FROM scratch AS plc-node
 COPY --from=build /out/plc-node /plc-node

@@ -187,36 +187,55 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
         ./bench --setup A --reps 1 --out run)
 }
 
-# demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program.
+# demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the
+# client build, and Debian's client does so by BuildKit without a plugin.
 demo_compose() {
-    if docker compose version >/dev/null 2>&1; then docker compose "$@"; else docker-compose "$@"; fi
+    if docker compose version >/dev/null 2>&1; then
+        docker compose "$@"
+    else
+        PATH="/usr/bin:$PATH" DOCKER_BUILDKIT=1 COMPOSE_DOCKER_CLI_BUILD=1 docker-compose "$@"
+    fi
+}
+
+# demo_engine: an engine of our own, so that nothing of ours stays in another one, with a local image in place of the one
+# that the Dockerfile would pull.
+demo_engine() {
+    DEMO_ENGINE=$(mktemp -d)
+    export DOCKER_HOST="unix://$DEMO_ENGINE/socket"
+    dockerd --data-root "$DEMO_ENGINE/data" --exec-root "$DEMO_ENGINE/exec" --pidfile "$DEMO_ENGINE/pid" \
+        --host "$DOCKER_HOST" >"$DEMO_ENGINE/log" 2>&1 &
+    local engine=$! tries=0
+    until docker info >/dev/null 2>&1; do
+        if ! kill -0 "$engine" 2>/dev/null || [ $((tries += 1)) -gt 150 ]; then
+            echo "dockerd does not run here; it said:" >&2
+            tail "$DEMO_ENGINE/log" >&2
+            return 1
+        fi
+        sleep 0.2
+    done
+    scripts/demo/base-image.sh "$(sed -n 's/^FROM \(.*\) AS build$/\1/p' Dockerfile)"
 }
 
 # demo_end: whatever verb_demo started is gone afterwards.
 demo_end() {
-    RUNS=runs demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
+    demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
     if [ -n "${DEMO_ENGINE:-}" ]; then
-        kill "$(cat "$DEMO_ENGINE/pid")" && tail --pid "$(cat "$DEMO_ENGINE/pid")" -f /dev/null
+        local engine
+        engine=$(cat "$DEMO_ENGINE/pid" 2>/dev/null || true)
+        if [ -n "$engine" ] && kill "$engine" 2>/dev/null; then tail --pid "$engine" -f /dev/null; fi
         rm -rf "$DEMO_ENGINE"
     fi
+    rm -rf "${RUNS:-}"
 }
 
-verb_demo() { #: the README's containers for real, Setup A and B, REPS=1 of each type (as root)
-    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" SETUP RUNS BENCH_USER=65534:65534 COMPOSE_PROJECT_NAME=skillbench-ci
+verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of each type (as root)
+    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci
+    export SETUP RUNS BENCH_USER=65534:65534
     trap demo_end EXIT
-    if ! docker info >/dev/null 2>&1; then
-        # An engine of our own, so that no image stays and none of another engine's is hidden by ours.
-        DEMO_ENGINE=$(mktemp -d)
-        export DOCKER_HOST="unix://$DEMO_ENGINE/socket"
-        dockerd --data-root "$DEMO_ENGINE/data" --exec-root "$DEMO_ENGINE/exec" --pidfile "$DEMO_ENGINE/pid" \
-            --host "$DOCKER_HOST" >"$DEMO_ENGINE/log" 2>&1 &
-        timeout 60 sh -c "until docker info >/dev/null 2>&1; do kill -0 $! && sleep 0.2; done" \
-            || { tail "$DEMO_ENGINE/log" >&2; exit 1; }
-        scripts/demo/base-image.sh "$(sed -n 's/^FROM \(.*\) AS build$/\1/p' Dockerfile)"
-    fi
+    docker info >/dev/null 2>&1 || demo_engine
     RUNS=$(mktemp -d)
     chown "$BENCH_USER" "$RUNS"
-    local output
+    local output type
     for SETUP in A B; do
         output="$RUNS/$SETUP.txt"
         demo_compose up --build --abort-on-container-exit --exit-code-from bench | tee "$output"
@@ -225,7 +244,6 @@ verb_demo() { #: the README's containers for real, Setup A and B, REPS=1 of each
         demo_compose down
     done
     docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"
-    rm -rf "$RUNS"
 }
 
 verb_ci() { #: everything above but setup

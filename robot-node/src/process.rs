@@ -16,7 +16,9 @@ use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
+use protocol_linux::{
+    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
+};
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
@@ -128,8 +130,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked.
+        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;

@@ -14,6 +14,7 @@
 )]
 
 pub mod allocation;
+pub mod capabilities;
 pub mod clock;
 mod control;
 mod cyclic_thread;
