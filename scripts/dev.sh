@@ -21,6 +21,9 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v valgrind >/dev/null || missing+=(valgrind)
     command -v npm >/dev/null || missing+=(nodejs npm)
     browser >/dev/null || missing+=(chromium)
+    command -v dockerd >/dev/null || missing+=(docker.io iptables)
+    command -v docker-compose >/dev/null || missing+=(docker-compose)
+    command -v setcap >/dev/null || missing+=(libcap2-bin)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
@@ -36,7 +39,7 @@ verb_format() { #: fail where the formatting differs
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
     cargo clippy --workspace --all-targets --locked -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-    shellcheck --external-sources scripts/*.sh scripts/interop/*.sh .ci/run
+    shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
 verb_purity() { #: prove that `protocol` can name no clock, socket, thread or file
@@ -233,8 +236,67 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
         ./bench --setup A --reps 1 --out run)
 }
 
+# demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the
+# client build, and Debian's client does so by BuildKit without a plugin.
+demo_compose() {
+    if docker compose version >/dev/null 2>&1; then
+        docker compose "$@"
+    else
+        PATH="/usr/bin:$PATH" DOCKER_BUILDKIT=1 COMPOSE_DOCKER_CLI_BUILD=1 docker-compose "$@"
+    fi
+}
+
+# demo_engine: an engine of our own, so that nothing of ours stays in another one, with a local image in place of the one
+# that the Dockerfile would pull.
+demo_engine() {
+    DEMO_ENGINE=$(mktemp -d)
+    export DOCKER_HOST="unix://$DEMO_ENGINE/socket"
+    dockerd --data-root "$DEMO_ENGINE/data" --exec-root "$DEMO_ENGINE/exec" --pidfile "$DEMO_ENGINE/pid" \
+        --host "$DOCKER_HOST" >"$DEMO_ENGINE/log" 2>&1 &
+    local engine=$! tries=0
+    until docker info >/dev/null 2>&1; do
+        if ! kill -0 "$engine" 2>/dev/null || [ $((tries += 1)) -gt 150 ]; then
+            echo "dockerd does not run here; it said:" >&2
+            tail "$DEMO_ENGINE/log" >&2
+            return 1
+        fi
+        sleep 0.2
+    done
+    scripts/demo/base-image.sh "$(sed -n 's/^FROM \(.*\) AS build$/\1/p' Dockerfile)"
+}
+
+# demo_end: whatever verb_demo started is gone afterwards.
+demo_end() {
+    demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
+    if [ -n "${DEMO_ENGINE:-}" ]; then
+        local engine
+        engine=$(cat "$DEMO_ENGINE/pid" 2>/dev/null || true)
+        if [ -n "$engine" ] && kill "$engine" 2>/dev/null; then tail --pid "$engine" -f /dev/null; fi
+        rm -rf "$DEMO_ENGINE"
+    fi
+    rm -rf "${RUNS:-}"
+}
+
+verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of each type (as root)
+    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci
+    export SETUP RUNS BENCH_USER=65534:65534
+    trap demo_end EXIT
+    docker info >/dev/null 2>&1 || demo_engine
+    RUNS=$(mktemp -d)
+    chown "$BENCH_USER" "$RUNS"
+    local output type
+    for SETUP in A B; do
+        output="$RUNS/$SETUP.txt"
+        demo_compose up --build --abort-on-container-exit --exit-code-from bench | tee "$output"
+        for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done
+        ls "$RUNS"/*"-$SETUP-real/results.json"
+        demo_compose down
+    done
+    docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"
+}
+
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test browser gate wire user interop; do
+    for verb in format lint purity test browser gate wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

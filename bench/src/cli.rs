@@ -10,6 +10,7 @@ use crate::export::Exports;
 use crate::gate::GateOptions;
 use crate::history::HistoryOptions;
 use crate::report::{CompareOptions, ReportOptions};
+use crate::rig::Attach;
 use crate::timing::TimingOptions;
 
 /// The seed of runs that name none.
@@ -42,6 +43,7 @@ Examples:
   bench --setup A --mode virtual             the same in virtual time, in about a second
   bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
   bench --setup A --types rc,cm --export-json results.json
+  bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
   bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
 
 Exit codes:
@@ -96,6 +98,10 @@ pub struct RunOptions {
     /// Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
+    /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
+    /// alone where the robot is real. Real mode only; they are started with the same --setup.
+    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
+    pub attach: Option<Attach>,
     /// Print the table only: no progress, no warnings.
     #[arg(long, short)]
     pub quiet: bool,

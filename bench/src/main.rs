@@ -32,7 +32,7 @@ fn main() -> ExitCode {
 }
 
 fn measure(options: &RunOptions) -> Result<Exit, Failure> {
-    if options.mode == Mode::Real {
+    if options.mode == Mode::Real && options.attach.is_none() {
         // The kernel allows it only while this process has one thread.
         rig::enter_user_namespace().map_err(|error| Failure::new(error.exit(), error))?;
     }

@@ -54,6 +54,9 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
         return Err(Failure::new(Exit::Usage, error));
     }
+    if options.attach.is_some() {
+        check_attach(options)?;
+    }
     let measurement =
         Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -73,6 +76,20 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         eprintln!("error: {error:#}");
     }
     Ok(ended.exit)
+}
+
+/// What the bench cannot ask of nodes that somebody else started.
+fn check_attach(options: &RunOptions) -> Result<(), Failure> {
+    let instead = if options.mode == Mode::Virtual {
+        "--attach measures on running nodes, in real time: leave out `--mode virtual`"
+    } else if options.capture != Capture::Never {
+        "--capture records the network that the bench makes: with --attach, record on the nodes' machine"
+    } else if options.cyclic.is_some() {
+        "the nodes run already: give --cyclic to plc-node"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::new(Exit::Usage, anyhow!(instead)))
 }
 
 struct Measurement<'a> {
@@ -131,7 +148,8 @@ impl Measurement<'_> {
         Ok((ended, path))
     }
 
-    /// Runs the plan on two processes, which read the setup as it stands in the run directory.
+    /// Runs the plan on two processes: ones that run already, or own ones, which read the setup as it stands in the run
+    /// directory.
     async fn run_real(
         &self,
         session: &mut Session,
@@ -147,9 +165,15 @@ impl Measurement<'_> {
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
         let mut interrupt = std::pin::pin!(interrupt);
+        let start = async {
+            match &self.options.attach {
+                Some(nodes) => Rig::attach(nodes, &self.setup.name).await,
+                None => Rig::start(&config).await,
+            }
+        };
         let started = tokio::select! {
             () = &mut interrupt => None,
-            rig = Rig::start(&config) => Some(rig),
+            rig = start => Some(rig),
         };
         let mut rig = match started {
             Some(Ok(rig)) => rig,

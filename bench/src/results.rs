@@ -48,7 +48,7 @@ pub struct Results {
     pub cycle: Cycles,
     /// Cyclic frames as the PLC counts them.
     pub bus: Frames,
-    /// From the start of the nodes until the robot was ready; null in virtual mode.
+    /// From the start of the nodes until the robot was ready; null in virtual mode and where the nodes ran already.
     #[serde(default)]
     pub connected_after_ms: Option<f64>,
     /// Allocations of the cyclic threads once the connection was up; null where they are not counted.

@@ -38,7 +38,7 @@ pub struct Health {
     pub bus: Counters,
     /// Cyclic frames as the robot counts them.
     pub robot_bus: Counters,
-    /// From the start of the nodes until the robot was ready; none in virtual mode.
+    /// From the start of the nodes until the robot was ready; none in virtual mode and where the nodes ran already.
     pub connected_after: Option<Duration>,
     /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
     /// not counted.

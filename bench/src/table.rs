@@ -4,7 +4,7 @@ use comfy_table::{Cell, CellAlignment, Table, TableComponent, presets};
 use plc_node::ExecutionType;
 
 use crate::progress::label;
-use crate::results::{Allocations, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
+use crate::results::{Allocations, CycleLateness, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
 
 /// The mark of a number that was calibrated on the figure that it stands beside.
 const CALIBRATED: &str = "*";
@@ -129,12 +129,8 @@ fn legend(results: &Results) -> String {
         ));
     }
     if results.mode == "real" {
-        let cycle = &results.cycle;
-        lines.push(format!(
-            "  Cycles late by p50 / p99 / max: PLC {:.0} / {:.0} / {:.0} µs, {} missed; robot {:.0} / {:.0} / {:.0} µs, {} missed.",
-            cycle.plc.p50_us, cycle.plc.p99_us, cycle.plc.max_us, cycle.plc.missed,
-            cycle.robot.p50_us, cycle.robot.p99_us, cycle.robot.max_us, cycle.robot.missed,
-        ));
+        let (plc, robot) = (lateness(&results.cycle.plc), lateness(&results.cycle.robot));
+        lines.push(format!("  Cycles late by p50 / p99 / max: PLC {plc}; robot {robot}."));
     }
     if let Some(after) = results.connected_after_ms {
         let allocations =
@@ -153,6 +149,15 @@ fn legend(results: &Results) -> String {
     }
     lines.push(frames + ".");
     lines.join("\n")
+}
+
+fn lateness(cycle: &CycleLateness) -> String {
+    if cycle.buckets.is_empty() {
+        // Real hardware, or a node that the bench was not attached to.
+        return "not reported".to_owned();
+    }
+    let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
+    format!("{p50_us:.0} / {p99_us:.0} / {max_us:.0} µs, {missed} missed")
 }
 
 fn millis(value: f64) -> String {

@@ -1,12 +1,12 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
-//! By hand it runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
-//! message, and runs one repetition for each instruction that comes on standard input. Of its other commands
-//! `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
+//! By hand it runs a number of repetitions and prints them. With `--control` or `--json` it says what happens in one line
+//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input. Of its other
+//! commands `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
 
 use std::ffi::OsString;
 use std::fmt;
-use std::net::SocketAddrV4;
+use std::net::{SocketAddr, SocketAddrV4};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -18,7 +18,9 @@ use protocol::{Duration, Instant, Lateness};
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
+use protocol_linux::{
+    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
+};
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
@@ -55,18 +57,28 @@ struct Run {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
-    /// The network interface that the robot is on.
-    #[arg(long, value_name = "IF")]
+    /// The network interface that the robot is on: its name, or the IPv4 address that it has.
+    #[arg(long, value_name = "IF|ADDRESS")]
     interface: String,
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_name = "udp|rt1")]
     cyclic: Option<Cyclic>,
     /// Repetitions of each execution type.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "control", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     reps: u32,
     /// Execution types to run, interleaved in this order.
-    #[arg(long, value_name = "TYPES", value_delimiter = ',', default_value = "rc,sm,cm")]
+    #[arg(
+        long,
+        value_name = "TYPES",
+        value_delimiter = ',',
+        default_value = "rc,sm,cm",
+        conflicts_with = "control"
+    )]
     types: Vec<ExecutionType>,
+    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT`. There is no password, so give an
+    /// address that only the bench reaches.
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
+    control: Option<SocketAddr>,
     /// Take instructions from standard input and answer in JSON.
     #[arg(long, hide = true)]
     json: bool,
@@ -173,15 +185,16 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked.
+        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
         let motions = application.plan(&setup)?.wire_motions(&setup);
-        let interface = Interface::open(&self.interface)?;
+        let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
         interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
@@ -232,11 +245,19 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let process = NodeProcess::start(node, interface, wires, signals, self.json)?;
-        Ok(if self.json {
-            supervise(process, &mut Told, Console::Json, hello)
-        } else {
-            supervise(process, &mut Alone::new(&self.types, self.reps), Console::Words, hello)
+        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands);
+        Ok(match self.control {
+            Some(address) => {
+                let commands = Commands::Control(ControlPort::listen(address)?);
+                supervise(start(commands)?, &mut Told::default(), Console::Words, hello)
+            }
+            None if self.json => {
+                supervise(start(Commands::Stdin)?, &mut Told::default(), Console::Json, hello)
+            }
+            None => {
+                let mut alone = Alone::new(&self.types, self.reps);
+                supervise(start(Commands::None)?, &mut alone, Console::Words, hello)
+            }
         })
     }
 }
@@ -334,17 +355,36 @@ fn refusal((execution_type, error): (ExecutionType, StartError)) -> PlcMessage {
 }
 
 /// Does what it is told.
-struct Told;
+#[derive(Default)]
+struct Told {
+    /// The robot was ready when it was last heard of: a controller that comes later missed that.
+    ready: bool,
+}
 
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Told {
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 
     fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
+        self.ready = matches!(event, PlcEvent::Ready | PlcEvent::Finished(_));
         (message(&event), Next::Wait)
     }
 
+    fn link(&mut self, event: LinkEvent) -> Next<PlcOrder> {
+        self.ready &= !matches!(event, LinkEvent::Down(_));
+        Next::Wait
+    }
+
+    fn greeting(&self) -> Option<PlcMessage> {
+        self.ready.then_some(PlcMessage::Ready)
+    }
+
+    fn deserted(&mut self) -> Next<PlcOrder> {
+        Next::Order(PlcOrder::Abort)
+    }
+
     fn answer(&mut self, answer: (ExecutionType, StartError)) -> (PlcMessage, Next<PlcOrder>) {
+        self.ready &= !matches!(answer.1, StartError::NotConnected | StartError::NotReady { .. });
         (refusal(answer), Next::Wait)
     }
 

@@ -1,11 +1,11 @@
 //! The robot node as a process: its command line, its messages, and the robot on a real bus.
 //!
-//! It waits for a PLC and does what that one says, until it is ended. With `--json` it says what happens in one line
-//! of JSON a message.
+//! It waits for a PLC and does what that one says, until it is ended. With `--control` or `--json` it says what happens in
+//! one line of JSON a message.
 
 use std::ffi::OsString;
 use std::fmt;
-use std::net::SocketAddrV4;
+use std::net::{SocketAddr, SocketAddrV4};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -16,7 +16,9 @@ use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
+use protocol_linux::{
+    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
+};
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
@@ -48,9 +50,9 @@ struct Run {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
-    /// The network interface that the PLC is on. Over PROFINET the PLC gives it an IP address, in place of the one
+    /// The network interface that the PLC is on: its name, or the IPv4 address that it has. Over PROFINET the PLC gives it an IP address, in place of the one
     /// it has; otherwise it gets the setup's.
-    #[arg(long, value_name = "IF")]
+    #[arg(long, value_name = "IF|ADDRESS")]
     interface: String,
     /// How PROFINET's cyclic frames travel. A device takes what the controller asks for; this only checks the setup.
     #[arg(long, value_name = "udp|rt1", hide = true)]
@@ -58,6 +60,10 @@ struct Run {
     /// Seed of the moments at which the interpreter notices a command.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Let a bench control this node over TCP: `bench --attach robot=HOST:PORT`. There is no password, so give an
+    /// address that only the bench reaches.
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
+    control: Option<SocketAddr>,
     /// Take instructions from standard input and answer in JSON.
     #[arg(long, hide = true)]
     json: bool,
@@ -124,15 +130,16 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked.
+        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
         let motions = application.plan(&setup)?.wire_motions(&setup);
-        let interface = Interface::open(&self.interface)?;
+        let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
         let config = RobotConfig::from_setup(&setup)?;
         let programs = vec![(PROGRAM, motions)];
@@ -186,8 +193,12 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let console = if self.json { Console::Json } else { Console::Words };
-        let process = NodeProcess::start(node, interface, wires, signals, self.json)?;
+        let (console, commands) = match self.control {
+            Some(address) => (Console::Words, Commands::Control(ControlPort::listen(address)?)),
+            None if self.json => (Console::Json, Commands::Stdin),
+            None => (Console::Words, Commands::None),
+        };
+        let process = NodeProcess::start(node, interface, wires, signals, commands)?;
         Ok(supervise(process, &mut Served, console, hello))
     }
 }

@@ -12,14 +12,19 @@
 //! process groups of their own, so that Ctrl-C reaches the bench alone and the bench ends them in order. An ordinary
 //! user gets all this through a user namespace, see [`enter_user_namespace`].
 //!
-//! tokio serves pipes, processes and timeouts here. The cyclic threads are in the other processes and know nothing of
-//! it.
+//! Or both nodes run already, wherever that is, and the rig only speaks with them, over TCP: [`Rig::attach`].
+//!
+//! tokio serves pipes, connections, processes and timeouts here. The cyclic threads are in the other processes and know
+//! nothing of it.
 
+mod attached;
 mod cable;
 mod error;
 mod node;
+mod party;
 mod stand;
 
+pub use attached::{Attach, AttachError};
 pub use error::{RigError, Which};
 
 use std::ffi::OsString;
@@ -39,6 +44,7 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use cable::Cable;
 use node::{NodeProcess, Said};
+use party::Party;
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
 #[global_allocator]
@@ -139,14 +145,18 @@ impl RigConfig {
 /// Both nodes, connected.
 #[derive(Debug)]
 pub struct Rig {
-    plc: NodeProcess,
-    robot: NodeProcess,
+    plc: Party,
+    /// None where the robot is no node of ours.
+    robot: Option<Party>,
     said: mpsc::Receiver<Said>,
     hellos: Vec<Hello>,
     reports: Reports,
-    connected_after: Duration,
-    /// Last, so that it outlives the nodes.
-    cable: Cable,
+    /// What the nodes had done before this rig.
+    before: Reports,
+    /// None where the nodes ran already.
+    connected_after: Option<Duration>,
+    /// Last, so that it outlives the nodes; none where somebody else laid it.
+    cable: Option<Cable>,
 }
 
 /// What both nodes reported of themselves last.
@@ -154,8 +164,14 @@ pub struct Rig {
 pub struct Reports {
     /// The PLC's.
     pub plc: NodeReport,
-    /// The robot's.
+    /// The robot's; empty where the robot is no node of ours.
     pub robot: NodeReport,
+}
+
+impl Reports {
+    fn since(&self, before: &Self) -> Self {
+        Self { plc: self.plc.since(&before.plc), robot: self.robot.since(&before.robot) }
+    }
 }
 
 impl Rig {
@@ -188,22 +204,28 @@ impl Rig {
             cable.plc(),
             sayings,
         )?;
-        let mut rig = Self {
+        let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
+        rig.wait_until_ready(started, None).await?;
+        rig.connected_after = Some(started.elapsed());
+        Ok(rig)
+    }
+
+    fn of(plc: Party, robot: Option<Party>, said: mpsc::Receiver<Said>, cable: Option<Cable>) -> Self {
+        Self {
             plc,
             robot,
             said,
             hellos: Vec::new(),
             reports: Reports::default(),
-            connected_after: Duration::ZERO,
+            before: Reports::default(),
+            connected_after: None,
             cable,
-        };
-        rig.wait_until_ready(started).await?;
-        Ok(rig)
+        }
     }
 
-    /// From the start of the nodes until the PLC found the robot ready.
+    /// From the start of the nodes until the PLC found the robot ready; none where they ran already.
     #[must_use]
-    pub const fn connected_after(&self) -> Duration {
+    pub const fn connected_after(&self) -> Option<Duration> {
         self.connected_after
     }
 
@@ -214,16 +236,16 @@ impl Rig {
         warnings
     }
 
-    /// What both nodes reported of themselves last: after the last run.
+    /// What both nodes reported of themselves last, after the last run, without what was before this rig.
     #[must_use]
-    pub const fn reports(&self) -> &Reports {
-        &self.reports
+    pub fn reports(&self) -> Reports {
+        self.reports.since(&self.before)
     }
 
     /// Process numbers of the PLC's and of the robot's node, while they run.
     #[must_use]
     pub fn processes(&self) -> [Option<u32>; 2] {
-        [self.plc.id(), self.robot.id()]
+        [self.plc.id(), self.robot.as_ref().and_then(Party::id)]
     }
 
     /// Runs the sequence once.
@@ -256,42 +278,55 @@ impl Rig {
         Ok(run)
     }
 
-    /// Ends the connection in order, then both nodes, then the capture.
+    /// Ends the connection in order, then both nodes, then the capture. Nodes that ran before the rig run on.
     ///
     /// # Errors
     ///
     /// A node that did not end by itself was killed, or the capture could not be written. Nothing is left behind
     /// then either.
     pub async fn stop(mut self) -> Result<Reports, RigError> {
+        let Some(mut cable) = self.cable.take() else {
+            if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Party::has_ended) {
+                self.ask_for_reports().await?;
+            }
+            return Ok(self.reports());
+        };
         // The controller goes first: it releases the connection, and the device sees it go in order.
         let plc = self.end(Which::Plc).await;
         let robot = self.end(Which::Robot).await;
-        self.cable.end_capture()?;
-        plc.and(robot).map(|()| self.reports.clone())
+        cable.end_capture()?;
+        plc.and(robot).map(|()| self.reports())
     }
 
-    async fn wait_until_ready(&mut self, started: Instant) -> Result<(), RigError> {
+    /// Waits for every node to introduce itself, as one that runs `setup` where that is given, and for the PLC to find
+    /// the robot ready.
+    async fn wait_until_ready(&mut self, started: Instant, setup: Option<&str>) -> Result<(), RigError> {
+        let nodes = 1 + usize::from(self.robot.is_some());
         let mut last = None;
         let ready = async {
-            loop {
+            let mut robot_ready = false;
+            while !robot_ready || self.hellos.len() < nodes {
                 match self.next_saying().await? {
-                    Said::Plc(Message::Node(PlcMessage::Ready)) => return Ok::<_, RigError>(()),
+                    Said::Plc(Message::Hello(hello)) => self.check(Which::Plc, &hello, setup)?,
+                    Said::Robot(Message::Hello(hello)) => self.check(Which::Robot, &hello, setup)?,
+                    Said::Plc(Message::Node(PlcMessage::Ready)) => robot_ready = true,
                     // Before the connection is up, the PLC says so of each attempt that fails.
                     Said::Plc(Message::LinkDown { reason }) => last = Some(reason),
                     _ => {}
                 }
             }
+            Ok::<_, RigError>(())
         };
         let ready = timeout_at(started + CONNECT, ready).await;
         match ready {
             Ok(result) => result?,
             Err(_) => {
                 let reason = last.unwrap_or_else(|| "the nodes said nothing of it".to_owned());
-                let last_words = [self.plc.last_words(), self.robot.last_words()].concat();
+                let nodes = [Some(&self.plc), self.robot.as_ref()];
+                let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
                 return Err(RigError::NotConnected { waited: CONNECT, reason, last_words });
             }
         }
-        self.connected_after = started.elapsed();
         Ok(())
     }
 
@@ -325,7 +360,18 @@ impl Rig {
             Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.robot = report.clone();
             }
-            Said::Ended(which) => return Err(self.node(*which).obituary().await),
+            Said::Plc(Message::Busy { controller }) => {
+                return Err(RigError::Busy { which: Which::Plc, controller: *controller });
+            }
+            Said::Robot(Message::Busy { controller }) => {
+                return Err(RigError::Busy { which: Which::Robot, controller: *controller });
+            }
+            Said::Ended(which) => {
+                return Err(match self.node(*which) {
+                    Some(node) => node.obituary().await,
+                    None => RigError::NodeEnded { which: *which, status: None, last_words: Vec::new() },
+                });
+            }
             Said::Gibberish { which, line } => {
                 return Err(RigError::Gibberish { which: *which, line: line.clone() });
             }
@@ -341,7 +387,9 @@ impl Rig {
         }
         let end = async {
             loop {
-                if let Err(better @ RigError::NodeEnded { .. }) = self.next_saying().await {
+                if let Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) =
+                    self.next_saying().await
+                {
                     return better;
                 }
             }
@@ -351,8 +399,10 @@ impl Rig {
 
     async fn ask_for_reports(&mut self) -> Result<(), RigError> {
         self.tell_plc(&Instruction::Report).await;
-        self.robot.tell(&Instruction::<RobotInstruction>::Report).await;
-        let (mut plc, mut robot) = (false, false);
+        if let Some(robot) = &mut self.robot {
+            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+        }
+        let (mut plc, mut robot) = (false, self.robot.is_none());
         let both = async {
             while !(plc && robot) {
                 match self.next_saying().await? {
@@ -370,10 +420,10 @@ impl Rig {
 
     /// Tells a node to stop and waits until it has, and has been reaped.
     async fn end(&mut self, which: Which) -> Result<(), RigError> {
-        if self.node(which).has_ended() {
+        let Some(node) = self.node(which).filter(|node| !node.has_ended()) else {
             return Ok(());
-        }
-        self.node(which).tell(&Instruction::<()>::Stop).await;
+        };
+        node.tell(&Instruction::<()>::Stop).await;
         let end = async {
             loop {
                 match self.next_saying().await {
@@ -395,10 +445,10 @@ impl Rig {
         self.plc.tell(instruction).await;
     }
 
-    const fn node(&mut self, which: Which) -> &mut NodeProcess {
+    const fn node(&mut self, which: Which) -> Option<&mut Party> {
         match which {
-            Which::Plc => &mut self.plc,
-            Which::Robot => &mut self.robot,
+            Which::Plc => Some(&mut self.plc),
+            Which::Robot => self.robot.as_mut(),
         }
     }
 }

@@ -20,21 +20,20 @@ impl Stand for Rig {
     }
 
     fn health(&self) -> Health {
-        let reports = self.reports();
-        reports.health(self.connected_after())
+        self.reports().health(self.connected_after())
     }
 }
 
 impl Reports {
     /// What the nodes reported, as the conditions of a run.
-    pub fn health(&self, connected_after: Duration) -> Health {
+    pub fn health(&self, connected_after: Option<Duration>) -> Health {
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {
             plc: (&self.plc.cycle).into(),
             robot: (&self.robot.cycle).into(),
             bus: self.plc.bus.into(),
             robot_bus: self.robot.bus.into(),
-            connected_after: Some(connected_after),
+            connected_after,
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
         }
     }

@@ -15,7 +15,9 @@
 
 pub mod allocation;
 mod arrivals;
+pub mod capabilities;
 pub mod clock;
+mod control;
 mod cyclic_thread;
 mod driver;
 mod dscp;
@@ -41,10 +43,11 @@ mod wire;
 mod words;
 
 pub use arrivals::{Arrival, ArrivalLog};
+pub use control::{ControlError, ControlPort};
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
 pub use ethernet::{Ethernet, PROFINET};
-pub use inbox::{Inbox, Input};
+pub use inbox::{Commands, Inbox, Input};
 pub use interface::{Interface, InterfaceError};
 pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, Snapshot};
 pub use notifier::Notifier;

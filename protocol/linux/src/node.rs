@@ -1,7 +1,7 @@
 //! A node as its process runs it: what every node has in common, whichever its bus and its work.
 
 use std::fmt::{self, Debug};
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -10,8 +10,9 @@ use protocol::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
 use crate::{
-    CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError, Notifier, Outbox, PortError,
-    RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire, Words, allocation,
+    Commands, ControlPort, CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError,
+    Notifier, Outbox, PortError, RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire,
+    Words, allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.
@@ -215,8 +216,17 @@ pub struct NodeProcess<N: Node> {
 pub enum Happening<E, A> {
     /// The cyclic thread tells something.
     News(News<E, A>),
-    /// A line on standard input.
+    /// A line of whoever gives the commands.
     Line(String),
+    /// A controller came to the control port.
+    Attached(SocketAddr),
+    /// The controller went, or was sent away.
+    Detached {
+        /// The controller.
+        peer: SocketAddr,
+        /// Why.
+        reason: String,
+    },
     /// Standard input ended: whoever gave the commands is gone.
     Closed,
     /// A signal asks to stop.
@@ -251,7 +261,7 @@ pub enum NodeError {
 }
 
 impl<N: Node> NodeProcess<N> {
-    /// Starts the node on a cyclic thread. Standard input is listened to where `commands` is set.
+    /// Starts the node on a cyclic thread.
     ///
     /// `signals` has to be there before any thread is, so the caller brings it.
     pub fn start(
@@ -259,7 +269,7 @@ impl<N: Node> NodeProcess<N> {
         interface: Interface,
         wires: Vec<Wire>,
         signals: StopSignals,
-        commands: bool,
+        commands: Commands,
     ) -> Result<Self, NodeError> {
         let keeper = Keeper { interface, connected: false, at_up: None, stopping: None };
         let (waker, reader) =
@@ -280,6 +290,11 @@ impl<N: Node> NodeProcess<N> {
         self.thread.send(command)
     }
 
+    /// The control port, where the node has one.
+    pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
+        self.inbox.control()
+    }
+
     /// Waits for what happens next.
     pub fn next_happening(&mut self) -> Result<Happening<N::Event, N::Answer>, NodeError> {
         loop {
@@ -295,6 +310,8 @@ impl<N: Node> NodeProcess<N> {
             match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 Input::News => {}
                 Input::Line(line) => return Ok(Happening::Line(line)),
+                Input::Attached(peer) => return Ok(Happening::Attached(peer)),
+                Input::Detached { peer, reason } => return Ok(Happening::Detached { peer, reason }),
                 Input::Closed => return Ok(Happening::Closed),
                 Input::Stop(signal) => return Ok(Happening::Signal(signal)),
             }
