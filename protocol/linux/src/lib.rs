@@ -14,6 +14,7 @@
 )]
 
 pub mod allocation;
+pub mod capture;
 pub mod clock;
 mod cyclic_thread;
 mod driver;
