@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
+use crate::faults::Fault;
 use crate::gate::GateOptions;
+use crate::overhead::OverheadOptions;
 use crate::report::{CompareOptions, ReportOptions};
 
 /// The seed of runs that name none.
@@ -38,6 +40,7 @@ Examples:
   bench --setup A --mode virtual             the same in virtual time, in about a second
   bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
   bench --setup A --types rc,cm --export-json results.json
+  bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
   bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
 
 Exit codes:
@@ -50,6 +53,8 @@ pub enum Command {
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
+    /// Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn.
+    Overhead(OverheadOptions),
     /// Draw the report of a run again.
     Report(ReportOptions),
     /// Set runs beside each other.
@@ -83,9 +88,17 @@ pub struct RunOptions {
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,
-    /// Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only.
+    /// Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
+    /// Write a timeline of the first repetition of each type, as DIR/trace.json; open it in https://ui.perfetto.dev.
+    #[arg(long)]
+    pub trace: bool,
+    /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
+    /// duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the
+    /// moment that the robot is ready; the same seed gives the same faults.
+    #[arg(long, value_name = "FAULT")]
+    pub fault: Vec<Fault>,
     /// Print the table only: no progress, no warnings.
     #[arg(long, short)]
     pub quiet: bool,
@@ -130,7 +143,8 @@ impl Mode {
 pub enum Capture {
     /// Of every run.
     Always,
-    /// Of runs in which a repetition failed.
+    /// Of runs in which a repetition failed: how the connection was made (the first MiB of each end), and the last
+    /// 64 MiB of each end before the failure.
     OnFailure,
     /// Nothing is recorded.
     Never,

@@ -7,6 +7,7 @@
 use std::ffi::OsString;
 use std::fmt;
 use std::net::SocketAddrV4;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -23,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::plan_command::PlanCommand;
-use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
+use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, Sample, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
 const LEAD: Duration = Duration::from_millis(5);
@@ -70,6 +71,9 @@ struct Run {
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
+    /// Record scans into this file, while instructions ask for it.
+    #[arg(long, hide = true)]
+    trace_file: Option<PathBuf>,
 }
 
 /// What only a PLC says.
@@ -82,6 +86,8 @@ pub enum PlcMessage {
     Started {
         /// How the sequence is run.
         execution_type: ExecutionType,
+        /// Start of the scan with the start edge, in ns of `CLOCK_MONOTONIC`.
+        at_ns: u64,
     },
     /// The run ended as wanted.
     Finished(FinishedRun),
@@ -117,7 +123,7 @@ impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Ready => f.write_str("robot ready"),
-            Self::Started { execution_type } => write!(f, "{execution_type} started"),
+            Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
                 let FinishedRun { execution_type, motions, blends_suppressed, frames, .. } = run;
@@ -228,7 +234,8 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let process = NodeProcess::start(node, interface, wires, signals, self.json)?;
+        let process =
+            NodeProcess::start(node, interface, wires, signals, self.json, self.trace_file.as_deref())?;
         Ok(if self.json {
             supervise(process, &mut Told, Console::Json, hello)
         } else {
@@ -262,6 +269,7 @@ impl From<PlcInstruction> for PlcOrder {
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     type Order = PlcOrder;
     type Answer = (ExecutionType, StartError);
+    type Sample = (Instant, Sample);
 
     fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
         match event {
@@ -297,14 +305,28 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     fn counters(&self) -> Counters {
         self.bus().counters()
     }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).scans
+    }
+
+    fn sample(&self, now: Instant) -> Self::Sample {
+        (now, Self::sample(self))
+    }
+
+    fn write_sample((at, sample): &Self::Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { scans, number, total, written, queue_fill, .. } = sample;
+        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill}", at.as_nanos());
+    }
 }
 
 fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
         PlcEvent::Link(_) => return None,
         PlcEvent::Ready => PlcMessage::Ready,
-        PlcEvent::Started { execution_type, at: _ } => {
-            PlcMessage::Started { execution_type: *execution_type }
+        PlcEvent::Started { execution_type, at } => {
+            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
         }
         PlcEvent::Finished(run) => PlcMessage::Finished(FinishedRun {
             execution_type: run.execution_type,

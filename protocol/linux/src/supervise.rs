@@ -112,6 +112,10 @@ fn converse<N: Node, C: Conductor<N>>(
                     let _ = process.send(Command::Report);
                     Next::Wait
                 }
+                Ok(Instruction::Record(on)) => {
+                    let _ = process.send(Command::Record(on));
+                    Next::Wait
+                }
                 Ok(Instruction::Stop) => Next::End(Outcome::Done),
                 Err(error) => {
                     eprintln!("not understood, and ignored: `{line}`: {error}");
