@@ -82,6 +82,8 @@ pub(crate) fn start<S: Send + 'static>(
             if last {
                 return file.flush().map_err(broken(&of_thread));
             }
+            // A node that is killed must not take with it what led to that.
+            file.flush().map_err(broken(&of_thread))?;
             std::thread::sleep(EMPTY_EVERY);
         }
     };
