@@ -127,7 +127,7 @@ fn the_bytes_of_a_tcp_connection_follow_each_other_and_are_acknowledged() {
             next = Some(sequence + payload + takes);
             bytes += payload;
         }
-        let last = segments().filter(|packet| packet.sent != sent).next_back().unwrap();
+        let last = segments().rfind(|packet| packet.sent != sent).unwrap();
         assert_eq!(next, Some(number(&last.data, 42)), "all is acknowledged");
         assert!(bytes > 100, "{bytes}");
     }
