@@ -124,19 +124,30 @@ gate_sees_faults() {
     rm "$broken"
 }
 
-verb_wire() { #: a short real run over udp and over rt1, each capture through tshark's gate
+# gate_run GATE DIRECTORY: the captures of both ends of a run.
+gate_run() {
+    local capture
+    for capture in "$2/plc.pcapng" "$2/robot.pcapng"; do
+        "$1" "$capture"
+        gate_sees_faults "$1" "$capture"
+    done
+}
+
+verb_wire() { #: short real and virtual runs, the captures of both ends through tshark's gates
     cargo build -p bench --locked
     local out
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
     for cyclic in udp rt1; do
-        cargo run -p bench --locked -- --setup A --cyclic "$cyclic" --reps 1 --capture always --out "$out/$cyclic"
-        for capture in "$out/$cyclic"/*.pcapng; do
-            gate_profinet "$capture"
-            gate_sees_faults gate_profinet "$capture"
+        for mode in real virtual; do
+            cargo run -p bench --locked -- --setup A --mode "$mode" --cyclic "$cyclic" --types cm --reps 1 \
+                --capture always --out "$out/$mode-$cyclic"
+            gate_run gate_profinet "$out/$mode-$cyclic"
         done
     done
+    cargo run -p bench --locked -- --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
+    gate_run gate_ethernet_ip "$out/virtual-B"
 }
 
 verb_gate() { #: fail where the virtual figures of a setup left their committed baseline, or CM lost ground in real time

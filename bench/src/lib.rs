@@ -9,8 +9,12 @@
 //! │  ├─ progress the live view
 //! │  └─ run_directory, results, export, host    what stays
 //! └─ table       what is printed; statistics has the formulas
+//! faults         what the user puts into the cable
+//! capture        what passes a virtual cable, as packets
 //! calibrate      finds the numbers that only a published figure can fix
+//! timeline       a trace as Perfetto opens it
 //! trace          both nodes tick by tick; watch fills it in virtual time
+//! overhead       what recording costs
 //! ratio          two means of a real run as a ratio, with how sure it is
 //! report         report.html of a run, and runs beside each other
 //! timing         how evenly cyclic frames come, beside a bare loop and a peer
@@ -21,14 +25,17 @@
 //! ```
 
 pub mod calibrate;
+pub mod capture;
 pub mod cli;
 pub mod doctor;
 pub mod exit;
 pub mod export;
+pub mod faults;
 pub mod gate;
 pub mod history;
 pub mod host;
 pub mod measure;
+pub mod overhead;
 pub mod plan;
 pub mod progress;
 pub mod ratio;
@@ -40,6 +47,7 @@ pub mod session;
 pub mod stand;
 pub mod statistics;
 pub mod table;
+pub mod timeline;
 pub mod timing;
 pub mod trace;
 pub mod virtual_run;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, doctor, gate, history, measure, report, rig, timing};
+use bench::{calibrate, doctor, gate, history, measure, overhead, report, rig, timing};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -16,6 +16,10 @@ fn main() -> ExitCode {
         None => measure(&cli.run),
         Some(Command::Calibrate(options)) => calibrate(options),
         Some(Command::Gate(options)) => gate::run(options),
+        Some(Command::Overhead(options)) => match rig::enter_user_namespace() {
+            Ok(()) => overhead::run(options),
+            Err(error) => Err(Failure::new(error.exit(), error)),
+        },
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
         Some(Command::History(options)) => history::run(options),

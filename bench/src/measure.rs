@@ -7,6 +7,7 @@ use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
 use planning::{Application, Found};
+use protocol_linux::capture::Keep;
 use setup::Setup;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -18,13 +19,12 @@ use crate::progress::Progress;
 use crate::report;
 use crate::results::{self, Results, Status};
 use crate::rig::{Rig, RigConfig, RigError};
-use crate::run_directory::{Durability, RunDirectory};
+use crate::run_directory::{Durability, RunDirectory, replace};
 use crate::session::{Ended, Session};
 use crate::table;
-use crate::virtual_run::{self, VirtualBus, VirtualRun};
-
-/// What passes the PLC's interface, in the run directory.
-const CAPTURE: &str = "plc.pcapng";
+use crate::timeline;
+use crate::trace::Trace;
+use crate::virtual_run::{self, Extras, VirtualBus, VirtualRun};
 
 /// What the nodes' cyclic threads have where nothing was refused.
 const GRANTED: &str = "SCHED_FIFO, memory locked";
@@ -50,8 +50,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
         return Err(Failure::new(Exit::Usage, error));
     }
-    if options.mode == Mode::Virtual && options.capture != Capture::Never {
-        let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
+    if options.mode == Mode::Real && !options.fault.is_empty() {
+        let error = anyhow!(
+            "--fault works in virtual mode: add --mode virtual; a real cable is impaired by `tc qdisc add dev IF root netem`"
+        );
         return Err(Failure::new(Exit::Usage, error));
     }
     if options.attach.is_some() {
@@ -120,11 +122,21 @@ impl Measurement<'_> {
             Mode::Virtual => {
                 let without_overhead =
                     WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
-                let bus = VirtualBus::OfSetup;
-                let mut stand =
-                    VirtualRun::start(&self.setup, &self.found.application, self.options.seed, bus)?;
+                let extras = Extras {
+                    faults: self.options.fault.clone(),
+                    capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
+                    frames: self.options.trace,
+                };
+                let mut stand = VirtualRun::start_with(
+                    &self.setup,
+                    &self.found.application,
+                    self.options.seed,
+                    VirtualBus::OfSetup,
+                    &extras,
+                )?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
-                stand.trace().save(session.directory.path())?;
+                self.save_trace(stand.trace(), &session)?;
+                stand.end_capture(self.wants_capture(ended.exit))?;
                 match ended.exit {
                     Exit::Pass => ended.beside(without_overhead.finish()?),
                     _ => ended,
@@ -157,10 +169,10 @@ impl Measurement<'_> {
         results: Results,
         interrupt: impl Future<Output = ()>,
     ) -> Result<Ended, Failure> {
-        let capture = session.directory.path().join(CAPTURE);
         let config = RigConfig {
             seed: self.options.seed,
-            capture: (self.options.capture != Capture::Never).then(|| capture.clone()),
+            capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
+            trace: Some(session.directory.path().to_owned()),
             ..RigConfig::new(session.directory.path().join("setup.toml"))
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
@@ -192,16 +204,45 @@ impl Measurement<'_> {
         refused.iter().for_each(|warning| session.progress.warn(warning));
         let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
         let connected_after = rig.connected_after();
+        if !self.wants_capture(ended.exit) {
+            rig.discard_capture();
+        }
+        let traced = rig.traced().to_vec();
         let stopped = rig.stop().await;
+        // A node that was killed may have left nothing; the run's results do not depend on it.
+        match Trace::collect(session.directory.path(), &traced) {
+            Ok(trace) => self.save_trace(&trace, session)?,
+            Err(error) => session.progress.warn(&format!("the report lacks the curves over time: {error:#}")),
+        }
         if ended.failure.is_none() {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
             ended.results.set_health(&stopped.map_err(unusable)?.health(connected_after));
         }
-        if self.options.capture == Capture::OnFailure && ended.exit != Exit::RunFailed {
-            let removed = std::fs::remove_file(&capture);
-            removed.with_context(|| format!("cannot remove the capture {}", capture.display()))?;
-        }
         Ok(ended)
+    }
+
+    /// Saves the tables that the report draws, and the timeline where it is asked for.
+    fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
+        trace.save(session.directory.path())?;
+        if self.options.trace {
+            let path = session.directory.path().join(timeline::FILE);
+            replace(&path, &timeline::json(trace)?, Durability::Written)?;
+        }
+        Ok(())
+    }
+
+    /// How much of what passes the interfaces is kept.
+    fn keep(&self) -> Option<Keep> {
+        match self.options.capture {
+            Capture::Always => Some(Keep::All),
+            Capture::OnFailure => Some(Keep::FirstAndLast),
+            Capture::Never => None,
+        }
+    }
+
+    /// Whether the captures of a run that ended so are to be written.
+    fn wants_capture(&self, exit: Exit) -> bool {
+        self.options.capture == Capture::Always || exit == Exit::RunFailed
     }
 
     fn default_directory(&self, started: SystemTime) -> PathBuf {

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use setup::{Provenance, Setup, Sourced};
 
 use crate::cli::Mode;
+use crate::faults::FaultReport;
 use crate::plan::Plan;
 use crate::stand::{CycleHealth, Health, Measured};
 use crate::statistics::{Figure, aet_improvement};
@@ -54,6 +55,9 @@ pub struct Results {
     /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
     #[serde(default)]
     pub cyclic_allocations: Option<Allocations>,
+    /// Faults that were put into the cable, and what came of them; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultReport>,
 }
 
 /// How far a run is, or how it ended.
@@ -261,6 +265,7 @@ impl Results {
             bus: Frames::default(),
             connected_after_ms: None,
             cyclic_allocations: None,
+            faults: None,
         }
     }
 
@@ -295,6 +300,7 @@ impl Results {
         };
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
+        self.faults.clone_from(&health.faults);
     }
 
     /// What stands beside this run as the one without the calibrated overhead.

@@ -5,6 +5,7 @@ use std::time::Duration;
 use protocol::Lateness;
 use protocol::fieldbus::Counters;
 
+use crate::faults::FaultReport;
 use crate::plan::Step;
 
 /// A PLC and a robot, connected, on a real or on a virtual clock.
@@ -43,6 +44,8 @@ pub struct Health {
     /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
     /// not counted.
     pub allocations: Option<[u64; 2]>,
+    /// What came of the faults that were put in, where some were.
+    pub faults: Option<FaultReport>,
 }
 
 impl Health {

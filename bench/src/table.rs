@@ -148,6 +148,9 @@ fn legend(results: &Results) -> String {
         frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
     }
     lines.push(frames + ".");
+    if let Some(faults) = &results.faults {
+        lines.push(format!("  {faults}"));
+    }
     lines.join("\n")
 }
 

@@ -261,6 +261,7 @@ fn the_help_shows_examples_and_exit_codes() {
     Commands:
       calibrate  Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum
       gate       Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline
+      overhead   Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn
       report     Draw the report of a run again
       compare    Set runs beside each other
       help       Print this message or the help of the given subcommand(s)
@@ -309,14 +310,20 @@ fn the_help_shows_examples_and_exit_codes() {
               - rt1: RT_CLASS_1: EtherType 0x8892
 
           --capture <CAPTURE>
-              Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only
+              Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng
 
               Possible values:
               - always:     Of every run
-              - on-failure: Of runs in which a repetition failed
+              - on-failure: Of runs in which a repetition failed: how the connection was made (the first MiB of each end), and the last 64 MiB of each end before the failure
               - never:      Nothing is recorded
               
               [default: never]
+
+          --trace
+              Write a timeline of the first repetition of each type, as DIR/trace.json; open it in https://ui.perfetto.dev
+
+          --fault <FAULT>
+              Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the moment that the robot is ready; the same seed gives the same faults
 
       -q, --quiet
               Print the table only: no progress, no warnings
@@ -332,6 +339,7 @@ fn the_help_shows_examples_and_exit_codes() {
       bench --setup A --mode virtual             the same in virtual time, in about a second
       bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
       bench --setup A --types rc,cm --export-json results.json
+      bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
       bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
 
     Exit codes:

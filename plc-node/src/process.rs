@@ -7,6 +7,7 @@
 use std::ffi::OsString;
 use std::fmt;
 use std::net::{SocketAddr, SocketAddrV4};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -26,7 +27,7 @@ use setup::{BusKind, Cyclic, Setup};
 
 use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
-use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
+use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, Sample, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
 const LEAD: Duration = Duration::from_millis(5);
@@ -85,6 +86,9 @@ struct Run {
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
+    /// Record scans into this file, while instructions ask for it.
+    #[arg(long, hide = true)]
+    trace_file: Option<PathBuf>,
 }
 
 /// What only a PLC says.
@@ -97,6 +101,8 @@ pub enum PlcMessage {
     Started {
         /// How the sequence is run.
         execution_type: ExecutionType,
+        /// Start of the scan with the start edge, in ns of `CLOCK_MONOTONIC`.
+        at_ns: u64,
     },
     /// The run ended as wanted.
     Finished(FinishedRun),
@@ -132,7 +138,7 @@ impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Ready => f.write_str("robot ready"),
-            Self::Started { execution_type } => write!(f, "{execution_type} started"),
+            Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
                 let FinishedRun { execution_type, motions, blends_suppressed, frames, .. } = run;
@@ -245,7 +251,8 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands);
+        let trace = self.trace_file.as_deref();
+        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands, trace);
         Ok(match self.control {
             Some(address) => {
                 let commands = Commands::Control(ControlPort::listen(address)?);
@@ -287,6 +294,7 @@ impl From<PlcInstruction> for PlcOrder {
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     type Order = PlcOrder;
     type Answer = (ExecutionType, StartError);
+    type Sample = (Instant, Sample);
 
     fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
         match event {
@@ -326,14 +334,28 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     fn counters(&self) -> Counters {
         self.bus().counters()
     }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).scans
+    }
+
+    fn sample(&self, now: Instant) -> Self::Sample {
+        (now, Self::sample(self))
+    }
+
+    fn write_sample((at, sample): &Self::Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { scans, number, total, written, queue_fill, .. } = sample;
+        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill}", at.as_nanos());
+    }
 }
 
 fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
         PlcEvent::Link(_) => return None,
         PlcEvent::Ready => PlcMessage::Ready,
-        PlcEvent::Started { execution_type, at: _ } => {
-            PlcMessage::Started { execution_type: *execution_type }
+        PlcEvent::Started { execution_type, at } => {
+            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
         }
         PlcEvent::Finished(run) => PlcMessage::Finished(FinishedRun {
             execution_type: run.execution_type,

@@ -6,6 +6,7 @@
 use std::ffi::OsString;
 use std::fmt;
 use std::net::{SocketAddr, SocketAddrV4};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -23,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::controller::Ending;
-use crate::{ConfigError, RobotConfig, RobotEvent, RobotNode, bus};
+use crate::{ConfigError, RobotConfig, RobotEvent, RobotNode, Sample, bus};
 
 /// Time that the program has to get going before the robot's first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -70,6 +71,9 @@ struct Run {
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
+    /// Record cycles into this file, while instructions ask for it.
+    #[arg(long, hide = true)]
+    trace_file: Option<PathBuf>,
 }
 
 /// What only a robot says.
@@ -198,7 +202,8 @@ impl Run {
             None if self.json => (Console::Json, Commands::Stdin),
             None => (Console::Words, Commands::None),
         };
-        let process = NodeProcess::start(node, interface, wires, signals, commands)?;
+        let trace = self.trace_file.as_deref();
+        let process = NodeProcess::start(node, interface, wires, signals, commands, trace)?;
         Ok(supervise(process, &mut Served, console, hello))
     }
 }
@@ -206,6 +211,7 @@ impl Run {
 impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     type Order = RobotInstruction;
     type Answer = std::convert::Infallible;
+    type Sample = Sample;
 
     fn link_event(event: &RobotEvent) -> Option<LinkEvent> {
         match event {
@@ -232,6 +238,28 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 
     fn counters(&self) -> Counters {
         self.bus().counters()
+    }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).at.as_nanos()
+    }
+
+    fn sample(&self, _now: Instant) -> Sample {
+        Self::sample(self)
+    }
+
+    fn write_sample(sample: &Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { at, state, number, executed, accepted, queued, blends_suppressed, .. } = sample;
+        let _ = write!(
+            line,
+            "{},{state:?},{number},{executed},{accepted},{queued},{blends_suppressed},{:.3}",
+            at.as_nanos(),
+            sample.path_speed_mm_s
+        );
+        for value in sample.pose.iter().chain(&sample.joints) {
+            let _ = write!(line, ",{value:.4}");
+        }
     }
 }
 

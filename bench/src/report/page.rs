@@ -177,7 +177,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         missing: run.missing.clone(),
         no_trace: if results.mode == "real" {
             format!(
-                "Not recorded: a real run has no trace yet. bench --mode virtual --setup {} draws it in virtual time.",
+                "Not recorded: the nodes left no trace. bench --mode virtual --setup {} draws it in virtual time.",
                 run.directory.join("setup.toml").display()
             )
         } else {

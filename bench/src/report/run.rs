@@ -48,7 +48,7 @@ impl Run {
             .map_err(&mut or_missing)
             .ok();
         let trace = match directory.join(trace::ROBOT_FILE).exists() {
-            // A real run has none yet; the report says so in its place.
+            // A run whose nodes were killed may have none; the report says so in its place.
             false => None,
             true => read(trace::ROBOT_FILE)
                 .and_then(|robot| Ok((robot, read(trace::PLC_FILE)?)))

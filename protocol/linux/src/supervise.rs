@@ -165,6 +165,10 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
                 let _ = self.process.send(Command::Report);
                 Next::Wait
             }
+            Ok(Instruction::Record(on)) => {
+                let _ = self.process.send(Command::Record(on));
+                Next::Wait
+            }
             Ok(Instruction::Stop) => Next::End(Outcome::Done),
             Err(error) => {
                 match self.process.control() {

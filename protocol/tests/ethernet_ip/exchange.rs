@@ -8,7 +8,7 @@ use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::{Assembly, Description, Role, SKILL_ROBOT};
 use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
-use protocol::virtual_time::{Clock, Event, Impairment, PairConfig, Side};
+use protocol::virtual_time::{Carrier, Clock, Event, Impairment, PairConfig, Side};
 use protocol::{Duration, Instant, Machine, Port, StreamChange, StreamId};
 
 use crate::cell::{Bus, News, PLC, ROBOT, adapter, adapter_config, bus_of, cable, image, run, up, wanted};
@@ -35,7 +35,8 @@ fn tap_frames(bus: &mut Bus) -> Frames {
     let frames = Frames::default();
     let tapped = Rc::clone(&frames);
     bus.set_tap(move |tap| {
-        if tap.port == Port::Udp(IO_PORT) {
+        let is_io = matches!(tap.carrier, Carrier::Udp { source, .. } if source.port() == IO_PORT);
+        if is_io && tap.end == tap.from {
             tapped.borrow_mut().push((tap.at, tap.from, tap.frame.to_vec()));
         }
     });
