@@ -86,6 +86,8 @@ fn check_attach(options: &RunOptions) -> Result<(), Failure> {
         "--attach measures on running nodes, in real time: leave out `--mode virtual`"
     } else if options.capture != Capture::Never {
         "--capture records the network that the bench makes: with --attach, record on the nodes' machine"
+    } else if options.trace {
+        "--trace records nodes that the bench starts: leave it out with --attach"
     } else if options.cyclic.is_some() {
         "the nodes run already: give --cyclic to plc-node"
     } else {
@@ -209,10 +211,14 @@ impl Measurement<'_> {
         }
         let traced = rig.traced().to_vec();
         let stopped = rig.stop().await;
-        // A node that was killed may have left nothing; the run's results do not depend on it.
-        match Trace::collect(session.directory.path(), &traced) {
-            Ok(trace) => self.save_trace(&trace, session)?,
-            Err(error) => session.progress.warn(&format!("the report lacks the curves over time: {error:#}")),
+        if self.options.attach.is_none() {
+            // A node that was killed may have left nothing; the run's results do not depend on it.
+            match Trace::collect(session.directory.path(), &traced) {
+                Ok(trace) => self.save_trace(&trace, session)?,
+                Err(error) => {
+                    session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
+                }
+            }
         }
         if ended.failure.is_none() {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
