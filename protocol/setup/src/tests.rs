@@ -243,7 +243,7 @@ fn an_adapter_of_ones_own_is_described_in_the_setup_and_may_serve_other_interval
             )
             .replacen("[robot]", &adapter, 1)
     };
-    let setup = parse("my.toml", &with("[1, 0]")).unwrap();
+    let setup: Setup = parse("my.toml", &with("[1, 0]")).unwrap();
     crate::check(&setup).unwrap();
     let adapter = setup.bus.ethernet_ip.unwrap().adapter.unwrap();
     assert_eq!((adapter.consumed_assembly, adapter.produced_bytes, adapter.key), (770, 16, None));
