@@ -227,3 +227,26 @@ fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of
     crate::check(&setup).unwrap();
     assert_eq!(setup.bus.timeout_intervals(), 100);
 }
+
+#[test]
+fn an_adapter_of_ones_own_is_described_in_the_setup_and_may_serve_other_intervals() {
+    let with = |route: &str| {
+        let adapter = format!(
+            "[bus.ethernet_ip]\nmulticast = true\n[bus.ethernet_ip.adapter]\nconsumed_assembly = 770\nconsumed_bytes = 4\n\
+             produced_assembly = 769\nproduced_bytes = 16\nroute = {route}\n\n[robot]"
+        );
+        changed("\"profinet\"", "\"ethernet-ip\"")
+            .replacen(
+                "cycle_us = { value = 1000, from = \"paper\", note = \"section 6.2\" }\nwatchdog",
+                "cycle_us = { value = 400, from = \"paper\" }\nwatchdog",
+                1,
+            )
+            .replacen("[robot]", &adapter, 1)
+    };
+    let setup: Setup = parse("my.toml", &with("[1, 0]")).unwrap();
+    crate::check(&setup).unwrap();
+    let adapter = setup.bus.ethernet_ip.unwrap().adapter.unwrap();
+    assert_eq!((adapter.consumed_assembly, adapter.produced_bytes, adapter.key), (770, 16, None));
+    let odd = refusal(&with("[1]"));
+    assert!(odd.contains("bus.ethernet_ip.adapter.route") && odd.contains("even number of bytes"), "{odd}");
+}

@@ -202,7 +202,7 @@ fn a_device_that_connects_but_sends_no_data_is_told_apart() {
 fn the_watchdog_ends_the_ar_tells_the_device_and_the_controller_reconnects() {
     let mut cell = Cell::new(Transport::Rt1, Script::default());
     assert_eq!(cell.run(50), [LinkEvent::Up]);
-    let first = cell.peer.connect.take().unwrap();
+    let first = cell.peer.connect.clone().unwrap();
     cell.peer.script.no_cyclic = true;
     assert_eq!(cell.downs(30), [(DownCause::Watchdog, 0xCF81_FD05, words::WATCHDOG)]);
     assert_eq!(cell.controller.input(), None);
@@ -222,7 +222,7 @@ fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
         let mut cell = Cell::new(transport, Script::default());
         cell.run(50);
         let rta = Rta {
-            destination: 1,
+            destination: 0,
             source: 9,
             pdu_type: PduType::Error,
             flags: Rta::WINDOW_1,
@@ -234,9 +234,9 @@ fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
             w.u16(FRAME_ID_LOW);
             rta.emit_error(status, w);
         };
-        let stale = cell.peer.rt(|w| pdu(w, Rta { destination: 0, ..rta }));
+        let stale = cell.peer.rt(|w| pdu(w, Rta { destination: 1, ..rta }));
         cell.deliver(stale);
-        assert_eq!(cell.events, [], "an error PDU of another session ends nothing");
+        assert_eq!(cell.events, [], "an error PDU for another endpoint ends nothing");
         let frame = cell.peer.rt(|w| pdu(w, rta));
         cell.deliver(frame);
         assert_eq!(cell.downs(0), [(DownCause::ClosedByPeer, status.0, status.text())]);
@@ -249,7 +249,7 @@ fn an_alarm_is_acknowledged_and_data_go_on() {
     let mut cell = Cell::new(Transport::Udp, Script::default());
     cell.run(50);
     let rta = Rta {
-        destination: 1,
+        destination: 0,
         source: 9,
         pdu_type: PduType::Data,
         flags: Rta::WINDOW_1_TACK,
