@@ -155,7 +155,7 @@ fn legend(results: &Results) -> String {
 }
 
 fn lateness(cycle: &CycleLateness) -> String {
-    if cycle.buckets.is_empty() {
+    if cycle.buckets.is_empty() && cycle.max_us == 0.0 {
         // Real hardware, or a node that the bench was not attached to.
         return "not reported".to_owned();
     }
@@ -251,7 +251,7 @@ mod tests {
             robot.skill_overhead_us = 1 from SM's AET
             robot.interpreter_quantum_us = 1 from the MADs of RC and SM
           Predicted: CM, and with h = 0 all of SM − CM but for the speed.
-          Cycles late by p50 / p99 / max: PLC 0 / 0 / 0 µs, 0 missed; robot 0 / 0 / 0 µs, 0 missed.
+          Cycles late by p50 / p99 / max: PLC not reported; robot not reported.
           Cyclic frames: 0 sent, 0 received, 0 lost.
         ");
     }
