@@ -358,8 +358,10 @@ fn a_scanner_that_asks_for_a_multicast_joins_the_group_that_the_adapter_names_an
     let to = Rc::new(RefCell::new(Vec::new()));
     let tapped = Rc::clone(&to);
     bus.set_tap(move |tap| {
-        if tap.from == Side::B && tap.port == Port::Udp(IO_PORT) {
-            tapped.borrow_mut().push(tap.to.map(|to| *to.ip()));
+        if let (Side::B, Side::B, Carrier::Udp { source, to }) = (tap.from, tap.end, tap.carrier)
+            && source.port() == IO_PORT
+        {
+            tapped.borrow_mut().push(Some(*to.ip()));
         }
     });
     bus.command_b(|robot, _| robot.set_output(&image(9)));
