@@ -8,7 +8,7 @@
 //! │  ├─ stand    what it runs on: virtual_run, or the rig with two processes
 //! │  ├─ progress the live view
 //! │  └─ run_directory, results, host    what stays
-//! └─ table       what is printed; statistics has the formulas
+//! └─ table       what is printed; statistics has the formulas, quality how well the arm moved
 //! calibrate      finds the numbers that only a published figure can fix
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! ratio          two means of a real run as a ratio, with how sure it is
@@ -25,6 +25,7 @@ pub mod host;
 pub mod measure;
 pub mod plan;
 pub mod progress;
+pub mod quality;
 pub mod ratio;
 pub mod report;
 pub mod results;

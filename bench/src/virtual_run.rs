@@ -11,12 +11,13 @@ use planning::{Application, PROGRAM};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::Motion;
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 use protocol::{Instant, Lateness};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use robot_node::{RobotConfig, RobotEvent, RobotNode};
+use robot_node::{Quality, RobotConfig, RobotEvent, RobotNode};
 use setup::{BusKind, Setup};
 
 use crate::cli::Mode;
@@ -66,11 +67,16 @@ impl VirtualRun {
         seed: u64,
         bus: VirtualBus,
     ) -> anyhow::Result<Self> {
+        let motions = planning::plan(application, setup)?.wire_motions(setup);
+        Self::start_with(setup, motions, seed, bus)
+    }
+
+    fn start_with(setup: &Setup, motions: Vec<Motion>, seed: u64, bus: VirtualBus) -> anyhow::Result<Self> {
         let mut phases = Phases::new(setup, seed);
         let mut cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, application, &mut phases, plc, robot, None)?
+                cell(setup, motions, &mut phases, plc, robot, None)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -78,14 +84,14 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, application, &mut phases, plc, robot, None)?
+                    cell(setup, motions, &mut phases, plc, robot, None)?
                 }
                 BusKind::EthernetIp => {
                     let start = phases.first(Side::A, setup.bus.cycle_us.value);
                     let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
                     let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
                     let address = Some(setup.bus.robot_address);
-                    cell(setup, application, &mut phases, plc, robot, address)?
+                    cell(setup, motions, &mut phases, plc, robot, address)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
@@ -113,8 +119,18 @@ impl VirtualRun {
 ///
 /// No connection comes about, or a repetition fails.
 pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::Result<Results> {
-    let mut results = Results::new(setup, &application.name, Mode::Virtual, plan);
-    let mut run = VirtualRun::start(setup, application, plan.seed, VirtualBus::OfSetup)?;
+    whole_of(setup, &planning::plan(application, setup)?, plan)
+}
+
+/// The same of an application that is planned already.
+///
+/// # Errors
+///
+/// As [`whole`].
+pub fn whole_of(setup: &Setup, planned: &planning::Plan, plan: &Plan) -> anyhow::Result<Results> {
+    let mut results = Results::new(setup, &planned.name, Mode::Virtual, plan);
+    let motions = planned.wire_motions(setup);
+    let mut run = VirtualRun::start_with(setup, motions, plan.seed, VirtualBus::OfSetup)?;
     for step in plan.steps() {
         let measured = run.cell.execute(step, None)?;
         results.record(step.execution_type, &measured);
@@ -147,13 +163,12 @@ trait Cell {
 
 fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    application: &Application,
+    motions: Vec<Motion>,
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
     robot_address: Option<Ipv4Addr>,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = planning::plan(application, setup)?.wire_motions(setup);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
@@ -172,7 +187,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
 impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
     fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.now() + CONNECT;
-        while let Some(event) = next_plc_event(self, until) {
+        while let Some(event) = next_plc_event(self, until, &mut Quality::default()) {
             match event {
                 PlcEvent::Ready => return Ok(()),
                 PlcEvent::Link(LinkEvent::Down(down)) => bail!("no connection to the robot: {down}"),
@@ -184,13 +199,14 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
 
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
         let start = self.now() + step.pause;
-        while next_plc_event(self, start).is_some() {}
+        while next_plc_event(self, start, &mut Quality::default()).is_some() {}
         self.command_a(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")?;
         let until = self.now() + LONGEST_RUN;
         let mut watch = recording.map(Watch::new);
+        let mut quality = Quality::default();
         while let Some(event) = match &mut watch {
-            Some(watch) => watch.next_plc_event(self, until),
-            None => next_plc_event(self, until),
+            Some(watch) => watch.next_plc_event(self, until, &mut quality),
+            None => next_plc_event(self, until, &mut quality),
         } {
             match event {
                 PlcEvent::Finished(execution) => {
@@ -198,6 +214,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
                         execution: Duration::from_nanos(execution.execution_time_ns),
                         robot_execution: Duration::from_nanos(execution.robot_execution_ns),
                         blends_suppressed: execution.blends_suppressed,
+                        quality: Some(quality),
                     });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
@@ -224,10 +241,12 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
     }
 }
 
-/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way.
+/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and what the
+/// robot says of its motions is added to `quality`.
 pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
+    quality: &mut Quality,
 ) -> Option<PlcEvent> {
     loop {
         match pair.next_event(until)? {
@@ -240,6 +259,9 @@ pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
                 pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
             }
             Event::A(event) => return Some(event),
+            Event::B(RobotEvent::SkillFinished { quality: of_skill, .. }) => {
+                *quality = quality.then(of_skill);
+            }
             Event::B(_) => {}
         }
     }

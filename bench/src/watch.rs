@@ -6,7 +6,7 @@ use plc_node::{PlcEvent, PlcNode};
 use protocol::Instant;
 use protocol::fieldbus::Fieldbus;
 use protocol::virtual_time::{Pair, Side};
-use robot_node::RobotNode;
+use robot_node::{Quality, RobotNode};
 
 use crate::trace::{PlcScan, Recording, RobotTick};
 use crate::virtual_run::next_plc_event;
@@ -34,9 +34,10 @@ impl<'a> Watch<'a> {
         &mut self,
         pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
         until: Instant,
+        quality: &mut Quality,
     ) -> Option<PlcEvent> {
         while pair.now() < until {
-            let event = next_plc_event(pair, until.min(pair.now() + LOOK));
+            let event = next_plc_event(pair, until.min(pair.now() + LOOK), quality);
             if let Some(PlcEvent::Started { at, .. }) = event {
                 self.start = Some(true_time(pair, Side::A, at));
             }

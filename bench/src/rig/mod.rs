@@ -31,6 +31,7 @@ use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
+use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use setup::Cyclic;
 use tokio::sync::mpsc;
@@ -128,6 +129,8 @@ pub struct Rig {
     hellos: Vec<Hello>,
     reports: Reports,
     connected_after: Duration,
+    /// In the present run, or in the last one.
+    moved: Moved,
     /// Last, so that it outlives the nodes.
     cable: Cable,
 }
@@ -178,6 +181,7 @@ impl Rig {
             hellos: Vec::new(),
             reports: Reports::default(),
             connected_after: Duration::ZERO,
+            moved: Moved::default(),
             cable,
         };
         rig.wait_until_ready(started).await?;
@@ -215,6 +219,7 @@ impl Rig {
     ///
     /// The run failed, the connection was lost, or a node ended: within two seconds of it.
     pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
+        self.moved = Moved::default();
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
         let finished = async {
             loop {
@@ -237,6 +242,12 @@ impl Rig {
         };
         self.ask_for_reports().await?;
         Ok(run)
+    }
+
+    /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.
+    #[must_use]
+    pub fn quality_of(&self, motions: u32) -> Option<Quality> {
+        (self.moved.motions == motions).then_some(self.moved.quality)
     }
 
     /// Ends the connection in order, then both nodes, then the capture.
@@ -307,6 +318,10 @@ impl Rig {
             }
             Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.robot = report.clone();
+            }
+            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
+                self.moved.motions = self.moved.motions.saturating_add(*motions);
+                self.moved.quality = self.moved.quality.then(*quality);
             }
             Said::Ended(which) => return Err(self.node(*which).obituary().await),
             Said::Gibberish { which, line } => {
@@ -384,6 +399,13 @@ impl Rig {
             Which::Robot => &mut self.robot,
         }
     }
+}
+
+/// What the robot said of its motions in a run.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moved {
+    motions: u32,
+    quality: Quality,
 }
 
 /// What a PLC's process says.
