@@ -7,6 +7,8 @@ use plc_node::ExecutionType;
 
 use crate::gate::GateOptions;
 use crate::report::{CompareOptions, ReportOptions};
+use crate::sensitivity::SensitivityOptions;
+use crate::sweep::SweepOptions;
 
 /// The seed of runs that name none.
 const SEED: u64 = 1;
@@ -54,6 +56,10 @@ pub enum Command {
     Report(ReportOptions),
     /// Set runs beside each other.
     Compare(CompareOptions),
+    /// See where one MoveContinuousSkill loses to the robot's program: slots × bus cycle × length of motions.
+    Sweep(SweepOptions),
+    /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
+    Sensitivity(SensitivityOptions),
 }
 
 /// Options of a measured run.

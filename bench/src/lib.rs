@@ -10,6 +10,9 @@
 //! │  └─ run_directory, results, host    what stays
 //! └─ table       what is printed; statistics has the formulas, quality how well the arm moved
 //! calibrate      finds the numbers that only a published figure can fix
+//! sweep          where CM loses to RC: queue depth × bus cycle × length of motions
+//! sensitivity    how AET and AETi move with what the setup assumes
+//! jobs           many virtual runs on all cores
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! ratio          two means of a real run as a ratio, with how sure it is
 //! report         report.html of a run, and runs beside each other
@@ -22,6 +25,7 @@ pub mod cli;
 pub mod exit;
 pub mod gate;
 pub mod host;
+pub mod jobs;
 pub mod measure;
 pub mod plan;
 pub mod progress;
@@ -31,9 +35,11 @@ pub mod report;
 pub mod results;
 pub mod rig;
 pub mod run_directory;
+pub mod sensitivity;
 pub mod session;
 pub mod stand;
 pub mod statistics;
+pub mod sweep;
 pub mod table;
 pub mod trace;
 pub mod virtual_run;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, gate, measure, report, rig};
+use bench::{calibrate, gate, measure, report, rig, sensitivity, sweep};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -18,6 +18,8 @@ fn main() -> ExitCode {
         Some(Command::Gate(options)) => gate::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
+        Some(Command::Sweep(options)) => sweep::run(options),
+        Some(Command::Sensitivity(options)) => sensitivity::run(options),
     };
     match outcome {
         Ok(exit) => exit.into(),
