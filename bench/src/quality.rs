@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::progress::label;
 use crate::results::Results;
-use crate::table::{drawn, styled};
+use crate::table::{self, drawn, styled};
 
 /// How well the arm moved: of peaks the highest of all repetitions, of the rest the mean.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -130,7 +130,8 @@ pub fn table(results: &Results) -> Option<String> {
         is_empty = false;
     }
     let sentences: Vec<String> = summary(results).into_iter().chain(LEGEND.map(str::to_owned)).collect();
-    (!is_empty).then(|| format!("{}\n\n  {}", drawn(table), sentences.join("\n  ")))
+    (!is_empty)
+        .then(|| format!("{}\n\n{}", drawn(table), table::sentences(sentences.iter().map(String::as_str))))
 }
 
 #[cfg(test)]

@@ -158,7 +158,7 @@ fn draw_cell(area: &Area<'_>, point: &Point, corners: [(i32, i32); 2]) -> anyhow
     let [(x0, y0), (x1, y1)] = corners;
     let middle = (i32::midpoint(x0, x1), i32::midpoint(y0, y1));
     let style = text(10.5, if loses { INK } else { MUTED }).pos(Pos::new(HPos::Center, VPos::Center));
-    let label = if loses { percent(point.loss()).replace(' ', "\u{a0}") } else { "·".to_owned() };
+    let label = if loses { percent(point.loss()).replace(" %", "") } else { "·".to_owned() };
     area.draw_text(&label, &style, middle)?;
     Ok(())
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Point, Sweep, sentences};
-use crate::table::{drawn, styled};
+use crate::table::{self, drawn, styled};
 
 /// All blocks and what they come to.
 #[must_use]
@@ -18,9 +18,9 @@ pub fn render(sweep: &Sweep) -> String {
     for depth in depths(sweep) {
         let _ = write!(text, "\n{}\n{}\n", slots(depth), block(sweep, depth));
     }
-    for sentence in sentences(sweep) {
-        let _ = write!(text, "\n  {sentence}");
-    }
+    let sentences = sentences(sweep);
+    text.push('\n');
+    text.push_str(&table::sentences(sentences.iter().map(String::as_str)));
     text
 }
 
