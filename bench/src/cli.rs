@@ -13,6 +13,8 @@ use crate::history::HistoryOptions;
 use crate::overhead::OverheadOptions;
 use crate::report::{CompareOptions, ReportOptions};
 use crate::rig::Attach;
+use crate::sensitivity::SensitivityOptions;
+use crate::sweep::SweepOptions;
 use crate::timing::TimingOptions;
 
 /// The seed of runs that name none.
@@ -71,6 +73,10 @@ pub enum Command {
     Doctor(DoctorOptions),
     /// Measure how evenly cyclic EtherNet/IP frames come, beside a bare loop on this host and a peer.
     Timing(TimingOptions),
+    /// See where one MoveContinuousSkill loses to the robot's program: slots × bus cycle × length of motions.
+    Sweep(SweepOptions),
+    /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
+    Sensitivity(SensitivityOptions),
 }
 
 /// Options of a measured run.

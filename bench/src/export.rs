@@ -234,7 +234,12 @@ mod tests {
         let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &plan);
         for (repetition, micros) in [(1, 3_722_000), (2, 3_728_500)] {
             let execution = Duration::from_micros(micros);
-            let measured = Measured { execution, robot_execution: execution, blends_suppressed: repetition };
+            let measured = Measured {
+                execution,
+                robot_execution: execution,
+                blends_suppressed: repetition,
+                quality: None,
+            };
             results.record(ExecutionType::Rc, &measured);
         }
         results.record_failure(

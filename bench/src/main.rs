@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, doctor, gate, history, measure, overhead, report, rig, timing};
+use bench::{calibrate, doctor, gate, history, measure, overhead, report, rig, sensitivity, sweep, timing};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -25,6 +25,8 @@ fn main() -> ExitCode {
         Some(Command::History(options)) => history::run(options),
         Some(Command::Doctor(options)) => doctor::run(options),
         Some(Command::Timing(options)) => timing::run(options),
+        Some(Command::Sweep(options)) => sweep::run(options),
+        Some(Command::Sensitivity(options)) => sensitivity::run(options),
     };
     match outcome {
         Ok(exit) => exit.into(),

@@ -13,13 +13,13 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::{Capture, Mode, RunOptions};
 use crate::exit::{Exit, Failure};
-use crate::host::{Host, date};
+use crate::host::Host;
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report;
 use crate::results::{self, Results, Status};
 use crate::rig::{Rig, RigConfig, RigError};
-use crate::run_directory::{Durability, RunDirectory, replace};
+use crate::run_directory::{self, Durability, RunDirectory, replace};
 use crate::session::{Ended, Session};
 use crate::table;
 use crate::timeline;
@@ -106,7 +106,9 @@ struct Measurement<'a> {
 impl Measurement<'_> {
     async fn run(&self) -> Result<(Ended, PathBuf), Failure> {
         let started = SystemTime::now();
-        let path = self.options.out.clone().unwrap_or_else(|| self.default_directory(started));
+        let path = self.options.out.clone().unwrap_or_else(|| {
+            run_directory::default_path(&self.setup.name, self.options.mode.name(), started)
+        });
         let durability = match self.options.mode {
             Mode::Real => Durability::Synced,
             Mode::Virtual => Durability::Written,
@@ -249,16 +251,6 @@ impl Measurement<'_> {
     /// Whether the captures of a run that ended so are to be written.
     fn wants_capture(&self, exit: Exit) -> bool {
         self.options.capture == Capture::Always || exit == Exit::RunFailed
-    }
-
-    fn default_directory(&self, started: SystemTime) -> PathBuf {
-        let time = date(started).replace([':', '-'], "");
-        let name: String =
-            self.setup.name.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-        let name = format!("runs/{time}-{name}-{}", self.options.mode.name());
-        let taken = |path: &PathBuf| path.exists();
-        let numbered = (2..).map(|number| PathBuf::from(format!("{name}-{number}")));
-        std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !taken(path)).unwrap_or_default()
     }
 }
 

@@ -10,6 +10,7 @@ use setup::{Provenance, Setup, Sourced};
 use crate::cli::Mode;
 use crate::faults::FaultReport;
 use crate::plan::Plan;
+use crate::quality::MotionQuality;
 use crate::stand::{CycleHealth, Health, Measured};
 use crate::statistics::{Figure, aet_improvement};
 
@@ -129,6 +130,9 @@ pub struct TypeResult {
     pub blends_suppressed: Vec<u32>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
+    /// How well the arm moved; null where no repetition says so.
+    #[serde(default)]
+    pub quality: Option<MotionQuality>,
 }
 
 /// A repetition that failed.
@@ -276,6 +280,9 @@ impl Results {
         result.samples_ms.push(millis(measured.execution));
         result.robot_samples_ms.push(millis(measured.robot_execution));
         result.blends_suppressed.push(measured.blends_suppressed);
+        if let Some(quality) = &measured.quality {
+            result.quality.get_or_insert_default().record(quality);
+        }
         if let Some(figure) = figure(&result.samples_ms) {
             (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
         }

@@ -13,10 +13,12 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
 use setup::Setup;
 
+use crate::host::date;
 use crate::plan::Step;
 use crate::results::{Results, SCHEMA_VERSION};
 use crate::stand::Measured;
@@ -144,6 +146,32 @@ pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Valu
     serde_json::from_str(&text).ok()
 }
 
+/// Where a run goes that names no directory: below `runs`, by its start, its setup and what it is; the first such name
+/// that is free.
+#[must_use]
+pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
+    let time = date(started).replace([':', '-'], "");
+    let setup: String = setup.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let name = format!("runs/{time}-{setup}-{what}");
+    let numbered = (2..).map(|number| PathBuf::from(format!("{name}-{number}")));
+    std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
+}
+
+/// Makes the directory of a study, which holds many virtual runs' figures and no run, and writes down what setup it
+/// varied.
+///
+/// # Errors
+///
+/// It holds a run, or cannot be written.
+pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
+    if path.join("samples.csv").exists() {
+        anyhow::bail!("{} holds a run; choose another directory by --out", path.display());
+    }
+    fs::create_dir_all(path)
+        .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
+    replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
+}
+
 /// Replaces a file as a whole: whoever reads it sees the old text or the new one, also after a crash.
 pub fn replace(path: &Path, text: &str, durability: Durability) -> anyhow::Result<()> {
     let write = || {
@@ -195,6 +223,7 @@ mod tests {
             execution: Duration::from_nanos(6_477_123_456),
             robot_execution: Duration::from_millis(6_470),
             blends_suppressed: 0,
+            quality: None,
         };
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
         let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];

@@ -145,7 +145,7 @@ mod tests {
                 anyhow::bail!("the connection to the robot was lost");
             }
             let execution = Duration::from_millis(self.runs);
-            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0 })
+            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None })
         }
 
         fn health(&self) -> Health {

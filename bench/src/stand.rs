@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use protocol::Lateness;
 use protocol::fieldbus::Counters;
+use robot_node::Quality;
 
 use crate::faults::FaultReport;
 use crate::plan::Step;
@@ -18,7 +19,7 @@ pub trait Stand {
 }
 
 /// One finished run.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Measured {
     /// From the start edge to the end seen, on the PLC.
     pub execution: Duration,
@@ -26,6 +27,8 @@ pub struct Measured {
     pub robot_execution: Duration,
     /// Motions that were run to a stop because the next one was not there in time.
     pub blends_suppressed: u32,
+    /// How well the arm moved, by the robot; none where it did not say so of every motion.
+    pub quality: Option<Quality>,
 }
 
 /// The conditions that runs were measured under.

@@ -15,13 +15,14 @@ use planning::{Application, PROGRAM};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::Motion;
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side, Tapped};
 use protocol::{Instant, Lateness};
 use protocol_linux::capture::Keep;
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use robot_node::{RobotConfig, RobotEvent, RobotNode};
+use robot_node::{Quality, RobotConfig, RobotEvent, RobotNode};
 use setup::{BusKind, Setup};
 
 use crate::capture::{CableConfig, VirtualCapture};
@@ -110,6 +111,17 @@ impl VirtualRun {
         bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
+        let motions = planning::plan(application, setup)?.wire_motions(setup);
+        Self::start_on(setup, motions, seed, bus, extras)
+    }
+
+    fn start_on(
+        setup: &Setup,
+        motions: Vec<Motion>,
+        seed: u64,
+        bus: VirtualBus,
+        extras: &Extras,
+    ) -> anyhow::Result<Self> {
         let capture = extras.start_capture(setup)?;
         let frames = extras.frames.then(SharedFrames::default);
         let faults = &Surroundings { faults: &extras.faults, capture: capture.clone(), frames };
@@ -117,7 +129,7 @@ impl VirtualRun {
         let cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, application, &mut phases, plc, robot, None, faults)?
+                cell(setup, motions, &mut phases, plc, robot, None, faults)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -125,14 +137,14 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, application, &mut phases, plc, robot, None, faults)?
+                    cell(setup, motions, &mut phases, plc, robot, None, faults)?
                 }
                 BusKind::EthernetIp => {
                     let start = phases.first(Side::A, setup.bus.cycle_us.value);
                     let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
                     let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
                     let address = Some(setup.bus.robot_address);
-                    cell(setup, application, &mut phases, plc, robot, address, faults)?
+                    cell(setup, motions, &mut phases, plc, robot, address, faults)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
@@ -180,8 +192,18 @@ impl VirtualRun {
 ///
 /// No connection comes about, or a repetition fails.
 pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::Result<Results> {
-    let mut results = Results::new(setup, &application.name, Mode::Virtual, plan);
-    let mut run = VirtualRun::start(setup, application, plan.seed, VirtualBus::OfSetup)?;
+    whole_of(setup, &planning::plan(application, setup)?, plan)
+}
+
+/// The same of an application that is planned already.
+///
+/// # Errors
+///
+/// As [`whole`].
+pub fn whole_of(setup: &Setup, planned: &planning::Plan, plan: &Plan) -> anyhow::Result<Results> {
+    let mut results = Results::new(setup, &planned.name, Mode::Virtual, plan);
+    let motions = planned.wire_motions(setup);
+    let mut run = VirtualRun::start_on(setup, motions, plan.seed, VirtualBus::OfSetup, &Extras::default())?;
     for step in plan.steps() {
         let measured = run.cell.execute(step, None)?;
         results.record(step.execution_type, &measured);
@@ -214,14 +236,13 @@ trait Cell {
 
 fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    application: &Application,
+    motions: Vec<Motion>,
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
     robot_address: Option<Ipv4Addr>,
     Surroundings { faults, capture, frames }: &Surroundings<'_>,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = planning::plan(application, setup)?.wire_motions(setup);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
@@ -257,6 +278,7 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         ready_at: None,
         capture: capture.clone(),
         frames: frames.clone(),
+        quality: Quality::default(),
     }))
 }
 
@@ -285,6 +307,8 @@ pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     ready_at: Option<Instant>,
     capture: Option<SharedCapture>,
     frames: Option<SharedFrames>,
+    /// Of the present run, or of the last one.
+    quality: Quality,
 }
 
 impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
@@ -298,7 +322,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         loop {
             let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
             let change = next.filter(|at| *at <= until);
-            if let Some(event) = next_plc_event(&mut self.pair, change.unwrap_or(until)) {
+            if let Some(event) = next_plc_event(&mut self.pair, change.unwrap_or(until), &mut self.quality) {
                 return Some(event);
             }
             change?;
@@ -371,6 +395,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
             .command_a(|plc, now| plc.start(now, step.execution_type))
             .context("cannot start the run")?;
         let until = self.pair.now() + LONGEST_RUN;
+        self.quality = Quality::default();
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
         while let Some(event) = match &mut watch {
             Some(watch) => watch.next_plc_event(self, until),
@@ -382,6 +407,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                         execution: Duration::from_nanos(execution.execution_time_ns),
                         robot_execution: Duration::from_nanos(execution.robot_execution_ns),
                         blends_suppressed: execution.blends_suppressed,
+                        quality: Some(self.quality),
                     });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
@@ -411,10 +437,12 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     }
 }
 
-/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way.
+/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and what the
+/// robot says of its motions is added to `quality`.
 fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
+    quality: &mut Quality,
 ) -> Option<PlcEvent> {
     loop {
         match pair.next_event(until)? {
@@ -427,6 +455,9 @@ fn next_plc_event<P: Fieldbus, R: Fieldbus>(
                 pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
             }
             Event::A(event) => return Some(event),
+            Event::B(RobotEvent::SkillFinished { quality: of_skill, .. }) => {
+                *quality = quality.then(of_skill);
+            }
             Event::B(_) => {}
         }
     }

@@ -60,7 +60,7 @@ fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(said.code, Some(2));
     insta::assert_snapshot!(said.stderr, @r#"
-    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected `scan_cycle_us` or `scan_cost_us`
+    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
        16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
 }
@@ -204,18 +204,54 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.cm.blends_suppressed[]
     .results.cm.failed[]
     .results.cm.mad_ms
+    .results.cm.quality.energy_proxy_s
+    .results.cm.quality.joint_acceleration.peak
+    .results.cm.quality.joint_acceleration.rms
+    .results.cm.quality.joint_jerk_per_s.peak
+    .results.cm.quality.joint_jerk_per_s.rms
+    .results.cm.quality.path_deviation_mm
+    .results.cm.quality.repetitions
+    .results.cm.quality.stops
+    .results.cm.quality.tool_acceleration_mm_s2.peak
+    .results.cm.quality.tool_acceleration_mm_s2.rms
+    .results.cm.quality.tool_jerk_mm_s3.peak
+    .results.cm.quality.tool_jerk_mm_s3.rms
     .results.cm.robot_samples_ms[]
     .results.cm.samples_ms[]
     .results.rc.aet_ms
     .results.rc.blends_suppressed[]
     .results.rc.failed[]
     .results.rc.mad_ms
+    .results.rc.quality.energy_proxy_s
+    .results.rc.quality.joint_acceleration.peak
+    .results.rc.quality.joint_acceleration.rms
+    .results.rc.quality.joint_jerk_per_s.peak
+    .results.rc.quality.joint_jerk_per_s.rms
+    .results.rc.quality.path_deviation_mm
+    .results.rc.quality.repetitions
+    .results.rc.quality.stops
+    .results.rc.quality.tool_acceleration_mm_s2.peak
+    .results.rc.quality.tool_acceleration_mm_s2.rms
+    .results.rc.quality.tool_jerk_mm_s3.peak
+    .results.rc.quality.tool_jerk_mm_s3.rms
     .results.rc.robot_samples_ms[]
     .results.rc.samples_ms[]
     .results.sm.aet_ms
     .results.sm.blends_suppressed[]
     .results.sm.failed[]
     .results.sm.mad_ms
+    .results.sm.quality.energy_proxy_s
+    .results.sm.quality.joint_acceleration.peak
+    .results.sm.quality.joint_acceleration.rms
+    .results.sm.quality.joint_jerk_per_s.peak
+    .results.sm.quality.joint_jerk_per_s.rms
+    .results.sm.quality.path_deviation_mm
+    .results.sm.quality.repetitions
+    .results.sm.quality.stops
+    .results.sm.quality.tool_acceleration_mm_s2.peak
+    .results.sm.quality.tool_acceleration_mm_s2.rms
+    .results.sm.quality.tool_jerk_mm_s3.peak
+    .results.sm.quality.tool_jerk_mm_s3.rms
     .results.sm.robot_samples_ms[]
     .results.sm.samples_ms[]
     .schema_version

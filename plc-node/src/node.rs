@@ -29,6 +29,7 @@ pub struct PlcNode<B> {
     scans: u64,
     group: AxesGroup,
     program: u16,
+    queue_depth: u32,
     motions: Box<dyn MotionSource>,
     connected: bool,
     mode: Mode,
@@ -95,12 +96,13 @@ impl<B: Fieldbus> PlcNode<B> {
             scans: 0,
             group: AxesGroup::new(config.override_percent, patience),
             program: config.program,
+            queue_depth: config.queue_depth,
             motions: config.motions,
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
             run: Run {
-                sequence: Sequence::new(ExecutionType::Rc, config.program),
+                sequence: Sequence::new(ExecutionType::Rc, config.program, config.queue_depth),
                 started_at: start,
                 started_in_scan: 0,
                 frames_before: Counters::default(),
@@ -226,7 +228,7 @@ impl<B: Fieldbus> PlcNode<B> {
 
     fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
         self.run = Run {
-            sequence: Sequence::new(execution_type, self.program),
+            sequence: Sequence::new(execution_type, self.program, self.queue_depth),
             started_at: now,
             started_in_scan: self.scans,
             frames_before: self.bus.counters(),

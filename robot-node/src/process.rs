@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::controller::Ending;
-use crate::{ConfigError, RobotConfig, RobotEvent, RobotNode, Sample, bus};
+use crate::{ConfigError, Quality, RobotConfig, RobotEvent, RobotNode, Sample, bus};
 
 /// Time that the program has to get going before the robot's first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -77,7 +77,7 @@ struct Run {
 }
 
 /// What only a robot says.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RobotMessage {
     /// A skill ended as wanted.
@@ -88,6 +88,8 @@ pub enum RobotMessage {
         motions: u32,
         /// From the cycle that saw the command to the one that reports the end, in ns.
         execution_ns: u64,
+        /// How well the arm moved meanwhile.
+        quality: Quality,
     },
     /// A skill ended otherwise, or a command or a motion was refused.
     Trouble {
@@ -101,9 +103,9 @@ pub enum RobotMessage {
 impl fmt::Display for RobotMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Executed { number, motions, execution_ns } => {
-                let ms = *execution_ns as f64 / 1e6;
-                write!(f, "command {number}: {motions} motions in {ms:.3} ms")
+            Self::Executed { number, motions, execution_ns, quality } => {
+                let (ms, stops) = (*execution_ns as f64 / 1e6, quality.stops());
+                write!(f, "command {number}: {motions} motions in {ms:.3} ms, {stops} stops between them")
             }
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
         }
@@ -272,9 +274,11 @@ impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for Served {
 
     fn event(&mut self, event: RobotEvent) -> (Option<RobotMessage>, Next<RobotInstruction>) {
         let message = match event {
-            RobotEvent::SkillFinished { number, ending: Ending::Done, executed, execution, .. } => {
+            RobotEvent::SkillFinished {
+                number, ending: Ending::Done, executed, execution, quality, ..
+            } => {
                 let execution_ns = u64::try_from(execution.as_nanos()).unwrap_or(u64::MAX);
-                Some(RobotMessage::Executed { number, motions: executed, execution_ns })
+                Some(RobotMessage::Executed { number, motions: executed, execution_ns, quality })
             }
             RobotEvent::SkillFinished { number, ending: Ending::Aborted, executed, .. } => {
                 let reason = format!("given up after {executed} motions: the PLC halted it, or is gone");

@@ -38,6 +38,7 @@ use protocol_linux::capture::Keep;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
 use protocol_linux::{Interface, PortError, Wire};
+use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use setup::Cyclic;
 use tokio::sync::mpsc;
@@ -169,6 +170,8 @@ pub struct Rig {
     reports: Reports,
     /// What the nodes had done before this rig.
     before: Reports,
+    /// In the present run, or in the last one.
+    moved: Moved,
     traced: Vec<Window>,
     recording: bool,
     is_traced: bool,
@@ -241,6 +244,7 @@ impl Rig {
             hellos: Vec::new(),
             reports: Reports::default(),
             before: Reports::default(),
+            moved: Moved::default(),
             traced: Vec::new(),
             recording: false,
             is_traced: false,
@@ -311,6 +315,7 @@ impl Rig {
     ///
     /// The run failed, the connection was lost, or a node ended: within two seconds of it.
     pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
+        self.moved = Moved::default();
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
         let finished = async {
             loop {
@@ -341,6 +346,12 @@ impl Rig {
         }
         self.ask_for_reports().await?;
         Ok(run)
+    }
+
+    /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.
+    #[must_use]
+    pub fn quality_of(&self, motions: u32) -> Option<Quality> {
+        (self.moved.motions == motions).then_some(self.moved.quality)
     }
 
     /// Ends the connection in order, then both nodes, then the capture. Nodes that ran before the rig run on.
@@ -424,6 +435,10 @@ impl Rig {
             }
             Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.robot = report.clone();
+            }
+            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
+                self.moved.motions = self.moved.motions.saturating_add(*motions);
+                self.moved.quality = self.moved.quality.then(*quality);
             }
             Said::Plc(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Plc, controller: *controller });
@@ -516,6 +531,13 @@ impl Rig {
             Which::Robot => self.robot.as_mut(),
         }
     }
+}
+
+/// What the robot said of its motions in a run.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moved {
+    motions: u32,
+    quality: Quality,
 }
 
 /// What a PLC's process says.

@@ -18,6 +18,7 @@ impl Stand for Rig {
             execution: Duration::from_nanos(run.execution_time_ns),
             robot_execution: Duration::from_nanos(run.robot_execution_ns),
             blends_suppressed: run.blends_suppressed,
+            quality: self.quality_of(run.motions),
         })
     }
 

@@ -27,6 +27,7 @@ mod plan;
 mod planner;
 mod resolve;
 mod stream;
+mod vary;
 mod way;
 mod wire;
 mod zone;

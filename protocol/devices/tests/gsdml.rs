@@ -8,6 +8,7 @@ use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
+use protocol::Instant;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::IMAGE_LEN;
 use protocol::profinet::description::{Description, Identity, ROBOT};
@@ -15,7 +16,6 @@ use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::{Transport, UDP_PORT};
 use protocol::profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
 use protocol::virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
-use protocol::Instant;
 use roxmltree::{Document, Node};
 
 fn text() -> String {

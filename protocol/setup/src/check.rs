@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::image::SLOTS;
 
 use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, ProfinetDevice, Setup, Sourced};
 
@@ -79,6 +80,12 @@ fn plc(setup: &Setup) -> Check {
             plc.scan_cost_us.value, plc.scan_cycle_us.value
         );
         return Err(problem("plc.scan_cost_us", text));
+    }
+    let (depth, slots) = (plc.slots_in_use(), SLOTS as u32);
+    if !(1..=slots).contains(&depth) {
+        let text =
+            format!("{depth} motions do not fit: the process image has {slots} slots, so 1 to {slots}");
+        return Err(problem("plc.queue_depth", text));
     }
     Ok(())
 }

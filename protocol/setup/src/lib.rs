@@ -8,6 +8,7 @@ mod error;
 mod load;
 mod model;
 mod sourced;
+mod vary;
 mod write;
 
 pub use error::Error;

@@ -59,6 +59,17 @@ pub struct Plc {
     /// Time from reading the inputs to writing the outputs, in µs. Modelled in virtual mode; in real mode the
     /// scan takes what it takes.
     pub scan_cost_us: Sourced<u32>,
+    /// How many of the image's slots MoveContinuous keeps filled, 1 to 5: how many motions ahead of those that the robot
+    /// has executed the PLC writes. All five where it is left out.
+    pub queue_depth: Option<Sourced<u32>>,
+}
+
+impl Plc {
+    /// How many slots MoveContinuous keeps filled.
+    #[must_use]
+    pub fn slots_in_use(&self) -> u32 {
+        self.queue_depth.as_ref().map_or(protocol::image::SLOTS as u32, |depth| depth.value)
+    }
 }
 
 /// Which fieldbus.

@@ -33,6 +33,7 @@ use execution::{Execution, Phase, Programs};
 use crate::RobotConfig;
 use crate::arm::{AXES, Frame, Joints};
 use crate::motion::{Appended, Interpolator, Segment};
+use crate::quality::Observer;
 
 /// Events that wait for the owner; it takes them after every call.
 const EVENTS: usize = 64;
@@ -52,6 +53,7 @@ pub struct Controller {
     programs: Programs,
     random: Pcg64Mcg,
     interpolator: Interpolator,
+    observer: Observer,
     state: State,
     /// The last command number that was taken up or refused; none until the first image of a connection, whose
     /// number is an old one.
@@ -77,11 +79,13 @@ impl Controller {
         let cycle_s = config.cycle.as_secs_f64();
         let interpolator =
             Interpolator::at_rest(config.arm.clone(), config.home, cycle_s, config.path_acceleration_mm_s2);
+        let observer = Observer::at_rest(&config.arm, &config.home, cycle_s);
         let mut controller = Self {
             config,
             programs,
             random: Pcg64Mcg::seed_from_u64(seed),
             interpolator,
+            observer,
             state: State::Halted,
             last_number: None,
             pending: None,
@@ -251,6 +255,7 @@ impl Controller {
         } else {
             self.drive(at, &mut execution);
         }
+        self.observer.look(&self.config.arm, &self.interpolator);
         self.feedback.executed = self.interpolator.path().executed();
         self.feedback.accepted = execution.accepted;
         match execution.phase {
@@ -354,7 +359,9 @@ impl Controller {
                 Ending::Fault { error, motion } => self.set_error(error, motion),
             }
         }
-        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution: execution_time });
+        let quality = self.observer.end(&self.config.arm);
+        let execution = execution_time;
+        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution, quality });
     }
 
     /// The skill that runs, if one does.
