@@ -26,6 +26,9 @@ use crate::timeline;
 use crate::trace::Trace;
 use crate::virtual_run::{self, Extras, VirtualBus, VirtualRun};
 
+/// Warnings of a plan that are shown before a run.
+const WARNINGS: usize = 5;
+
 /// What the nodes' cyclic threads have where nothing was refused.
 const GRANTED: &str = "SCHED_FIFO, memory locked";
 
@@ -45,7 +48,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
     }
-    found.plan(&setup)?;
+    let warnings = found.plan(&setup)?.warnings().collect();
     if let Some(file) = options.exports.written_twice() {
         let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
         return Err(Failure::new(Exit::Usage, error));
@@ -59,8 +62,13 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     if options.attach.is_some() {
         check_attach(options)?;
     }
-    let measurement =
-        Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
+    let measurement = Measurement {
+        plan: Plan::new(&options.types, options.reps, options.seed),
+        options,
+        setup,
+        found,
+        warnings,
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -101,6 +109,8 @@ struct Measurement<'a> {
     setup: Setup,
     found: Found,
     plan: Plan,
+    /// What a person should look at in the planned motions: blends that had to shrink.
+    warnings: Vec<String>,
 }
 
 impl Measurement<'_> {
@@ -118,6 +128,7 @@ impl Measurement<'_> {
             exports: self.options.exports.clone(),
             progress: Progress::start(&self.plan, self.options.quiet),
         };
+        self.warn(&session.progress);
         let host = Host::look(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
@@ -162,6 +173,18 @@ impl Measurement<'_> {
         };
         session.finish(&ended.results)?;
         Ok((ended, path))
+    }
+
+    /// Shows the first warnings of the plan: in a grid each comes once a cycle.
+    fn warn(&self, progress: &Progress) {
+        self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
+        let more = self.warnings.len().saturating_sub(WARNINGS);
+        if more > 0 {
+            let Setup { name, application, .. } = &self.setup;
+            progress.warn(&format!(
+                "{more} more of that kind; `plc-node plan {application} --setup {name}` shows them all"
+            ));
+        }
     }
 
     /// Runs the plan on two processes: ones that run already, or own ones, which read the setup as it stands in the run

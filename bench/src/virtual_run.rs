@@ -11,7 +11,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use planning::{Application, PROGRAM};
+use planning::{Application, PROGRAM, Stop};
 use plc_node::{PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -22,7 +22,7 @@ use protocol::{Instant, Lateness};
 use protocol_linux::capture::Keep;
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use robot_node::{Quality, RobotConfig, RobotEvent, RobotNode};
+use robot_node::{Program, Quality, RobotConfig, RobotEvent, RobotNode};
 use setup::{BusKind, Setup};
 
 use crate::capture::{CableConfig, VirtualCapture};
@@ -61,6 +61,26 @@ pub struct VirtualRun {
     cell: Box<dyn Cell>,
     trace: Trace,
     capture: Option<SharedCapture>,
+}
+
+/// What both nodes are to do, and the cell that the robot does it in.
+struct Work {
+    motions: Vec<Motion>,
+    stops: Vec<Stop>,
+    robot: RobotConfig,
+}
+
+impl Work {
+    fn of(setup: &Setup, application: &Application) -> anyhow::Result<Self> {
+        let work = Self::of_plan(setup, &planning::plan(application, setup)?)?;
+        Ok(Self { robot: work.robot.in_cell_of(application), ..work })
+    }
+
+    /// A plan alone knows of no surfaces to press on.
+    fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
+        let robot = RobotConfig::from_setup(setup)?;
+        Ok(Self { motions: plan.wire_motions(setup), stops: plan.stops(), robot })
+    }
 }
 
 /// What a virtual run has besides its setup.
@@ -111,13 +131,12 @@ impl VirtualRun {
         bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
-        let motions = planning::plan(application, setup)?.wire_motions(setup);
-        Self::start_on(setup, motions, seed, bus, extras)
+        Self::start_on(setup, Work::of(setup, application)?, seed, bus, extras)
     }
 
     fn start_on(
         setup: &Setup,
-        motions: Vec<Motion>,
+        work: Work,
         seed: u64,
         bus: VirtualBus,
         extras: &Extras,
@@ -129,7 +148,7 @@ impl VirtualRun {
         let cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, motions, &mut phases, plc, robot, None, faults)?
+                cell(setup, work, &mut phases, plc, robot, None, faults)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -137,14 +156,14 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, motions, &mut phases, plc, robot, None, faults)?
+                    cell(setup, work, &mut phases, plc, robot, None, faults)?
                 }
                 BusKind::EthernetIp => {
                     let start = phases.first(Side::A, setup.bus.cycle_us.value);
                     let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
                     let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
                     let address = Some(setup.bus.robot_address);
-                    cell(setup, motions, &mut phases, plc, robot, address, faults)?
+                    cell(setup, work, &mut phases, plc, robot, address, faults)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
@@ -192,7 +211,7 @@ impl VirtualRun {
 ///
 /// No connection comes about, or a repetition fails.
 pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::Result<Results> {
-    whole_of(setup, &planning::plan(application, setup)?, plan)
+    run_whole(setup, &application.name, Work::of(setup, application)?, plan)
 }
 
 /// The same of an application that is planned already.
@@ -201,9 +220,12 @@ pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::R
 ///
 /// As [`whole`].
 pub fn whole_of(setup: &Setup, planned: &planning::Plan, plan: &Plan) -> anyhow::Result<Results> {
-    let mut results = Results::new(setup, &planned.name, Mode::Virtual, plan);
-    let motions = planned.wire_motions(setup);
-    let mut run = VirtualRun::start_on(setup, motions, plan.seed, VirtualBus::OfSetup, &Extras::default())?;
+    run_whole(setup, &planned.name, Work::of_plan(setup, planned)?, plan)
+}
+
+fn run_whole(setup: &Setup, name: &str, work: Work, plan: &Plan) -> anyhow::Result<Results> {
+    let mut results = Results::new(setup, name, Mode::Virtual, plan);
+    let mut run = VirtualRun::start_on(setup, work, plan.seed, VirtualBus::OfSetup, &Extras::default())?;
     for step in plan.steps() {
         let measured = run.cell.execute(step, None)?;
         results.record(step.execution_type, &measured);
@@ -236,7 +258,7 @@ trait Cell {
 
 fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    motions: Vec<Motion>,
+    Work { motions, stops, robot }: Work,
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
@@ -245,9 +267,10 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
 ) -> anyhow::Result<Box<dyn Cell>> {
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
-    let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
-    let robot_config = RobotConfig::from_setup(setup)?;
-    let robot = RobotNode::new(robot_config, vec![(PROGRAM, motions)], robot_bus, phases.seed, robot_start);
+    let program = Program::new(motions.clone(), &stops);
+    let plc_config = PlcConfig { stops, ..PlcConfig::from_setup(setup, motions, PROGRAM) };
+    let plc = PlcNode::new(plc_config, plc_bus, plc_start);
+    let robot = RobotNode::new(robot, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed: phases.seed,

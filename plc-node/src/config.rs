@@ -1,5 +1,6 @@
 //! What a PLC node is told before it starts.
 
+use planning::Stop;
 use protocol::{Duration, image};
 use setup::Setup;
 
@@ -32,6 +33,9 @@ pub struct PlcConfig {
     pub program: u16,
     /// The motions that SM and CM run.
     pub motions: Box<dyn MotionSource>,
+    /// Where their continuous motions end, in order, and what the PLC switches there. Without any, CM runs all motions
+    /// as one.
+    pub stops: Vec<Stop>,
 }
 
 impl PlcConfig {
@@ -55,6 +59,7 @@ impl PlcConfig {
             queue_depth: setup.plc.slots_in_use(),
             program,
             motions: Box::new(MotionList::from(motions)),
+            stops: Vec::new(),
         }
     }
 

@@ -36,3 +36,22 @@ impl MotionSource for MotionList {
         self.0.get(usize::try_from(index).ok()?).copied()
     }
 }
+
+/// Motions `from` to `end` of a source, as a source of their own: one continuous motion of several.
+#[derive(Debug)]
+pub(crate) struct Section<'a> {
+    pub(crate) source: &'a mut dyn MotionSource,
+    pub(crate) from: u32,
+    pub(crate) end: u32,
+}
+
+impl MotionSource for Section<'_> {
+    fn total(&self) -> u32 {
+        self.end.saturating_sub(self.from)
+    }
+
+    fn get(&mut self, index: u32) -> Option<Motion> {
+        let index = self.from.checked_add(index).filter(|index| *index < self.end)?;
+        self.source.get(index)
+    }
+}

@@ -3,6 +3,7 @@
 use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
+use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
 use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
@@ -31,6 +32,7 @@ pub struct PlcNode<B> {
     program: u16,
     queue_depth: u32,
     motions: Box<dyn MotionSource>,
+    stops: Vec<Stop>,
     connected: bool,
     mode: Mode,
     readiness: Readiness,
@@ -98,6 +100,7 @@ impl<B: Fieldbus> PlcNode<B> {
             program: config.program,
             queue_depth: config.queue_depth,
             motions: config.motions,
+            stops: config.stops,
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
@@ -239,12 +242,12 @@ impl<B: Fieldbus> PlcNode<B> {
     }
 
     fn run(&mut self, now: Instant) {
-        match self.run.sequence.scan(&mut *self.motions, &mut self.group) {
+        match self.run.sequence.scan(now, &mut *self.motions, &self.stops, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
             Progress::Aborted => self.fail(FailureCause::RobotHalted),
             Progress::Failed { motion, error } => self.fail(match error {
-                BlockError::Robot { number, .. } => FailureCause::Robot { number, motion },
+                BlockError::Robot { number, finding, .. } => FailureCause::Robot { number, motion, finding },
                 error => FailureCause::Block { error, motion },
             }),
         }

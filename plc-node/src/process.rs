@@ -199,14 +199,18 @@ impl Run {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
-        let motions = application.plan(&setup)?.wire_motions(&setup);
+        let plan = application.plan(&setup)?;
+        let motions = plan.wire_motions(&setup);
         let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
         interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         // On a real clock the scan takes what it takes.
-        let config =
-            PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::from_setup(&setup, motions, PROGRAM) };
+        let config = PlcConfig {
+            scan_cost: Duration::ZERO,
+            stops: plan.stops(),
+            ..PlcConfig::from_setup(&setup, motions, PROGRAM)
+        };
         let start = clock::now() + LEAD;
         if self.direct {
             let wires = vec![Wire::udp(&interface, Udp { port: DIRECT_PORT })?];

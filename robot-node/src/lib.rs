@@ -15,7 +15,7 @@ mod node;
 pub mod process;
 pub mod quality;
 
-pub use config::{ConfigError, RobotConfig};
-pub use controller::{Controller, Ending, RobotEvent};
+pub use config::{ConfigError, ForceControl, RobotConfig};
+pub use controller::{Controller, Ending, Program, RobotEvent};
 pub use node::{RobotNode, Sample};
 pub use quality::Quality;

@@ -4,12 +4,12 @@ use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
-use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
+use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, State};
 use protocol::{
     Cycle, Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
 
-use crate::{Controller, RobotConfig, RobotEvent};
+use crate::{Controller, Program, RobotConfig, RobotEvent};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
@@ -40,6 +40,10 @@ pub struct Sample {
     pub queued: u32,
     /// Motions of the skill that ended in a stop because the next was not there in time.
     pub blends_suppressed: u16,
+    /// What the tool presses on surfaces with, in N.
+    pub contact_force_n: f32,
+    /// The robot's digital outputs.
+    pub outputs: u16,
 }
 
 /// The robot on its bus.
@@ -64,7 +68,7 @@ impl<B: Fieldbus> RobotNode<B> {
     #[must_use]
     pub fn new(
         config: RobotConfig,
-        programs: Vec<(u16, Vec<Motion>)>,
+        programs: Vec<(u16, Program)>,
         bus: B,
         seed: u64,
         start: Instant,
@@ -131,6 +135,8 @@ impl<B: Fieldbus> RobotNode<B> {
             accepted: feedback.accepted,
             queued: feedback.accepted.saturating_sub(feedback.executed),
             blends_suppressed: feedback.blends_suppressed,
+            contact_force_n: feedback.contact_force,
+            outputs: feedback.inputs,
         }
     }
 

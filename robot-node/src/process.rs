@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::controller::Ending;
-use crate::{ConfigError, Quality, RobotConfig, RobotEvent, RobotNode, Sample, bus};
+use crate::{ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, bus};
 
 /// Time that the program has to get going before the robot's first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -144,11 +144,12 @@ impl Run {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
-        let motions = application.plan(&setup)?.wire_motions(&setup);
+        let plan = application.plan(&setup)?;
+        let program = Program::new(plan.wire_motions(&setup), &plan.stops());
         let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
-        let config = RobotConfig::from_setup(&setup)?;
-        let programs = vec![(PROGRAM, motions)];
+        let config = RobotConfig::from_setup(&setup)?.in_cell_of(&application.application);
+        let programs = vec![(PROGRAM, program)];
         let start = clock::now() + LEAD;
         if self.direct {
             interface.set_address(setup.bus.robot_address, setup.bus.subnet_mask)?;
@@ -284,8 +285,10 @@ impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for Served {
                 let reason = format!("given up after {executed} motions: the PLC halted it, or is gone");
                 Some(RobotMessage::Trouble { number, reason })
             }
-            RobotEvent::SkillFinished { number, ending: Ending::Fault { error, motion }, .. } => {
-                let reason = format!("motion {motion}, counted from 0: {error}");
+            RobotEvent::SkillFinished {
+                number, ending: Ending::Fault { error, motion, finding }, ..
+            } => {
+                let reason = format!("motion {motion}, counted from 0: {}", finding.in_words(error));
                 Some(RobotMessage::Trouble { number, reason })
             }
             RobotEvent::Refused { number, error, motion, cause } => {

@@ -41,6 +41,7 @@ pub(super) fn application(application: &Application, side_mm: f64, motions: u32)
         ways: None,
         grids: Vec::new(),
         obstacles: Vec::new(),
+        surfaces: Vec::new(),
         steps: vec![step],
     }
 }

@@ -258,6 +258,17 @@ fn robot(setup: &Setup) -> Check {
     let acceleration = robot.path_acceleration_mm_s2.value;
     above_zero("robot.path_acceleration_mm_s2", acceleration)?;
     at_most("robot.path_acceleration_mm_s2", acceleration, MAX_ACCELERATION_MM_S2, "mm/s²")?;
+    if let Some(force) = &robot.force {
+        for (key, value) in [
+            ("robot.force.max_n", &force.max_n),
+            ("robot.force.stiffest_n_per_mm", &force.stiffest_n_per_mm),
+            ("robot.force.tolerance_n", &force.tolerance_n),
+            ("robot.force.jerk_mm_s3", &force.jerk_mm_s3),
+        ] {
+            above_zero(key, value.value)?;
+        }
+        at_most("robot.force.settling_ms", f64::from(force.settling_ms.value), 60_000.0, "ms")?;
+    }
     frames("robot.tools", &robot.tools)?;
     frames("robot.bases", &robot.bases)?;
     let joints = match &robot.kinematics {

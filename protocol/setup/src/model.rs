@@ -281,12 +281,30 @@ pub struct Robot {
     pub path_velocity_mm_s: Sourced<f64>,
     /// Highest path acceleration in mm/s².
     pub path_acceleration_mm_s2: Sourced<f64>,
+    /// How it presses; a robot without it runs no LIN force.
+    pub force: Option<Force>,
     /// Tool frames by number, from the flange; number 0 is the flange and is not listed.
     #[serde(default)]
     pub tools: Vec<Frame>,
     /// Base frames by number, from the robot's root; number 0 is the root and is not listed.
     #[serde(default)]
     pub bases: Vec<Frame>,
+}
+
+/// How a robot presses: the force controller of LIN force.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Force {
+    /// The highest contact force that may be asked for, in N.
+    pub max_n: Sourced<f64>,
+    /// The stiffest surface that the controller is set for, in N/mm: on a stiffer one it may overshoot and swing.
+    pub stiffest_n_per_mm: Sourced<f64>,
+    /// How far from the force asked for, in N, counts as reached.
+    pub tolerance_n: Sourced<f64>,
+    /// How long it must stay reached until the motion is done, in ms.
+    pub settling_ms: Sourced<u32>,
+    /// The highest jerk of the tool while it approaches and presses, in mm/s³.
+    pub jerk_mm_s3: Sourced<f64>,
 }
 
 /// A numbered frame.

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use protocol::fieldbus::LinkEvent;
-use protocol::image::{ErrorNumber, Skill, State};
+use protocol::image::{ErrorNumber, Finding, Skill, State};
 
 use crate::Quality;
 use crate::arm::Violation;
@@ -68,5 +68,19 @@ pub enum Ending {
         error: ErrorNumber,
         /// Which motion of the skill, counted from 0.
         motion: u32,
+        /// The quantity and its limits.
+        finding: Finding,
     },
+}
+
+impl Ending {
+    /// Ended by an error that says everything.
+    pub(super) const fn plain(error: ErrorNumber, motion: u32) -> Self {
+        Self::Fault { error, motion, finding: Finding::NONE }
+    }
+
+    /// Ended by what is wrong with a motion.
+    pub(super) fn of(violation: Violation, motion: u32) -> Self {
+        Self::Fault { error: violation.number(), motion, finding: violation.finding() }
+    }
 }

@@ -12,6 +12,7 @@ use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::{Machine, Port, Source, Transmit};
+use protocol_linux::capture::Keep;
 use protocol_linux::{CyclicThread, Interface, Recorder, Udp, Wire, clock};
 
 use super::{ADDRESSES, Bed, MASK, Watch, stop};
@@ -130,7 +131,7 @@ fn cyclic_packets_carry_the_dscp_that_the_qos_object_says_and_a_changed_one_from
     let bed = Bed::lay();
     let robot = bed.start_on(1, adapter, wires);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
-    let recorder = bed.ends[0].0.run(|| Recorder::start("left0", &place).unwrap()).unwrap();
+    let recorder = bed.ends[0].0.run(|| Recorder::start("left0", &place, "", Keep::All).unwrap()).unwrap();
     let unicast = exchange(&bed, false);
     set_scheduled_dscp(&bed, 20);
     let multicast = exchange(&bed, true);
