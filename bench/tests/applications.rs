@@ -1,15 +1,17 @@
 //! Every shipped application runs in virtual mode, in all three execution types.
 
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
 use bench::plan::Plan;
 use bench::results::Results;
 use bench::virtual_run::whole;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 
 fn run(application: &str) -> Results {
-    let found = planning::application(application, None).unwrap_or_else(|error| panic!("{error}"));
-    let setup = setup::setup("A").unwrap_or_else(|error| panic!("{error}"));
+    let found = planning::application(application, None).unwrap();
+    let setup = setup::setup("A").unwrap();
     let plan = Plan::new(&ExecutionType::ALL, 2, 1);
-    whole(&setup, &found.application, &plan).unwrap_or_else(|error| panic!("{application}: {error:#}"))
+    whole(&setup, &found.application, &plan).unwrap()
 }
 
 fn aet(results: &Results, of: ExecutionType) -> f64 {

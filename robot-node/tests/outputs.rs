@@ -52,6 +52,8 @@ fn a_program_stops_exactly_switches_waits_and_goes_on_and_the_output_stays() {
     let [x, y, z, ..] = robot.feedback().pose;
     assert!(x.abs() < 1e-3 && (y - 40.0).abs() < 1e-3 && (z - 90.0).abs() < 1e-3);
     let switched = robot.at;
+    // The path ended within this cycle: it is the next one that finds the arm at rest.
+    robot.tick();
     robot.wait(|feedback| !feedback.status.contains(Status::AT_REST));
     let waited = robot.at.since(switched).as_millis();
     assert!((150..=160).contains(&waited), "{waited} ms");

@@ -5,7 +5,7 @@
 //! robot gets an old image once more, which is what a lost frame comes to. From every state all of them are tried. (All
 //! orders of `Execute` alone are the affair of the blocks' own exploration.)
 //!
-//! States count as one when they differ in running numbers, or by less than [`PLACE_MM`] in place and not in whether
+//! States count as one when they differ in running numbers, or by less than [`Skills::place_mm`] in place and not in whether
 //! the arm rests: with that the exploration closes. So it is exhaustive over the discrete states and their order, not
 //! over places.
 
@@ -23,9 +23,6 @@ use crate::arm::Surface;
 
 /// Scans that the PLC waits for an answer.
 const PATIENCE: u32 = 4;
-
-/// Places nearer to each other than this count as one.
-const PLACE_MM: f64 = 0.02;
 
 /// The blocks, and the index of each.
 const BLOCKS: usize = 5;
@@ -100,6 +97,14 @@ impl Skills {
                 Motion { kind, target, auxiliary, velocity: 100, acceleration: 5_000, ..Motion::EMPTY };
         }
         motions
+    }
+
+    /// Places nearer to each other than this count as one. A force is approached slowly, so that there are many.
+    const fn place_mm(self) -> f64 {
+        match self {
+            Self::Good | Self::Bad => 0.02,
+            Self::Pressing => 0.15,
+        }
     }
 
     /// Whether motion `index` ends where the surface says, not where its target is.
@@ -222,8 +227,8 @@ impl Explored {
         assert!(shown <= 1, "{feedback:?}");
         let moved = self.controller.joints() != before.controller.joints();
         let state = self.controller.state;
-        let running = [before.controller.state, state].contains(&State::Running);
-        assert!(!moved || running, "the arm moves in {state:?}");
+        let skill = before.controller.execution.is_some();
+        assert!(!moved || skill, "the arm moves in {state:?} without a skill");
         if state != State::Running {
             assert!(self.controller.interpolator.is_at_rest(), "{state:?} and not at rest");
         }
@@ -285,7 +290,7 @@ impl Explored {
             (skill, self.controller.press.as_ref().map(|press| press.phase as u8)),
             (feedback.status.0, feedback.number == number, feedback.executed, u16::from(feedback.error)),
             (interpolator.path().is_finished(), interpolator.path().executed(), interpolator.is_held()),
-            ((self.joint_3() / PLACE_MM).round() as i64, interpolator.is_at_rest()),
+            ((self.joint_3() / self.skills.place_mm()).round() as i64, interpolator.is_at_rest()),
         );
         let command = self.group.command();
         let plc = (
