@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
+use protocol::image::{Control, Digest, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
 use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::function_blocks::BlockError;
+use crate::motion_source::Digested;
 use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
 use crate::{
@@ -28,7 +29,7 @@ pub struct PlcNode<B> {
     scans: u64,
     group: AxesGroup,
     program: u16,
-    motions: Box<dyn MotionSource>,
+    motions: Digested,
     connected: bool,
     mode: Mode,
     readiness: Readiness,
@@ -94,7 +95,7 @@ impl<B: Fieldbus> PlcNode<B> {
             scans: 0,
             group: AxesGroup::new(config.override_percent, patience),
             program: config.program,
-            motions: config.motions,
+            motions: Digested::new(config.motions),
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
@@ -152,6 +153,13 @@ impl<B: Fieldbus> PlcNode<B> {
     #[must_use]
     pub const fn lateness(&self) -> &Lateness {
         self.scan.lateness()
+    }
+
+    /// The motions that this run, or the last one, took from their source, in that order: with SM and CM those that it
+    /// sent. RC takes none.
+    #[must_use]
+    pub const fn sent(&self) -> &Digest {
+        self.motions.given()
     }
 
     /// The bus endpoint.
@@ -230,13 +238,14 @@ impl<B: Fieldbus> PlcNode<B> {
             started_in_scan: self.scans,
             frames_before: self.bus.counters(),
         };
+        self.motions.restart();
         self.mode = Mode::Running;
         self.push(PlcEvent::Started { execution_type, at: now });
         self.run(now);
     }
 
     fn run(&mut self, now: Instant) {
-        match self.run.sequence.scan(&mut *self.motions, &mut self.group) {
+        match self.run.sequence.scan(&mut self.motions, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
             Progress::Aborted => self.fail(FailureCause::RobotHalted),

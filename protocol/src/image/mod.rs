@@ -14,11 +14,13 @@
 //! until `total` (the paper's `totalNo`) are executed.
 
 mod command;
+mod digest;
 mod error;
 mod feedback;
 mod motion;
 
 pub use command::{Command, Control, Skill};
+pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};
 pub use motion::{Motion, MotionKind};

@@ -23,7 +23,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocol::Instant;
-use protocol::image::{Command, Control, ErrorNumber, Feedback, Motion, Skill, State, Status};
+use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Motion, Skill, State, Status};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -58,6 +58,8 @@ pub struct Controller {
     last_number: Option<u16>,
     pending: Option<Pending>,
     execution: Option<Execution>,
+    /// The motions that the skill, or the last one, put on the path.
+    accepted: Digest,
     /// `reset` counts once each time it is set.
     reset_armed: bool,
     hold: bool,
@@ -86,6 +88,7 @@ impl Controller {
             last_number: None,
             pending: None,
             execution: None,
+            accepted: Digest::default(),
             reset_armed: true,
             hold: false,
             factor: 1.0,
@@ -103,6 +106,12 @@ impl Controller {
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.feedback
+    }
+
+    /// The motions that the skill, or the last one, was made of, in the order in which they were put on the path.
+    #[must_use]
+    pub const fn accepted(&self) -> &Digest {
+        &self.accepted
     }
 
     /// The joints now, in degrees (mm).
@@ -214,6 +223,7 @@ impl Controller {
         match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
             Ok(execution) => {
                 self.interpolator.clear();
+                self.accepted = Digest::default();
                 self.hold = command.control.contains(Control::SUSPEND);
                 self.execution = Some(execution);
                 self.state = State::Running;
@@ -275,13 +285,17 @@ impl Controller {
             let next = execution.next_motion(command, executed, &self.programs);
             let prepared = next.and_then(|motion| {
                 motion
-                    .map(|motion| Segment::prepare(&motion, self.interpolator.path().end(), &self.config))
+                    .map(|motion| {
+                        let segment = Segment::prepare(&motion, self.interpolator.path().end(), &self.config)?;
+                        Ok((motion, segment))
+                    })
                     .transpose()
             });
             match prepared {
                 Ok(None) => return,
-                Ok(Some(segment)) => {
+                Ok(Some((motion, segment))) => {
                     execution.accepted += 1;
+                    self.accepted.add(&motion);
                     let appended = self.interpolator.append(segment, execution.is_complete());
                     if appended == Appended::Late {
                         self.suppressed(execution.accepted.saturating_sub(2));
