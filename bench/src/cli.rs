@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
 use crate::gate::GateOptions;
+use crate::long::LongOptions;
 use crate::report::{CompareOptions, ReportOptions};
 
 /// The seed of runs that name none.
@@ -50,6 +51,8 @@ pub enum Command {
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
+    /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
+    Long(LongOptions),
     /// Draw the report of a run again.
     Report(ReportOptions),
     /// Set runs beside each other.

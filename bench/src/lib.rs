@@ -12,6 +12,7 @@
 //! calibrate      finds the numbers that only a published figure can fix
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! ratio          two means of a real run as a ratio, with how sure it is
+//! long           one MoveContinuous of millions of motions, in virtual time, digested on both sides
 //! report         report.html of a run, and runs beside each other
 //! gate           a virtual run against its committed baseline
 //! exit           the exit codes
@@ -22,6 +23,7 @@ pub mod cli;
 pub mod exit;
 pub mod gate;
 pub mod host;
+pub mod long;
 pub mod measure;
 pub mod plan;
 pub mod progress;

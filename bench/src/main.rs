@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, gate, measure, report, rig};
+use bench::{calibrate, gate, long, measure, report, rig};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         None => measure(&cli.run),
         Some(Command::Calibrate(options)) => calibrate(options),
         Some(Command::Gate(options)) => gate::run(options),
+        Some(Command::Long(options)) => long::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
     };

@@ -8,9 +8,10 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use planning::{Application, PROGRAM};
-use plc_node::{PlcConfig, PlcEvent, PlcNode};
+use plc_node::{ExecutionType, MotionList, MotionSource, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::{Digest, Motion};
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 use protocol::{Instant, Lateness};
@@ -66,11 +67,23 @@ impl VirtualRun {
         seed: u64,
         bus: VirtualBus,
     ) -> anyhow::Result<Self> {
+        let motions = planning::plan(application, setup)?.wire_motions(setup);
+        let source = MotionList::from(motions.clone());
+        Self::with_motions(setup, Motions { source: Box::new(source), program: motions }, seed, bus)
+    }
+
+    /// The same for motions that were planned elsewhere.
+    pub(crate) fn with_motions(
+        setup: &Setup,
+        motions: Motions,
+        seed: u64,
+        bus: VirtualBus,
+    ) -> anyhow::Result<Self> {
         let mut phases = Phases::new(setup, seed);
         let mut cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, application, &mut phases, plc, robot, None)?
+                cell(setup, motions, &mut phases, plc, robot, None)?
             }
             VirtualBus::OfSetup => match setup.bus.kind {
                 BusKind::Profinet => {
@@ -78,14 +91,14 @@ impl VirtualRun {
                     let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
                     let start = phases.first(Side::B, setup.bus.cycle_us.value);
                     let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, application, &mut phases, plc, robot, None)?
+                    cell(setup, motions, &mut phases, plc, robot, None)?
                 }
                 BusKind::EthernetIp => {
                     let start = phases.first(Side::A, setup.bus.cycle_us.value);
                     let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
                     let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
                     let address = Some(setup.bus.robot_address);
-                    cell(setup, application, &mut phases, plc, robot, address)?
+                    cell(setup, motions, &mut phases, plc, robot, address)?
                 }
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
@@ -98,6 +111,21 @@ impl VirtualRun {
     #[must_use]
     pub const fn trace(&self) -> &Trace {
         &self.trace
+    }
+
+    /// Sets the start edge of a run now; [`run_for`](Self::run_for) goes on with it.
+    pub(crate) fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.cell.begin(execution_type)
+    }
+
+    /// Lets up to `time` of true time pass. What the PLC says first ends it early.
+    pub(crate) fn run_for(&mut self, time: Duration) -> Option<PlcEvent> {
+        self.cell.next_plc_event(self.cell.now() + time)
+    }
+
+    /// The motions that the PLC sent in this run, and those that the robot put on its path.
+    pub(crate) fn digests(&self) -> [Digest; 2] {
+        self.cell.digests()
     }
 
     /// True time since the nodes were switched on: what a plant would have taken.
@@ -137,28 +165,40 @@ impl Stand for VirtualRun {
     }
 }
 
+/// What the nodes are given to run.
+pub(crate) struct Motions {
+    /// What SM and CM send.
+    pub(crate) source: Box<dyn MotionSource>,
+    /// What RC runs, in the robot's program store.
+    pub(crate) program: Vec<Motion>,
+}
+
 /// A pair of nodes on whichever bus.
 trait Cell {
     fn connect(&mut self) -> anyhow::Result<()>;
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
+    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
+    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent>;
+    fn digests(&self) -> [Digest; 2];
     fn health(&self) -> Health;
     fn now(&self) -> Instant;
 }
 
 fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    application: &Application,
+    motions: Motions,
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
     robot_address: Option<Ipv4Addr>,
 ) -> anyhow::Result<Box<dyn Cell>> {
-    let motions = planning::plan(application, setup)?.wire_motions(setup);
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
-    let plc = PlcNode::new(PlcConfig::from_setup(setup, motions.clone(), PROGRAM), plc_bus, plc_start);
+    let Motions { source, program } = motions;
+    let plc_config = PlcConfig { motions: source, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
+    let plc = PlcNode::new(plc_config, plc_bus, plc_start);
     let robot_config = RobotConfig::from_setup(setup)?;
-    let robot = RobotNode::new(robot_config, vec![(PROGRAM, motions)], robot_bus, phases.seed, robot_start);
+    let robot = RobotNode::new(robot_config, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed: phases.seed,
@@ -185,7 +225,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
         let start = self.now() + step.pause;
         while next_plc_event(self, start).is_some() {}
-        self.command_a(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")?;
+        self.begin(step.execution_type)?;
         let until = self.now() + LONGEST_RUN;
         let mut watch = recording.map(Watch::new);
         while let Some(event) = match &mut watch {
@@ -205,6 +245,18 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Pair<PlcNode<P>, RobotNode<R>> {
             }
         }
         bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
+    }
+
+    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
+    }
+
+    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent> {
+        next_plc_event(self, until)
+    }
+
+    fn digests(&self) -> [Digest; 2] {
+        [*self.a().sent(), *self.b().controller().accepted()]
     }
 
     fn health(&self) -> Health {

@@ -34,6 +34,9 @@ pub struct PlcNode<B> {
     mode: Mode,
     readiness: Readiness,
     run: Run,
+    /// The image that the feedback below was read from: a robot that is slower than the scan repeats it.
+    inputs: Image,
+    feedback: Option<Feedback>,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
     /// Command number and motions written as of the slots in `outputs`.
@@ -105,6 +108,8 @@ impl<B: Fieldbus> PlcNode<B> {
                 started_in_scan: 0,
                 frames_before: Counters::default(),
             },
+            inputs: [0; IMAGE_LEN],
+            feedback: None,
             outputs: [0; IMAGE_LEN],
             emitted: None,
             events: VecDeque::with_capacity(EVENTS),
@@ -195,8 +200,8 @@ impl<B: Fieldbus> PlcNode<B> {
     /// One scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
-        let input = self.bus.input().filter(|_| self.connected);
-        self.group.read(input.and_then(|image| Feedback::parse::<B::Order>(image).ok()));
+        let feedback = self.read_inputs();
+        self.group.read(feedback);
         if let Some(cause) = self.trouble() {
             self.fail(cause);
         }
@@ -210,6 +215,16 @@ impl<B: Fieldbus> PlcNode<B> {
             self.prepare();
         }
         self.emit();
+    }
+
+    /// The robot's image; none without a connection.
+    fn read_inputs(&mut self) -> Option<Feedback> {
+        let image = self.bus.input().filter(|_| self.connected)?;
+        if self.feedback.is_none() || self.inputs != *image {
+            self.inputs = *image;
+            self.feedback = Feedback::parse::<B::Order>(image).ok();
+        }
+        self.feedback
     }
 
     /// The slots take most of the time, and they change only with a new command or with motions written.
