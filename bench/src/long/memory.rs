@@ -4,7 +4,8 @@ use std::fmt;
 
 use anyhow::{Context, anyhow};
 
-/// The most that was resident at once since the process began, in KiB.
+/// The most that was resident at once since the process began, in KiB. The kernel counts in batches, so that a later
+/// figure may be a little lower than one before.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct PeakResident(pub u64);
 

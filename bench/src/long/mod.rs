@@ -81,11 +81,7 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     }
     let total = origin.count(most).map_err(usage)?;
     println!("Setup {}: {}", setup.name, setup.title);
-    println!(
-        "MoveContinuous of {total} motions of {}, virtual mode, seed {}\n",
-        origin.name(),
-        options.seed
-    );
+    println!("MoveContinuous of {total} motions of {}, virtual mode, seed {}\n", origin.name(), options.seed);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -151,9 +147,16 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
     progress.end();
     let (plant, elapsed) = (run.plant_time(), started.elapsed());
     let accepted = run.digests()[1].sum();
-    let so_far = format!("after {} of {total} motions and {:.0} s of plant time", accepted.motions, plant.as_secs_f64());
+    let so_far = format!(
+        "after {} of {total} motions and {:.0} s of plant time",
+        accepted.motions,
+        plant.as_secs_f64()
+    );
     let Some(ended) = ended else {
-        return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted {so_far}; the PLC and the robot agreed up to there")));
+        return Err(Failure::new(
+            Exit::Interrupted,
+            anyhow!("interrupted {so_far}; the PLC and the robot agreed up to there"),
+        ));
     };
     let finished = run.finish(ended).with_context(|| format!("the run failed {so_far}")).map_err(failed)?;
     let Finished { execution, list, sent, accepted } = finished;

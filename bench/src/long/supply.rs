@@ -73,8 +73,8 @@ impl Origin {
     pub fn write(&self, most: u32, path: &Path) -> anyhow::Result<Sum> {
         let cannot = || format!("cannot write {}", path.display());
         let mut file = BufWriter::new(File::create(path).with_context(cannot)?);
-        let mut digest = Digest::default();
-        let mut written = planning::write_header(&mut file);
+        planning::write_header(&mut file).with_context(cannot)?;
+        let (mut digest, mut written) = (Digest::default(), Ok(()));
         self.each(most, |motion| {
             digest.add(&motion);
             written = planning::write_motion(&mut file, &motion);

@@ -17,8 +17,7 @@ use std::io::{self, BufRead, Read, Write};
 use protocol::image::{Motion, MotionKind};
 
 /// What every list starts with: the columns in their order.
-pub const COLUMNS: &str =
-    "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base";
+pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base";
 
 /// The longest line in bytes; the numbers of a motion take half of it.
 const LONGEST_LINE: u64 = 1024;
@@ -256,10 +255,7 @@ mod tests {
             "dots.csv:2: velocity: found `446.3`; expected a whole number from 0 to 65535"
         );
         assert_eq!(with("0,1", "0,16"), "dots.csv:2: base: found `16`; expected a whole number from 0 to 15");
-        assert_eq!(
-            with(",0,1", ""),
-            format!("dots.csv:2: found 13 columns; a motion has 15: {COLUMNS}")
-        );
+        assert_eq!(with(",0,1", ""), format!("dots.csv:2: found 13 columns; a motion has 15: {COLUMNS}"));
         assert_eq!(
             refused("x,y\n"),
             format!("dots.csv:1: found `x,y`; a list starts with the line `{COLUMNS}`")

@@ -96,11 +96,9 @@ mod tests {
 
     #[test]
     fn the_hash_is_fnv_1a_by_its_published_vectors() {
-        for (text, value) in [
-            ("", 0xCBF2_9CE4_8422_2325),
-            ("a", 0xAF63_DC4C_8601_EC8C),
-            ("foobar", 0x8594_4171_F739_67E8),
-        ] {
+        for (text, value) in
+            [("", 0xCBF2_9CE4_8422_2325), ("a", 0xAF63_DC4C_8601_EC8C), ("foobar", 0x8594_4171_F739_67E8)]
+        {
             assert_eq!(fnv_1a(OFFSET_BASIS, text.as_bytes()), value, "{text}");
         }
     }

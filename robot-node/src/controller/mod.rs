@@ -286,7 +286,8 @@ impl Controller {
             let prepared = next.and_then(|motion| {
                 motion
                     .map(|motion| {
-                        let segment = Segment::prepare(&motion, self.interpolator.path().end(), &self.config)?;
+                        let segment =
+                            Segment::prepare(&motion, self.interpolator.path().end(), &self.config)?;
                         Ok((motion, segment))
                     })
                     .transpose()
