@@ -9,11 +9,8 @@ use assert_cmd::Command;
 use bench::long::{Finished, LongRun, Mismatch, Origin, Supplied, Supply};
 use plc_node::MotionSource;
 use protocol::image::Motion;
-use protocol_linux::allocation::{self, AllocationCounter};
+use protocol_linux::allocation;
 use setup::Setup;
-
-#[global_allocator]
-static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 const SLICE: Duration = Duration::from_secs(1);
 

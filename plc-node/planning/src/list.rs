@@ -254,8 +254,14 @@ mod tests {
             with("4463", "446.3"),
             "dots.csv:2: velocity: found `446.3`; expected a whole number from 0 to 65535"
         );
-        assert_eq!(with("0,1", "0,16"), "dots.csv:2: base: found `16`; expected a whole number from 0 to 15");
-        assert_eq!(with(",0,1", ""), format!("dots.csv:2: found 13 columns; a motion has 15: {COLUMNS}"));
+        assert_eq!(
+            with("1000,0,1", "1000,0,16"),
+            "dots.csv:2: base: found `16`; expected a whole number from 0 to 15"
+        );
+        assert_eq!(
+            with("1000,0,1", "1000"),
+            format!("dots.csv:2: found 13 columns; a motion has 15: {COLUMNS}")
+        );
         assert_eq!(
             refused("x,y\n"),
             format!("dots.csv:1: found `x,y`; a list starts with the line `{COLUMNS}`")
