@@ -10,6 +10,7 @@ use crate::export::Exports;
 use crate::faults::Fault;
 use crate::gate::GateOptions;
 use crate::history::HistoryOptions;
+use crate::long::LongOptions;
 use crate::overhead::OverheadOptions;
 use crate::report::{CompareOptions, ReportOptions};
 use crate::rig::Attach;
@@ -63,6 +64,8 @@ pub enum Command {
     Gate(GateOptions),
     /// Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn.
     Overhead(OverheadOptions),
+    /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
+    Long(LongOptions),
     /// Draw the report of a run again.
     Report(ReportOptions),
     /// Set runs beside each other.

@@ -19,6 +19,7 @@
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! overhead       what recording costs
 //! ratio          two means of a real run as a ratio, with how sure it is
+//! long           one MoveContinuous of millions of motions, in virtual time, digested on both sides
 //! report         report.html of a run, and runs beside each other
 //! timing         how evenly cyclic frames come, beside a bare loop and a peer
 //! gate           a virtual run against its committed baseline
@@ -38,6 +39,7 @@ pub mod gate;
 pub mod history;
 pub mod host;
 pub mod jobs;
+pub mod long;
 pub mod measure;
 pub mod overhead;
 pub mod plan;

@@ -4,7 +4,9 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, doctor, gate, history, measure, overhead, report, rig, sensitivity, sweep, timing};
+use bench::{
+    calibrate, doctor, gate, history, long, measure, overhead, report, rig, sensitivity, sweep, timing,
+};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
             Ok(()) => overhead::run(options),
             Err(error) => Err(Failure::new(error.exit(), error)),
         },
+        Some(Command::Long(options)) => long::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
         Some(Command::History(options)) => history::run(options),

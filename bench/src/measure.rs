@@ -278,7 +278,7 @@ impl Measurement<'_> {
 }
 
 /// Resolves at the first Ctrl-C or SIGTERM.
-fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
+pub(crate) fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
     let mut interrupted = signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?;
     let mut terminated = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
     Ok(async move {

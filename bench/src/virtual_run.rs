@@ -12,10 +12,10 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use planning::{Application, PROGRAM, Stop};
-use plc_node::{PlcConfig, PlcEvent, PlcNode};
+use plc_node::{ExecutionType, MotionList, MotionSource, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
-use protocol::image::Motion;
+use protocol::image::{Digest, Motion};
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side, Tapped};
 use protocol::{Instant, Lateness};
@@ -64,8 +64,11 @@ pub struct VirtualRun {
 }
 
 /// What both nodes are to do, and the cell that the robot does it in.
-struct Work {
-    motions: Vec<Motion>,
+pub(crate) struct Work {
+    /// What SM and CM send.
+    source: Box<dyn MotionSource>,
+    /// What RC runs, in the robot's program store.
+    program: Vec<Motion>,
     stops: Vec<Stop>,
     robot: RobotConfig,
 }
@@ -78,8 +81,15 @@ impl Work {
 
     /// A plan alone knows of no surfaces to press on.
     fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
+        let program = plan.wire_motions(setup);
+        let source = Box::new(MotionList::from(program.clone()));
+        Ok(Self { program, stops: plan.stops(), ..Self::sent(setup, source)? })
+    }
+
+    /// Motions that the PLC sends, and none in the robot's program store.
+    pub(crate) fn sent(setup: &Setup, source: Box<dyn MotionSource>) -> anyhow::Result<Self> {
         let robot = RobotConfig::from_setup(setup)?;
-        Ok(Self { motions: plan.wire_motions(setup), stops: plan.stops(), robot })
+        Ok(Self { source, program: Vec::new(), stops: Vec::new(), robot })
     }
 }
 
@@ -134,7 +144,8 @@ impl VirtualRun {
         Self::start_on(setup, Work::of(setup, application)?, seed, bus, extras)
     }
 
-    fn start_on(
+    /// The same for motions that were planned elsewhere.
+    pub(crate) fn start_on(
         setup: &Setup,
         work: Work,
         seed: u64,
@@ -198,6 +209,21 @@ impl VirtualRun {
         &self.trace
     }
 
+    /// Sets the start edge of a run now; [`run_for`](Self::run_for) goes on with it.
+    pub(crate) fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.cell.begin(execution_type)
+    }
+
+    /// Lets up to `time` of true time pass. What the PLC says first ends it early.
+    pub(crate) fn run_for(&mut self, time: Duration) -> Option<PlcEvent> {
+        self.cell.next_plc_event(self.cell.now() + time)
+    }
+
+    /// The motions that the PLC sent in this run, and those that the robot put on its path.
+    pub(crate) fn digests(&self) -> [Digest; 2] {
+        self.cell.digests()
+    }
+
     /// True time since the nodes were switched on: what a plant would have taken.
     #[must_use]
     pub fn plant_time(&self) -> Duration {
@@ -252,13 +278,16 @@ impl Stand for VirtualRun {
 trait Cell {
     fn connect(&mut self) -> anyhow::Result<()>;
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
+    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
+    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent>;
+    fn digests(&self) -> [Digest; 2];
     fn health(&self) -> Health;
     fn now(&self) -> Instant;
 }
 
 fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    Work { motions, stops, robot }: Work,
+    Work { source, program, stops, robot }: Work,
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
@@ -267,8 +296,9 @@ fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
 ) -> anyhow::Result<Box<dyn Cell>> {
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
-    let program = Program::new(motions.clone(), &stops);
-    let plc_config = PlcConfig { stops, ..PlcConfig::from_setup(setup, motions, PROGRAM) };
+    let program = Program::new(program, &stops);
+    let plc_config =
+        PlcConfig { motions: source, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
     let plc = PlcNode::new(plc_config, plc_bus, plc_start);
     let robot = RobotNode::new(robot, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
@@ -341,7 +371,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
 
     /// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and
     /// so are the changes that faults make.
-    pub(crate) fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent> {
+    pub(crate) fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
         loop {
             let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
             let change = next.filter(|at| *at <= until);
@@ -414,11 +444,8 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
         let start = self.pair.now() + step.pause;
         while self.next_plc_event(start).is_some() {}
-        self.pair
-            .command_a(|plc, now| plc.start(now, step.execution_type))
-            .context("cannot start the run")?;
+        self.begin(step.execution_type)?;
         let until = self.pair.now() + LONGEST_RUN;
-        self.quality = Quality::default();
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
         while let Some(event) = match &mut watch {
             Some(watch) => watch.next_plc_event(self, until),
@@ -438,6 +465,19 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
             }
         }
         bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
+    }
+
+    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.quality = Quality::default();
+        self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
+    }
+
+    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent> {
+        self.next_event(until)
+    }
+
+    fn digests(&self) -> [Digest; 2] {
+        [*self.pair.a().sent(), *self.pair.b().controller().accepted()]
     }
 
     fn health(&self) -> Health {

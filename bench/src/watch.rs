@@ -53,7 +53,7 @@ impl<'a> Watch<'a> {
         until: Instant,
     ) -> Option<PlcEvent> {
         while nodes.pair().now() < until {
-            let event = nodes.next_plc_event(until.min(nodes.pair().now() + LOOK));
+            let event = nodes.next_event(until.min(nodes.pair().now() + LOOK));
             let pair = nodes.pair();
             if let Some(PlcEvent::Started { at, .. }) = event {
                 self.start = Some(true_time(pair, Side::A, at));

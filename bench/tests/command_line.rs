@@ -107,7 +107,7 @@ fn an_unknown_application_is_answered_by_those_there_are() {
     fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, insertion-with-force; or give the path of a .toml file");
+    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file");
 }
 
 #[test]
@@ -298,6 +298,7 @@ fn the_help_shows_examples_and_exit_codes() {
       calibrate  Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum
       gate       Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline
       overhead   Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn
+      long       Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order
       report     Draw the report of a run again
       compare    Set runs beside each other
       help       Print this message or the help of the given subcommand(s)

@@ -99,7 +99,10 @@ mod tests {
     #[test]
     fn each_cycle_is_a_line_once_while_it_is_recorded() {
         let path = std::env::temp_dir().join(format!("trace-file-{}", std::process::id()));
-        let (mut ring, writer) = start::<u64>(&path, |sample, line| drop(write!(line, "{sample}"))).unwrap();
+        let (mut ring, writer) = start::<u64>(&path, |sample, line| {
+            let _ = write!(line, "{sample}");
+        })
+        .unwrap();
         for (cycle, on) in [(1, false), (2, true), (2, true), (3, true), (4, false)] {
             ring.record(on);
             ring.look(cycle, || cycle * 10);

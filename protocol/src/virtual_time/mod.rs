@@ -157,8 +157,9 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             events: VecDeque::new(),
             tap: None,
         };
-        pair.settle(Side::A);
-        pair.settle(Side::B);
+        for side in [Side::A, Side::B] {
+            pair.settle(side, pair.local_time(side));
+        }
         pair
     }
 
@@ -194,7 +195,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
         let local = self.local_time(Side::A);
         let result = command(&mut self.a, local);
-        self.settle(Side::A);
+        self.settle(Side::A, local);
         result
     }
 
@@ -202,7 +203,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
         let local = self.local_time(Side::B);
         let result = command(&mut self.b, local);
-        self.settle(Side::B);
+        self.settle(Side::B, local);
         result
     }
 
@@ -283,7 +284,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     Side::A => self.a.handle_timeout(local),
                     Side::B => self.b.handle_timeout(local),
                 }
-                self.settle(side);
+                self.settle(side, local);
                 true
             }
             _ => false,
@@ -313,7 +314,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 (Side::A, true) => self.a.handle_broadcast(local, source, &frame),
                 (Side::B, true) => self.b.handle_broadcast(local, source, &frame),
             }
-            self.settle(side);
+            self.settle(side, local);
         }
         self.spare_frames.push(frame);
     }
@@ -327,12 +328,12 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         to.is_none_or(|to| !to.is_multicast() || joined == Some(to))
     }
 
-    /// Follows the contract after a mutation: drains frames and events, then reads the timeout.
-    fn settle(&mut self, side: Side) {
+    /// Follows the contract after a mutation: drains frames and events, then reads the timeout. `local` is what the
+    /// side's clock shows now.
+    fn settle(&mut self, side: Side, local: Instant) {
         if !self.station(side).alive {
             return;
         }
-        let local = self.local_time(side);
         loop {
             let transmit = match side {
                 Side::A => self.a.poll_transmit(local, &mut self.buf),
@@ -350,18 +351,27 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             self.request_stream(side, request);
         }
         match side {
-            Side::A => self.events.extend(core::iter::from_fn(|| self.a.poll_event()).map(Event::A)),
-            Side::B => self.events.extend(core::iter::from_fn(|| self.b.poll_event()).map(Event::B)),
+            Side::A => {
+                while let Some(event) = self.a.poll_event() {
+                    self.events.push_back(Event::A(event));
+                }
+            }
+            Side::B => {
+                while let Some(event) = self.b.poll_event() {
+                    self.events.push_back(Event::B(event));
+                }
+            }
         }
         let timeout = match side {
             Side::A => self.a.poll_timeout(),
             Side::B => self.b.poll_timeout(),
         };
+        let now = self.now;
         let station = self.station(side);
         // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
         if timeout != station.local_timeout {
             station.local_timeout = timeout;
-            station.timeout = timeout.map(|local| station.clock.true_time(local));
+            station.timeout = timeout.map(|due| station.clock.true_time_near(due, now, local));
         }
     }
 

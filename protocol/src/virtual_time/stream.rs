@@ -379,6 +379,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if let Some(stream) = self.streams.get(id).filter(|_| change == StreamChange::Closed) {
             *stream.ended(side) = true;
         }
-        self.settle(side);
+        self.settle(side, local);
     }
 }

@@ -32,7 +32,9 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocol::Instant;
-use protocol::image::{Command, Control, ErrorNumber, Feedback, Finding, Skill, State, Status};
+use protocol::image::{
+    Command, Control, Digest, ErrorNumber, Feedback, Finding, Motion, Skill, State, Status,
+};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -79,6 +81,8 @@ pub struct Controller {
     outputs: u16,
     /// The PLC's digital outputs as last seen on this connection.
     plc_outputs: Option<u16>,
+    /// The motions that the skill, or the last one, put on the path.
+    accepted: Digest,
     /// `reset` counts once each time it is set.
     reset_armed: bool,
     hold: bool,
@@ -113,6 +117,7 @@ impl Controller {
             contact: [0.0; 3],
             outputs: 0,
             plc_outputs: None,
+            accepted: Digest::default(),
             reset_armed: true,
             hold: false,
             factor: 1.0,
@@ -130,6 +135,12 @@ impl Controller {
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.feedback
+    }
+
+    /// The motions that the skill, or the last one, was made of, in the order in which they were put on the path.
+    #[must_use]
+    pub const fn accepted(&self) -> &Digest {
+        &self.accepted
     }
 
     /// The joints now, in degrees (mm).
@@ -242,6 +253,7 @@ impl Controller {
         match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
             Ok(execution) => {
                 self.interpolator.clear();
+                self.accepted = Digest::default();
                 self.hold = command.control.contains(Control::SUSPEND);
                 self.execution = Some(execution);
                 self.state = State::Running;
@@ -317,18 +329,21 @@ impl Controller {
             let next = execution.next_motion(command, executed, &self.programs);
             let prepared = next.and_then(|motion| {
                 let end = self.interpolator.path().end();
-                motion.map(|motion| press::prepare(&motion, end, &self.config)).transpose()
+                let prepare = |motion: Motion| Ok((motion, press::prepare(&motion, end, &self.config)?));
+                motion.map(prepare).transpose()
             });
             match prepared {
                 Ok(None) => return,
-                Ok(Some((segment, Some(press)))) => {
+                Ok(Some((motion, (segment, Some(press))))) => {
                     execution.accepted += 1;
+                    self.accepted.add(&motion);
                     execution.check_from(segment.end);
                     self.press = Some(press);
                     return self.interpolator.close();
                 }
-                Ok(Some((segment, None))) => {
+                Ok(Some((motion, (segment, None)))) => {
                     execution.accepted += 1;
+                    self.accepted.add(&motion);
                     self.press = None;
                     let last = execution.accepted == execution.section_end(&self.programs);
                     let appended = self.interpolator.append(segment, last);

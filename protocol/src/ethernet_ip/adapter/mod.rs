@@ -185,7 +185,7 @@ impl Machine for Adapter {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let sessions = self.sessions.next_inactivity(self.state.device.network.inactivity());
-        [self.state.next_timeout(), sessions, self.delayed.next_timeout()].into_iter().flatten().min()
+        Instant::earlier(Instant::earlier(self.state.next_timeout(), sessions), self.delayed.next_timeout())
     }
 }
 

@@ -161,6 +161,6 @@ impl State {
     }
 
     pub(super) fn next_timeout(&self) -> Option<Instant> {
-        [self.io.next_timeout(), self.explicit.next_timeout()].into_iter().flatten().min()
+        Instant::earlier(self.io.next_timeout(), self.explicit.next_timeout())
     }
 }

@@ -333,7 +333,7 @@ impl Machine for Scanner {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let io = self.io.as_ref().map(Io::next_timeout);
-        [self.deadline, self.keep_alive_at, io].into_iter().flatten().min()
+        Instant::earlier(Instant::earlier(self.deadline, self.keep_alive_at), io)
     }
 }
 
