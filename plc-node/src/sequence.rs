@@ -100,11 +100,12 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
-    pub(crate) fn new(execution_type: ExecutionType, program: u16) -> Self {
+    /// `queue_depth` is how many motions CM writes ahead of those that are executed.
+    pub(crate) fn new(execution_type: ExecutionType, program: u16, queue_depth: u32) -> Self {
         Self {
             execution_type,
             program,
-            blocks: Blocks::default(),
+            blocks: Blocks { move_continuous: MoveContinuous::with_depth(queue_depth), ..Blocks::default() },
             step: 0,
             motion: None,
             is_called: false,

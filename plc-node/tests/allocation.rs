@@ -41,6 +41,7 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
         override_percent: 100,
         answer_timeout: MS * 100,
         silent_timeout: MS * 100,
+        queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(vec![motion; 13])),
         stops: vec![Stop { after: 5, then: None }, Stop { after: 13, then: Some(switch) }],

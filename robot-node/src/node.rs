@@ -1,5 +1,6 @@
 //! The robot as a machine: a bus endpoint and a controller that meet every robot cycle.
 
+use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
@@ -199,6 +200,11 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
         self.take_link_events();
     }
 
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+        self.take_link_events();
+    }
+
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.take_link_events();
@@ -214,6 +220,10 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
 
     fn dscp(&self, port: Port) -> u8 {
         self.bus.dscp(port)
+    }
+
+    fn group(&self, port: Port) -> Option<Ipv4Addr> {
+        self.bus.group(port)
     }
 
     fn handle_timeout(&mut self, now: Instant) {

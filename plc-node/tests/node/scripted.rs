@@ -249,6 +249,7 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         override_percent: 100,
         answer_timeout: Duration::from_millis(200),
         silent_timeout: Duration::from_millis(50),
+        queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(motions)),
         stops: Vec::new(),

@@ -14,12 +14,14 @@
 //! until `total` (the paper's `totalNo`) are executed.
 
 mod command;
+mod digest;
 mod error;
 mod feedback;
 mod finding;
 mod motion;
 
 pub use command::{Command, Control, Skill};
+pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};
 pub use finding::{Finding, InWords};

@@ -5,6 +5,7 @@ use core::time::Duration;
 use protocol::fieldbus::LinkEvent;
 use protocol::image::{ErrorNumber, Finding, Skill, State};
 
+use crate::Quality;
 use crate::arm::Violation;
 
 /// What happened in the robot.
@@ -33,6 +34,8 @@ pub enum RobotEvent {
         executed: u32,
         /// From the tick that saw the command to the tick that reports the end.
         execution: Duration,
+        /// How well the arm moved meanwhile.
+        quality: Quality,
     },
     /// A motion was run to an exact stop because its successor was not there at its decision point.
     BlendSuppressed {

@@ -32,7 +32,9 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocol::Instant;
-use protocol::image::{Command, Control, ErrorNumber, Feedback, Finding, Skill, State, Status};
+use protocol::image::{
+    Command, Control, Digest, ErrorNumber, Feedback, Finding, Motion, Skill, State, Status,
+};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -44,6 +46,7 @@ use program::Programs;
 use crate::RobotConfig;
 use crate::arm::{AXES, Frame, Joints};
 use crate::motion::{Appended, Interpolator};
+use crate::quality::Observer;
 
 /// Events that wait for the owner; it takes them after every call.
 const EVENTS: usize = 64;
@@ -63,6 +66,7 @@ pub struct Controller {
     programs: Programs,
     random: Pcg64Mcg,
     interpolator: Interpolator,
+    observer: Observer,
     state: State,
     /// The last command number that was taken up or refused; none until the first image of a connection, whose
     /// number is an old one.
@@ -77,6 +81,8 @@ pub struct Controller {
     outputs: u16,
     /// The PLC's digital outputs as last seen on this connection.
     plc_outputs: Option<u16>,
+    /// The motions that the skill, or the last one, put on the path.
+    accepted: Digest,
     /// `reset` counts once each time it is set.
     reset_armed: bool,
     hold: bool,
@@ -96,11 +102,13 @@ impl Controller {
         let cycle_s = config.cycle.as_secs_f64();
         let interpolator =
             Interpolator::at_rest(config.arm.clone(), config.home, cycle_s, config.path_acceleration_mm_s2);
+        let observer = Observer::at_rest(&config.arm, &config.home, cycle_s);
         let mut controller = Self {
             config,
             programs,
             random: Pcg64Mcg::seed_from_u64(seed),
             interpolator,
+            observer,
             state: State::Halted,
             last_number: None,
             pending: None,
@@ -109,6 +117,7 @@ impl Controller {
             contact: [0.0; 3],
             outputs: 0,
             plc_outputs: None,
+            accepted: Digest::default(),
             reset_armed: true,
             hold: false,
             factor: 1.0,
@@ -126,6 +135,12 @@ impl Controller {
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.feedback
+    }
+
+    /// The motions that the skill, or the last one, was made of, in the order in which they were put on the path.
+    #[must_use]
+    pub const fn accepted(&self) -> &Digest {
+        &self.accepted
     }
 
     /// The joints now, in degrees (mm).
@@ -238,6 +253,7 @@ impl Controller {
         match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
             Ok(execution) => {
                 self.interpolator.clear();
+                self.accepted = Digest::default();
                 self.hold = command.control.contains(Control::SUSPEND);
                 self.execution = Some(execution);
                 self.state = State::Running;
@@ -287,6 +303,7 @@ impl Controller {
         } else {
             self.drive(at, &mut execution);
         }
+        self.observer.look(&self.config.arm, &self.interpolator);
         self.feedback.executed = self.executed(&execution);
         self.feedback.accepted = execution.accepted;
         match execution.phase {
@@ -312,18 +329,21 @@ impl Controller {
             let next = execution.next_motion(command, executed, &self.programs);
             let prepared = next.and_then(|motion| {
                 let end = self.interpolator.path().end();
-                motion.map(|motion| press::prepare(&motion, end, &self.config)).transpose()
+                let prepare = |motion: Motion| Ok((motion, press::prepare(&motion, end, &self.config)?));
+                motion.map(prepare).transpose()
             });
             match prepared {
                 Ok(None) => return,
-                Ok(Some((segment, Some(press)))) => {
+                Ok(Some((motion, (segment, Some(press))))) => {
                     execution.accepted += 1;
+                    self.accepted.add(&motion);
                     execution.check_from(segment.end);
                     self.press = Some(press);
                     return self.interpolator.close();
                 }
-                Ok(Some((segment, None))) => {
+                Ok(Some((motion, (segment, None)))) => {
                     execution.accepted += 1;
+                    self.accepted.add(&motion);
                     self.press = None;
                     let last = execution.accepted == execution.section_end(&self.programs);
                     let appended = self.interpolator.append(segment, last);
@@ -403,7 +423,9 @@ impl Controller {
                 Ending::Fault { error, motion, finding } => self.set_error(error, motion, finding),
             }
         }
-        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution: execution_time });
+        let quality = self.observer.end(&self.config.arm);
+        let execution = execution_time;
+        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution, quality });
     }
 
     /// The skill that runs, if one does.
