@@ -37,6 +37,25 @@ impl MotionSource for MotionList {
     }
 }
 
+/// Motions `from` to `end` of a source, as a source of their own: one continuous motion of several.
+#[derive(Debug)]
+pub(crate) struct Section<'a> {
+    pub(crate) source: &'a mut dyn MotionSource,
+    pub(crate) from: u32,
+    pub(crate) end: u32,
+}
+
+impl MotionSource for Section<'_> {
+    fn total(&self) -> u32 {
+        self.end.saturating_sub(self.from)
+    }
+
+    fn get(&mut self, index: u32) -> Option<Motion> {
+        let index = self.from.checked_add(index).filter(|index| *index < self.end)?;
+        self.source.get(index)
+    }
+}
+
 /// A source with the digest of what it gave away since the last start.
 #[derive(Debug)]
 pub(crate) struct Digested {

@@ -1,7 +1,9 @@
 //! The PLC as a machine: scan, bus, readiness, runs.
 
+use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
+use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, Digest, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
 use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
@@ -29,7 +31,9 @@ pub struct PlcNode<B> {
     scans: u64,
     group: AxesGroup,
     program: u16,
+    queue_depth: u32,
     motions: Digested,
+    stops: Vec<Stop>,
     connected: bool,
     mode: Mode,
     readiness: Readiness,
@@ -98,12 +102,14 @@ impl<B: Fieldbus> PlcNode<B> {
             scans: 0,
             group: AxesGroup::new(config.override_percent, patience),
             program: config.program,
+            queue_depth: config.queue_depth,
             motions: Digested::new(config.motions),
+            stops: config.stops,
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
             run: Run {
-                sequence: Sequence::new(ExecutionType::Rc, config.program),
+                sequence: Sequence::new(ExecutionType::Rc, config.program, config.queue_depth),
                 started_at: start,
                 started_in_scan: 0,
                 frames_before: Counters::default(),
@@ -248,7 +254,7 @@ impl<B: Fieldbus> PlcNode<B> {
 
     fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
         self.run = Run {
-            sequence: Sequence::new(execution_type, self.program),
+            sequence: Sequence::new(execution_type, self.program, self.queue_depth),
             started_at: now,
             started_in_scan: self.scans,
             frames_before: self.bus.counters(),
@@ -260,12 +266,12 @@ impl<B: Fieldbus> PlcNode<B> {
     }
 
     fn run(&mut self, now: Instant) {
-        match self.run.sequence.scan(&mut self.motions, &mut self.group) {
+        match self.run.sequence.scan(now, &mut self.motions, &self.stops, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
             Progress::Aborted => self.fail(FailureCause::RobotHalted),
             Progress::Failed { motion, error } => self.fail(match error {
-                BlockError::Robot { number, .. } => FailureCause::Robot { number, motion },
+                BlockError::Robot { number, finding, .. } => FailureCause::Robot { number, motion, finding },
                 error => FailureCause::Block { error, motion },
             }),
         }
@@ -369,6 +375,11 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         self.drain_bus();
     }
 
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+        self.drain_bus();
+    }
+
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.drain_bus();
@@ -384,6 +395,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 
     fn dscp(&self, port: Port) -> u8 {
         self.bus.dscp(port)
+    }
+
+    fn group(&self, port: Port) -> Option<Ipv4Addr> {
+        self.bus.group(port)
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

@@ -8,7 +8,7 @@ use protocol::image::{Digest, Sum};
 use setup::Setup;
 
 use super::supply::{Origin, Supply};
-use crate::virtual_run::{Motions, VirtualBus, VirtualRun};
+use crate::virtual_run::{Extras, VirtualBus, VirtualRun, Work};
 
 /// Both nodes at work on one long sequence.
 pub struct LongRun {
@@ -83,8 +83,8 @@ impl LongRun {
         seed: u64,
     ) -> anyhow::Result<Self> {
         let total = source.total();
-        let motions = Motions { source, program: Vec::new() };
-        let mut run = VirtualRun::with_motions(setup, motions, seed, VirtualBus::OfSetup)?;
+        let work = Work::sent(setup, source)?;
+        let mut run = VirtualRun::start_on(setup, work, seed, VirtualBus::OfSetup, &Extras::default())?;
         run.begin(ExecutionType::Cm)?;
         let begun = run.plant_time();
         Ok(Self { run, supply, total, begun })

@@ -29,12 +29,13 @@ mod plan;
 mod planner;
 mod resolve;
 mod stream;
+mod vary;
 mod way;
 mod wire;
 mod zone;
 
 pub use application::{
-    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Tool, Ways, Zones,
+    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
 pub use error::{Error, Refusal};
 pub use geometry::{Cuboid, Point, Pose};
@@ -43,5 +44,5 @@ pub use load::{APPLICATIONS, Found, application, setup_with_application};
 pub use motion::{Motion, Role};
 pub use plan::{Continuous, Plan, Reason, StepLabels, plan};
 pub use stream::{Stream, Streamed, count, stream};
-pub use wire::PROGRAM;
+pub use wire::{PROGRAM, Stop, Switch};
 pub use zone::Why;
