@@ -1,12 +1,13 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
 //! By hand it runs a number of repetitions and prints them. With `--control` or `--json` it says what happens in one line
-//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input. Its other
-//! command, `plc-node plan`, needs no bus.
+//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input. Of its other
+//! commands `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
 
 use std::ffi::OsString;
 use std::fmt;
 use std::net::{SocketAddr, SocketAddrV4};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -24,8 +25,9 @@ use protocol_linux::{
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
+use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
-use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
+use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, Sample, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
 const LEAD: Duration = Duration::from_millis(5);
@@ -47,6 +49,8 @@ enum Subcommand {
     Run(Run),
     /// Plan an application and print its motions: labels, zones and why they have their size.
     Plan(PlanCommand),
+    /// List the PROFINET and EtherNet/IP devices on a network interface.
+    Discover(DiscoverCommand),
 }
 
 #[derive(clap::Args, Debug)]
@@ -82,6 +86,9 @@ struct Run {
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
+    /// Record scans into this file, while instructions ask for it.
+    #[arg(long, hide = true)]
+    trace_file: Option<PathBuf>,
 }
 
 /// What only a PLC says.
@@ -94,6 +101,8 @@ pub enum PlcMessage {
     Started {
         /// How the sequence is run.
         execution_type: ExecutionType,
+        /// Start of the scan with the start edge, in ns of `CLOCK_MONOTONIC`.
+        at_ns: u64,
     },
     /// The run ended as wanted.
     Finished(FinishedRun),
@@ -129,7 +138,7 @@ impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Ready => f.write_str("robot ready"),
-            Self::Started { execution_type } => write!(f, "{execution_type} started"),
+            Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
                 let FinishedRun { execution_type, motions, blends_suppressed, frames, .. } = run;
@@ -166,6 +175,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let outcome = match cli.command {
         Subcommand::Run(run) => run.execute(),
         Subcommand::Plan(plan) => plan.execute(),
+        Subcommand::Discover(discover) => discover.execute(),
     };
     match outcome {
         Ok(outcome) => outcome.into(),
@@ -189,14 +199,18 @@ impl Run {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
-        let motions = application.plan(&setup)?.wire_motions(&setup);
+        let plan = application.plan(&setup)?;
+        let motions = plan.wire_motions(&setup);
         let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
         interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         // On a real clock the scan takes what it takes.
-        let config =
-            PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::from_setup(&setup, motions, PROGRAM) };
+        let config = PlcConfig {
+            scan_cost: Duration::ZERO,
+            stops: plan.stops(),
+            ..PlcConfig::from_setup(&setup, motions, PROGRAM)
+        };
         let start = clock::now() + LEAD;
         if self.direct {
             let wires = vec![Wire::udp(&interface, Udp { port: DIRECT_PORT })?];
@@ -241,7 +255,8 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands);
+        let trace = self.trace_file.as_deref();
+        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands, trace);
         Ok(match self.control {
             Some(address) => {
                 let commands = Commands::Control(ControlPort::listen(address)?);
@@ -283,6 +298,7 @@ impl From<PlcInstruction> for PlcOrder {
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     type Order = PlcOrder;
     type Answer = (ExecutionType, StartError);
+    type Sample = (Instant, Sample);
 
     fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
         match event {
@@ -307,6 +323,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         self.bus_mut().address_set(now, done);
     }
 
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().explain(words)
+    }
+
     fn disconnect(&mut self, now: Instant) {
         Self::disconnect(self, now);
     }
@@ -318,14 +338,28 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     fn counters(&self) -> Counters {
         self.bus().counters()
     }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).scans
+    }
+
+    fn sample(&self, now: Instant) -> Self::Sample {
+        (now, Self::sample(self))
+    }
+
+    fn write_sample((at, sample): &Self::Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { scans, number, total, written, queue_fill, .. } = sample;
+        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill}", at.as_nanos());
+    }
 }
 
 fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
         PlcEvent::Link(_) => return None,
         PlcEvent::Ready => PlcMessage::Ready,
-        PlcEvent::Started { execution_type, at: _ } => {
-            PlcMessage::Started { execution_type: *execution_type }
+        PlcEvent::Started { execution_type, at } => {
+            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
         }
         PlcEvent::Finished(run) => PlcMessage::Finished(FinishedRun {
             execution_type: run.execution_type,

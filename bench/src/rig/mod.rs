@@ -34,8 +34,11 @@ use std::time::Duration;
 
 use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
+use protocol_linux::capture::Keep;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
+use protocol_linux::{Interface, PortError, Wire};
+use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use setup::Cyclic;
 use tokio::sync::mpsc;
@@ -44,6 +47,8 @@ use tokio::time::{Instant, timeout, timeout_at};
 use cable::Cable;
 use node::{NodeProcess, Said};
 use party::Party;
+
+use crate::trace::{self, Window};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
 #[global_allocator]
@@ -85,6 +90,22 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
     Ok(protocol_linux::namespace::enter_user_namespace()?)
 }
 
+/// Tries what the rig needs of the host and leaves nothing behind: a cable between two networks, and on it the sockets
+/// of both buses.
+///
+/// # Errors
+///
+/// The outer one says why there is no cable, the inner one why there are no sockets on it.
+pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
+    let cable = Cable::lay(None)?;
+    let open = || {
+        let interface = Interface::open(cable::PLC)?;
+        let ports = Wire::profinet(&interface).and_then(|_| Wire::ethernet_ip(&interface));
+        Ok::<_, RigError>(ports.map(drop))
+    };
+    cable.plc().run(open)?
+}
+
 /// What the rig is to run.
 #[derive(Clone, Debug)]
 pub struct RigConfig {
@@ -94,8 +115,10 @@ pub struct RigConfig {
     pub cyclic: Option<Cyclic>,
     /// Seed of the robot's interpreter.
     pub seed: u64,
-    /// Records what passes the PLC's interface into this file, from before the first frame.
-    pub capture: Option<PathBuf>,
+    /// Records what passes both interfaces into this directory, from before the first frame, and how much of it.
+    pub capture: Option<(PathBuf, Keep)>,
+    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`] asks for it.
+    pub trace: Option<PathBuf>,
     /// The program that both nodes are; none for this one.
     pub program: Option<PathBuf>,
     /// Exchange images without a protocol, for tests that are not about a bus.
@@ -105,10 +128,18 @@ pub struct RigConfig {
 impl RigConfig {
     /// A rig of this setup with nothing special about it.
     pub fn new(setup: impl Into<OsString>) -> Self {
-        Self { setup: setup.into(), cyclic: None, seed: 1, capture: None, program: None, direct: false }
+        Self {
+            setup: setup.into(),
+            cyclic: None,
+            seed: 1,
+            capture: None,
+            trace: None,
+            program: None,
+            direct: false,
+        }
     }
 
-    fn args(&self, interface: &str) -> Vec<OsString> {
+    fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
         let mut args: Vec<OsString> = ["run", "--json", "--interface", interface].map(OsString::from).into();
         args.extend(["--setup".into(), self.setup.clone()]);
         if let Some(cyclic) = self.cyclic {
@@ -117,6 +148,9 @@ impl RigConfig {
                 Cyclic::Rt1 => "rt1",
             };
             args.extend(["--cyclic".into(), name.into()]);
+        }
+        if let Some(directory) = &self.trace {
+            args.extend(["--trace-file".into(), directory.join(rows).into()]);
         }
         if self.direct {
             args.push("--direct".into());
@@ -136,6 +170,11 @@ pub struct Rig {
     reports: Reports,
     /// What the nodes had done before this rig.
     before: Reports,
+    /// In the present run, or in the last one.
+    moved: Moved,
+    traced: Vec<Window>,
+    recording: bool,
+    is_traced: bool,
     /// None where the nodes ran already.
     connected_after: Option<Duration>,
     /// Last, so that it outlives the nodes; none where somebody else laid it.
@@ -165,12 +204,15 @@ impl Rig {
     /// What the host does not allow, a node that does not start, or a connection that does not come about.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
-        let cable = Cable::lay(config.capture.as_deref())?;
+        let cable = Cable::lay(config.capture.as_ref())?;
         // Room for all that two nodes say while the bench writes a file.
         let (sayings, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
-        let robot_args =
-            [config.args(cable::ROBOT), vec!["--seed".into(), config.seed.to_string().into()]].concat();
+        let robot_args = [
+            config.args(cable::ROBOT, trace::ROBOT_ROWS),
+            vec!["--seed".into(), config.seed.to_string().into()],
+        ]
+        .concat();
         let robot = NodeProcess::spawn(
             Which::Robot,
             &program,
@@ -183,13 +225,14 @@ impl Rig {
             Which::Plc,
             &program,
             PLC_NODE,
-            config.args(cable::PLC),
+            config.args(cable::PLC, trace::PLC_ROWS),
             cable.plc(),
             sayings,
         )?;
         let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
         rig.wait_until_ready(started, None).await?;
         rig.connected_after = Some(started.elapsed());
+        rig.is_traced = config.trace.is_some();
         Ok(rig)
     }
 
@@ -201,6 +244,10 @@ impl Rig {
             hellos: Vec::new(),
             reports: Reports::default(),
             before: Reports::default(),
+            moved: Moved::default(),
+            traced: Vec::new(),
+            recording: false,
+            is_traced: false,
             connected_after: None,
             cable,
         }
@@ -225,6 +272,37 @@ impl Rig {
         self.reports.since(&self.before)
     }
 
+    /// Lets frames pass without capturing them, or captures them again.
+    pub fn pause_capture(&self, paused: bool) {
+        if let Some(cable) = &self.cable {
+            cable.pause_capture(paused);
+        }
+    }
+
+    /// Records the cycles of the runs to come, or no more.
+    pub async fn record(&mut self, on: bool) {
+        if self.is_traced && self.recording != on {
+            self.recording = on;
+            self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
+            if let Some(robot) = &mut self.robot {
+                robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
+            }
+        }
+    }
+
+    /// When the recorded runs were.
+    #[must_use]
+    pub fn traced(&self) -> &[Window] {
+        &self.traced
+    }
+
+    /// The captures are not wanted: where they are in memory, they are not written.
+    pub fn discard_capture(&mut self) {
+        if let Some(cable) = &mut self.cable {
+            cable.discard_capture();
+        }
+    }
+
     /// Process numbers of the PLC's and of the robot's node, while they run.
     #[must_use]
     pub fn processes(&self) -> [Option<u32>; 2] {
@@ -237,6 +315,7 @@ impl Rig {
     ///
     /// The run failed, the connection was lost, or a node ended: within two seconds of it.
     pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
+        self.moved = Moved::default();
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
         let finished = async {
             loop {
@@ -244,6 +323,9 @@ impl Rig {
                     PlcMessage::Finished(run) => return Ok(run),
                     PlcMessage::Failed { execution_type, reason } => {
                         return Err(RigError::RunFailed { execution_type, reason });
+                    }
+                    PlcMessage::Started { execution_type, at_ns } if self.recording => {
+                        self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
                     }
                     PlcMessage::Ready | PlcMessage::Started { .. } => {}
                 }
@@ -257,8 +339,19 @@ impl Rig {
             Ok(run) => run,
             Err(error) => return Err(self.explained(error).await),
         };
+        if self.recording
+            && let Some(window) = self.traced.last_mut()
+        {
+            window.length_ns = Some(run.execution_time_ns);
+        }
         self.ask_for_reports().await?;
         Ok(run)
+    }
+
+    /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.
+    #[must_use]
+    pub fn quality_of(&self, motions: u32) -> Option<Quality> {
+        (self.moved.motions == motions).then_some(self.moved.quality)
     }
 
     /// Ends the connection in order, then both nodes, then the capture. Nodes that ran before the rig run on.
@@ -342,6 +435,10 @@ impl Rig {
             }
             Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.robot = report.clone();
+            }
+            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
+                self.moved.motions = self.moved.motions.saturating_add(*motions);
+                self.moved.quality = self.moved.quality.then(*quality);
             }
             Said::Plc(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Plc, controller: *controller });
@@ -434,6 +531,13 @@ impl Rig {
             Which::Robot => self.robot.as_mut(),
         }
     }
+}
+
+/// What the robot said of its motions in a run.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moved {
+    motions: u32,
+    quality: Quality,
 }
 
 /// What a PLC's process says.

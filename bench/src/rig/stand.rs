@@ -10,12 +10,15 @@ use crate::stand::{CycleHealth, Health, Measured, Stand};
 
 impl Stand for Rig {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+        // Before the pause, so that it is no work of the measured run.
+        self.record(step.repetition == 1).await;
         tokio::time::sleep(step.pause).await;
         let run = Self::execute(self, step.execution_type).await?;
         Ok(Measured {
             execution: Duration::from_nanos(run.execution_time_ns),
             robot_execution: Duration::from_nanos(run.robot_execution_ns),
             blends_suppressed: run.blends_suppressed,
+            quality: self.quality_of(run.motions),
         })
     }
 
@@ -35,6 +38,7 @@ impl Reports {
             robot_bus: self.robot.bus.into(),
             connected_after,
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
+            faults: None,
         }
     }
 }

@@ -9,6 +9,9 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with
 
 use protocol::profinet::ethernet::Mac;
 
+/// The flag of an interface that is switched on.
+const UP: libc::c_short = libc::IFF_UP as libc::c_short;
+
 /// Why an interface cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum InterfaceError {
@@ -195,18 +198,27 @@ impl Interface {
         }
     }
 
+    /// Whether it is switched on; a cable without a carrier does not matter.
+    pub fn is_up(&self) -> Result<bool, InterfaceError> {
+        Ok(self.flags()? & UP != 0)
+    }
+
     /// Switches it on, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is on already.
     pub fn set_up(&self) -> Result<(), InterfaceError> {
+        let flags = self.flags()?;
+        if flags & UP != 0 {
+            return Ok(());
+        }
+        let mut request = self.request();
+        request.ifr_ifru.ifru_flags = flags | UP;
+        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
+    }
+
+    fn flags(&self) -> Result<libc::c_short, InterfaceError> {
         let mut request = self.request();
         self.ioctl(libc::SIOCGIFFLAGS, &mut request).map_err(|e| self.refused("reading the state", e))?;
         // SAFETY: SIOCGIFFLAGS succeeded, so the kernel wrote `ifru_flags`.
-        let flags = unsafe { request.ifr_ifru.ifru_flags };
-        let up = flags | libc::IFF_UP as libc::c_short;
-        if up == flags {
-            return Ok(());
-        }
-        request.ifr_ifru.ifru_flags = up;
-        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
+        Ok(unsafe { request.ifr_ifru.ifru_flags })
     }
 
     fn refused(&self, action: &'static str, reason: std::io::Error) -> InterfaceError {

@@ -72,6 +72,8 @@ pub enum Instruction<O> {
     Report,
     /// End the connection in order, then the process.
     Stop,
+    /// Record each tick from now on, or no more, where the node was started with a file for that.
+    Record(bool),
     /// What only this kind of node is told.
     Node(O),
 }

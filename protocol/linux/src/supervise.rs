@@ -13,7 +13,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
-use crate::{Command, Happening, News, Node, NodeError, NodeProcess};
+use crate::{Command, Happening, News, Node, NodeError, NodeProcess, Words};
 
 /// What one kind of node adds to what all nodes do.
 pub trait Conductor<N: Node> {
@@ -91,7 +91,8 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     if let Some(Ok(address)) = process.control().map(|port| port.address()) {
         note(format_args!("controlled over {address}, by whoever reaches it"));
     }
-    let mut supervisor = Supervisor { process: &mut process, conductor, console, hello, linked: false };
+    let mut supervisor =
+        Supervisor { process: &mut process, conductor, console, hello, linked: false, explanation: None };
     let told = supervisor.converse();
     let (snapshot, ended) = match told {
         Ok(_) => process.finish(),
@@ -119,6 +120,8 @@ struct Supervisor<'a, N: Node, C> {
     hello: Hello,
     /// Whether images are exchanged.
     linked: bool,
+    /// What the node says of the event that comes next.
+    explanation: Option<Words>,
 }
 
 impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
@@ -162,6 +165,10 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
                 let _ = self.process.send(Command::Report);
                 Next::Wait
             }
+            Ok(Instruction::Record(on)) => {
+                let _ = self.process.send(Command::Record(on));
+                Next::Wait
+            }
             Ok(Instruction::Stop) => Next::End(Outcome::Done),
             Err(error) => {
                 match self.process.control() {
@@ -194,13 +201,17 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
                         LinkEvent::Down(_) => self.linked = false,
                         LinkEvent::SetAddress { .. } => {}
                     }
-                    (Some(link_message(link)), self.conductor.link(link))
+                    (Some(link_message(link, self.explanation.take())), self.conductor.link(link))
                 }
                 None => {
                     let (message, next) = self.conductor.event(event);
                     (message.map(Message::Node), next)
                 }
             },
+            News::Explanation(words) => {
+                self.explanation = Some(words);
+                (None, Next::Wait)
+            }
             News::Answer(answer) => {
                 let (message, next) = self.conductor.answer(answer);
                 (Some(Message::Node(message)), next)
@@ -232,10 +243,12 @@ fn note(words: std::fmt::Arguments<'_>) {
     let _ = writeln!(std::io::stdout(), "{words}");
 }
 
-fn link_message<M>(event: LinkEvent) -> Message<M> {
+fn link_message<M>(event: LinkEvent, explanation: Option<Words>) -> Message<M> {
     match event {
         LinkEvent::Up => Message::LinkUp,
-        LinkEvent::Down(down) => Message::LinkDown { reason: down.to_string() },
+        LinkEvent::Down(down) => Message::LinkDown {
+            reason: explanation.map_or_else(|| down.to_string(), |words| words.as_str().to_owned()),
+        },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
     }
 }

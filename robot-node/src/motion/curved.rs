@@ -7,7 +7,7 @@ use super::curve::Curve;
 use super::profile::Limits;
 use super::segment::Segment;
 use super::spline::Spline;
-use crate::arm::{Arm, Joints, Violation};
+use crate::arm::{Arm, Joints, SINGULAR_SHARE, Violation};
 
 /// Parts into which a curve is cut to check it.
 const CHECKS: usize = 48;
@@ -17,9 +17,6 @@ const RESERVE: f64 = 0.96;
 
 /// The share of the path acceleration that the bend gets at most.
 const ACROSS: f64 = 0.8;
-
-/// A curve on which a joint leaves less than this of the velocity counts as singular.
-const SINGULAR_SHARE: f64 = 0.01;
 
 /// The programmed limits of a tool's path, reduced to what its sharpest bend allows; `curvature` in 1/mm.
 #[must_use]

@@ -8,20 +8,13 @@ use super::curved;
 use super::profile::Limits;
 use super::spline::Spline;
 use crate::RobotConfig;
-use crate::arm::{Arm, Frame, Joints, Violation, distance};
+use crate::arm::{Arm, Frame, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, distance};
 
 /// Points at which a line is checked for reach, joint ranges, speeds and accelerations.
 const CHECKS: usize = 32;
 
 /// What joint limits keep in reserve for what lies between the checked points.
 const RESERVE: f64 = 0.97;
-
-/// A joint that would turn by more than this, in degrees, from one checked point to the next does not follow the line:
-/// the arm turns over into another configuration there. A line in one configuration turns no joint by half a turn.
-const TURNED_OVER_DEG: f64 = 30.0;
-
-/// A line on which a joint leaves less than this of the programmed velocity counts as singular.
-const SINGULAR_SHARE: f64 = 0.01;
 
 /// One motion, ready to run.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -54,10 +47,10 @@ impl Segment {
         match motion.kind {
             MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
             MotionKind::Circular | MotionKind::Spline => {}
-            MotionKind::LinForceCartesian => {
-                return Err(ErrorNumber::MotionKindNotSupported.into());
-            }
-            MotionKind::None | MotionKind::Unknown(_) => return Err(ErrorNumber::UnknownMotionKind.into()),
+            // Its line; what it presses with is the force controller's affair.
+            MotionKind::LinForceCartesian if config.force.is_some() => {}
+            MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
+            MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
         }
         let used =
             if matches!(motion.kind, MotionKind::Circular | MotionKind::LinForceCartesian) { 9 } else { 6 };
@@ -67,8 +60,8 @@ impl Segment {
         }
         let frame =
             |frames: &[Option<Frame>; 16], number: u8| frames.get(usize::from(number)).copied().flatten();
-        let tool = frame(&config.tools, motion.tool).ok_or(ErrorNumber::UnknownTool)?;
-        let base = frame(&config.bases, motion.base).ok_or(ErrorNumber::UnknownBase)?;
+        let tool = frame(&config.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
+        let base = frame(&config.bases, motion.base).ok_or(Violation::Base(motion.base))?;
         let target = motion.target.map(f64::from);
         let to = base * Frame::from_mm_deg(target);
         let (flange, base_inverse) = (Flange::of_tool(&tool), base.inverse());
