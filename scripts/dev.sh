@@ -283,6 +283,7 @@ demo_end() {
         local engine
         engine=$(cat "$DEMO_ENGINE/pid" 2>/dev/null || true)
         if [ -n "$engine" ] && kill "$engine" 2>/dev/null; then tail --pid "$engine" -f /dev/null; fi
+        ip link delete docker0 2>/dev/null || true
         rm -rf "$DEMO_ENGINE"
     fi
     rm -rf "${RUNS:-}"
@@ -298,7 +299,7 @@ verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of
     local output type
     for SETUP in A B; do
         output="$RUNS/$SETUP.txt"
-        demo_compose up --build --abort-on-container-exit --exit-code-from bench | tee "$output"
+        demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$output"
         for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done
         ls "$RUNS"/*"-$SETUP-real/results.json"
         demo_compose down

@@ -1,6 +1,6 @@
 //! What the digests of both nodes are for: a fault between them that no counter shows.
 
-#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+#![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
