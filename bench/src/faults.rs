@@ -162,6 +162,7 @@ pub fn schedule(faults: &[Fault]) -> Vec<(Duration, Change)> {
 
 /// What was asked for, and what the cable did, both directions together.
 #[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FaultReport {
     /// Each `--fault` as it was written.
     pub asked: Vec<String>,

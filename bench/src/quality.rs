@@ -11,6 +11,7 @@ use crate::table::{self, drawn, styled};
 
 /// How well the arm moved: of peaks the highest of all repetitions, of the rest the mean.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MotionQuality {
     /// Repetitions that are in it.
     pub repetitions: u32,
@@ -33,6 +34,7 @@ pub struct MotionQuality {
 
 /// Peak and root mean square over the time in which the arm moved.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Load {
     /// Highest value.
     pub peak: f64,

@@ -19,6 +19,7 @@ pub const SCHEMA_VERSION: u32 = 1;
 
 /// Everything that a run found out.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Results {
     /// Version of this format.
     pub schema_version: u32,
@@ -63,6 +64,7 @@ pub struct Results {
 
 /// How far a run is, or how it ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// Repetitions are still to come, or the program was killed before it could say otherwise.
@@ -77,6 +79,7 @@ pub enum Status {
 
 /// One value for each execution type that there is.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PerType<T> {
     /// Programmed in the robot controller.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -117,6 +120,7 @@ impl<T> PerType<T> {
 
 /// What one type took. The vectors have one entry a successful repetition.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct TypeResult {
     /// Mean of the samples in ms; null without any.
     pub aet_ms: Option<f64>,
@@ -137,6 +141,7 @@ pub struct TypeResult {
 
 /// A repetition that failed.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FailedRepetition {
     /// Which one of its type, counted from 1.
     pub repetition: u32,
@@ -146,6 +151,7 @@ pub struct FailedRepetition {
 
 /// A virtual run in which a skill call costs nothing besides its motion: what the model alone predicts.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WithoutOverhead {
     /// AET and MAD.
     pub results: PerType<PaperFigure>,
@@ -155,6 +161,7 @@ pub struct WithoutOverhead {
 
 /// AET and MAD in ms.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PaperFigure {
     /// Average execution time.
     pub aet_ms: f64,
@@ -176,6 +183,7 @@ impl From<setup::Figure> for PaperFigure {
 
 /// A number that was chosen so that a published figure comes out.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Calibrated {
     /// Its key in the setup.
     pub key: String,
@@ -187,6 +195,7 @@ pub struct Calibrated {
 
 /// How late the cycles ran. In virtual mode nothing is late.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Cycles {
     /// The PLC's scans.
     pub plc: CycleLateness,
@@ -196,6 +205,7 @@ pub struct Cycles {
 
 /// How late a cyclic task ran.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CycleLateness {
     /// Median, in µs.
     pub p50_us: f64,
@@ -219,6 +229,7 @@ impl From<CycleHealth> for CycleLateness {
 
 /// Cyclic frames as the PLC counts them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Frames {
     /// Sent to the robot.
     pub frames_sent: u64,
@@ -232,6 +243,7 @@ pub struct Frames {
 
 /// Allocations of the cyclic threads once the connection was up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Allocations {
     /// Of the PLC.
     pub plc: u64,
@@ -371,4 +383,23 @@ fn calibrated(setup: &Setup) -> Vec<Calibrated> {
         setup.robot.start_quantum_us.as_ref().and_then(|quantum| entry(START_QUANTUM, quantum)),
     ];
     numbers.into_iter().flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `INSTA_UPDATE=always` writes it anew, as it does with snapshots.
+    #[test]
+    fn the_committed_schema_is_that_of_the_results() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas/results.schema.json");
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(Results)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        assert!(
+            std::fs::read_to_string(path).unwrap() == schema,
+            "results.json changed: count SCHEMA_VERSION up where a reader breaks, then INSTA_UPDATE=always cargo test -p bench --lib results"
+        );
+    }
 }
