@@ -25,6 +25,8 @@ pub struct RobotConfig {
     pub path_velocity_mm_s: f64,
     /// Highest path acceleration, in mm/s².
     pub path_acceleration_mm_s2: f64,
+    /// Highest path jerk, in mm/s³.
+    pub path_jerk_mm_s3: f64,
     /// Interpolation cycle.
     pub cycle: Duration,
     /// The interpreter notices a command after a time evenly spread between 0 and this.
@@ -77,6 +79,7 @@ impl RobotConfig {
         limits.speed = positive("axes.speed_deg_s", &robot.axes.speed_deg_s.value, axes)?;
         limits.acceleration =
             positive("axes.acceleration_deg_s2", &robot.axes.acceleration_deg_s2.value, axes)?;
+        limits.jerk = positive("axes.jerk_deg_s3", &robot.axes.jerk_deg_s3.value, axes)?;
         for (axis, (lower, upper)) in limits.lower.iter().zip(&limits.upper).enumerate() {
             if lower >= upper {
                 let problem =
@@ -99,6 +102,10 @@ impl RobotConfig {
                 format!("{acceleration} is not an acceleration above 0"),
             );
         }
+        let jerk = robot.path_jerk_mm_s3.value;
+        if !(jerk > 0.0 && jerk.is_finite()) {
+            return error("path_jerk_mm_s3", format!("{jerk} is not a jerk above 0"));
+        }
         if robot.cycle_us.value == 0 {
             return error("cycle_us", "0 is no cycle; a controller interpolates every 1000 to 12000 µs");
         }
@@ -110,6 +117,7 @@ impl RobotConfig {
             bases: frames("bases", &robot.bases)?,
             path_velocity_mm_s: velocity,
             path_acceleration_mm_s2: acceleration,
+            path_jerk_mm_s3: jerk,
             cycle: micros(robot.cycle_us.value),
             interpreter_quantum: micros(robot.interpreter_quantum_us.value),
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),

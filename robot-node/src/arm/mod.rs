@@ -36,7 +36,7 @@ pub trait Kinematics: Debug + Send + Sync {
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation>;
 }
 
-/// Range, rated speed and rated acceleration of every joint. A joint that the arm lacks has no limits.
+/// Range, rated speed, acceleration and jerk of every joint. A joint that the arm lacks has no limits.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct AxisLimits {
     /// Lowest values, in degrees (mm).
@@ -47,6 +47,8 @@ pub struct AxisLimits {
     pub speed: Joints,
     /// Rated accelerations, in degrees (mm) per second².
     pub acceleration: Joints,
+    /// Rated jerks, in degrees (mm) per second³.
+    pub jerk: Joints,
 }
 
 impl AxisLimits {
@@ -56,6 +58,7 @@ impl AxisLimits {
         upper: [f64::INFINITY; AXES],
         speed: [f64::INFINITY; AXES],
         acceleration: [f64::INFINITY; AXES],
+        jerk: [f64::INFINITY; AXES],
     };
 
     /// The joint that such speeds load most, and the share of its rated speed.
@@ -68,6 +71,12 @@ impl AxisLimits {
     #[must_use]
     pub fn acceleration_load(&self, accelerations: &Joints) -> Load {
         Load::highest(accelerations, &self.acceleration)
+    }
+
+    /// The joint that such jerks load most, and the share of its rated jerk.
+    #[must_use]
+    pub fn jerk_load(&self, jerks: &Joints) -> Load {
+        Load::highest(jerks, &self.jerk)
     }
 }
 

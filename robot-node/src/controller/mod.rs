@@ -76,7 +76,7 @@ impl Controller {
     pub fn new(config: RobotConfig, programs: Vec<(u16, Vec<Motion>)>, seed: u64) -> Self {
         let cycle_s = config.cycle.as_secs_f64();
         let interpolator =
-            Interpolator::at_rest(config.arm.clone(), config.home, cycle_s, config.path_acceleration_mm_s2);
+            Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
         let mut controller = Self {
             config,
             programs,

@@ -21,7 +21,7 @@
 
 use super::curve::Flange;
 use super::profile::Limits;
-use crate::arm::{Frame, Rotation, cross, distance, dot, length};
+use crate::arm::{Frame, Rotation, distance, dot, length};
 
 /// Parts into which the piece is cut to know its length.
 const PARTS: usize = 24;
@@ -175,22 +175,6 @@ impl Spline {
         Frame { position: [x, y, z], rotation: Rotation::from_quaternion(quaternion) }
     }
 
-    /// Its sharpest bend, in 1/mm.
-    #[must_use]
-    pub fn sharpest_curvature(&self) -> f64 {
-        let samples = 4 * PARTS;
-        (0..=samples).fold(0.0, |sharpest: f64, sample| {
-            sharpest.max(length(self.curvature(sample as f64 / samples as f64)))
-        })
-    }
-
-    /// The curvature vector in 1/mm at a share τ: where the tangent turns to.
-    fn curvature(&self, share: f64) -> [f64; 3] {
-        let [first, second] = [1, 2].map(|order| position(&self.derivative(order, share)));
-        let square = dot(first, first);
-        cross(cross(first, second), first).map(|part| part / (square * square))
-    }
-
     /// The share τ of the piece after `way`: from the part that it lies in, by Newton's method.
     fn share(&self, way: f64) -> f64 {
         let part = self.ways.partition_point(|end| *end < way).min(PARTS - 1);
@@ -246,9 +230,10 @@ fn difference(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arm::cross;
     use proptest::prelude::*;
 
-    const PROGRAMMED: Limits = Limits { speed: 250.0, acceleration: 5000.0 };
+    const PROGRAMMED: Limits = Limits { speed: 250.0, acceleration: 5000.0, jerk: 100_000.0 };
 
     fn pieces(targets: &[[f64; 6]]) -> Vec<Spline> {
         let frames: Vec<Frame> = targets.iter().map(|target| Frame::from_mm_deg(*target)).collect();
@@ -275,6 +260,13 @@ mod tests {
                 })
                 .collect()
         })
+    }
+
+    /// The curvature vector in 1/mm at a share τ: where the tangent turns to.
+    fn curvature(piece: &Spline, share: f64) -> [f64; 3] {
+        let [first, second] = [1, 2].map(|order| position(&piece.derivative(order, share)));
+        let square = dot(first, first);
+        cross(cross(first, second), first).map(|part| part / (square * square))
     }
 
     fn apart(one: [f64; 3], other: [f64; 3]) -> f64 {
@@ -321,7 +313,7 @@ mod tests {
                     first.map(|part| part / length(first))
                 });
                 prop_assert!(apart(one_tangent, other_tangent) < 1e-9);
-                let (bend, other_bend) = (one.curvature(1.0), other.curvature(0.0));
+                let (bend, other_bend) = (curvature(one, 1.0), curvature(other, 0.0));
                 prop_assert!(apart(bend, other_bend) < 1e-9 + 1e-6 * length(bend));
                 // And numerically, on the path itself, by the way.
                 let h = 0.02;
