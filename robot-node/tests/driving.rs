@@ -68,11 +68,13 @@ fn prepared(motion: &Motion, from: &Joints, config: &RobotConfig) -> Option<Segm
     } else if motion.kind == MotionKind::Circular {
         let base = config.bases[1].unwrap();
         let start = (base.inverse() * config.arm.forward(from)).position;
-        motion.auxiliary = core::array::from_fn(|i| {
-            (start[i] as f32 + motion.target[i]) / 2.0 + motion.auxiliary[i]
-        });
+        motion.auxiliary =
+            core::array::from_fn(|i| (start[i] as f32 + motion.target[i]) / 2.0 + motion.auxiliary[i]);
     }
-    Segment::prepare(&motion, from, config).ok()
+    // Close to a singular position a motion may take minutes, which shows nothing more.
+    Segment::prepare(&motion, from, config)
+        .ok()
+        .filter(|segment| segment.curve.length() < 20.0 * segment.limits.speed)
 }
 
 /// An arm that is watched at every cycle.

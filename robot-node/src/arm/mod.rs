@@ -164,16 +164,17 @@ impl Arm {
         Ok(joints)
     }
 
-    /// Whether no rotary joint turns by more than `most` degrees from one point of a path to the next one; if one does,
-    /// which (from 1) and by how many degrees.
-    pub fn stays_in_configuration(&self, from: &Joints, to: &Joints, most: f64) -> Result<(), (u8, f64)> {
+    /// The rotary joint (from 1) that turns most from one point of a path to the next one, and by how many degrees.
+    #[must_use]
+    pub fn largest_turn(&self, from: &Joints, to: &Joints) -> (u8, f64) {
+        let mut largest = (1, 0.0);
         for (axis, (from, to)) in from.iter().zip(to).enumerate() {
             let turn = (to - from).abs();
-            if turn > most && self.kinematics.is_rotary(axis) {
-                return Err((axis as u8 + 1, turn));
+            if turn > largest.1 && self.kinematics.is_rotary(axis) {
+                largest = (axis as u8 + 1, turn);
             }
         }
-        Ok(())
+        largest
     }
 
     /// Whether every joint is within its range.

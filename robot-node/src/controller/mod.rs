@@ -75,8 +75,7 @@ impl Controller {
     #[must_use]
     pub fn new(config: RobotConfig, programs: Vec<(u16, Vec<Motion>)>, seed: u64) -> Self {
         let cycle_s = config.cycle.as_secs_f64();
-        let interpolator =
-            Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
+        let interpolator = Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
         let mut controller = Self {
             config,
             programs,

@@ -21,20 +21,23 @@ use crate::arm::{AXES, Arm, Joints, Violation, length};
 const RESERVE: f64 = 0.97;
 
 /// Into so many pieces a curve is cut at most.
-const PIECES: u32 = 4;
+const PIECES: u32 = 2;
 
 /// A joint that would turn by more than this, in degrees, from one sample of the finest piece to the next does not
 /// follow the curve: the arm turns over into another configuration there.
-const TURNED_OVER_DEG: f64 = 30.0;
+const TURNED_OVER_DEG: f64 = 60.0;
 
 /// The most that a joint turns, in degrees, from one sample to the next in a piece that need not be cut.
 const RESOLVED_DEG: f64 = 75.0;
 
-/// The share of the tool's acceleration that the bend gets at most, so that 0.6 is left along the path; and the share
-/// of its jerk that the bend's change gets, and its turning.
+/// The share of the tool's acceleration, and of its jerk, that goes across the path at most, so that 0.6 is left along
+/// it.
 const ACROSS: f64 = 0.8;
-const CHANGING: f64 = 0.2;
-const TURNING: f64 = 0.5;
+
+/// The shares of the tool's jerk that a constant speed takes at most: across the path, where the bend changes, and
+/// against it, where the acceleration across turns with the path.
+const CHANGING: f64 = 0.6;
+const TURNING: f64 = 0.4;
 
 /// A curve on which a joint leaves less than this of the velocity counts as singular.
 const SINGULAR_SHARE: f64 = 0.01;
@@ -57,13 +60,14 @@ pub(super) fn along(
         let unit = curve.length() / f64::from(PIECES);
         let (start, width) = (unit * f64::from(done), unit * f64::from(size));
         let (samples, end, turn) = sampled(curve, &joints, start, width, arm)?;
-        if size == 1 && let Some((axis, turn_deg)) = turn.filter(|(_, turn)| *turn > TURNED_OVER_DEG) {
+        let (axis, turn_deg) = turn;
+        if size == 1 && turn_deg > TURNED_OVER_DEG {
             return Err(Violation::Configuration { axis, turn_deg, way: start, length: curve.length() });
         }
         let derivatives = Derivatives::of(&samples, width);
         let mut next = found;
         next.keep(curve, &derivatives, programmed, size == 1, arm);
-        let is_resolved = turn.is_none_or(|(_, turn)| turn < RESOLVED_DEG)
+        let is_resolved = turn_deg < RESOLVED_DEG
             && next.limits.speed >= programmed.speed * SINGULAR_SHARE
             && next.holds_with_what_is_left_out(curve, &derivatives, arm);
         if size > 1 && !is_resolved {
@@ -80,7 +84,7 @@ pub(super) fn along(
 }
 
 /// The largest turn of a joint from one sample to the next: which, from 1, and by how many degrees.
-type Turn = Option<(u8, f64)>;
+type Turn = (u8, f64);
 
 fn sampled(
     curve: &Curve,
@@ -90,17 +94,14 @@ fn sampled(
     arm: &Arm,
 ) -> Result<([Sample; NODES], Joints, Turn), Violation> {
     let mut samples = [Sample::default(); NODES];
-    let (mut joints, mut turn) = (*from, None::<(u8, f64)>);
+    let (mut joints, mut turn) = (*from, (1, 0.0));
     for (node, (sample, share)) in samples.iter_mut().zip(*SHARES).enumerate() {
         let way = start + share * width;
-        let (next, tool) = if node == 0 {
-            (joints, curve.tool(way))
-        } else {
-            curve.joints_and_tool(way, arm, &joints)?
-        };
-        if let Err((axis, degrees)) = arm.stays_in_configuration(&joints, &next, turn.map_or(0.0, |turn| turn.1))
-        {
-            turn = Some((axis, degrees));
+        let (next, tool) =
+            if node == 0 { (joints, curve.tool(way)) } else { curve.joints_and_tool(way, arm, &joints)? };
+        let next_turn = arm.largest_turn(&joints, &next);
+        if next_turn.1 > turn.1 {
+            turn = next_turn;
         }
         joints = next;
         let [x, y, z] = tool.map_or([0.0; 3], |tool| tool.position);
@@ -122,30 +123,44 @@ impl Found {
     fn keep(&mut self, curve: &Curve, piece: &Derivatives, programmed: Limits, with_off: bool, arm: &Arm) {
         let off = |order: usize, channel: usize| if with_off { piece.off[order][channel] } else { 0.0 };
         if !matches!(curve, Curve::Line(_)) {
-            let most = |order: usize| {
-                let off = length([off(order, AXES), off(order, AXES + 1), off(order, AXES + 2)]);
-                piece.at[order].iter().fold(0.0, |most: f64, point| most.max(length(tool(point)))) + off
-            };
-            self.keep_tool(most(1), most(2), programmed);
+            let off = |order: usize| length([0, 1, 2].map(|i| off(order, AXES + i)));
+            let (mut curvature, mut change) = (0.0_f64, 0.0_f64);
+            for (second, third) in piece.at[1].iter().zip(&piece.at[2]) {
+                let (bend, third) = (length(tool(second)), length(tool(third)));
+                // By the way, the third derivative is -curvature² along the path. The rest of it is across.
+                curvature = curvature.max(bend);
+                change = change.max((third * third - bend.powi(4)).max(0.0).sqrt());
+            }
+            self.keep_tool(curvature + off(1), change + off(2), programmed);
         }
         let rated = arm.limits();
         let limits = &mut self.limits;
-        let size = |order: usize, point: usize, axis: usize| {
-            piece.at[order][point][axis].abs() + off(order, axis)
-        };
+        let size =
+            |order: usize, point: usize, axis: usize| piece.at[order][point][axis].abs() + off(order, axis);
         for axis in 0..arm.axes() {
             let steepest = (0..POINTS).fold(0.0, |most: f64, point| most.max(size(0, point, axis)));
-            limits.acceleration = limits.acceleration.min(RESERVE * rated.acceleration[axis] / (2.0 * steepest));
+            limits.acceleration =
+                limits.acceleration.min(RESERVE * rated.acceleration[axis] / (2.0 * steepest));
             limits.jerk = limits.jerk.min(RESERVE * rated.jerk[axis] / (2.0 * steepest));
         }
         for axis in 0..arm.axes() {
             let mut slowest = limits.speed;
+            let [speed, acceleration, jerk] =
+                [rated.speed[axis], rated.acceleration[axis], rated.jerk[axis]].map(|rated| RESERVE * rated);
             for point in 0..POINTS {
                 let [slope, bend, twist] = [0, 1, 2].map(|order| size(order, point, axis));
-                let acceleration = RESERVE * rated.acceleration[axis] - slope * limits.acceleration;
-                let jerk = RESERVE * rated.jerk[axis] - slope * limits.jerk;
-                slowest = slowest.min(RESERVE * rated.speed[axis] / slope).min((acceleration / bend).sqrt());
-                slowest = speed_within_jerk(slowest, 3.0 * bend * limits.acceleration, twist, jerk);
+                let acceleration = acceleration - slope * limits.acceleration;
+                let jerk = jerk - slope * limits.jerk;
+                let (turning, square) = (3.0 * bend * limits.acceleration, slowest * slowest);
+                // At most points nothing is too fast, and so there is nothing to divide.
+                if slope * slowest <= speed
+                    && bend * square <= acceleration
+                    && (turning + twist * square) * slowest <= jerk
+                {
+                    continue;
+                }
+                slowest = slowest.min(speed / slope).min((acceleration / bend).sqrt());
+                slowest = speed_within_jerk(slowest, turning, twist, jerk);
             }
             if slowest < limits.speed {
                 (limits.speed, self.slowest_axis) = (slowest, axis as u8 + 1);
@@ -153,20 +168,21 @@ impl Found {
         }
     }
 
-    /// Reduces the limits to what the tool may do where its path has at most this curvature, in 1/mm, and this third
-    /// derivative, in 1/mm².
-    fn keep_tool(&mut self, curvature: f64, third: f64, programmed: Limits) {
+    /// Reduces the limits to what the tool may do where its path has at most this curvature, in 1/mm, which changes by
+    /// this much, in 1/mm².
+    fn keep_tool(&mut self, curvature: f64, change: f64, programmed: Limits) {
         let Limits { speed, acceleration, jerk } = &mut self.limits;
         *speed = speed
             .min((ACROSS * programmed.acceleration / curvature).sqrt())
-            .min((CHANGING * programmed.jerk / third).cbrt());
-        let across = *speed * *speed * curvature;
-        let along = programmed.acceleration * programmed.acceleration - across * across;
+            .min((CHANGING * programmed.jerk / change).cbrt())
+            .min((TURNING * programmed.jerk / (curvature * curvature)).cbrt());
+        let along = |whole: f64, across: f64| (whole * whole - across * across).max(0.0).sqrt();
+        let changing = change * speed.powi(3);
         *acceleration = acceleration
-            .min(along.max(0.0).sqrt())
-            .min(TURNING * programmed.jerk / (3.0 * curvature * *speed));
-        let left = programmed.jerk - 3.0 * curvature * *speed * *acceleration - third * speed.powi(3);
-        *jerk = jerk.min(left);
+            .min(along(programmed.acceleration, *speed * *speed * curvature))
+            .min((ACROSS * programmed.jerk - changing) / (3.0 * curvature * *speed));
+        let across = changing + 3.0 * curvature * *speed * *acceleration;
+        *jerk = jerk.min(along(programmed.jerk, across) - curvature * curvature * speed.powi(3));
     }
 
     /// Whether these limits keep what the arm allows even if the derivatives are off by as much as they may be.

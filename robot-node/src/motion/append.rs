@@ -65,7 +65,10 @@ impl Path {
             return None;
         };
         let is_ahead = if before == 0 {
-            !self.place.in_blend && one.straight.from == 0.0 && self.place.time == 0.0 && one.straight.profile.at(0.0).1 == Pace::REST
+            !self.place.in_blend
+                && one.straight.from == 0.0
+                && self.place.time == 0.0
+                && one.straight.profile.at(0.0).1 == Pace::REST
         } else {
             before > usize::from(self.place.in_blend)
         };

@@ -48,6 +48,8 @@ pub struct Blend {
     pub to_zone: f64,
     /// The distance from the corner that it keeps, in mm.
     pub distance_mm: f64,
+    /// The rate at which it would be passed if the motions beside it had their highest speeds.
+    pub programmed_rate: f64,
     /// How fast its share may grow: the speed is the highest rate, one over the shortest time in s.
     pub limits: Limits,
 }
@@ -67,6 +69,7 @@ impl Blend {
                 from_zone: zone(first, End::Last, distance_mm, arm),
                 to_zone: zone(second, End::First, distance_mm, arm),
                 distance_mm,
+                programmed_rate: 0.0,
                 limits: Limits { speed: 0.0, acceleration: 0.0, jerk: 0.0 },
             };
             match blend.find_limits(first, second, arm) {
@@ -134,9 +137,9 @@ impl Blend {
         }
         let corner = Derivatives::of(&samples, 1.0);
         let load = Load::of(first, second, &corner, arm);
-        let speed = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
+        self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
-        self.limits = load.limits(speed);
+        self.limits = load.limits(self.programmed_rate);
         if self.limits.speed > 0.0 { Ok(()) } else { Err(Unfit::Arm) }
     }
 }
@@ -170,16 +173,19 @@ impl Load {
         let mut load = Self { speed: 0.0, points: [PointLoad::default(); POINTS] };
         let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
         let tool_jerk = first.tool_jerk.min(second.tool_jerk);
-        for (point, found) in load.points.iter_mut().enumerate() {
-            for axis in 0..arm.axes() {
+        for axis in 0..arm.axes() {
+            let of_speed = 1.0 / (RESERVE * rated.speed[axis]);
+            let of_acceleration = 1.0 / (RESERVE * share * rated.acceleration[axis]);
+            let of_jerk = 1.0 / (RESERVE * share * rated.jerk[axis]);
+            for (point, found) in load.points.iter_mut().enumerate() {
                 let [slope, bend, twist] =
                     [0, 1, 2].map(|order| corner.at[order][point][axis].abs() + corner.off[order][axis]);
-                load.speed = load.speed.max(slope / (RESERVE * rated.speed[axis]));
-                let most = RESERVE * share * rated.acceleration[axis];
-                found.acceleration[axis] = [slope / most, bend / most];
-                let most = RESERVE * share * rated.jerk[axis];
-                found.jerk[axis] = [slope / most, bend / most, twist / most];
+                load.speed = load.speed.max(slope * of_speed);
+                found.acceleration[axis] = [slope * of_acceleration, bend * of_acceleration];
+                found.jerk[axis] = [slope * of_jerk, bend * of_jerk, twist * of_jerk];
             }
+        }
+        for (point, found) in load.points.iter_mut().enumerate() {
             if tool_acceleration.is_finite() {
                 let [slope, bend, twist] = [0, 1, 2].map(|order| length(tool(&corner.at[order][point])));
                 found.acceleration[6] = [slope / tool_acceleration, bend / tool_acceleration];
@@ -191,16 +197,18 @@ impl Load {
 
     /// The highest rate up to `speed`, and how it may change.
     fn limits(&self, speed: f64) -> Limits {
-        let mut rate = speed.min(1.0 / self.speed);
+        let (mut bend, mut twist) = (0.0_f64, 0.0_f64);
         for point in &self.points {
             for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
-                rate = rate.min((BENDING / acceleration[1]).sqrt()).min((TWISTING / jerk[2]).cbrt());
+                (bend, twist) = (bend.max(acceleration[1]), twist.max(jerk[2]));
             }
         }
+        let rate = speed.min(1.0 / self.speed).min((BENDING / bend).sqrt()).min((TWISTING / twist).cbrt());
+        let cube = rate * rate * rate;
         let mut limits = Limits { speed: rate, acceleration: f64::INFINITY, jerk: f64::INFINITY };
         for point in &self.points {
             for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
-                let left = 1.0 - jerk[2] * rate.powi(3);
+                let left = 1.0 - jerk[2] * cube;
                 limits.acceleration = limits
                     .acceleration
                     .min((1.0 - acceleration[1] * rate * rate) / acceleration[0])
@@ -209,7 +217,7 @@ impl Load {
         }
         for point in &self.points {
             for [slope, bend, twist] in point.jerk {
-                let taken = twist * rate.powi(3) + 3.0 * bend * rate * limits.acceleration;
+                let taken = twist * cube + 3.0 * bend * rate * limits.acceleration;
                 limits.jerk = limits.jerk.min((1.0 - taken) / slope);
             }
         }

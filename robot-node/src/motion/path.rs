@@ -238,14 +238,16 @@ impl Path {
         let empty = Part {
             length: 0.0,
             limits: Limits { speed: 0.0, acceleration: 1.0, jerk: 1.0 },
+            programmed: 0.0,
             ratio: 0.0,
             is_corner: false,
             profile: Profile::REST,
         };
         let (mut parts, mut count) = ([empty; PARTS], 0);
-        let pace = self.queue.front().map_or(Pace::REST, |front| {
-            front.law(self.place.in_blend).profile.at(self.place.time).1
-        });
+        let pace = self
+            .queue
+            .front()
+            .map_or(Pace::REST, |front| front.law(self.place.in_blend).profile.at(self.place.time).1);
         let mut add = |part: Part| {
             if let Some(slot) = parts.get_mut(count) {
                 *slot = part;
@@ -263,14 +265,15 @@ impl Path {
             if !in_blend {
                 let way = straight.from + if index == 0 { straight.profile.at(time).0 } else { 0.0 };
                 let length = (segment.curve.length() - zone - way).max(0.0);
-                let profile = straight.profile;
-                add(Part { length, limits: segment.limits, ratio, is_corner: false, profile });
+                let (limits, profile) = (segment.limits, straight.profile);
+                add(Part { length, limits, programmed: limits.speed, ratio, is_corner: false, profile });
             }
             if let Some(Corner { blend, law }) = corner {
                 let way = if in_blend { law.way(time) } else { 0.0 };
                 add(Part {
                     length: (1.0 - way).max(0.0),
                     limits: blend.limits,
+                    programmed: blend.programmed_rate,
                     ratio: BORDER_SLOPE * blend.to_zone,
                     is_corner: true,
                     profile: law.profile,
@@ -288,10 +291,9 @@ impl Path {
 
     /// Plans what is ahead anew, from what the arm does now.
     pub(super) fn plan(&mut self) {
-        let (mut parts, count, pace) = self.parts();
+        let (mut parts, count, _) = self.parts();
         let Some(parts) = parts.get_mut(..count) else { return };
-        let exit = parts.first().map_or(0.0, |part| part.profile.exit());
-        let is_new = plan::plan(parts, pace, exit, self.factor);
+        let is_new = plan::plan(parts, self.place.time, self.factor);
         let (in_blend, time) = (self.place.in_blend, self.place.time);
         if is_new && let Some(front) = self.queue.front_mut() {
             let law = front.law_mut(in_blend);
@@ -300,10 +302,14 @@ impl Path {
         }
         let mut parts = parts.iter();
         for (index, planned) in self.queue.iter_mut().enumerate() {
-            if !(index == 0 && in_blend) && let Some(part) = parts.next() {
+            if !(index == 0 && in_blend)
+                && let Some(part) = parts.next()
+            {
                 planned.straight.profile = part.profile;
             }
-            if planned.corner.is_some() && let Some(part) = parts.next() {
+            if planned.corner.is_some()
+                && let Some(part) = parts.next()
+            {
                 planned.law_mut(true).profile = part.profile;
             }
         }

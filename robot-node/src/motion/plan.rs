@@ -21,6 +21,8 @@ pub(super) struct Part {
     /// What is left of it, in its unit.
     pub(super) length: f64,
     pub(super) limits: Limits,
+    /// The speed that an override is a share of.
+    pub(super) programmed: f64,
     /// The speed in the next part's unit for each unit of speed in this one; 0 where the arm stops.
     pub(super) ratio: f64,
     pub(super) is_corner: bool,
@@ -35,12 +37,13 @@ pub(super) fn is_feasible(parts: &[Part], pace: Pace) -> bool {
     nearest_exit(pace, exit * ROUNDING, part.length, &part.limits, &[slower]).is_some()
 }
 
-/// Plans all parts anew from a pace; `exit` is the speed at the end of the first one as planned before. Returns false
-/// where the first part keeps its law, because none else leads to its end.
-pub(super) fn plan(parts: &mut [Part], pace: Pace, exit: f64, factor: f64) -> bool {
+/// Plans all parts anew from what the arm does `time` seconds after the start of the first part's law. Returns false
+/// where the first part keeps its law: because nothing changes, or because none else leads to its end.
+pub(super) fn plan(parts: &mut [Part], time: f64, factor: f64) -> bool {
     let allowed = highest(parts, 1.0);
     let wanted = if factor < 1.0 { highest(parts, factor) } else { allowed };
-    let (mut pace, mut is_new) = (pace, true);
+    let mut pace = parts.first().map_or(Pace::REST, |part| part.profile.at(time).1);
+    let mut is_new = true;
     for (index, (part, (allowed, wanted))) in parts.iter_mut().zip(allowed.iter().zip(&wanted)).enumerate() {
         if factor == 0.0 {
             let stop = Profile::stop(pace, &part.limits);
@@ -49,7 +52,7 @@ pub(super) fn plan(parts: &mut [Part], pace: Pace, exit: f64, factor: f64) -> bo
                 return is_new;
             }
         }
-        let before = if index == 0 { exit } else { *allowed };
+        let (before, time) = if index == 0 { (part.profile.exit(), time) } else { (*allowed, 0.0) };
         let known = [before, *allowed, pace.settled_speed(&part.limits)];
         let exit = match nearest_exit(pace, *wanted, part.length, &part.limits, &known) {
             None if index == 0 => {
@@ -59,7 +62,11 @@ pub(super) fn plan(parts: &mut [Part], pace: Pace, exit: f64, factor: f64) -> bo
             found => {
                 let exit = found.unwrap_or(pace.speed);
                 let limits = Limits { speed: part.speed(factor), ..part.limits };
-                part.profile = Profile::new(part.length, pace, exit, &limits);
+                if !part.profile.leads_on(time, part.length, pace, exit, &limits) {
+                    part.profile = Profile::new(part.length, pace, exit, &limits);
+                } else if index == 0 {
+                    is_new = false;
+                }
                 exit
             }
         };
@@ -69,9 +76,9 @@ pub(super) fn plan(parts: &mut [Part], pace: Pace, exit: f64, factor: f64) -> bo
 }
 
 impl Part {
-    /// The highest speed with an override. A corner's is that of the straight parts beside it.
+    /// The highest speed with an override.
     fn speed(&self, factor: f64) -> f64 {
-        if self.is_corner { self.limits.speed } else { self.limits.speed * factor }
+        self.limits.speed.min(self.programmed * factor)
     }
 }
 

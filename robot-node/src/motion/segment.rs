@@ -2,9 +2,9 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind};
 
+use super::along::along;
 use super::arc::Arc;
 use super::curve::{AxisLine, Curve, Flange, Line};
-use super::along::along;
 use super::profile::Limits;
 use super::spline::Spline;
 use crate::RobotConfig;

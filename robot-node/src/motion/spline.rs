@@ -181,19 +181,26 @@ impl Spline {
         let start_way = if part == 0 { 0.0 } else { self.ways[part - 1] };
         let (start, width) = (part as f64 / PARTS as f64, self.ways[part] - start_way);
         let mut share = start + (way - start_way) / width.max(1e-12) / PARTS as f64;
-        for _ in 0..3 {
-            let speed = length(position(&self.derivative(1, share))).max(1e-9);
+        // Within a part the way grows nearly evenly: two steps are exact to the last digits.
+        for _ in 0..2 {
             let off = start_way + self.way_between(start, share) - way;
-            share = (share - off / speed).clamp(start, start + 1.0 / PARTS as f64);
+            share = (share - off / self.speed(share).max(1e-9)).clamp(start, start + 1.0 / PARTS as f64);
         }
         share
     }
 
     /// The way in mm from one share to another.
     fn way_between(&self, from: f64, to: f64) -> f64 {
-        let speed = |share| length(position(&self.derivative(1, share)));
-        let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * speed(from + at * (to - from))).sum();
+        let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * self.speed(from + at * (to - from))).sum();
         sum * (to - from)
+    }
+
+    /// How fast the way grows with the share, in mm.
+    fn speed(&self, share: f64) -> f64 {
+        let [_, b, c, d, e, f] = &self.factors;
+        length(core::array::from_fn(|i| {
+            (((5.0 * f[i] * share + 4.0 * e[i]) * share + 3.0 * d[i]) * share + 2.0 * c[i]) * share + b[i]
+        }))
     }
 
     /// The pose's derivative by τ of this order, 0 to 2.
@@ -217,10 +224,6 @@ fn pose(frame: &Frame, near: Option<&Pose>) -> Pose {
     let pose = [x, y, z, a, b, c, d];
     let along = near.map_or(1.0, |near| pose.iter().zip(near).skip(3).map(|(one, other)| one * other).sum());
     if along < 0.0 { [x, y, z, -a, -b, -c, -d] } else { pose }
-}
-
-fn position(&[x, y, z, ..]: &Pose) -> [f64; 3] {
-    [x, y, z]
 }
 
 fn difference(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
@@ -260,6 +263,10 @@ mod tests {
                 })
                 .collect()
         })
+    }
+
+    fn position(&[x, y, z, ..]: &Pose) -> [f64; 3] {
+        [x, y, z]
     }
 
     /// The curvature vector in 1/mm at a share τ: where the tangent turns to.
