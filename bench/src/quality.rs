@@ -25,8 +25,8 @@ pub struct MotionQuality {
     pub tool_jerk_mm_s3: Load,
     /// Acceleration of the joint that is nearest to its limit, as a share of its rated acceleration.
     pub joint_acceleration: Load,
-    /// Jerk of the joint that is nearest to its limit, in rated accelerations per second.
-    pub joint_jerk_per_s: Load,
+    /// Jerk of the joint that is nearest to its limit, as a share of its rated jerk.
+    pub joint_jerk: Load,
     /// What stands for energy and wear, in s at rated power: the sum over all joints of ∫ |q̈ · q̇| dt, divided by the
     /// joint's rated speed and rated acceleration.
     pub energy_proxy_s: f64,
@@ -54,7 +54,7 @@ impl MotionQuality {
         load(&mut self.tool_acceleration_mm_s2, of.tool_acceleration);
         load(&mut self.tool_jerk_mm_s3, of.tool_jerk);
         load(&mut self.joint_acceleration, of.joint_acceleration);
-        load(&mut self.joint_jerk_per_s, of.joint_jerk);
+        load(&mut self.joint_jerk, of.joint_jerk);
         self.path_deviation_mm = self.path_deviation_mm.max(of.path_deviation_mm);
         self.stops = mean(self.stops, f64::from(of.stops()));
         self.energy_proxy_s = mean(self.energy_proxy_s, of.energy_proxy_s);
@@ -75,7 +75,7 @@ impl MotionQuality {
             pair(self.tool_acceleration_mm_s2, 1e3),
             pair(self.tool_jerk_mm_s3, 1e3),
             pair(self.joint_acceleration, 1e-2),
-            pair(self.joint_jerk_per_s, 1.0),
+            pair(self.joint_jerk, 1e-2),
             format!("{:.2}", self.energy_proxy_s * 1e3),
         ]
     }
@@ -88,14 +88,14 @@ pub const COLUMNS: [[&str; 2]; 7] = [
     ["acceleration", "m/s²"],
     ["jerk", "m/s³"],
     ["worst joint", "% of rated"],
-    ["its jerk", "rated/s"],
+    ["worst jerk", "% of rated"],
     ["energy proxy", "ms"],
 ];
 
 /// What the columns mean, in sentences.
 pub const LEGEND: [&str; 3] = [
     "Peak / root mean square over the time in which the arm moves, by differences from one robot cycle to the next.",
-    "Worst joint: the one nearest to its rated acceleration; its jerk in rated accelerations per second.",
+    "Worst joint: the one nearest to its rated acceleration; worst jerk: of the joint nearest to its rated jerk.",
     "Energy proxy: sum over the joints of ∫ |acceleration · speed| dt, each by its rated value: ms at rated power.",
 ];
 

@@ -207,8 +207,8 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.cm.quality.energy_proxy_s
     .results.cm.quality.joint_acceleration.peak
     .results.cm.quality.joint_acceleration.rms
-    .results.cm.quality.joint_jerk_per_s.peak
-    .results.cm.quality.joint_jerk_per_s.rms
+    .results.cm.quality.joint_jerk.peak
+    .results.cm.quality.joint_jerk.rms
     .results.cm.quality.path_deviation_mm
     .results.cm.quality.repetitions
     .results.cm.quality.stops
@@ -225,8 +225,8 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.rc.quality.energy_proxy_s
     .results.rc.quality.joint_acceleration.peak
     .results.rc.quality.joint_acceleration.rms
-    .results.rc.quality.joint_jerk_per_s.peak
-    .results.rc.quality.joint_jerk_per_s.rms
+    .results.rc.quality.joint_jerk.peak
+    .results.rc.quality.joint_jerk.rms
     .results.rc.quality.path_deviation_mm
     .results.rc.quality.repetitions
     .results.rc.quality.stops
@@ -243,8 +243,8 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.sm.quality.energy_proxy_s
     .results.sm.quality.joint_acceleration.peak
     .results.sm.quality.joint_acceleration.rms
-    .results.sm.quality.joint_jerk_per_s.peak
-    .results.sm.quality.joint_jerk_per_s.rms
+    .results.sm.quality.joint_jerk.peak
+    .results.sm.quality.joint_jerk.rms
     .results.sm.quality.path_deviation_mm
     .results.sm.quality.repetitions
     .results.sm.quality.stops

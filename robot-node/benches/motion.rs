@@ -68,7 +68,7 @@ impl Cell {
     fn at_rest(&self) -> Interpolator {
         let config = &self.config;
         let cycle = config.cycle.as_secs_f64();
-        Interpolator::at_rest(config.arm.clone(), config.home, cycle, config.path_acceleration_mm_s2)
+        Interpolator::at_rest(config.arm.clone(), config.home, cycle)
     }
 
     fn append(&self, interpolator: &mut Interpolator, index: usize) {

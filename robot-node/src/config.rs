@@ -26,6 +26,8 @@ pub struct RobotConfig {
     pub path_velocity_mm_s: f64,
     /// Highest path acceleration, in mm/s².
     pub path_acceleration_mm_s2: f64,
+    /// Highest path jerk, in mm/s³.
+    pub path_jerk_mm_s3: f64,
     /// How it presses; none without a force controller.
     pub force: Option<ForceControl>,
     /// What the tool can press against, in the root.
@@ -97,6 +99,7 @@ impl RobotConfig {
         limits.speed = positive("axes.speed_deg_s", &robot.axes.speed_deg_s.value, axes)?;
         limits.acceleration =
             positive("axes.acceleration_deg_s2", &robot.axes.acceleration_deg_s2.value, axes)?;
+        limits.jerk = positive("axes.jerk_deg_s3", &robot.axes.jerk_deg_s3.value, axes)?;
         for (axis, (lower, upper)) in limits.lower.iter().zip(&limits.upper).enumerate() {
             if lower >= upper {
                 let problem =
@@ -119,6 +122,10 @@ impl RobotConfig {
                 format!("{acceleration} is not an acceleration above 0"),
             );
         }
+        let jerk = robot.path_jerk_mm_s3.value;
+        if !(jerk > 0.0 && jerk.is_finite()) {
+            return error("path_jerk_mm_s3", format!("{jerk} is not a jerk above 0"));
+        }
         if robot.cycle_us.value == 0 {
             return error("cycle_us", "0 is no cycle; a controller interpolates every 1000 to 12000 µs");
         }
@@ -130,6 +137,7 @@ impl RobotConfig {
             bases: frames("bases", &robot.bases)?,
             path_velocity_mm_s: velocity,
             path_acceleration_mm_s2: acceleration,
+            path_jerk_mm_s3: jerk,
             force: robot.force.as_ref().map(|force| ForceControl {
                 max_n: force.max_n.value,
                 stiffest_n_per_mm: force.stiffest_n_per_mm.value,

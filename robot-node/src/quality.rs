@@ -42,7 +42,7 @@ pub struct Quality {
     pub tool_jerk: Load,
     /// Acceleration of the joint that is nearest to its limit, as a share of its rated acceleration.
     pub joint_acceleration: Load,
-    /// Jerk of the joint that is nearest to its limit, in rated accelerations per second.
+    /// Jerk of the joint that is nearest to its limit, as a share of its rated jerk.
     pub joint_jerk: Load,
     /// What stands for energy and wear, in s at rated power: over all joints and cycles, the sum of
     /// |q̇₂² − q̇₁²| / 2, divided by the joint's rated speed and rated acceleration. That is ∫ |q̈ · q̇| dt, the work
@@ -182,7 +182,7 @@ impl Observer {
         let acceleration = per(core::array::from_fn(|i| joints[i] - 2.0 * j1[i] + j2[i]), 2);
         let jerk = per(core::array::from_fn(|i| joints[i] - 3.0 * (j1[i] - j2[i]) - j3[i]), 3);
         quality.joint_acceleration.add(limits.acceleration_load(&acceleration).share, tick_s);
-        quality.joint_jerk.add(limits.acceleration_load(&jerk).share, tick_s);
+        quality.joint_jerk.add(limits.jerk_load(&jerk).share, tick_s);
         for axis in 0..AXES {
             let work = (velocity[axis] * velocity[axis] - before[axis] * before[axis]).abs() / 2.0;
             quality.energy_proxy_s += work / (limits.speed[axis] * limits.acceleration[axis]);

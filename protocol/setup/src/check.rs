@@ -258,6 +258,7 @@ fn robot(setup: &Setup) -> Check {
     let acceleration = robot.path_acceleration_mm_s2.value;
     above_zero("robot.path_acceleration_mm_s2", acceleration)?;
     at_most("robot.path_acceleration_mm_s2", acceleration, MAX_ACCELERATION_MM_S2, "mm/s²")?;
+    above_zero("robot.path_jerk_mm_s3", robot.path_jerk_mm_s3.value)?;
     if let Some(force) = &robot.force {
         for (key, value) in [
             ("robot.force.max_n", &force.max_n),
@@ -332,6 +333,7 @@ fn axes(setup: &Setup, joints: usize) -> Check {
         ("upper_deg", &axes.upper_deg),
         ("speed_deg_s", &axes.speed_deg_s),
         ("acceleration_deg_s2", &axes.acceleration_deg_s2),
+        ("jerk_deg_s3", &axes.jerk_deg_s3),
         ("home_deg", &axes.home_deg),
     ] {
         let key = format!("robot.axes.{name}");

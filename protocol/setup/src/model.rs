@@ -281,6 +281,8 @@ pub struct Robot {
     pub path_velocity_mm_s: Sourced<f64>,
     /// Highest path acceleration in mm/s².
     pub path_acceleration_mm_s2: Sourced<f64>,
+    /// Highest path jerk in mm/s³.
+    pub path_jerk_mm_s3: Sourced<f64>,
     /// How it presses; a robot without it runs no LIN force.
     pub force: Option<Force>,
     /// Tool frames by number, from the flange; number 0 is the flange and is not listed.
@@ -377,6 +379,8 @@ pub struct Axes {
     pub speed_deg_s: Sourced<Vec<f64>>,
     /// Rated accelerations in degrees (mm) per second².
     pub acceleration_deg_s2: Sourced<Vec<f64>>,
+    /// Rated jerks in degrees (mm) per second³.
+    pub jerk_deg_s3: Sourced<Vec<f64>>,
     /// Where the arm stands at power-on, in degrees (mm).
     pub home_deg: Sourced<Vec<f64>>,
 }

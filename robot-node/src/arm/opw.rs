@@ -134,7 +134,7 @@ impl Opw {
     /// Axes 4 to 6 of the model for a rotation of the flange against the forearm, in degrees.
     fn wrist(rotation: Rotation, positive: bool, near: &Joints) -> [f64; 3] {
         let [w, x, y, z] = rotation.quaternion();
-        let (sine, cosine) = (x.hypot(y), w.hypot(z));
+        let (sine, cosine) = ((x * x + y * y).sqrt(), (w * w + z * z).sqrt());
         let half_sum = z.atan2(w).to_degrees();
         if sine < WRIST_STRETCHED {
             return [near[3], 0.0, 2.0 * half_sum - near[3]];

@@ -2,11 +2,11 @@
 
 use protocol::image::{ErrorNumber, Finding};
 
-/// A joint that would turn by more than this, in degrees, from one checked point to the next does not follow the line:
-/// the arm turns over into another configuration there. A line in one configuration turns no joint by half a turn.
-pub(crate) const TURNED_OVER_DEG: f64 = 30.0;
+/// A joint that would turn by more than this, in degrees, from one sample of a curve's finest piece to the next does not
+/// follow the curve: the arm turns over into another configuration there.
+pub(crate) const TURNED_OVER_DEG: f64 = 60.0;
 
-/// A line on which a joint leaves less than this of the programmed velocity counts as singular.
+/// A curve on which a joint leaves less than this of the programmed velocity counts as singular.
 pub(crate) const SINGULAR_SHARE: f64 = 0.01;
 
 /// Shorter than this, in mm, is no way: single precision on the wire leaves some micrometres.

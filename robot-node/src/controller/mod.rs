@@ -100,8 +100,7 @@ impl Controller {
     #[must_use]
     pub fn new(config: RobotConfig, programs: Vec<(u16, Program)>, seed: u64) -> Self {
         let cycle_s = config.cycle.as_secs_f64();
-        let interpolator =
-            Interpolator::at_rest(config.arm.clone(), config.home, cycle_s, config.path_acceleration_mm_s2);
+        let interpolator = Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
         let observer = Observer::at_rest(&config.arm, &config.home, cycle_s);
         let mut controller = Self {
             config,
