@@ -229,9 +229,8 @@ impl Controller {
     fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
         let waited_for_motions = self.interpolator.path().is_finished();
-        if !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none() {
-            self.take_motions(&mut execution, command);
-        }
+        let takes = !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none();
+        let took_one = takes && self.take_motion(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
             let checked = execution.bad.is_some() || execution.check_program(&self.config, &self.programs);
             if let Some((motion, violation)) = execution.bad {
@@ -240,7 +239,9 @@ impl Controller {
                 return self.finish(at, &execution, Ending::Fault { error, motion });
             }
             let there = !self.interpolator.path().is_finished();
-            if checked && there && at >= until && !self.hold {
+            // All that is written is checked before anything moves.
+            let may_be_more = took_one && !execution.is_complete();
+            if checked && there && !may_be_more && at >= until && !self.hold {
                 execution.phase = Phase::Driving;
             }
             // The motion starts at this tick: the next one finds the arm a cycle further.
@@ -267,32 +268,33 @@ impl Controller {
         }
     }
 
-    /// Takes what the PLC has written, or what comes next in the program, as far as the queue has room.
-    fn take_motions(&mut self, execution: &mut Execution, command: Option<&Command>) {
-        loop {
-            let executed = self.interpolator.path().executed();
-            let next = execution.next_motion(command, executed, &self.programs);
-            let prepared = next.and_then(|motion| {
-                motion
-                    .map(|motion| Segment::prepare(&motion, self.interpolator.path().end(), &self.config))
-                    .transpose()
-            });
-            match prepared {
-                Ok(None) => return,
-                Ok(Some(segment)) => {
-                    execution.accepted += 1;
-                    let appended = self.interpolator.append(segment, execution.is_complete());
-                    if appended == Appended::Late {
-                        self.suppressed(execution.accepted.saturating_sub(2));
-                    }
+    /// Takes one motion that the PLC has written, or that comes next in the program, if the queue has room. One a cycle:
+    /// checking it is what takes longest in a cycle, and motions last longer. Returns whether there was one.
+    fn take_motion(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
+        let executed = self.interpolator.path().executed();
+        let next = execution.next_motion(command, executed, &self.programs);
+        let prepared = next.and_then(|motion| {
+            motion
+                .map(|motion| Segment::prepare(&motion, self.interpolator.path().end(), &self.config))
+                .transpose()
+        });
+        match prepared {
+            Ok(None) => false,
+            Ok(Some(segment)) => {
+                execution.accepted += 1;
+                let appended = self.interpolator.append(segment, execution.is_complete());
+                if appended == Appended::Late {
+                    self.suppressed(execution.accepted.saturating_sub(2));
                 }
-                Err(violation) => {
-                    execution.bad = Some((execution.accepted, violation));
-                    if execution.phase == Phase::Driving {
-                        self.refuse_motion(execution.number, execution.accepted, violation);
-                    }
-                    return self.interpolator.close();
+                true
+            }
+            Err(violation) => {
+                execution.bad = Some((execution.accepted, violation));
+                if execution.phase == Phase::Driving {
+                    self.refuse_motion(execution.number, execution.accepted, violation);
                 }
+                self.interpolator.close();
+                true
             }
         }
     }
