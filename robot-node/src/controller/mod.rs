@@ -270,9 +270,7 @@ impl Controller {
         let Some(mut execution) = self.execution else { return };
         let waited_for_motions = self.interpolator.path().is_finished();
         let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
-        if takes && execution.bad.is_none() {
-            self.take_motions(&mut execution, command);
-        }
+        let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
             let checked =
                 execution.bad.is_some() || execution.check_ahead(command, &self.config, &self.programs);
@@ -281,7 +279,9 @@ impl Controller {
                 return self.finish(at, &execution, Ending::of(violation, motion));
             }
             let there = !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
-            if checked && there && at >= until && !self.hold {
+            // All that is written is checked before anything moves.
+            let may_be_more = took_one && !execution.is_complete();
+            if checked && there && !may_be_more && at >= until && !self.hold {
                 execution.phase = Phase::Driving;
             }
             // The motion starts at this tick: the next one finds the arm a cycle further.
@@ -290,7 +290,7 @@ impl Controller {
             self.rest();
             if at >= until && !self.hold {
                 self.go_on(until, &mut execution);
-                self.take_motions(&mut execution, command);
+                self.take_motion(&mut execution, command);
             }
         } else if self.is_pressing(press::Phase::Pressing)
             && !matches!(execution.phase, Phase::Settling { .. })
@@ -320,43 +320,48 @@ impl Controller {
         }
     }
 
-    /// Takes what the PLC has written, or what comes next in the program, as far as the queue has room.
-    fn take_motions(&mut self, execution: &mut Execution, command: Option<&Command>) {
+    /// Takes one motion that the PLC has written, or that comes next in the program, if the queue has room. One a cycle:
+    /// checking it is what takes longest in a cycle, and motions last longer. Returns whether there was one.
+    fn take_motion(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
         // Where a LIN force ends is known when it has ended.
-        while !self.is_pressing(press::Phase::Waiting) && !self.is_pressing(press::Phase::Pressing) {
-            let executed = self.executed(execution);
-            let next = execution.next_motion(command, executed, &self.programs);
-            let prepared = next.and_then(|motion| {
-                let end = self.interpolator.path().end();
-                let prepare = |motion: Motion| Ok((motion, press::prepare(&motion, end, &self.config)?));
-                motion.map(prepare).transpose()
-            });
-            match prepared {
-                Ok(None) => return,
-                Ok(Some((motion, (segment, Some(press))))) => {
-                    execution.accepted += 1;
-                    self.accepted.add(&motion);
-                    execution.check_from(segment.end);
-                    self.press = Some(press);
-                    return self.interpolator.close();
+        if self.is_pressing(press::Phase::Waiting) || self.is_pressing(press::Phase::Pressing) {
+            return false;
+        }
+        let executed = self.executed(execution);
+        let next = execution.next_motion(command, executed, &self.programs);
+        let prepared = next.and_then(|motion| {
+            let end = self.interpolator.path().end();
+            let prepare = |motion: Motion| Ok((motion, press::prepare(&motion, end, &self.config)?));
+            motion.map(prepare).transpose()
+        });
+        match prepared {
+            Ok(None) => false,
+            Ok(Some((motion, (segment, Some(press))))) => {
+                execution.accepted += 1;
+                self.accepted.add(&motion);
+                execution.check_from(segment.end);
+                self.press = Some(press);
+                self.interpolator.close();
+                true
+            }
+            Ok(Some((motion, (segment, None)))) => {
+                execution.accepted += 1;
+                self.accepted.add(&motion);
+                self.press = None;
+                let last = execution.accepted == execution.section_end(&self.programs);
+                let appended = self.interpolator.append(segment, last);
+                if appended == Appended::Late {
+                    self.suppressed(execution.accepted.saturating_sub(2));
                 }
-                Ok(Some((motion, (segment, None)))) => {
-                    execution.accepted += 1;
-                    self.accepted.add(&motion);
-                    self.press = None;
-                    let last = execution.accepted == execution.section_end(&self.programs);
-                    let appended = self.interpolator.append(segment, last);
-                    if appended == Appended::Late {
-                        self.suppressed(execution.accepted.saturating_sub(2));
-                    }
+                true
+            }
+            Err(violation) => {
+                execution.bad = Some((execution.accepted, violation));
+                if execution.phase == Phase::Driving {
+                    self.refuse_motion(execution.number, execution.accepted, violation);
                 }
-                Err(violation) => {
-                    execution.bad = Some((execution.accepted, violation));
-                    if execution.phase == Phase::Driving {
-                        self.refuse_motion(execution.number, execution.accepted, violation);
-                    }
-                    return self.interpolator.close();
-                }
+                self.interpolator.close();
+                true
             }
         }
     }

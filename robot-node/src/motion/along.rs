@@ -11,11 +11,11 @@
 //! slower.
 
 use super::curve::Curve;
-use super::derivatives::{Derivatives, NODES, POINTS, SHARES, Sample};
+use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
 use super::profile::Limits;
 use super::segment::Segment;
 use super::spline::Spline;
-use crate::arm::{AXES, Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
+use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve for what the samples do not show. Where they leave out more, the curve is cut.
 const RESERVE: f64 = 0.97;
@@ -53,11 +53,11 @@ pub(super) fn along(
         let unit = curve.length() / f64::from(PIECES);
         let (start, width) = (unit * f64::from(done), unit * f64::from(size));
         let (samples, end, turn) = sampled(curve, &joints, start, width, arm)?;
-        let (axis, turn_deg) = turn;
+        let (way, (axis, turn_deg)) = turn;
         if size == 1 && turn_deg > TURNED_OVER_DEG {
-            return Err(Violation::Configuration { axis, turn_deg, way: start, length: curve.length() });
+            return Err(Violation::Configuration { axis, turn_deg, way, length: curve.length() });
         }
-        let derivatives = Derivatives::of(&samples, width);
+        let derivatives = Derivatives::of(&samples, width, arm.axes(), !matches!(curve, Curve::Line(_)));
         let mut next = found;
         next.keep(curve, &derivatives, programmed, size == 1, arm);
         let is_resolved = turn_deg < RESOLVED_DEG
@@ -76,8 +76,9 @@ pub(super) fn along(
     Ok((joints, limits))
 }
 
-/// The largest turn of a joint from one sample to the next: which, from 1, and by how many degrees.
-type Turn = (u8, f64);
+/// The largest turn of a joint from one sample to the next: after which way, which joint, from 1, and by how many
+/// degrees.
+type Turn = (f64, (u8, f64));
 
 fn sampled(
     curve: &Curve,
@@ -87,15 +88,16 @@ fn sampled(
     arm: &Arm,
 ) -> Result<([Sample; NODES], Joints, Turn), Violation> {
     let mut samples = [Sample::default(); NODES];
-    let (mut joints, mut turn) = (*from, (1, 0.0));
+    let (mut joints, mut turn, mut before) = (*from, (start, (1, 0.0)), start);
     for (node, (sample, share)) in samples.iter_mut().zip(*SHARES).enumerate() {
         let way = start + share * width;
         let (next, tool) =
             if node == 0 { (joints, curve.tool(way)) } else { curve.joints_and_tool(way, arm, &joints)? };
         let next_turn = arm.largest_turn(&joints, &next);
-        if next_turn.1 > turn.1 {
-            turn = next_turn;
+        if next_turn.1 > turn.1.1 {
+            turn = (before, next_turn);
         }
+        before = way;
         joints = next;
         let [x, y, z] = tool.map_or([0.0; 3], |tool| tool.position);
         let [q1, q2, q3, q4, q5, q6] = joints;
@@ -114,34 +116,36 @@ struct Found {
 impl Found {
     /// Reduces the limits to what a piece allows; `with_off` counts what the samples leave out as there.
     fn keep(&mut self, curve: &Curve, piece: &Derivatives, programmed: Limits, with_off: bool, arm: &Arm) {
-        let off = |order: usize, channel: usize| if with_off { piece.off[order][channel] } else { 0.0 };
+        let scale = if with_off { 1.0 } else { 0.0 };
         if !matches!(curve, Curve::Line(_)) {
-            let off = |order: usize| length([0, 1, 2].map(|i| off(order, AXES + i)));
             let (mut curvature, mut change) = (0.0_f64, 0.0_f64);
-            for (second, third) in piece.at[1].iter().zip(&piece.at[2]) {
-                let (bend, third) = (length(tool(second)), length(tool(third)));
+            for point in 0..POINTS {
+                let (bend, third) = (length(piece.tool(1, point)), length(piece.tool(2, point)));
                 // By the way, the third derivative is -curvature² along the path. The rest of it is across.
                 curvature = curvature.max(bend);
                 change = change.max((third * third - bend.powi(4)).max(0.0).sqrt());
             }
-            self.keep_tool(curvature + off(1), change + off(2), programmed);
+            curvature += scale * length(piece.tool_off(1));
+            change += scale * length(piece.tool_off(2));
+            self.keep_tool(curvature, change, programmed);
         }
         let rated = arm.limits();
         let limits = &mut self.limits;
-        let size =
-            |order: usize, point: usize, axis: usize| piece.at[order][point][axis].abs() + off(order, axis);
-        for axis in 0..arm.axes() {
-            let steepest = (0..POINTS).fold(0.0, |most: f64, point| most.max(size(0, point, axis)));
+        let joints = || piece.joints().iter().enumerate().take(arm.axes());
+        for (axis, Channel { at: [slopes, ..], off: [off, ..] }) in joints() {
+            let steepest = slopes.iter().fold(0.0, |most: f64, slope| most.max(slope.abs())) + scale * off;
             limits.acceleration =
                 limits.acceleration.min(RESERVE * rated.acceleration[axis] / (2.0 * steepest));
             limits.jerk = limits.jerk.min(RESERVE * rated.jerk[axis] / (2.0 * steepest));
         }
-        for axis in 0..arm.axes() {
+        for (axis, Channel { at: [slopes, bends, twists], off }) in joints() {
             let mut slowest = limits.speed;
-            let [speed, acceleration, jerk] =
-                [rated.speed[axis], rated.acceleration[axis], rated.jerk[axis]].map(|rated| RESERVE * rated);
-            for point in 0..POINTS {
-                let [slope, bend, twist] = [0, 1, 2].map(|order| size(order, point, axis));
+            let (speed, acceleration, jerk) =
+                (RESERVE * rated.speed[axis], RESERVE * rated.acceleration[axis], RESERVE * rated.jerk[axis]);
+            for ((slope, bend), twist) in slopes.iter().zip(bends).zip(twists) {
+                let slope = slope.abs() + scale * off[0];
+                let bend = bend.abs() + scale * off[1];
+                let twist = twist.abs() + scale * off[2];
                 let acceleration = acceleration - slope * limits.acceleration;
                 let jerk = jerk - slope * limits.jerk;
                 let (turning, square) = (3.0 * bend * limits.acceleration, slowest * slowest);
@@ -183,14 +187,14 @@ impl Found {
         let Limits { speed, acceleration, jerk } = self.limits;
         let reserve = 1.0 - RESERVE;
         let rated = arm.limits();
-        let of_joints = (0..arm.axes()).all(|axis| {
-            let [slope, bend, twist] = [0, 1, 2].map(|order| piece.off[order][axis]);
+        let of_joints = piece.joints().iter().enumerate().take(arm.axes()).all(|(axis, joint)| {
+            let [slope, bend, twist] = joint.off;
             slope * speed <= reserve * rated.speed[axis]
                 && slope * acceleration + bend * speed * speed <= reserve * rated.acceleration[axis]
                 && slope * jerk + 3.0 * bend * speed * acceleration + twist * speed.powi(3)
                     <= reserve * rated.jerk[axis]
         });
-        let [_, bend, twist] = [0, 1, 2].map(|order| length(tool(&piece.off[order])));
+        let (bend, twist) = (length(piece.tool_off(1)), length(piece.tool_off(2)));
         let of_tool = bend * speed * speed <= 1e-3 * acceleration
             && 3.0 * bend * speed * acceleration + twist * speed.powi(3) <= 1e-3 * jerk;
         of_joints && (of_tool || matches!(curve, Curve::Line(_)))
@@ -209,12 +213,6 @@ fn speed_within_jerk(mut speed: f64, linear: f64, cubic: f64, jerk: f64) -> f64 
         speed -= over / (linear + 3.0 * square);
     }
     speed
-}
-
-/// The tool's coordinates of a sample.
-pub(super) fn tool(sample: &Sample) -> [f64; 3] {
-    let [.., x, y, z] = *sample;
-    [x, y, z]
 }
 
 /// A motion of a spline in the shape that its neighbours give it, from the joints `from`; none where the arm cannot

@@ -16,9 +16,8 @@
 //! A corner is passed at one rate as a rule. Its limits leave room to brake in it and to start again, for a stop on
 //! the path may come at any moment.
 
-use super::along::tool;
 use super::curve::{Curve, Line};
-use super::derivatives::{Derivatives, NODES, POINTS, SHARES, Sample};
+use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
 use super::profile::Limits;
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, Violation, distance, length};
@@ -135,7 +134,8 @@ impl Blend {
             let ([q1, q2, q3, q4, q5, q6], [x, y, z]) = (joints, tool);
             (*sample, near) = ([q1, q2, q3, q4, q5, q6, x, y, z], joints);
         }
-        let corner = Derivatives::of(&samples, 1.0);
+        let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
+        let corner = Derivatives::of(&samples, 1.0, arm.axes(), has_tool);
         let load = Load::of(first, second, &corner, arm);
         self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
@@ -173,21 +173,27 @@ impl Load {
         let mut load = Self { speed: 0.0, points: [PointLoad::default(); POINTS] };
         let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
         let tool_jerk = first.tool_jerk.min(second.tool_jerk);
-        for axis in 0..arm.axes() {
+        for (axis, Channel { at: [slopes, bends, twists], off }) in
+            corner.joints().iter().enumerate().take(arm.axes())
+        {
             let of_speed = 1.0 / (RESERVE * rated.speed[axis]);
             let of_acceleration = 1.0 / (RESERVE * share * rated.acceleration[axis]);
             let of_jerk = 1.0 / (RESERVE * share * rated.jerk[axis]);
-            for (point, found) in load.points.iter_mut().enumerate() {
-                let [slope, bend, twist] =
-                    [0, 1, 2].map(|order| corner.at[order][point][axis].abs() + corner.off[order][axis]);
+            let derivatives = slopes.iter().zip(bends).zip(twists);
+            for (found, ((slope, bend), twist)) in load.points.iter_mut().zip(derivatives) {
+                let (slope, bend, twist) = (slope.abs() + off[0], bend.abs() + off[1], twist.abs() + off[2]);
                 load.speed = load.speed.max(slope * of_speed);
                 found.acceleration[axis] = [slope * of_acceleration, bend * of_acceleration];
                 found.jerk[axis] = [slope * of_jerk, bend * of_jerk, twist * of_jerk];
             }
         }
-        for (point, found) in load.points.iter_mut().enumerate() {
-            if tool_acceleration.is_finite() {
-                let [slope, bend, twist] = [0, 1, 2].map(|order| length(tool(&corner.at[order][point])));
+        if tool_acceleration.is_finite() {
+            for (point, found) in load.points.iter_mut().enumerate() {
+                let (slope, bend, twist) = (
+                    length(corner.tool(0, point)),
+                    length(corner.tool(1, point)),
+                    length(corner.tool(2, point)),
+                );
                 found.acceleration[6] = [slope / tool_acceleration, bend / tool_acceleration];
                 found.jerk[6] = [slope / tool_jerk, bend / tool_jerk, twist / tool_jerk];
             }
@@ -205,20 +211,24 @@ impl Load {
         }
         let rate = speed.min(1.0 / self.speed).min((BENDING / bend).sqrt()).min((TWISTING / twist).cbrt());
         let cube = rate * rate * rate;
-        let mut limits = Limits { speed: rate, acceleration: f64::INFINITY, jerk: f64::INFINITY };
+        let mut limits = Limits { speed: rate, acceleration: f64::MAX, jerk: f64::MAX };
+        // Divided only where it would be less.
+        let least = |least: &mut f64, part: f64, by: f64| {
+            if part < *least * by {
+                *least = part / by;
+            }
+        };
         for point in &self.points {
             for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
                 let left = 1.0 - jerk[2] * cube;
-                limits.acceleration = limits
-                    .acceleration
-                    .min((1.0 - acceleration[1] * rate * rate) / acceleration[0])
-                    .min(left / 2.0 / (3.0 * jerk[1] * rate));
+                least(&mut limits.acceleration, 1.0 - acceleration[1] * rate * rate, acceleration[0]);
+                least(&mut limits.acceleration, left, 6.0 * jerk[1] * rate);
             }
         }
         for point in &self.points {
             for [slope, bend, twist] in point.jerk {
                 let taken = twist * cube + 3.0 * bend * rate * limits.acceleration;
-                limits.jerk = limits.jerk.min((1.0 - taken) / slope);
+                least(&mut limits.jerk, 1.0 - taken, slope);
             }
         }
         limits

@@ -25,58 +25,96 @@ pub(super) type Sample = [f64; CHANNELS];
 pub(super) static SHARES: LazyLock<[f64; NODES]> =
     LazyLock::new(|| core::array::from_fn(|node| (1.0 - chebyshev_point(node, NODES)) / 2.0));
 
-/// The derivatives of one order at all points.
-type OfOrder<T> = [T; 3];
+/// By order: the first, second and third derivative.
+type ByOrder<T> = [T; 3];
 
-/// The first, second and third derivatives along a part.
+/// The derivatives of one joint, or of one coordinate of the tool, along a part.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Derivatives {
-    /// By order, then by point.
-    pub(super) at: OfOrder<[Sample; POINTS]>,
-    /// What they may be off, by order.
-    pub(super) off: OfOrder<Sample>,
+pub(super) struct Channel {
+    /// At each point.
+    pub(super) at: ByOrder<[f64; POINTS]>,
+    /// What they may be off.
+    pub(super) off: ByOrder<f64>,
 }
+
+impl Channel {
+    const NONE: Self = Self { at: [[0.0; POINTS]; 3], off: [0.0; 3] };
+
+    fn of(samples: &[Sample; NODES], channel: usize, width: f64) -> Self {
+        let operators = &*OPERATORS;
+        let (mut rows, mut last) = ([[0.0; POINTS]; 3], [0.0_f64; 4]);
+        for (sample, node) in samples.iter().zip(&operators.nodes) {
+            let value = sample[channel];
+            for (row, weights) in rows.iter_mut().zip(&node.derivatives) {
+                for (sum, weight) in row.iter_mut().zip(weights) {
+                    *sum += weight * value;
+                }
+            }
+            for (sum, weight) in last.iter_mut().zip(&node.factors) {
+                *sum += weight * value;
+            }
+        }
+        let (before, end) = (last[0].abs() + last[1].abs(), last[2].abs() + last[3].abs());
+        // The factors fall off evenly. Those left out have the slope of their polynomial's end at most.
+        let left_out = if end < before { end * end / before } else { end };
+        let (mut scale, mut off) = (1.0, [0.0; 3]);
+        for order in 0..3 {
+            scale /= width;
+            off[order] = left_out * operators.ends[order] * scale;
+            for value in &mut rows[order] {
+                *value *= scale;
+            }
+        }
+        Self { at: rows, off }
+    }
+}
+
+/// The derivatives along a part: of six joints, and of the tool's three coordinates if asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Derivatives([Channel; CHANNELS]);
 
 impl Derivatives {
     /// From samples at [`SHARES`] of a part that is `width` long.
-    pub(super) fn of(samples: &[Sample; NODES], width: f64) -> Self {
-        let operators = &*OPERATORS;
-        let mut scale = 1.0;
-        let mut found = Self { at: [[[0.0; CHANNELS]; POINTS]; 3], off: [[0.0; CHANNELS]; 3] };
-        let last = operators.factors.map(|weights| weighted(&weights, samples));
-        for order in 0..3 {
-            scale /= width;
-            for (point, weights) in found.at[order].iter_mut().zip(&operators.derivatives[order]) {
-                *point = weighted(weights, samples).map(|value| value * scale);
-            }
-            for (channel, off) in found.off[order].iter_mut().enumerate() {
-                let before = last[0][channel].abs() + last[1][channel].abs();
-                let end = last[2][channel].abs() + last[3][channel].abs();
-                // The factors fall off evenly. Those left out have the slope of their polynomial's end at most.
-                let fall = if end < before { end / before } else { 1.0 };
-                *off = end * fall * operators.ends[order] * scale;
+    pub(super) fn of(samples: &[Sample; NODES], width: f64, axes: usize, with_tool: bool) -> Self {
+        let mut found = Self([Channel::NONE; CHANNELS]);
+        for (channel, slot) in found.0.iter_mut().enumerate() {
+            if channel < axes || (with_tool && channel >= AXES) {
+                *slot = Channel::of(samples, channel, width);
             }
         }
         found
     }
+
+    /// Those of each joint.
+    pub(super) fn joints(&self) -> &[Channel] {
+        &self.0[..AXES]
+    }
+
+    /// The tool's derivative of an order (0: the first) at a point.
+    pub(super) fn tool(&self, order: usize, point: usize) -> [f64; 3] {
+        let [.., x, y, z] = &self.0;
+        [x.at[order][point], y.at[order][point], z.at[order][point]]
+    }
+
+    /// What the tool's derivative of an order may be off.
+    pub(super) fn tool_off(&self, order: usize) -> [f64; 3] {
+        let [.., x, y, z] = &self.0;
+        [x.off[order], y.off[order], z.off[order]]
+    }
 }
 
-fn weighted(weights: &[f64; NODES], samples: &[Sample; NODES]) -> Sample {
-    let mut sum = [0.0; CHANNELS];
-    for (weight, sample) in weights.iter().zip(samples) {
-        for (sum, value) in sum.iter_mut().zip(sample) {
-            *sum += weight * value;
-        }
-    }
-    sum
+/// What one sample adds.
+#[derive(Clone, Copy)]
+struct Node {
+    derivatives: ByOrder<[f64; POINTS]>,
+    /// To the polynomial's last four factors, in the order of their degrees.
+    factors: [f64; 4],
 }
 
 struct Operators {
-    derivatives: OfOrder<[[f64; NODES]; POINTS]>,
-    /// The polynomial's last four factors, in the order of their degrees.
-    factors: [[f64; NODES]; 4],
+    nodes: [Node; NODES],
     /// The derivatives at the end of the next but one Chebyshev polynomial.
-    ends: OfOrder<f64>,
+    ends: ByOrder<f64>,
 }
 
 static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
@@ -87,22 +125,18 @@ static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
         let angle = PI * (order * (degree - node)) as f64 / degree as f64;
         2.0 / degree as f64 * half(order) * half(node) * angle.cos()
     };
-    let mut derivatives = [[[0.0; NODES]; POINTS]; 3];
-    for (point, x) in (0..POINTS).map(|point| (point, -chebyshev_point(point, POINTS))) {
-        for polynomial in 0..NODES {
-            let values = slopes(polynomial, x);
-            for node in 0..NODES {
-                for order in 0..3 {
-                    derivatives[order][point][node] += values[order] * factor(polynomial, node);
+    let node = |node: usize| {
+        let mut derivatives = [[0.0; POINTS]; 3];
+        for (point, x) in (0..POINTS).map(|point| (point, -chebyshev_point(point, POINTS))) {
+            for polynomial in 0..NODES {
+                for (order, value) in slopes(polynomial, x).into_iter().enumerate() {
+                    derivatives[order][point] += value * factor(polynomial, node);
                 }
             }
         }
-    }
-    Operators {
-        derivatives,
-        factors: core::array::from_fn(|last| core::array::from_fn(|node| factor(NODES - 4 + last, node))),
-        ends: slopes(NODES + 1, 1.0),
-    }
+        Node { derivatives, factors: core::array::from_fn(|last| factor(NODES - 4 + last, node)) }
+    };
+    Operators { nodes: core::array::from_fn(node), ends: slopes(NODES + 1, 1.0) }
 });
 
 fn chebyshev_point(index: usize, points: usize) -> f64 {
@@ -110,7 +144,7 @@ fn chebyshev_point(index: usize, points: usize) -> f64 {
 }
 
 /// The derivatives of a Chebyshev polynomial by the share, at `x` within −1…1, by its recurrence.
-fn slopes(degree: usize, x: f64) -> OfOrder<f64> {
+fn slopes(degree: usize, x: f64) -> ByOrder<f64> {
     // Value and derivatives of the polynomials of degree 0 and 1.
     let (mut before, mut now) = ([1.0, 0.0, 0.0, 0.0], [x, 1.0, 0.0, 0.0]);
     if degree == 0 {
@@ -136,15 +170,15 @@ mod tests {
         let width = 3.0;
         let function = |s: f64| (0.4 * s).sin();
         let samples = SHARES.map(|share| [function(share * width); CHANNELS]);
-        let found = Derivatives::of(&samples, width);
+        let found = Derivatives::of(&samples, width, AXES, true);
         for point in 0..POINTS {
             let s = width * (1.0 - chebyshev_point(point, POINTS)) / 2.0;
             let (sin, cos) = (0.4 * s).sin_cos();
             let expected = [0.4 * cos, -0.16 * sin, -0.064 * cos];
-            for order in 0..3 {
-                let off = (found.at[order][point][0] - expected[order]).abs();
+            for (order, expected) in expected.into_iter().enumerate() {
+                let off = (found.joints()[0].at[order][point] - expected).abs();
                 assert!(off < 1e-5, "order {order} at {s}: off by {off}");
-                assert!(found.off[order][0] < 1e-4, "{:?}", found.off);
+                assert!(found.joints()[0].off[order] < 1e-4, "{:?}", found.joints()[0].off);
             }
         }
     }
@@ -152,7 +186,7 @@ mod tests {
     #[test]
     fn a_kink_is_seen_in_what_is_left_out() {
         let samples = SHARES.map(|share| [(share - 0.4).abs(); CHANNELS]);
-        let found = Derivatives::of(&samples, 1.0);
-        assert!(found.off[0][0] > 0.1, "{:?}", found.off);
+        let found = Derivatives::of(&samples, 1.0, AXES, true);
+        assert!(found.joints()[0].off[0] > 0.1, "{:?}", found.joints()[0].off);
     }
 }
