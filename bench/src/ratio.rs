@@ -14,7 +14,7 @@ const RESAMPLES: usize = 10_000;
 const TAIL: f64 = 0.025;
 
 /// Fewer samples of a type say nothing about how much they spread.
-const FEWEST: usize = 5;
+pub const FEWEST: usize = 5;
 
 /// The ratio of two means, with its 95 % interval (percentile bootstrap).
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -47,13 +47,36 @@ impl Ratio {
         if !usable(numerator_ms) || !usable(denominator_ms) {
             return None;
         }
+        Self::of_statistic(numerator_ms, denominator_ms, RESAMPLES, seed, |times: &[&f64]| {
+            times.iter().copied().sum::<f64>() / times.len() as f64
+        })
+    }
+
+    /// The ratio of a statistic of two lists of samples, which may be whole series; from so many resamples of each.
+    /// None with fewer than five samples of either.
+    #[must_use]
+    pub fn of_statistic<T>(
+        numerator: &[T],
+        denominator: &[T],
+        resamples: usize,
+        seed: u64,
+        statistic: impl Fn(&[&T]) -> f64,
+    ) -> Option<Self> {
+        if numerator.len().min(denominator.len()) < FEWEST {
+            return None;
+        }
         let mut random = Pcg64Mcg::seed_from_u64(seed);
-        let mut ratios: Vec<f64> = (0..RESAMPLES)
-            .map(|_| resampled_mean(numerator_ms, &mut random) / resampled_mean(denominator_ms, &mut random))
+        let mut ratios: Vec<f64> = (0..resamples)
+            .map(|_| {
+                statistic(&resampled(numerator, &mut random))
+                    / statistic(&resampled(denominator, &mut random))
+            })
             .collect();
         ratios.sort_by(f64::total_cmp);
-        let at = |share: f64| ratios.get((share * (RESAMPLES - 1) as f64).round() as usize).copied();
-        Some(Self { ratio: mean(numerator_ms) / mean(denominator_ms), low: at(TAIL)?, high: at(1.0 - TAIL)? })
+        let at =
+            |share: f64| ratios.get((share * resamples.saturating_sub(1) as f64).round() as usize).copied();
+        let all = |samples: &[T]| statistic(&samples.iter().collect::<Vec<_>>());
+        Some(Self { ratio: all(numerator) / all(denominator), low: at(TAIL)?, high: at(1.0 - TAIL)? })
     }
 
     /// Whether the ratio keeps a limit.
@@ -69,17 +92,13 @@ impl Ratio {
     }
 }
 
-fn mean(times: &[f64]) -> f64 {
-    times.iter().sum::<f64>() / times.len() as f64
-}
-
-/// The mean of as many samples as there are, each drawn from all of them.
-fn resampled_mean(times: &[f64], random: &mut Pcg64Mcg) -> f64 {
+/// As many samples as there are, each drawn from all of them.
+fn resampled<'a, T>(samples: &'a [T], random: &mut Pcg64Mcg) -> Vec<&'a T> {
     let draw = |_| {
-        let index = (u128::from(random.next_u64()) * times.len() as u128) >> 64;
-        times.get(index as usize).copied().unwrap_or_default()
+        let index = (u128::from(random.next_u64()) * samples.len() as u128) >> 64;
+        samples.get(index as usize)
     };
-    (0..times.len()).map(draw).sum::<f64>() / times.len() as f64
+    (0..samples.len()).filter_map(draw).collect()
 }
 
 #[cfg(test)]

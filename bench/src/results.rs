@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use setup::{Provenance, Setup, Sourced};
 
 use crate::cli::Mode;
+use crate::faults::FaultReport;
 use crate::plan::Plan;
+use crate::quality::MotionQuality;
 use crate::stand::{CycleHealth, Health, Measured};
 use crate::statistics::{Figure, aet_improvement};
 
@@ -48,12 +50,15 @@ pub struct Results {
     pub cycle: Cycles,
     /// Cyclic frames as the PLC counts them.
     pub bus: Frames,
-    /// From the start of the nodes until the robot was ready; null in virtual mode.
+    /// From the start of the nodes until the robot was ready; null in virtual mode and where the nodes ran already.
     #[serde(default)]
     pub connected_after_ms: Option<f64>,
     /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
     #[serde(default)]
     pub cyclic_allocations: Option<Allocations>,
+    /// Faults that were put into the cable, and what came of them; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultReport>,
 }
 
 /// How far a run is, or how it ended.
@@ -125,6 +130,9 @@ pub struct TypeResult {
     pub blends_suppressed: Vec<u32>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
+    /// How well the arm moved; null where no repetition says so.
+    #[serde(default)]
+    pub quality: Option<MotionQuality>,
 }
 
 /// A repetition that failed.
@@ -261,6 +269,7 @@ impl Results {
             bus: Frames::default(),
             connected_after_ms: None,
             cyclic_allocations: None,
+            faults: None,
         }
     }
 
@@ -271,6 +280,9 @@ impl Results {
         result.samples_ms.push(millis(measured.execution));
         result.robot_samples_ms.push(millis(measured.robot_execution));
         result.blends_suppressed.push(measured.blends_suppressed);
+        if let Some(quality) = &measured.quality {
+            result.quality.get_or_insert_default().record(quality);
+        }
         if let Some(figure) = figure(&result.samples_ms) {
             (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
         }
@@ -295,6 +307,7 @@ impl Results {
         };
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
+        self.faults.clone_from(&health.faults);
     }
 
     /// What stands beside this run as the one without the calibrated overhead.

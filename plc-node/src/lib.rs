@@ -15,6 +15,7 @@
 mod axes_group;
 pub mod bus;
 mod config;
+mod discover;
 mod event;
 pub mod function_blocks;
 mod motion_source;

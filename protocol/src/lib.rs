@@ -17,6 +17,7 @@ pub mod image;
 mod lateness;
 mod machine;
 pub mod profinet;
+pub mod search;
 mod time;
 pub mod virtual_time;
 pub mod wire;

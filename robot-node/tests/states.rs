@@ -263,7 +263,7 @@ fn a_start_time_is_waited_for() {
 /// When a program is done, in ms, on a host that does not run from `stall.start` to `stall.end`.
 fn program_ends_at(stall: std::ops::Range<u64>) -> Option<u64> {
     let bus = Direct::new(Instant::ZERO, Duration::from_millis(1), Duration::from_secs(9));
-    let mut robot = RobotNode::new(plc::config(), vec![(1, application())], bus, 1, Instant::ZERO);
+    let mut robot = RobotNode::new(plc::config(), vec![(1, application().into())], bus, 1, Instant::ZERO);
     let mut command = Command { control: Control::ENABLE | Control::RESET, ..Command::default() };
     for ms in (0..20_000).filter(|ms| !stall.contains(ms)) {
         if ms == 40 {

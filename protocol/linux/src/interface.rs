@@ -9,6 +9,9 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with
 
 use protocol::profinet::ethernet::Mac;
 
+/// The flag of an interface that is switched on.
+const UP: libc::c_short = libc::IFF_UP as libc::c_short;
+
 /// Why an interface cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum InterfaceError {
@@ -18,6 +21,20 @@ pub enum InterfaceError {
         /// The name that was asked for.
         name: String,
         /// The names that there are.
+        known: Vec<String>,
+    },
+    /// No interface has this address, or several have it.
+    #[error(
+        "{} has the address {address}; there are: {}",
+        if *several { "more than one network interface" } else { "no network interface" },
+        known.join(", ")
+    )]
+    NotByAddress {
+        /// The address that was asked for.
+        address: Ipv4Addr,
+        /// Whether several have it.
+        several: bool,
+        /// The interfaces that there are, with their addresses.
         known: Vec<String>,
     },
     /// It has an address already, which is not the one of the setup.
@@ -66,6 +83,29 @@ pub struct Interface {
 }
 
 impl Interface {
+    /// Finds an interface by its name or by the IPv4 address that it has.
+    ///
+    /// The address is what stays the same where the names are not one's own choice: in a container on two networks.
+    pub fn find(name_or_address: &str) -> Result<Self, InterfaceError> {
+        let Ok(address) = name_or_address.parse() else { return Self::open(name_or_address) };
+        // One that goes away meanwhile is none that has the address.
+        let all: Vec<_> = names().iter().filter_map(|name| Self::open(name).ok()).collect();
+        let mut found = all.iter().filter(|interface| interface.address() == Some(address));
+        match (found.next(), found.next()) {
+            (Some(interface), None) => Ok(interface.clone()),
+            (_, second) => Err(InterfaceError::NotByAddress {
+                address,
+                several: second.is_some(),
+                known: all.iter().map(Self::with_address).collect(),
+            }),
+        }
+    }
+
+    fn with_address(&self) -> String {
+        let address = self.address().map_or_else(|| "no address".to_owned(), |address| address.to_string());
+        format!("{} ({address})", self.name)
+    }
+
     /// Finds the interface `name`.
     pub fn open(name: &str) -> Result<Self, InterfaceError> {
         let refused = |action| {
@@ -158,18 +198,27 @@ impl Interface {
         }
     }
 
+    /// Whether it is switched on; a cable without a carrier does not matter.
+    pub fn is_up(&self) -> Result<bool, InterfaceError> {
+        Ok(self.flags()? & UP != 0)
+    }
+
     /// Switches it on, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is on already.
     pub fn set_up(&self) -> Result<(), InterfaceError> {
+        let flags = self.flags()?;
+        if flags & UP != 0 {
+            return Ok(());
+        }
+        let mut request = self.request();
+        request.ifr_ifru.ifru_flags = flags | UP;
+        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
+    }
+
+    fn flags(&self) -> Result<libc::c_short, InterfaceError> {
         let mut request = self.request();
         self.ioctl(libc::SIOCGIFFLAGS, &mut request).map_err(|e| self.refused("reading the state", e))?;
         // SAFETY: SIOCGIFFLAGS succeeded, so the kernel wrote `ifru_flags`.
-        let flags = unsafe { request.ifr_ifru.ifru_flags };
-        let up = flags | libc::IFF_UP as libc::c_short;
-        if up == flags {
-            return Ok(());
-        }
-        request.ifr_ifru.ifru_flags = up;
-        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
+        Ok(unsafe { request.ifr_ifru.ifru_flags })
     }
 
     fn refused(&self, action: &'static str, reason: std::io::Error) -> InterfaceError {
@@ -240,6 +289,18 @@ mod tests {
     fn an_unknown_interface_is_answered_with_those_there_are() {
         let error = Interface::open("nosuch0").unwrap_err().to_string();
         assert!(error.contains("`nosuch0`") && error.contains("lo"), "{error}");
+    }
+
+    #[test]
+    fn an_interface_is_found_by_its_address_too() {
+        assert_eq!(Interface::find("lo").unwrap().name(), "lo");
+        assert_eq!(Interface::find("127.0.0.1").unwrap().name(), "lo");
+        let error = Interface::find("203.0.113.9").unwrap_err().to_string();
+        assert!(
+            error.contains("no network interface has the address 203.0.113.9")
+                && error.contains("lo (127.0.0.1)"),
+            "{error}"
+        );
     }
 
     #[test]

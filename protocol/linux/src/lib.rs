@@ -14,7 +14,11 @@
 )]
 
 pub mod allocation;
+mod arrivals;
+pub mod capabilities;
+pub mod capture;
 pub mod clock;
+mod control;
 mod cyclic_thread;
 mod driver;
 mod dscp;
@@ -32,15 +36,20 @@ mod signals;
 mod stream;
 pub mod supervise;
 mod taken;
+mod trace_file;
 mod udp;
 pub mod veth;
 mod wait;
+pub mod wakeups;
 mod wire;
+mod words;
 
+pub use arrivals::{Arrival, ArrivalLog};
+pub use control::{ControlError, ControlPort};
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
 pub use ethernet::{Ethernet, PROFINET};
-pub use inbox::{Inbox, Input};
+pub use inbox::{Commands, Inbox, Input};
 pub use interface::{Interface, InterfaceError};
 pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, Snapshot};
 pub use notifier::Notifier;
@@ -48,5 +57,7 @@ pub use recorder::{Recorder, RecorderError};
 pub use signals::{StopSignal, StopSignals};
 pub use stream::StreamStatistics;
 pub use taken::Transport;
+pub use trace_file::TraceError;
 pub use udp::Udp;
 pub use wire::{PortError, Received, Wire};
+pub use words::Words;

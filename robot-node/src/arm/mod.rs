@@ -3,6 +3,7 @@
 mod frame;
 mod opw;
 mod scara;
+mod surface;
 mod violation;
 
 use core::fmt::Debug;
@@ -12,7 +13,9 @@ pub use frame::{Frame, Rotation, distance, length};
 pub(crate) use frame::{cross, dot};
 pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
+pub use surface::{Surface, contact_force};
 pub use violation::Violation;
+pub(crate) use violation::{LEAST_WAY_MM, SINGULAR_SHARE, TURNED_OVER_DEG};
 
 /// Joints that an arm has at most. Those that an arm lacks stay 0.
 pub const AXES: usize = 6;

@@ -15,17 +15,13 @@ use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
 use super::profile::Limits;
 use super::segment::Segment;
 use super::spline::Spline;
-use crate::arm::{Arm, Joints, Violation, length};
+use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve for what the samples do not show. Where they leave out more, the curve is cut.
 const RESERVE: f64 = 0.97;
 
 /// Into so many pieces a curve is cut at most.
 const PIECES: u32 = 2;
-
-/// A joint that would turn by more than this, in degrees, from one sample of the finest piece to the next does not
-/// follow the curve: the arm turns over into another configuration there.
-const TURNED_OVER_DEG: f64 = 60.0;
 
 /// The most that a joint turns, in degrees, from one sample to the next in a piece that need not be cut.
 const RESOLVED_DEG: f64 = 75.0;
@@ -38,9 +34,6 @@ const ACROSS: f64 = 0.8;
 /// against it, where the acceleration across turns with the path.
 const CHANGING: f64 = 0.6;
 const TURNING: f64 = 0.4;
-
-/// A curve on which a joint leaves less than this of the velocity counts as singular.
-const SINGULAR_SHARE: f64 = 0.01;
 
 /// The joints at the end of a curve that starts at `from`, and the programmed limits, reduced to what tool and joints
 /// can follow along all of it.

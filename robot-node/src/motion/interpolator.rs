@@ -117,6 +117,19 @@ impl Interpolator {
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
 
+    /// Goes to joints that something else than the path leads to, such as a force, with this tool. The path must be
+    /// empty; whoever leads keeps the limits.
+    pub fn lead(&mut self, joints: Joints, tool_frame: &Frame) {
+        if *tool_frame != self.tool_frame {
+            self.tool_frame = *tool_frame;
+            self.tool = self.tool_of(&self.joints);
+        }
+        let tool = self.tool_of(&joints);
+        self.joint_step = core::array::from_fn(|axis| joints[axis] - self.joints[axis]);
+        self.tool_step = core::array::from_fn(|i| tool[i] - self.tool[i]);
+        (self.joints, self.tool) = (joints, tool);
+    }
+
     /// Whether the arm stands still on its path, stopped by override 0.
     #[must_use]
     pub fn is_held(&self) -> bool {

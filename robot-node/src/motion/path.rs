@@ -140,6 +140,13 @@ impl Path {
         self.queue.front().map(|planned| &planned.segment)
     }
 
+    /// Both motions of the corner that the arm is in; none on a straight part.
+    #[must_use]
+    pub fn corner(&self) -> Option<[&Segment; 2]> {
+        let (first, second) = (self.queue.front()?, self.queue.get(1)?);
+        self.place.in_blend.then_some([&first.segment, &second.segment])
+    }
+
     /// Motions that are executed since the last [`clear`](Self::clear). With a blend the middle of the corner, the
     /// point nearest to the target, is where a motion ends.
     #[must_use]

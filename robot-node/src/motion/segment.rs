@@ -8,10 +8,7 @@ use super::curve::{AxisLine, Curve, Flange, Line};
 use super::profile::Limits;
 use super::spline::Spline;
 use crate::RobotConfig;
-use crate::arm::{Arm, Frame, Joints, Violation, distance};
-
-/// The shortest way of a spline's piece from target to target, in mm.
-const LEAST_WAY_MM: f64 = 1e-3;
+use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
 
 /// One motion, ready to run.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -46,10 +43,10 @@ impl Segment {
         match motion.kind {
             MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
             MotionKind::Circular | MotionKind::Spline => {}
-            MotionKind::LinForceCartesian => {
-                return Err(ErrorNumber::MotionKindNotSupported.into());
-            }
-            MotionKind::None | MotionKind::Unknown(_) => return Err(ErrorNumber::UnknownMotionKind.into()),
+            // Its line; what it presses with is the force controller's affair.
+            MotionKind::LinForceCartesian if config.force.is_some() => {}
+            MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
+            MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
         }
         let used =
             if matches!(motion.kind, MotionKind::Circular | MotionKind::LinForceCartesian) { 9 } else { 6 };
@@ -59,8 +56,8 @@ impl Segment {
         }
         let frame =
             |frames: &[Option<Frame>; 16], number: u8| frames.get(usize::from(number)).copied().flatten();
-        let tool = frame(&config.tools, motion.tool).ok_or(ErrorNumber::UnknownTool)?;
-        let base = frame(&config.bases, motion.base).ok_or(ErrorNumber::UnknownBase)?;
+        let tool = frame(&config.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
+        let base = frame(&config.bases, motion.base).ok_or(Violation::Base(motion.base))?;
         let target = motion.target.map(f64::from);
         let to = base * Frame::from_mm_deg(target);
         let (flange, base_inverse) = (Flange::of_tool(&tool), base.inverse());

@@ -29,6 +29,12 @@ pub const HELLO_MULTICAST: Mac = Mac([0x01, 0x0E, 0xCF, 0x00, 0x00, 0x01]);
 /// The FrameIDs of DCP, first and last.
 pub const FRAME_IDS: core::ops::RangeInclusive<u16> = 0xFEFC..=0xFEFF;
 
+/// First bytes of every answer to an Identify request: its FrameID.
+pub const IDENTIFY_RESPONSE_ID: [u8; 2] = 0xFEFF_u16.to_be_bytes();
+
+/// Most steps of 10 ms over which answers can be spread (IEC 61158-5-10, ResponseDelayFactor 1…0x1900).
+pub const MAX_DELAY_FACTOR: u16 = 0x1900;
+
 /// Longest station name in bytes.
 pub const MAX_NAME_LEN: usize = 240;
 
@@ -227,11 +233,11 @@ fn emit_pdu(
 }
 
 /// How long a station waits before it answers an Identify request, so that answers do not all come at once: its
-/// MAC address picks one of `factor` steps of 10 ms (IEC 61158-5-10, ResponseDelayFactor 1…0x1900).
+/// MAC address picks one of `factor` steps of 10 ms.
 #[must_use]
 pub fn response_delay(mac: Mac, factor: u16) -> Duration {
     let [.., high, low] = mac.0;
-    let step = u16::from_be_bytes([high, low]) % factor.clamp(1, 0x1900);
+    let step = u16::from_be_bytes([high, low]) % factor.clamp(1, MAX_DELAY_FACTOR);
     Duration::from_millis(10).saturating_mul(u32::from(step))
 }
 

@@ -1,0 +1,23 @@
+//! Whole virtual runs: every PLC scan, robot cycle and frame of both nodes.
+
+#![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
+
+use bench::plan::Plan;
+use bench::virtual_run::whole;
+use plc_node::ExecutionType;
+
+fn main() {
+    hot_path::main(|paths| {
+        for setup in ["A", "B"] {
+            let input = move || planning::setup_with_application(setup).unwrap();
+            for of in ExecutionType::ALL {
+                paths.add("virtual run", format!("one {of}, Setup {setup}"), input, move |(setup, found)| {
+                    whole(&setup, &found.application, &Plan::new(&[of], 1, 1)).unwrap()
+                });
+            }
+            paths.add_timed("virtual run", format!("all 75 runs, Setup {setup}"), input, |(setup, found)| {
+                whole(&setup, &found.application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap()
+            });
+        }
+    });
+}

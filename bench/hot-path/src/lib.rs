@@ -1,0 +1,115 @@
+//! Hot paths, each told once and measured two ways.
+//!
+//! `cargo bench` times them by criterion. `cargo run -p hot-path` counts their instructions by callgrind, which on a
+//! shared host says more: the same program takes the same number, where its time is ± 17 %. A bench program is
+//! [`main`] with its paths:
+//!
+//! ```no_run
+//! hot_path::main(|paths| {
+//!     paths.add("vectors", "sort 1000 numbers", || (0..1_000).rev().collect::<Vec<_>>(), |mut numbers: Vec<i32>| {
+//!         numbers.sort_unstable();
+//!         numbers
+//!     });
+//! });
+//! ```
+
+use std::hint::black_box;
+
+use criterion::{BatchSize, Criterion};
+
+/// Lists the paths whose instructions are counted, one a line.
+pub const LIST: &str = "--list-hot-paths";
+
+/// Runs the path that is named next, once cold and once in [`COUNTED`].
+pub const RUN: &str = "--run-hot-path";
+
+/// The function in which callgrind counts, as its symbol begins.
+pub const COUNTED: &str = "hot_path_counted";
+
+type Timed = Box<dyn FnOnce(&mut Criterion)>;
+type Once = Box<dyn FnOnce() + Send>;
+
+/// The hot paths of a bench program.
+#[derive(Default)]
+pub struct HotPaths {
+    timed: Vec<Timed>,
+    counted: Vec<(String, Once)>,
+}
+
+impl HotPaths {
+    /// A path: `input` makes what it starts from, outside of the measure, and `run` is measured. What `run` returns is
+    /// dropped outside of the measure too.
+    pub fn add<I: 'static, O: 'static>(
+        &mut self,
+        group: &'static str,
+        name: impl Into<String>,
+        input: impl Fn() -> I + Clone + Send + 'static,
+        run: impl Fn(I) -> O + Clone + Send + 'static,
+    ) {
+        let name = name.into();
+        let (make, measured) = (input.clone(), run.clone());
+        self.counted.push((
+            format!("{group}/{name}"),
+            Box::new(move || {
+                // What is done once at first, such as resolving a symbol, is no part of the path.
+                drop(black_box(measured(black_box(make()))));
+                let input = black_box(make());
+                drop(black_box(hot_path_counted(&measured, input)));
+            }),
+        ));
+        self.add_timed(group, name, input, run);
+    }
+
+    /// A path that is only timed: too long to be run under valgrind.
+    pub fn add_timed<I: 'static, O: 'static>(
+        &mut self,
+        group: &'static str,
+        name: impl Into<String>,
+        input: impl Fn() -> I + 'static,
+        run: impl Fn(I) -> O + 'static,
+    ) {
+        let name = name.into();
+        self.timed.push(Box::new(move |criterion| {
+            let mut group = criterion.benchmark_group(group);
+            group.bench_function(name, |bencher| bencher.iter_batched(&input, &run, BatchSize::SmallInput));
+            group.finish();
+        }));
+    }
+}
+
+/// One run, in a function of its own that callgrind can tell from all else.
+#[inline(never)]
+fn hot_path_counted<I, O>(run: &dyn Fn(I) -> O, input: I) -> O {
+    run(input)
+}
+
+/// The bench program: times all paths, or does what [`LIST`] or [`RUN`] says.
+pub fn main(register: impl FnOnce(&mut HotPaths)) {
+    let mut paths = HotPaths::default();
+    register(&mut paths);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.first().map(String::as_str) {
+        Some(LIST) => paths.counted.iter().for_each(|(name, _)| println!("{name}")),
+        Some(RUN) => {
+            let named = |(name, _): &(String, Once)| Some(name) == arguments.get(1);
+            let found = paths.counted.into_iter().find(named);
+            let Some((_, run)) = found else {
+                eprintln!("error: {RUN} wants the name of a path; {LIST} lists them");
+                std::process::exit(2);
+            };
+            // The main thread's stack begins where arguments and environment end, and what a copy costs depends on
+            // how its bytes are aligned. That of another thread begins at a page.
+            let counted = std::thread::scope(|scope| scope.spawn(run).join());
+            if let Err(panic) = counted {
+                std::panic::resume_unwind(panic);
+            }
+        }
+        _ => {
+            let mut criterion = Criterion::default().configure_from_args();
+            for timed in paths.timed {
+                timed(&mut criterion);
+            }
+            criterion.final_summary();
+        }
+    }
+}

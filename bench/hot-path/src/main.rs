@@ -1,0 +1,216 @@
+//! Counts the instructions of all hot paths by callgrind and holds them against the committed counts.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+
+use anyhow::{Context as _, bail, ensure};
+use clap::Parser;
+use comfy_table::{CellAlignment, Table, presets};
+use serde::{Deserialize, Serialize};
+
+/// A path may take so much more than its committed count.
+const LIMIT_PERCENT: f64 = 1.0;
+
+/// Packages with hot paths.
+const PACKAGES: [&str; 5] = ["protocol", "planning", "plc-node", "robot-node", "bench"];
+
+/// Counts the instructions of the hot paths and fails with exit code 3 where one takes over 1 % more than committed.
+#[derive(Parser, Debug)]
+#[command(name = "hot-path", version)]
+struct Cli {
+    /// The committed counts.
+    #[arg(long, value_name = "FILE", default_value = "bench/baselines/instructions.json")]
+    baseline: PathBuf,
+    /// Write the counts there in place of judging them.
+    #[arg(long)]
+    update: bool,
+}
+
+/// Counts, and what they are of: other compilers and libraries make other instructions of the same program.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Counts {
+    /// What `rustc --version` says.
+    compiler: String,
+    /// The C library, which has the copies and the sines.
+    libc: String,
+    /// Instructions of each path.
+    instructions: BTreeMap<String, u64>,
+}
+
+fn main() -> ExitCode {
+    match run(&Cli::parse()) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(5)
+        }
+    }
+}
+
+fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
+    ensure!(
+        said("valgrind", &["--version"]).is_ok(),
+        "valgrind is not there: `apt-get install valgrind`, or leave the counts to CI"
+    );
+    let found = Counts {
+        compiler: said("rustc", &["--version"])?,
+        libc: said("getconf", &["GNU_LIBC_VERSION"])?,
+        instructions: count_all()?,
+    };
+    if cli.update {
+        let text = serde_json::to_string_pretty(&found)? + "\n";
+        std::fs::write(&cli.baseline, text).with_context(|| format!("writing {}", cli.baseline.display()))?;
+        println!("{} counts written to {}", found.instructions.len(), cli.baseline.display());
+        return Ok(ExitCode::SUCCESS);
+    }
+    let text = std::fs::read_to_string(&cli.baseline)
+        .with_context(|| format!("reading {}; --update writes it", cli.baseline.display()))?;
+    let committed: Counts =
+        serde_json::from_str(&text).with_context(|| format!("reading {}", cli.baseline.display()))?;
+    let (table, worst) = compare(&committed.instructions, &found.instructions);
+    println!("{table}\n");
+    if (&committed.compiler, &committed.libc) != (&found.compiler, &found.libc) {
+        println!(
+            "inconclusive: the committed counts are of {} and {}, these of {} and {}; count again with those, or \
+             --update and look at the differences",
+            committed.compiler, committed.libc, found.compiler, found.libc
+        );
+        return Ok(ExitCode::SUCCESS);
+    }
+    if worst.is_empty() {
+        println!("pass: no path takes more than {LIMIT_PERCENT} % over its committed count");
+        return Ok(ExitCode::SUCCESS);
+    }
+    for line in worst {
+        println!("FAIL: {line}");
+    }
+    println!("If that is meant: scripts/dev.sh instructions --update, and say why in the commit.");
+    Ok(ExitCode::from(3))
+}
+
+/// The table, and what is wrong.
+fn compare(committed: &BTreeMap<String, u64>, found: &BTreeMap<String, u64>) -> (Table, Vec<String>) {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
+    table.set_header(["instructions", "committed", "now", "change"]);
+    let mut wrong = Vec::new();
+    let names: std::collections::BTreeSet<_> = committed.keys().chain(found.keys()).collect();
+    for name in names {
+        let (before, now) = (committed.get(name), found.get(name));
+        let number = |count: Option<&u64>| count.map_or_else(|| "–".to_owned(), u64::to_string);
+        let change = match (before, now) {
+            (Some(before), Some(now)) => {
+                let percent = (*now as f64 / *before as f64 - 1.0) * 100.0;
+                if percent > LIMIT_PERCENT {
+                    wrong.push(format!("{name} takes {now} instructions, {percent:+.2} % to {before}"));
+                }
+                format!("{percent:+.2} %")
+            }
+            (Some(_), None) => {
+                wrong.push(format!("{name} is no hot path any more, but has a committed count"));
+                "gone".to_owned()
+            }
+            _ => {
+                wrong.push(format!("{name} is a new hot path without a committed count"));
+                "new".to_owned()
+            }
+        };
+        table.add_row([name.clone(), number(before), number(now), change]);
+    }
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    (table, wrong)
+}
+
+/// Builds the bench programs as `cargo run` builds the nodes, and counts each of their paths.
+fn count_all() -> anyhow::Result<BTreeMap<String, u64>> {
+    let mut counts = BTreeMap::new();
+    let place = tempfile::tempdir().context("making a directory for callgrind's output")?;
+    for program in bench_programs()? {
+        for name in said(&program, &[hot_path::LIST])?.lines() {
+            eprintln!("counting {name}");
+            let count = count(&program, name, &place.path().join("callgrind.out"))?;
+            ensure!(counts.insert(name.to_owned(), count).is_none(), "two hot paths are called {name}");
+        }
+    }
+    Ok(counts)
+}
+
+/// Instructions of one path.
+fn count(program: &str, name: &str, out: &Path) -> anyhow::Result<u64> {
+    let output = Command::new("valgrind")
+        .args(["--quiet", "--tool=callgrind"])
+        .arg(format!("--toggle-collect=*{}*", hot_path::COUNTED))
+        .arg(format!("--callgrind-out-file={}", out.display()))
+        .args([program, hot_path::RUN, name])
+        .output()
+        .context("starting valgrind")?;
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "{name} under valgrind: {}\n{stderr}", output.status);
+    let counts = std::fs::read_to_string(out).with_context(|| format!("reading {}", out.display()))?;
+    let total = counts.lines().find_map(|line| line.strip_prefix("totals: ")?.trim().parse().ok());
+    match total {
+        None | Some(0) => bail!("callgrind saw nothing of {name}: does {} still exist?", hot_path::COUNTED),
+        Some(total) => Ok(total),
+    }
+}
+
+/// The bench programs, in the dev profile: what `cargo run` and the tests are made of, so mostly built already.
+fn bench_programs() -> anyhow::Result<Vec<String>> {
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.args(["build", "--locked", "--bench", "*", "--message-format", "json-render-diagnostics"]);
+    for package in PACKAGES {
+        cargo.args(["--package", package]);
+    }
+    let output = cargo.stderr(Stdio::inherit()).output().context("starting cargo")?;
+    ensure!(output.status.success(), "the bench programs do not build");
+    let messages = String::from_utf8(output.stdout).context("reading what cargo says")?;
+    let mut programs = Vec::new();
+    for message in messages.lines() {
+        let message: serde_json::Value = serde_json::from_str(message).context("reading what cargo says")?;
+        let is_bench = message["target"]["kind"][0] == "bench";
+        programs.extend(message["executable"].as_str().filter(|_| is_bench).map(str::to_owned));
+    }
+    ensure!(!programs.is_empty(), "cargo named no bench program");
+    Ok(programs)
+}
+
+/// What a program says on standard output.
+fn said(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
+    let output =
+        Command::new(program).args(arguments).output().with_context(|| format!("starting {program}"))?;
+    ensure!(output.status.success(), "{program} {}: {}", arguments.join(" "), output.status);
+    Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counts(list: &[(&str, u64)]) -> BTreeMap<String, u64> {
+        list.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
+    }
+
+    #[test]
+    fn a_path_that_takes_over_one_percent_more_is_named_with_how_much() {
+        let committed = counts(&[("encode", 1_000), ("decode", 1_000), ("plan", 1_000)]);
+        let found = counts(&[("encode", 1_010), ("decode", 1_011), ("plan", 900)]);
+        let (_, wrong) = compare(&committed, &found);
+        assert_eq!(wrong, ["decode takes 1011 instructions, +1.10 % to 1000"]);
+    }
+
+    #[test]
+    fn a_path_that_came_or_went_wants_its_count_committed() {
+        let (_, wrong) = compare(&counts(&[("old", 1)]), &counts(&[("new", 1)]));
+        assert_eq!(
+            wrong,
+            [
+                "new is a new hot path without a committed count",
+                "old is no hot path any more, but has a committed count"
+            ]
+        );
+    }
+}

@@ -1,0 +1,186 @@
+//! The contenders: a class 1 connection between the scanner of this project and an adapter.
+
+use std::net::Ipv4Addr;
+use std::ops::ControlFlow;
+
+use anyhow::bail;
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
+use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol::{Duration, Instant, Machine};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Statistics, Task, Wire, clock};
+
+use super::cable::{Cable, MASK, ROBOT};
+use super::{INTERVAL, SETTLE, TURN};
+
+/// How long a connection may take to come about, and to end.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// At the other end of a connection.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Peer {
+    /// The adapter of this project, which has to be the device that it says it is.
+    Ours,
+    /// Any other.
+    Foreign,
+}
+
+/// Our adapter at the robot's end.
+#[derive(Debug)]
+pub(super) struct Adapter(CyclicThread<ethernet_ip::Adapter, Serve>);
+
+impl Adapter {
+    pub(super) fn start(cable: &Cable) -> anyhow::Result<Self> {
+        let adapter = |interface: &Interface| {
+            ethernet_ip::Adapter::new(AdapterConfig {
+                description: &SKILL_ROBOT,
+                serial_number: 1,
+                address: ROBOT,
+                mask: MASK,
+                gateway: Ipv4Addr::UNSPECIFIED,
+                mac: interface.mac().0,
+                first_id: 1,
+            })
+        };
+        let thread = cable.robot.run(|interface| start(adapter(&interface), interface, Serve))?;
+        if let Some(warning) = thread.warning() {
+            eprintln!("warning: {warning}");
+        }
+        Ok(Self(thread))
+    }
+
+    pub(super) fn stop(mut self) -> anyhow::Result<()> {
+        self.0.send(())?;
+        finish(self.0).map(drop)
+    }
+}
+
+/// Connects, exchanges data for a turn, and ends the connection. Returns when it was up.
+pub(super) fn exchange(cable: &Cable, peer: Peer, turn: u32) -> anyhow::Result<Instant> {
+    let own = ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, INTERVAL.as_micros() as u32);
+    let config = ScannerConfig {
+        key: own.key.filter(|_| peer == Peer::Ours),
+        retry_after: Duration::from_millis(100),
+        first_id: turn << 8,
+        ..own
+    };
+    let now = clock::now();
+    let task = Turn { deadline: now + PATIENCE, up_at: None, down: None };
+    let thread = cable.plc.run(|interface| start(Scanner::new(config, now), interface, task))?;
+    let turn = finish(thread)?;
+    match (turn.up_at, turn.down) {
+        (Some(up_at), Some(Down { cause: DownCause::ClosedHere, .. })) => Ok(up_at),
+        (Some(_), Some(down)) => bail!("the connection was lost in the middle of a turn: {down}"),
+        (None, Some(down)) => bail!("no connection came about: {down}"),
+        (_, None) => bail!("no adapter answered at {ROBOT} within {PATIENCE:?}"),
+    }
+}
+
+fn start<M, T>(machine: M, interface: Interface, task: T) -> anyhow::Result<CyclicThread<M, T>>
+where
+    M: Machine + Send + 'static,
+    T: Task<M>,
+{
+    let wires = Wire::ethernet_ip(&interface)?;
+    let (waker, reader) = (Notifier::new()?, Notifier::new()?);
+    let driver = Driver::new(machine, interface, wires, waker.clone())?;
+    Ok(CyclicThread::start(driver, task, waker, reader)?)
+}
+
+fn finish<M: Machine + Send + 'static, T: Task<M>>(thread: CyclicThread<M, T>) -> anyhow::Result<T> {
+    let finished = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    finished.result?;
+    Ok(finished.task)
+}
+
+/// Serves whoever connects, until it is told to end.
+#[derive(Debug)]
+struct Serve;
+
+impl Task<ethernet_ip::Adapter> for Serve {
+    type Command = ();
+    type News = ();
+
+    fn command(
+        &mut self,
+        _: Instant,
+        _: &mut ethernet_ip::Adapter,
+        _: &Statistics,
+        (): (),
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+
+    fn event(
+        &mut self,
+        _: Instant,
+        _: &mut ethernet_ip::Adapter,
+        _: LinkEvent,
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// Keeps a connection up for a turn, then ends it.
+#[derive(Debug)]
+struct Turn {
+    deadline: Instant,
+    up_at: Option<Instant>,
+    /// How the connection ended, or why there is none so far.
+    down: Option<Down>,
+}
+
+impl Task<Scanner> for Turn {
+    type Command = ();
+    type News = ();
+
+    fn command(
+        &mut self,
+        _: Instant,
+        _: &mut Scanner,
+        _: &Statistics,
+        (): (),
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+
+    fn event(
+        &mut self,
+        now: Instant,
+        _: &mut Scanner,
+        event: LinkEvent,
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        match event {
+            LinkEvent::Up => {
+                self.up_at = Some(now);
+                self.deadline = now + SETTLE + TURN;
+            }
+            LinkEvent::Down(down) => {
+                self.down = Some(down);
+                // Until the first connection the scanner goes on trying.
+                if self.up_at.is_some() {
+                    return ControlFlow::Break(());
+                }
+            }
+            LinkEvent::SetAddress { .. } => {}
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn expired(&mut self, now: Instant, scanner: &mut Scanner) -> ControlFlow<()> {
+        if self.up_at.is_none() {
+            return ControlFlow::Break(());
+        }
+        self.deadline = now + PATIENCE;
+        scanner.disconnect(now);
+        ControlFlow::Continue(())
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        Some(self.deadline)
+    }
+}

@@ -1,0 +1,34 @@
+//! The PLC's scan, beside a bus without a protocol.
+
+#![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
+
+use planning::PROGRAM;
+use plc_node::{PlcConfig, PlcNode};
+use protocol::direct::Direct;
+use protocol::wire::FRAME_CAPACITY;
+use protocol::{Duration, Instant, Machine as _};
+
+const SCANS: u32 = 10;
+
+fn main() {
+    hot_path::main(|paths| {
+        paths.add("PLC", format!("{SCANS} scans"), plc, |mut plc: PlcNode<Direct>| {
+            let mut buf = [0; FRAME_CAPACITY];
+            let end = Instant::ZERO + Duration::from_millis(1) * SCANS;
+            while let Some(now) = plc.poll_timeout().filter(|due| *due < end) {
+                plc.handle_timeout(now);
+                while plc.poll_transmit(now, &mut buf).is_some() {}
+                while plc.poll_event().is_some() {}
+            }
+            plc
+        });
+    });
+}
+
+fn plc() -> PlcNode<Direct> {
+    let (setup, application) = planning::setup_with_application("A").unwrap();
+    let motions = application.plan(&setup).unwrap().wire_motions(&setup);
+    let cycle = Duration::from_millis(1);
+    let bus = Direct::new(Instant::ZERO, cycle, cycle * 20);
+    PlcNode::new(PlcConfig::from_setup(&setup, motions, PROGRAM), bus, Instant::ZERO)
+}

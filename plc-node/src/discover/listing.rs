@@ -1,0 +1,394 @@
+//! What a search found, as tables and as JSON.
+//!
+//! Names come from devices: whatever bytes they are, they must not reach a terminal as commands.
+
+use std::fmt;
+use std::net::Ipv4Addr;
+
+use comfy_table::{Table, TableComponent, presets};
+use protocol::profinet::dcp::IpSuite;
+use protocol::search::{EthernetIpDevice, ProfinetStation, QUESTIONS, Search, Tally};
+use serde::Serialize;
+
+/// A bus that can be searched.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Bus {
+    Profinet,
+    EthernetIp,
+}
+
+impl fmt::Display for Bus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Profinet => "PROFINET",
+            Self::EthernetIp => "EtherNet/IP",
+        })
+    }
+}
+
+/// A bus that was wanted but could not be asked.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub(super) struct Skipped {
+    pub(super) bus: Bus,
+    pub(super) reason: String,
+}
+
+/// What was asked and who answered.
+#[derive(Clone, PartialEq, Debug, Serialize)]
+pub(super) struct Listing {
+    interface: String,
+    timeout_ms: u32,
+    /// Null where it was not asked.
+    profinet: Option<Vec<Station>>,
+    /// Null where it was not asked.
+    ethernet_ip: Option<Vec<Device>>,
+    skipped: Vec<Skipped>,
+    /// Answers that were broken, foreign or too many.
+    ignored_answers: u64,
+}
+
+#[derive(Clone, PartialEq, Debug, Serialize)]
+struct Station {
+    name: String,
+    mac: String,
+    ip_address: Option<Ipv4Addr>,
+    subnet_mask: Option<Ipv4Addr>,
+    gateway: Option<Ipv4Addr>,
+    type_of_station: String,
+    vendor_id: Option<u16>,
+    device_id: Option<u16>,
+    roles: Vec<&'static str>,
+}
+
+#[derive(Clone, PartialEq, Debug, Serialize)]
+struct Device {
+    ip_address: Ipv4Addr,
+    /// Where the device says that it listens.
+    listens_at: String,
+    product_name: String,
+    vendor_id: u16,
+    device_type: u16,
+    product_code: u16,
+    revision: String,
+    serial_number: u32,
+    status: u16,
+    state: u8,
+}
+
+impl Listing {
+    /// What `search` found; a bus that was neither wanted nor possible is not asked.
+    pub(super) fn new(interface: String, timeout_ms: u32, search: &Search, skipped: Vec<Skipped>) -> Self {
+        let ignored = |tally: Tally| tally.ignored + tally.surplus;
+        let mut profinet: Vec<_> = search.profinet_stations().iter().map(Station::from).collect();
+        profinet.sort_by(|one, other| (&one.name, &one.mac).cmp(&(&other.name, &other.mac)));
+        let mut ethernet_ip: Vec<_> = search.ethernet_ip_devices().iter().map(Device::from).collect();
+        ethernet_ip.sort_by_key(|device| (device.ip_address, device.serial_number));
+        Self {
+            interface,
+            timeout_ms,
+            profinet: search.asks_profinet().then_some(profinet),
+            ethernet_ip: search.asks_ethernet_ip().then_some(ethernet_ip),
+            skipped,
+            ignored_answers: ignored(search.profinet_tally()) + ignored(search.ethernet_ip_tally()),
+        }
+    }
+
+    /// The whole listing as JSON, with a line's end.
+    pub(super) fn to_json(&self) -> serde_json::Result<String> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+
+    /// A table of one bus, or what was asked in vain.
+    fn section<D>(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        found: &[D],
+        [title, noun, question]: [&str; 3],
+        header: &[&str],
+        row: impl Fn(&D) -> Vec<String>,
+    ) -> fmt::Result {
+        if found.is_empty() {
+            let Self { interface, timeout_ms, .. } = self;
+            return writeln!(
+                f,
+                "{title}: no {noun} answered {question} on {interface}, asked {QUESTIONS} times in {timeout_ms} ms."
+            );
+        }
+        writeln!(f, "{title}: {} {noun}{}", found.len(), if found.len() == 1 { "" } else { "s" })?;
+        let mut table = Table::new();
+        table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
+        table.remove_style(TableComponent::HorizontalLines);
+        table.remove_style(TableComponent::MiddleIntersections);
+        table.set_style(TableComponent::HeaderLines, '─');
+        table.set_style(TableComponent::MiddleHeaderIntersections, '─');
+        table.set_header(header.to_vec());
+        table.add_rows(found.iter().map(row));
+        table.to_string().lines().try_for_each(|line| writeln!(f, "{}", line.trim_end()))
+    }
+}
+
+impl fmt::Display for Listing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(stations) = &self.profinet {
+            self.section(
+                f,
+                stations,
+                ["PROFINET", "station", "DCP Identify"],
+                &[
+                    "Station name",
+                    "MAC address",
+                    "IP address",
+                    "Type of station",
+                    "VendorID",
+                    "DeviceID",
+                    "Roles",
+                ],
+                Station::row,
+            )?;
+        }
+        if let Some(devices) = &self.ethernet_ip {
+            if self.profinet.is_some() {
+                writeln!(f)?;
+            }
+            self.section(
+                f,
+                devices,
+                ["EtherNet/IP", "device", "ListIdentity"],
+                &[
+                    "IP address",
+                    "Product",
+                    "Vendor",
+                    "Type",
+                    "Code",
+                    "Revision",
+                    "Serial number",
+                    "Status",
+                    "State",
+                ],
+                Device::row,
+            )?;
+        }
+        if self.ignored_answers > 0 {
+            writeln!(f, "\n{} broken or foreign answers were ignored.", self.ignored_answers)?;
+        }
+        Ok(())
+    }
+}
+
+impl Station {
+    fn row(&self) -> Vec<String> {
+        let number = |id: Option<u16>| id.map_or_else(|| "–".to_owned(), |id| format!("0x{id:04X}"));
+        vec![
+            if self.name.is_empty() { "(none)".to_owned() } else { self.name.clone() },
+            self.mac.clone(),
+            self.ip_address.map_or_else(|| "(none)".to_owned(), |address| address.to_string()),
+            self.type_of_station.clone(),
+            number(self.vendor_id),
+            number(self.device_id),
+            self.roles.join(", "),
+        ]
+    }
+}
+
+impl From<&ProfinetStation> for Station {
+    fn from(station: &ProfinetStation) -> Self {
+        let set = |address: Ipv4Addr| (!address.is_unspecified()).then_some(address);
+        let part = |part: fn(&IpSuite) -> Ipv4Addr| station.ip.as_ref().map(part).and_then(set);
+        Self {
+            name: printable(&station.name),
+            mac: station.mac.to_string(),
+            ip_address: part(|ip| ip.address),
+            subnet_mask: part(|ip| ip.mask),
+            gateway: part(|ip| ip.gateway),
+            type_of_station: printable(&station.type_of_station),
+            vendor_id: station.identity.map(|(vendor, _)| vendor),
+            device_id: station.identity.map(|(_, device)| device),
+            roles: roles(station.roles),
+        }
+    }
+}
+
+impl Device {
+    fn row(&self) -> Vec<String> {
+        vec![
+            self.ip_address.to_string(),
+            self.product_name.clone(),
+            self.vendor_id.to_string(),
+            self.device_type.to_string(),
+            self.product_code.to_string(),
+            self.revision.clone(),
+            format!("0x{:08X}", self.serial_number),
+            format!("0x{:04X}", self.status),
+            state(self.state),
+        ]
+    }
+}
+
+impl From<&EthernetIpDevice> for Device {
+    fn from(device: &EthernetIpDevice) -> Self {
+        let key = device.identity.key;
+        Self {
+            ip_address: device.address,
+            listens_at: device.listens_at.to_string(),
+            product_name: printable(&device.product_name),
+            vendor_id: key.vendor,
+            device_type: key.device_type,
+            product_code: key.product_code,
+            revision: format!("{}.{:03}", key.revision.major, key.revision.minor),
+            serial_number: device.identity.serial_number,
+            status: device.status,
+            state: device.state,
+        }
+    }
+}
+
+/// DeviceRole of DCP (IEC 61158-6-10, 4.3.1.4).
+fn roles(bits: u8) -> Vec<&'static str> {
+    let names = ["IO-Device", "IO-Controller", "IO-Multidevice", "IO-Supervisor"];
+    names.into_iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| name).collect()
+}
+
+/// State of the Identity object (volume 1, 5-2.2.1).
+fn state(code: u8) -> String {
+    match code {
+        0 => "nonexistent".to_owned(),
+        1 => "self testing".to_owned(),
+        2 => "standby".to_owned(),
+        3 => "operational".to_owned(),
+        4 => "recoverable fault".to_owned(),
+        5 => "unrecoverable fault".to_owned(),
+        0xFF => "default".to_owned(),
+        other => format!("{other}"),
+    }
+}
+
+/// Bytes of a device as text: what is no UTF-8 and every control character is replaced by `�`.
+fn printable(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    // Behind DCP's padding and in fixed fields of some devices there are zeros.
+    let text = text.trim_end_matches('\0').trim();
+    text.chars().map(|char| if is_plain(char) { char } else { char::REPLACEMENT_CHARACTER }).collect()
+}
+
+/// Whether a terminal shows the character where it stands: no control, and none that turns the direction of writing.
+fn is_plain(char: char) -> bool {
+    !char.is_control()
+        && !matches!(char, '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listing() -> Listing {
+        Listing {
+            interface: "eth0".to_owned(),
+            timeout_ms: 2_000,
+            profinet: Some(vec![Station {
+                name: "skillbench-robot".to_owned(),
+                mac: "02:00:00:00:00:02".to_owned(),
+                ip_address: None,
+                subnet_mask: None,
+                gateway: None,
+                type_of_station: "skillbench robot".to_owned(),
+                vendor_id: Some(0x0493),
+                device_id: None,
+                roles: roles(0b11),
+            }]),
+            ethernet_ip: Some(vec![Device {
+                ip_address: Ipv4Addr::new(192, 168, 64, 2),
+                listens_at: "192.168.64.2:44818".to_owned(),
+                product_name: "skillbench robot".to_owned(),
+                vendor_id: 0xFFFF,
+                device_type: 0x2B,
+                product_code: 1,
+                revision: "1.001".to_owned(),
+                serial_number: 0x1234_5678,
+                status: 0,
+                state: 3,
+            }]),
+            skipped: Vec::new(),
+            ignored_answers: 2,
+        }
+    }
+
+    #[test]
+    fn each_bus_has_its_table_in_its_own_terms() {
+        insta::assert_snapshot!(listing().to_string(), @"
+        PROFINET: 1 station
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
+         Station name       MAC address         IP address   Type of station    VendorID   DeviceID   Roles
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
+         skillbench-robot   02:00:00:00:00:02   (none)       skillbench robot   0x0493     –          IO-Device, IO-Controller
+        ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+        EtherNet/IP: 1 device
+        ──────────────────────────────────────────────────────────────────────────────────────────────────────────
+         IP address     Product            Vendor   Type   Code   Revision   Serial number   Status   State
+        ──────────────────────────────────────────────────────────────────────────────────────────────────────────
+         192.168.64.2   skillbench robot   65535    43     1      1.001      0x12345678      0x0000   operational
+        ──────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+        2 broken or foreign answers were ignored.
+        ");
+    }
+
+    #[test]
+    fn the_json_has_a_list_for_each_bus_that_was_asked_and_null_for_others() {
+        let skipped = vec![Skipped { bus: Bus::EthernetIp, reason: "no address".to_owned() }];
+        let listing = Listing { ethernet_ip: None, skipped, ..listing() };
+        insta::assert_snapshot!(listing.to_json().unwrap(), @r#"
+        {
+          "interface": "eth0",
+          "timeout_ms": 2000,
+          "profinet": [
+            {
+              "name": "skillbench-robot",
+              "mac": "02:00:00:00:00:02",
+              "ip_address": null,
+              "subnet_mask": null,
+              "gateway": null,
+              "type_of_station": "skillbench robot",
+              "vendor_id": 1171,
+              "device_id": null,
+              "roles": [
+                "IO-Device",
+                "IO-Controller"
+              ]
+            }
+          ],
+          "ethernet_ip": null,
+          "skipped": [
+            {
+              "bus": "ethernet-ip",
+              "reason": "no address"
+            }
+          ],
+          "ignored_answers": 2
+        }
+        "#);
+    }
+
+    #[test]
+    fn a_search_in_vain_says_what_was_asked() {
+        let nothing = Listing {
+            profinet: Some(Vec::new()),
+            ethernet_ip: Some(Vec::new()),
+            ignored_answers: 0,
+            ..listing()
+        };
+        insta::assert_snapshot!(nothing.to_string(), @r"
+        PROFINET: no station answered DCP Identify on eth0, asked 3 times in 2000 ms.
+
+        EtherNet/IP: no device answered ListIdentity on eth0, asked 3 times in 2000 ms.
+        ");
+    }
+
+    #[test]
+    fn a_name_cannot_write_to_the_terminal_but_as_text() {
+        assert_eq!(printable(b"\x1b[2Jrobot\x07 \xFF\0\0"), "\u{FFFD}[2Jrobot\u{FFFD} \u{FFFD}");
+        assert_eq!(printable("ab\u{202E}c".as_bytes()), "ab\u{FFFD}c");
+        assert_eq!(printable("Förderband".as_bytes()), "Förderband");
+    }
+}

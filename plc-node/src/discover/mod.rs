@@ -1,0 +1,154 @@
+//! `plc-node discover`: which devices are on a cable, for whoever commissions it.
+
+mod listing;
+
+use std::io::{ErrorKind, Write as _, stdout};
+use std::ops::ControlFlow;
+
+use anyhow::Context as _;
+use protocol::search::{EthernetIpQuestion, Over, ProfinetQuestion, Search, SearchConfig};
+use protocol::{Duration, Instant};
+use protocol_linux::supervise::Outcome;
+use protocol_linux::{Driver, Interface, Notifier, Owner, PROFINET, Statistics, Udp, Wire, clock};
+
+use listing::{Bus, Listing, Skipped};
+
+/// A cable and how to search it.
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct DiscoverCommand {
+    /// The network interface that the devices are on.
+    #[arg(long, value_name = "IF")]
+    interface: String,
+    /// Which devices to look for.
+    #[arg(long, value_enum, default_value_t = Wanted::All)]
+    bus: Wanted,
+    /// How long to look, in ms. Devices spread their answers over a quarter of it.
+    #[arg(long, value_name = "MS", default_value_t = 2_000, value_parser = clap::value_parser!(u32).range(100..=60_000))]
+    timeout: u32,
+    /// Print JSON in place of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  plc-node discover --interface eth0
+  plc-node discover --interface eth0 --bus profinet --timeout 5000   a large network
+  plc-node discover --interface eth0 --json | jq '.profinet[].name'
+
+PROFINET needs raw sockets (root, or the capability CAP_NET_RAW); EtherNet/IP needs an IPv4 address on the interface.
+A bus that cannot be asked is skipped with a warning. A search that finds nothing is no failure: exit code 0.";
+
+/// Which devices to look for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+enum Wanted {
+    /// DCP Identify.
+    Profinet,
+    /// ListIdentity.
+    EthernetIp,
+    /// Both.
+    All,
+}
+
+impl Wanted {
+    fn includes(self, bus: Bus) -> bool {
+        match self {
+            Self::Profinet => bus == Bus::Profinet,
+            Self::EthernetIp => bus == Bus::EthernetIp,
+            Self::All => true,
+        }
+    }
+}
+
+impl DiscoverCommand {
+    /// Searches, and prints what was found to standard output, and what could not be asked to standard error.
+    pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let interface = Interface::open(&self.interface)?;
+        if !interface.is_up()? {
+            anyhow::bail!(
+                "network interface `{0}` is switched off, so nothing can answer: `ip link set {0} up`",
+                self.interface
+            );
+        }
+        let start = clock::now();
+        let length = Duration::from_millis(self.timeout.into());
+        let mut config = SearchConfig { length, profinet: None, ethernet_ip: None };
+        let mut wires = Vec::new();
+        let mut skipped = Vec::new();
+        if self.bus.includes(Bus::Profinet) {
+            match Wire::ethernet(&interface, PROFINET) {
+                Ok(wire) => {
+                    // The clock makes the transactions of each search its own.
+                    let first_xid = (start.as_nanos() >> 10) as u32;
+                    config.profinet = Some(ProfinetQuestion { mac: interface.mac(), first_xid });
+                    wires.push(wire);
+                }
+                Err(error) => skipped.push(Skipped { bus: Bus::Profinet, reason: error.to_string() }),
+            }
+        }
+        if self.bus.includes(Bus::EthernetIp) {
+            match ethernet_ip(&interface) {
+                Ok((question, wire)) => {
+                    config.ethernet_ip = Some(question);
+                    wires.push(wire);
+                }
+                Err(error) => skipped.push(Skipped { bus: Bus::EthernetIp, reason: format!("{error:#}") }),
+            }
+        }
+        if wires.is_empty() {
+            let reasons: Vec<_> = skipped.iter().map(|skipped| skipped.reason.as_str()).collect();
+            anyhow::bail!("nothing can be asked on `{}`: {}", self.interface, reasons.join("; "));
+        }
+        let mut driver = Driver::new(Search::new(config, start), interface, wires, Notifier::new()?)?;
+        driver.run(&mut UntilOver)?;
+        let statistics = driver.statistics();
+        if statistics.sent == 0
+            && let Some(error) = statistics.last_send_error
+        {
+            anyhow::bail!("no question left `{}`: {error}; is the cable plugged in?", self.interface);
+        }
+        for Skipped { bus, reason } in &skipped {
+            eprintln!("warning: {bus} was not searched: {reason}");
+        }
+        let listing = Listing::new(self.interface, self.timeout, driver.machine(), skipped);
+        print(&if self.json { listing.to_json()? } else { listing.to_string() })?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// The question to EtherNet/IP devices, and the port that it leaves by: one that the kernel chooses, since a node on
+/// this host may have those of the standard.
+fn ethernet_ip(interface: &Interface) -> anyhow::Result<(EthernetIpQuestion, Wire)> {
+    let name = interface.name();
+    let (address, mask) = interface.address().zip(interface.mask()).with_context(|| {
+        format!(
+            "interface `{name}` has no IPv4 address, so devices could not answer: \
+             `ip address add 192.168.64.1/24 dev {name}`, with an address of the devices' subnet"
+        )
+    })?;
+    let wire = Wire::udp(interface, Udp { port: 0 })?;
+    let protocol::Port::Udp(port) = wire.port() else { anyhow::bail!("a UDP port without a number") };
+    Ok((EthernetIpQuestion::from_address(port, address, mask), wire))
+}
+
+/// Whoever reads on may stop early: `| head` is no fault.
+fn print(text: &str) -> std::io::Result<()> {
+    match stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Waits for the search to end.
+struct UntilOver;
+
+impl Owner<Search> for UntilOver {
+    fn wake(&mut self, _: Instant, _: &mut Search, _: &Statistics) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: Instant, _: &mut Search, Over: Over) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+}

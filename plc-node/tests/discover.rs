@@ -1,0 +1,248 @@
+//! `plc-node discover` on a real cable, in network namespaces that the tests make and that vanish with them.
+//!
+//! They need root or user namespaces, and fail where they have neither. How long a search takes is not looked at.
+
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+use std::net::Ipv4Addr;
+use std::ops::ControlFlow;
+use std::process::Command;
+
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::ethernet_ip::{Adapter, AdapterConfig};
+use protocol::fieldbus::LinkEvent;
+use protocol::profinet::{Device, DeviceConfig, description};
+use protocol::{Instant, Machine};
+use protocol_linux::namespace::NetworkNamespace;
+use protocol_linux::{
+    CyclicThread, Driver, Interface, Notifier, Outbox, Statistics, Task, Wire, clock, veth,
+};
+use serde_json::{Value, json};
+
+const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
+const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
+const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
+
+/// A cable with both of its ends.
+struct Cable {
+    plc: NetworkNamespace,
+    robot: NetworkNamespace,
+}
+
+/// What the program printed and how it ended.
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+impl Cable {
+    fn lay() -> Self {
+        let new = || {
+            NetworkNamespace::new()
+                .expect("this test makes network namespaces: run it as root, or under `unshare -Ur`")
+        };
+        let cable = Self { plc: new(), robot: new() };
+        veth::connect(&cable.plc, "plc0", &cable.robot, "robot0").unwrap();
+        for (end, name, address) in [(&cable.plc, "plc0", PLC), (&cable.robot, "robot0", ROBOT)] {
+            let prepare = || {
+                let interface = Interface::open(name).unwrap();
+                interface.set_address(address, MASK).unwrap();
+                interface.set_up().unwrap();
+            };
+            end.run(prepare).unwrap();
+        }
+        cable
+    }
+
+    /// Runs a device at the robot's end.
+    fn attach<M: Machine<Event = LinkEvent> + Send + 'static>(
+        &self,
+        device: impl FnOnce(&Interface) -> (M, Vec<Wire>) + Send,
+    ) -> Attached<M> {
+        let start = || {
+            let interface = Interface::open("robot0").unwrap();
+            let (machine, wires) = device(&interface);
+            let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
+            let driver = Driver::new(machine, interface, wires, waker.clone()).unwrap();
+            CyclicThread::start(driver, Idle, waker, reader).unwrap()
+        };
+        Attached(Some(self.robot.run(start).unwrap()))
+    }
+
+    fn discover(&self, arguments: &[&str]) -> Said {
+        self.discover_by(Command::new(env!("CARGO_BIN_EXE_plc-node")), arguments)
+    }
+
+    /// The same as somebody who may open no raw socket.
+    fn discover_without_privilege(&self, arguments: &[&str]) -> Said {
+        let mut command = Command::new("setpriv");
+        command.args(["--bounding-set", "-net_raw", "--inh-caps", "-net_raw"]);
+        command.arg(env!("CARGO_BIN_EXE_plc-node"));
+        self.discover_by(command, arguments)
+    }
+
+    fn discover_by(&self, mut command: Command, arguments: &[&str]) -> Said {
+        command.arg("discover").args(arguments);
+        self.plc.confine(&mut command).unwrap();
+        let output = command.output().unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+}
+
+/// A device on its thread, until it is dropped.
+struct Attached<M: Machine<Event = LinkEvent> + Send + 'static>(Option<CyclicThread<M, Idle>>);
+
+impl<M: Machine<Event = LinkEvent> + Send + 'static> Drop for Attached<M> {
+    fn drop(&mut self) {
+        let mut thread = self.0.take().unwrap();
+        thread.send(()).unwrap();
+        thread.join().unwrap().result.unwrap();
+    }
+}
+
+/// Ends when it is told to.
+struct Idle;
+
+impl<M: Machine<Event = LinkEvent>> Task<M> for Idle {
+    type Command = ();
+    type News = ();
+
+    fn command(
+        &mut self,
+        _: Instant,
+        _: &mut M,
+        _: &Statistics,
+        (): (),
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+
+    fn event(&mut self, _: Instant, _: &mut M, _: LinkEvent, _: &mut Outbox<()>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+fn profinet_robot(interface: &Interface) -> (Device, Vec<Wire>) {
+    let config = DeviceConfig {
+        mac: interface.mac(),
+        station_name: b"skillbench-robot".to_vec(),
+        address: interface.address(),
+        mask: MASK,
+        description: description::ROBOT,
+    };
+    (Device::new(config, clock::now()), Wire::profinet(interface).unwrap())
+}
+
+fn ethernet_ip_robot(interface: &Interface) -> (Adapter, Vec<Wire>) {
+    let config = AdapterConfig {
+        description: &SKILL_ROBOT,
+        serial_number: 0x1234_5678,
+        address: ROBOT,
+        mask: MASK,
+        gateway: Ipv4Addr::UNSPECIFIED,
+        mac: interface.mac().0,
+        first_id: 1,
+    };
+    (Adapter::new(config), Wire::ethernet_ip(interface).unwrap())
+}
+
+#[test]
+fn a_robot_of_each_bus_on_one_cable_is_found() {
+    let cable = Cable::lay();
+    let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
+    let said = cable.discover(&["--interface", "plc0", "--json"]);
+    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    let found: Value = serde_json::from_str(&said.stdout).unwrap();
+    let station = &found["profinet"][0];
+    let identity = description::ROBOT.identity;
+    assert_eq!(station["name"], "skillbench-robot");
+    assert_eq!(station["ip_address"], "192.168.64.2");
+    assert_eq!(
+        (&station["vendor_id"], &station["device_id"]),
+        (&json!(identity.vendor), &json!(identity.device))
+    );
+    assert_eq!(station["roles"], json!(["IO-Device"]));
+    let device = &found["ethernet_ip"][0];
+    assert_eq!(device["ip_address"], "192.168.64.2");
+    assert_eq!(device["product_name"], SKILL_ROBOT.product_name);
+    assert_eq!((&device["serial_number"], &device["state"]), (&json!(0x1234_5678), &json!(3)));
+    let count = |bus: &str| found[bus].as_array().unwrap().len();
+    assert_eq!((count("profinet"), count("ethernet_ip")), (1, 1));
+    assert_eq!(found["ignored_answers"], 0);
+
+    let said = cable.discover(&["--interface", "plc0", "--bus", "profinet"]);
+    assert!(said.stdout.starts_with("PROFINET: 1 station\n"), "{}", said.stdout);
+    assert!(!said.stdout.contains("EtherNet/IP"), "{}", said.stdout);
+}
+
+#[test]
+fn who_may_not_open_raw_sockets_still_finds_ethernet_ip_devices() {
+    let cable = Cable::lay();
+    let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
+    let said = cable.discover_without_privilege(&["--interface", "plc0"]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.starts_with("warning: PROFINET was not searched: opening raw Ethernet"),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stderr.contains("setcap"), "{}", said.stderr);
+    assert!(said.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", said.stdout);
+
+    let said = cable.discover_without_privilege(&["--interface", "plc0", "--bus", "profinet"]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(5), ""));
+    assert!(said.stderr.starts_with("error: nothing can be asked on `plc0`: opening raw"), "{}", said.stderr);
+}
+
+#[test]
+fn a_cable_without_devices_is_no_failure() {
+    let cable = Cable::lay();
+    let said = cable.discover(&["--interface", "plc0", "--timeout", "200"]);
+    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    let nothing = "PROFINET: no station answered DCP Identify on plc0, asked 3 times in 200 ms.\n\n\
+         EtherNet/IP: no device answered ListIdentity on plc0, asked 3 times in 200 ms.\n";
+    assert_eq!(said.stdout, nothing);
+}
+
+#[test]
+fn an_interface_that_cannot_be_used_is_named_with_what_to_do() {
+    let cable = Cable::lay();
+    let said = cable.discover(&["--interface", "nosuch0"]);
+    assert_eq!(said.code, Some(5));
+    assert!(said.stderr.contains("no network interface `nosuch0`; there are: "), "{}", said.stderr);
+    let said = cable.discover(&["--interface", "lo"]);
+    assert_eq!(said.code, Some(5));
+    assert!(
+        said.stderr.contains("`lo` is switched off") && said.stderr.contains("ip link set lo up"),
+        "{}",
+        said.stderr
+    );
+
+    let without_address =
+        || Interface::open("plc0").unwrap().set_address(Ipv4Addr::UNSPECIFIED, MASK).unwrap();
+    cable.plc.run(without_address).unwrap();
+    let said = cable.discover(&["--interface", "plc0", "--timeout", "100"]);
+    assert_eq!(said.code, Some(0));
+    assert!(
+        said.stderr.contains("EtherNet/IP was not searched: interface `plc0` has no IPv4"),
+        "{}",
+        said.stderr
+    );
+}
+
+#[test]
+fn a_search_beside_a_node_that_has_the_ports_of_the_bus_works() {
+    let cable = Cable::lay();
+    let _ethernet_ip = cable.attach(ethernet_ip_robot);
+    let taken = || {
+        let interface = Interface::open("plc0").unwrap();
+        Wire::ethernet_ip(&interface).unwrap()
+    };
+    let _taken = cable.plc.run(taken).unwrap();
+    let said = cable.discover(&["--interface", "plc0", "--bus", "ethernet-ip"]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", said.stdout);
+}

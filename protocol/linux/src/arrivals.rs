@@ -1,0 +1,67 @@
+//! When frames arrive, by the kernel's own time stamps: a witness of how evenly somebody sends.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use protocol::profinet::ethernet::EthernetHeader;
+
+use crate::capture::SNAP_LEN;
+use crate::{Interface, RecorderError, recorder};
+
+/// A frame that arrived.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Arrival {
+    /// When the kernel took it from the cable, since 1970 in UTC. The clock is slewed like the monotonic one.
+    pub since_1970: Duration,
+    /// Its length in bytes, with the Ethernet header.
+    pub len: usize,
+}
+
+/// Notes frames that others send, from a thread and a socket of its own.
+#[derive(Debug)]
+pub struct ArrivalLog {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<io::Result<Vec<Arrival>>>,
+    interface: String,
+}
+
+impl ArrivalLog {
+    /// Starts to note what arrives on an interface. Needs `CAP_NET_RAW`.
+    pub fn start(interface: &Interface) -> Result<Self, RecorderError> {
+        let name = interface.name().to_owned();
+        let failed = |source| RecorderError::Socket { interface: name.clone(), source };
+        let socket = recorder::open(&name).map_err(failed)?;
+        let (stop, own) = (Arc::new(AtomicBool::new(false)), interface.mac());
+        let stopped = Arc::clone(&stop);
+        let listen = move || {
+            let mut arrivals = Vec::new();
+            let mut buf = [0; SNAP_LEN];
+            while !stopped.load(Ordering::Relaxed) {
+                match recorder::receive(&socket, &mut buf) {
+                    Ok(frame) => {
+                        if EthernetHeader::parse(frame.data).is_ok_and(|(header, _)| header.source != own) {
+                            arrivals.push(Arrival { since_1970: frame.since_1970, len: frame.data.len() });
+                        }
+                    }
+                    Err(error) => match error.kind() {
+                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted => {}
+                        _ => return Err(error),
+                    },
+                }
+            }
+            Ok(arrivals)
+        };
+        let thread = std::thread::Builder::new().name("arrivals".to_owned()).spawn(listen).map_err(failed)?;
+        Ok(Self { stop, thread, interface: name })
+    }
+
+    /// Ends the log and returns what is in it, in order of arrival.
+    pub fn stop(self) -> Result<Vec<Arrival>, RecorderError> {
+        self.stop.store(true, Ordering::Relaxed);
+        let log = self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        log.map_err(|source| RecorderError::Socket { interface: self.interface, source })
+    }
+}

@@ -1,0 +1,344 @@
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::ethernet_ip::description::SKILL_ROBOT;
+use crate::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
+use crate::fieldbus::LinkEvent;
+use crate::profinet::dcp::{self, Block, Content, Pdu, Service};
+use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac};
+use crate::profinet::{Device, DeviceConfig, description};
+
+const MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
+const ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
+const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
+const PORT: u16 = 50_000;
+const XID: u32 = 0xFFFF_FFFF;
+const LENGTH: Duration = Duration::from_secs(2);
+const CABLE: Duration = Duration::from_micros(25);
+
+fn search() -> Search {
+    let config = SearchConfig {
+        length: LENGTH,
+        profinet: Some(ProfinetQuestion { mac: MAC, first_xid: XID }),
+        ethernet_ip: Some(EthernetIpQuestion::from_address(PORT, ADDRESS, MASK)),
+    };
+    Search::new(config, Instant::ZERO)
+}
+
+/// A cable with many devices behind a switch, in virtual time.
+struct Segment {
+    now: Instant,
+    search: Search,
+    devices: Vec<(Ipv4Addr, Box<dyn Machine<Event = LinkEvent>>)>,
+    /// What is under way: when it arrives, at which device or at the search, from where.
+    in_flight: Vec<(Instant, Option<usize>, Source, Vec<u8>)>,
+    /// When answers left on raw Ethernet.
+    answered: Vec<Instant>,
+    /// Nothing gets through before.
+    open_from: Instant,
+    over: bool,
+}
+
+impl Segment {
+    fn new(stations: u8, adapters: u8) -> Self {
+        let address = |number: u8| Ipv4Addr::new(192, 168, 64, 100 + number);
+        let station = |number: u8| -> (Ipv4Addr, Box<dyn Machine<Event = LinkEvent>>) {
+            let config = DeviceConfig {
+                mac: Mac([2, 0, 0, 0, 1, number]),
+                station_name: format!("robot-{number}").into_bytes(),
+                address: Some(address(number)),
+                mask: MASK,
+                description: description::ROBOT,
+            };
+            (address(number), Box::new(Device::new(config, Instant::ZERO)))
+        };
+        let adapter = |number: u8| -> (Ipv4Addr, Box<dyn Machine<Event = LinkEvent>>) {
+            let config = AdapterConfig {
+                description: &SKILL_ROBOT,
+                serial_number: number.into(),
+                address: address(number),
+                mask: MASK,
+                gateway: Ipv4Addr::UNSPECIFIED,
+                mac: [2, 0, 0, 0, 2, number],
+                first_id: 1,
+            };
+            (address(number), Box::new(Adapter::new(config)))
+        };
+        Self {
+            now: Instant::ZERO,
+            search: search(),
+            devices: (0..stations).map(station).chain((0..adapters).map(adapter)).collect(),
+            in_flight: Vec::new(),
+            answered: Vec::new(),
+            open_from: Instant::ZERO,
+            over: false,
+        }
+    }
+
+    /// Runs to the end of the search.
+    fn run(mut self) -> Self {
+        while !self.over {
+            let timeouts = self.devices.iter().filter_map(|(_, device)| device.poll_timeout());
+            let arrivals = self.in_flight.iter().map(|(at, ..)| *at);
+            let next = timeouts.chain(arrivals).chain(self.search.poll_timeout()).min();
+            self.now = next.expect("a search that is not over has a deadline").max(self.now);
+            self.step();
+        }
+        assert_eq!(self.now, Instant::ZERO + LENGTH);
+        self
+    }
+
+    fn step(&mut self) {
+        let now = self.now;
+        let (due, later) = core::mem::take(&mut self.in_flight).into_iter().partition(|(at, ..)| *at <= now);
+        self.in_flight = later;
+        for (_, to, from, frame) in due {
+            match to {
+                Some(index) => {
+                    self.devices[index].1.handle_frame(now, from, &frame);
+                    self.settle_device(index);
+                }
+                None => self.search.handle_frame(now, from, &frame),
+            }
+        }
+        for index in 0..self.devices.len() {
+            if self.devices[index].1.poll_timeout().is_some_and(|due| due <= now) {
+                self.devices[index].1.handle_timeout(now);
+                self.settle_device(index);
+            }
+        }
+        if self.search.poll_timeout().is_some_and(|due| due <= now) {
+            self.search.handle_timeout(now);
+            self.settle_search();
+        }
+    }
+
+    fn settle_device(&mut self, index: usize) {
+        let (now, (address, device)) = (self.now, &mut self.devices[index]);
+        let mut buf = [0; 4096];
+        while let Some(Transmit { port, to, len }) = device.poll_transmit(now, &mut buf) {
+            let from = match (port, to) {
+                (Port::Udp(port), Some(to)) => {
+                    Source { port: Port::Udp(to.port()), peer: Some(SocketAddrV4::new(*address, port)) }
+                }
+                _ => ETHERNET,
+            };
+            if port == Port::Ethernet {
+                self.answered.push(now);
+            }
+            self.in_flight.push((now + CABLE, None, from, buf[..len].to_vec()));
+        }
+        while device.poll_event().is_some() {}
+    }
+
+    fn settle_search(&mut self) {
+        let now = self.now;
+        let mut buf = [0; 4096];
+        while let Some(Transmit { port, to, len }) = self.search.poll_transmit(now, &mut buf) {
+            if now < self.open_from {
+                continue;
+            }
+            let peer = to.map(|_| SocketAddrV4::new(ADDRESS, PORT));
+            let from = Source { port: to.map_or(port, |to| Port::Udp(to.port())), peer };
+            for index in 0..self.devices.len() {
+                self.in_flight.push((now + CABLE, Some(index), from, buf[..len].to_vec()));
+            }
+        }
+        self.over |= self.search.poll_event() == Some(Over);
+    }
+}
+
+/// An answer of a PROFINET station as it goes over the cable.
+fn answer(mac: Mac, xid: u32, name: &[u8]) -> Vec<u8> {
+    let header = EthernetHeader { destination: MAC, source: mac, tag: None, ether_type: ETHER_TYPE_PROFINET };
+    let blocks: [Block<'_>; 2] =
+        [Content::NameOfStation(name).into(), Content::DeviceId { vendor: 0x0493, device: 2 }.into()];
+    let mut buf = [0; 512];
+    let len =
+        header.emit(&mut buf, |writer| dcp::emit(writer, Service::IdentifyResponse, xid, 0, blocks)).unwrap();
+    buf[..len].to_vec()
+}
+
+const ETHERNET: Source = Source { port: Port::Ethernet, peer: None };
+
+fn from_device(last: u8) -> Source {
+    let peer = SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, last), ENCAPSULATION_PORT);
+    Source { port: Port::Udp(PORT), peer: Some(peer) }
+}
+
+/// A search that has asked once.
+fn asking() -> Search {
+    let mut search = search();
+    search.handle_timeout(Instant::ZERO);
+    search
+}
+
+/// Sends all that waits; how many frames that was.
+fn sent(search: &mut Search, now: Instant) -> usize {
+    let mut buf = [0; 4096];
+    core::iter::from_fn(|| search.poll_transmit(now, &mut buf)).count()
+}
+
+#[test]
+fn every_device_of_a_cable_is_found_once_however_often_it_answers() {
+    let found = Segment::new(40, 5).run().search;
+    let mut macs: Vec<_> = found.profinet_stations().iter().map(|station| station.mac).collect();
+    macs.sort_unstable();
+    assert_eq!(macs, (0..40).map(|number| Mac([2, 0, 0, 0, 1, number])).collect::<Vec<_>>());
+    let station = &found.profinet_stations()[0];
+    assert_eq!(station.name, format!("robot-{}", station.mac.0[5]).into_bytes().into());
+    let identity = description::ROBOT.identity;
+    assert_eq!((station.identity, station.roles), (Some((identity.vendor, identity.device)), 1));
+    assert_eq!(found.profinet_tally(), Tally { repeated: 80, ..Tally::default() });
+
+    let serials: Vec<_> =
+        found.ethernet_ip_devices().iter().map(|device| device.identity.serial_number).collect();
+    assert_eq!(serials, [0, 1, 2, 3, 4]);
+    let device = &found.ethernet_ip_devices()[3];
+    assert_eq!(device.address, Ipv4Addr::new(192, 168, 64, 103));
+    assert_eq!(device.listens_at, SocketAddrV4::new(device.address, ENCAPSULATION_PORT));
+    // Three questions by two broadcasts each.
+    assert_eq!(found.ethernet_ip_tally(), Tally { repeated: 25, ..Tally::default() });
+}
+
+#[test]
+fn stations_spread_their_answers_over_a_quarter_of_the_search() {
+    let segment = Segment::new(40, 0).run();
+    let first: Vec<_> = segment.answered.iter().filter(|at| **at < Instant::ZERO + LENGTH / 4).collect();
+    assert_eq!(first.len(), 40);
+    let mut distinct = first.clone();
+    distinct.dedup();
+    assert!(distinct.len() > 20, "{distinct:?}");
+    // The last answers of the last question come well before the end.
+    let last = segment.answered.iter().max().unwrap();
+    assert!(*last < Instant::ZERO + LENGTH * 3 / 4 + CABLE * 2, "{last:?}");
+}
+
+#[test]
+fn a_question_that_is_lost_is_made_up_for_by_the_next() {
+    let mut segment = Segment::new(3, 3);
+    segment.open_from = Instant::ZERO + LENGTH / 2;
+    let found = segment.run().search;
+    assert_eq!((found.profinet_stations().len(), found.ethernet_ip_devices().len()), (3, 3));
+    assert_eq!(found.profinet_tally().repeated, 0);
+}
+
+#[test]
+fn the_question_asks_for_every_station_with_a_delay_that_leaves_time_to_answer() {
+    let mut search = asking();
+    let mut buf = [0; 4096];
+    let Transmit { port, len, .. } = search.poll_transmit(Instant::ZERO, &mut buf).unwrap();
+    assert_eq!(port, Port::Ethernet);
+    let (header, payload) = EthernetHeader::parse(&buf[..len]).unwrap();
+    assert_eq!((header.destination, header.source), (dcp::IDENTIFY_MULTICAST, MAC));
+    let pdu = Pdu::parse(payload).unwrap();
+    assert_eq!((pdu.service, pdu.xid, pdu.response_delay_factor), (Service::IdentifyRequest, XID, 50));
+    let blocks: Vec<_> = pdu.blocks().map(|block| block.unwrap().content).collect();
+    assert_eq!(blocks, [Content::All]);
+    let to: Vec<_> = core::iter::from_fn(|| search.poll_transmit(Instant::ZERO, &mut buf)?.to).collect();
+    let broadcasts = [Ipv4Addr::new(192, 168, 64, 255), Ipv4Addr::BROADCAST];
+    assert_eq!(to, broadcasts.map(|address| SocketAddrV4::new(address, ENCAPSULATION_PORT)));
+    // ListIdentity carries the time to answer within, in ms, in the first bytes of its context.
+    assert_eq!(buf[12..14], 500_u16.to_le_bytes());
+}
+
+#[test]
+fn a_driver_that_was_late_for_two_questions_asks_once_and_keeps_the_end() {
+    let mut search = asking();
+    assert_eq!(sent(&mut search, Instant::ZERO), 3);
+    let late = Instant::ZERO + LENGTH * 3 / 5;
+    search.handle_timeout(late);
+    assert_eq!(sent(&mut search, late), 3);
+    assert_eq!(search.poll_timeout(), Some(Instant::ZERO + LENGTH));
+}
+
+#[test]
+fn answers_that_are_broken_foreign_or_unasked_for_are_counted_and_change_nothing() {
+    let mac = Mac([2, 0, 0, 0, 0, 9]);
+    let good = answer(mac, XID, b"robot");
+    let mut search = asking();
+    let mut hostile = vec![
+        answer(mac, XID.wrapping_sub(1), b"of an old question"),
+        answer(mac, XID.wrapping_add(1), b"of a question to come"),
+        answer(Mac([0xFF; 6]), XID, b"from everybody"),
+    ];
+    let to_another = [&[2, 0, 0, 0, 0, 7], &good[6..]].concat();
+    hostile.push(to_another);
+    // FrameID, header and blocks cut short; 14 bytes are Ethernet's, 16 have the FrameID.
+    let blocks_end = 14 + 12 + 4 + 2 + 5 + 1 + 4 + 2 + 4;
+    hostile.extend((16..blocks_end).map(|cut| good[..cut].to_vec()));
+    for frame in &hostile {
+        search.handle_frame(Instant::ZERO, ETHERNET, frame);
+    }
+    assert_eq!(search.profinet_tally().ignored, hostile.len() as u64);
+    assert!(search.profinet_stations().is_empty());
+    // Cyclic data is on the cable too and no answer at all; so is what comes at another port.
+    search.handle_frame(Instant::ZERO, ETHERNET, &[&good[..14], &[0x80, 0x01, 0, 0]].concat());
+    search.handle_frame(Instant::ZERO, Source { port: Port::Udp(PORT + 1), ..from_device(7) }, &good);
+    assert_eq!(search.profinet_tally().ignored, hostile.len() as u64);
+    assert_eq!(search.ethernet_ip_tally().ignored, 0);
+    search.handle_frame(Instant::ZERO, from_device(7), &good);
+    assert_eq!(search.ethernet_ip_tally().ignored, 1);
+    search.handle_frame(Instant::ZERO, ETHERNET, &good);
+    assert_eq!(search.profinet_stations().len(), 1);
+}
+
+#[test]
+fn a_station_that_is_renamed_while_we_look_has_its_new_name() {
+    let mac = Mac([2, 0, 0, 0, 0, 9]);
+    let mut search = asking();
+    search.handle_frame(Instant::ZERO, ETHERNET, &answer(mac, XID, b""));
+    search.handle_frame(Instant::ZERO, ETHERNET, &answer(mac, XID, b"robot"));
+    let names: Vec<_> = search.profinet_stations().iter().map(|station| &*station.name).collect();
+    assert_eq!(names, [b"robot"]);
+    assert_eq!(search.profinet_tally(), Tally { repeated: 1, ..Tally::default() });
+}
+
+#[test]
+fn a_flood_of_forged_stations_takes_bounded_memory() {
+    let mut search = asking();
+    for number in 0..5_000_u16 {
+        let [high, low] = number.to_be_bytes();
+        search.handle_frame(Instant::ZERO, ETHERNET, &answer(Mac([2, 0, 0, 0, high, low]), XID, b"x"));
+    }
+    assert_eq!(search.profinet_stations().len(), MOST_DEVICES);
+    assert_eq!(search.profinet_tally().surplus, 5_000 - MOST_DEVICES as u64);
+}
+
+#[test]
+fn what_comes_after_the_end_is_too_late() {
+    let mut search = asking();
+    let end = Instant::ZERO + LENGTH;
+    search.handle_timeout(end);
+    assert_eq!((search.poll_event(), search.poll_event()), (Some(Over), None));
+    assert_eq!(search.poll_timeout(), None);
+    search.handle_frame(end, ETHERNET, &answer(Mac([2, 0, 0, 0, 0, 9]), XID, b"robot"));
+    assert!(search.profinet_stations().is_empty());
+}
+
+#[test]
+fn a_link_of_two_hosts_is_asked_by_the_limited_broadcast_alone() {
+    let question = EthernetIpQuestion::from_address(PORT, ADDRESS, Ipv4Addr::new(255, 255, 255, 254));
+    assert_eq!(question.to, [Ipv4Addr::BROADCAST]);
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_on_any_port_make_the_search_panic_or_end_it(
+        bytes in proptest::collection::vec(any::<u8>(), 0..200),
+        behind_the_head in any::<bool>(),
+        udp in any::<bool>(),
+    ) {
+        let mut search = asking();
+        let head: &[u8] = match (behind_the_head, udp) {
+            (false, _) => &[],
+            (true, true) => &[0x63, 0, 40, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+            (true, false) => &[2, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 9, 0x88, 0x92, 0xFE, 0xFF, 5, 1, 0xFF, 0xFF, 0xFF, 0xFF],
+        };
+        let from = if udp { from_device(9) } else { ETHERNET };
+        search.handle_frame(Instant::ZERO, from, &[head, &bytes].concat());
+        prop_assert_eq!(search.poll_timeout(), Some(Instant::ZERO + LENGTH / 4));
+    }
+}

@@ -1,0 +1,182 @@
+//! The robot's motions: what one more costs when it is appended to the path, and what a tick of interpolation costs.
+
+#![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
+#![expect(clippy::disallowed_types, reason = "a benchmark is about the time that passes")]
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use hot_path::HotPaths;
+use protocol::image::{Motion, MotionKind};
+use robot_node::RobotConfig;
+use robot_node::motion::{Interpolator, Segment};
+
+/// Motions that are on the path already, as many as the controller keeps.
+const AHEAD: usize = 5;
+
+/// Passes over a path, of which the fastest tick counts: what the host took away is not the robot's.
+const PASSES: usize = 20;
+
+fn main() {
+    hot_path::main(|paths| {
+        for (arm, setup) in [("SCARA", "A"), ("six axes", "B")] {
+            let cell = Cell::of(setup);
+            for (name, kind) in [
+                ("LIN", MotionKind::LinCartesian),
+                ("PTP", MotionKind::PtpCartesian),
+                ("CIRC", MotionKind::Circular),
+                ("SPLINE", MotionKind::Spline),
+            ] {
+                cell.add_append(paths, format!("{name}, {arm}"), kind);
+            }
+            cell.add_ticks(paths, arm);
+        }
+    });
+}
+
+/// A robot and the way that it goes.
+#[derive(Clone)]
+struct Cell {
+    config: RobotConfig,
+    motions: Vec<Motion>,
+}
+
+impl Cell {
+    /// The robot of a setup with the paper's application, and one circle and two splines to and fro before its end.
+    fn of(setup: &str) -> Self {
+        let (setup, application) = planning::setup_with_application(setup).unwrap();
+        let config = RobotConfig::from_setup(&setup).unwrap();
+        let mut motions = application.plan(&setup).unwrap().wire_motions(&setup);
+        let line = *motions.iter().find(|motion| motion.kind == MotionKind::LinCartesian).unwrap();
+        let shifted = |by: f32| {
+            let [x, y, z, a, b, c] = line.target;
+            [x, y + by, z, a, b, c]
+        };
+        let [x, y, z, ..] = line.target;
+        let circle = Motion {
+            kind: MotionKind::Circular,
+            target: shifted(20.0),
+            auxiliary: [x + 10.0, y + 10.0, z],
+            ..line
+        };
+        let spline = |by| Motion { kind: MotionKind::Spline, target: shifted(by), ..line };
+        let after = motions.iter().position(|motion| motion.kind == MotionKind::LinCartesian).unwrap() + 1;
+        motions.splice(after..after, [circle, spline(10.0), spline(0.0)]);
+        Self { config, motions }
+    }
+
+    fn at_rest(&self) -> Interpolator {
+        let config = &self.config;
+        Interpolator::at_rest(config.arm.clone(), config.home, config.cycle.as_secs_f64())
+    }
+
+    fn append(&self, interpolator: &mut Interpolator, index: usize) {
+        let segment =
+            Segment::prepare(&self.motions[index], interpolator.path().end(), &self.config).unwrap();
+        black_box(interpolator.append(segment, index + 1 == self.motions.len()));
+    }
+
+    /// A path with as many motions as fit before the one of this index.
+    fn before(&self, index: usize) -> Interpolator {
+        let mut interpolator = self.at_rest();
+        for before in 0..index {
+            while before > AHEAD && (interpolator.path().executed() as usize) < before - AHEAD {
+                interpolator.drive(1.0).unwrap();
+            }
+            self.append(&mut interpolator, before);
+        }
+        interpolator
+    }
+
+    fn add_append(&self, paths: &mut HotPaths, name: String, kind: MotionKind) {
+        let index = self.motions.iter().rposition(|motion| motion.kind == kind).unwrap();
+        let (cell, ready) = (self.clone(), self.before(index));
+        paths.add(
+            "append a motion",
+            name,
+            move || ready.clone(),
+            move |mut interpolator| {
+                cell.append(&mut interpolator, index);
+                interpolator
+            },
+        );
+    }
+
+    /// Drives the whole way, `on_tick` about each tick. The path is kept full.
+    fn drive(&self, mut tick: impl FnMut(&mut Interpolator)) -> Interpolator {
+        let mut interpolator = self.at_rest();
+        let mut next = 0;
+        while next < self.motions.len() || !interpolator.path().is_finished() {
+            while next < self.motions.len() && next < interpolator.path().executed() as usize + AHEAD {
+                self.append(&mut interpolator, next);
+                next += 1;
+            }
+            tick(&mut interpolator);
+        }
+        interpolator
+    }
+
+    fn add_ticks(&self, paths: &mut HotPaths, arm: &str) {
+        // The mean: all ticks of the way, with what appending costs on it.
+        let mut ticks = 0_u32;
+        self.drive(|interpolator| {
+            ticks += 1;
+            interpolator.drive(1.0).unwrap();
+        });
+        let cell = self.clone();
+        paths.add(
+            "interpolation",
+            format!("all {ticks} ticks of a run, {arm}"),
+            || (),
+            move |()| {
+                cell.drive(|interpolator| {
+                    interpolator.drive(1.0).unwrap();
+                })
+            },
+        );
+        let worst = self.worst_tick();
+        let cell = self.clone();
+        let before_worst = move || {
+            let mut ready = None;
+            let mut tick = 0;
+            cell.drive(|interpolator| {
+                if tick == worst {
+                    ready = Some(interpolator.clone());
+                }
+                tick += 1;
+                interpolator.drive(1.0).unwrap();
+            });
+            ready.unwrap()
+        };
+        let ready = before_worst();
+        paths.add_timed(
+            "interpolation",
+            format!("worst tick, {arm}"),
+            move || ready.clone(),
+            |mut interpolator| {
+                interpolator.drive(1.0).unwrap();
+                interpolator
+            },
+        );
+    }
+
+    /// The index of the tick that takes longest.
+    fn worst_tick(&self) -> usize {
+        let mut fastest: Vec<Duration> = Vec::new();
+        for _ in 0..PASSES {
+            let mut tick = 0;
+            self.drive(|interpolator| {
+                let start = Instant::now();
+                interpolator.drive(1.0).unwrap();
+                let took = start.elapsed();
+                match fastest.get_mut(tick) {
+                    Some(fastest) => *fastest = (*fastest).min(took),
+                    None => fastest.push(took),
+                }
+                tick += 1;
+            });
+        }
+        let slowest = fastest.iter().enumerate().max_by_key(|(_, took)| **took);
+        slowest.map(|(tick, _)| tick).unwrap()
+    }
+}
