@@ -67,8 +67,7 @@ impl Cell {
 
     fn at_rest(&self) -> Interpolator {
         let config = &self.config;
-        let cycle = config.cycle.as_secs_f64();
-        Interpolator::at_rest(config.arm.clone(), config.home, cycle)
+        Interpolator::at_rest(config.arm.clone(), config.home, config.cycle.as_secs_f64())
     }
 
     fn append(&self, interpolator: &mut Interpolator, index: usize) {
