@@ -23,15 +23,7 @@ impl Clock {
     /// The first instant of true time at which the clock shows `local` or more.
     #[must_use]
     pub fn true_time(self, local: Instant) -> Instant {
-        self.true_time_near(local, Instant::ZERO, self.local_time(Instant::ZERO))
-    }
-
-    /// The same, found sooner where the clock shows `shown` at `now` and that is not long before `local`.
-    #[must_use]
-    pub fn true_time_near(self, local: Instant, now: Instant, shown: Instant) -> Instant {
-        let ahead = local.as_nanos().saturating_sub(shown.as_nanos());
-        let gained = (ahead % SECOND).cast_signed() * i64::from(self.drift_ppb) / SECOND.cast_signed();
-        let mut guess = now.as_nanos().saturating_add(ahead.saturating_add_signed(-gained));
+        let mut guess = local.as_nanos().saturating_sub(self.offset_ns);
         // Each step leaves the share of the error that the clock drifts by, so a few are enough.
         for _ in 0..8 {
             let shown = self.local_time(Instant::from_nanos(guess)).as_nanos();
@@ -55,11 +47,72 @@ impl Clock {
     /// bits: this runs several times for each frame of a virtual run.
     fn gained_ns(self, true_time: Instant) -> i64 {
         let (seconds, rest) = (true_time.as_nanos() / SECOND, true_time.as_nanos() % SECOND);
-        let drift_ppb = i64::from(self.drift_ppb);
-        seconds.cast_signed().saturating_mul(drift_ppb)
-            + rest.cast_signed() * drift_ppb / SECOND.cast_signed()
+        seconds.cast_signed().saturating_mul(self.drift_ppb.into()) + self.gained_in_second_ns(rest)
+    }
+
+    /// What the clock gains in a part of a second of true time, in ns.
+    fn gained_in_second_ns(self, part: u64) -> i64 {
+        part.cast_signed() * i64::from(self.drift_ppb) / SECOND.cast_signed()
     }
 }
+
+/// A clock that is read again and again as time goes on. It keeps what the clock showed when the present second of true
+/// time began; what is left is below a second, and a virtual run turns one time into the other at every step.
+#[derive(Debug)]
+pub(super) struct Reading {
+    clock: Clock,
+    /// When the second began, in ns of true time, and what the clock showed then.
+    second: u64,
+    shown: u64,
+}
+
+impl Reading {
+    pub(super) fn new(clock: Clock) -> Self {
+        Self { clock, second: 0, shown: clock.local_time(Instant::ZERO).as_nanos() }
+    }
+
+    pub(super) const fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// [`Clock::local_time`].
+    pub(super) fn local_time(&mut self, now: Instant) -> Instant {
+        let part = now.as_nanos().wrapping_sub(self.second);
+        if part < SECOND {
+            return Instant::from_nanos(self.shown_after(part));
+        }
+        self.second = now.as_nanos() / SECOND * SECOND;
+        self.shown = self.clock.local_time(Instant::from_nanos(self.second)).as_nanos();
+        self.clock.local_time(now)
+    }
+
+    /// [`Clock::true_time`].
+    pub(super) fn true_time(&self, local: Instant) -> Instant {
+        let ahead = local.as_nanos().wrapping_sub(self.shown);
+        if ahead >= SECOND || self.clock.drift_ppb.unsigned_abs() > USUAL_DRIFT_PPB {
+            return self.clock.true_time(local);
+        }
+        // The clock gains in this time what it gains in the time that it shows, to the square of its drift.
+        let mut part = ahead.saturating_add_signed(-self.clock.gained_in_second_ns(ahead));
+        while self.shown_after(part) < local.as_nanos() {
+            part += 1;
+        }
+        while part > 0 && self.shown_after(part - 1) >= local.as_nanos() {
+            part -= 1;
+        }
+        if part == 0 || part >= SECOND {
+            return self.clock.true_time(local);
+        }
+        Instant::from_nanos(self.second + part)
+    }
+
+    fn shown_after(&self, part: u64) -> u64 {
+        self.shown.saturating_add(part).saturating_add_signed(self.clock.gained_in_second_ns(part))
+    }
+}
+
+/// Up to this drift the square of it is a few ns in a second.
+const USUAL_DRIFT_PPB: u32 = 100_000;
 
 const SECOND: u64 = 1_000_000_000;
 
@@ -87,8 +140,11 @@ mod tests {
             let due = clock.true_time(local);
             prop_assert!(clock.local_time(due) >= local);
             prop_assert!(due.as_nanos() == 0 || clock.local_time(Instant::from_nanos(due.as_nanos() - 1)) < local);
+            let mut reading = Reading::new(clock);
             let now = Instant::from_nanos(due.as_nanos().saturating_sub(before));
-            prop_assert_eq!(clock.true_time_near(local, now, clock.local_time(now)), due);
+            prop_assert_eq!(reading.local_time(now), clock.local_time(now));
+            prop_assert_eq!(reading.local_time(now), clock.local_time(now));
+            prop_assert_eq!(reading.true_time(local), due);
         }
     }
 }

@@ -23,6 +23,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::wire::FRAME_CAPACITY;
 use crate::{Instant, Machine, Port, Source, StreamId, Transmit};
+use clock::Reading;
 use link::Link;
 use stream::Streams;
 use tap::{Label, Tap};
@@ -79,7 +80,7 @@ pub struct PairConfig {
 /// A side as the driver keeps it beside its machine.
 #[derive(Debug)]
 struct Station {
-    clock: Clock,
+    clock: Reading,
     link: Link,
     address: Option<Ipv4Addr>,
     /// The machine's next timeout by its own clock.
@@ -137,7 +138,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             addresses: [address_a, address_b],
         } = config;
         let station = |clock, impairment, address, stream| Station {
-            clock,
+            clock: Reading::new(clock),
             link: Link::new(impairment, seed, stream),
             address,
             local_timeout: None,
@@ -174,8 +175,8 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn local_time(&self, side: Side) -> Instant {
         let [a, b] = &self.stations;
         match side {
-            Side::A => a.clock.local_time(self.now),
-            Side::B => b.clock.local_time(self.now),
+            Side::A => a.clock.clock().local_time(self.now),
+            Side::B => b.clock.clock().local_time(self.now),
         }
     }
 
@@ -279,7 +280,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     return false;
                 }
                 self.now = self.now.max(at);
-                let local = self.local_time(side);
+                let local = self.read_clock(side);
                 match side {
                     Side::A => self.a.handle_timeout(local),
                     Side::B => self.b.handle_timeout(local),
@@ -306,7 +307,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             _ => None,
         };
         if self.station(side).alive && self.wants(side, port) && self.belongs(side, port, to) {
-            let local = self.local_time(side);
+            let local = self.read_clock(side);
             let source = Source { port, peer };
             match (side, to.is_some_and(|to| to.is_broadcast())) {
                 (Side::A, false) => self.a.handle_frame(local, source, &frame),
@@ -366,12 +367,11 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::A => self.a.poll_timeout(),
             Side::B => self.b.poll_timeout(),
         };
-        let now = self.now;
         let station = self.station(side);
         // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
         if timeout != station.local_timeout {
             station.local_timeout = timeout;
-            station.timeout = timeout.map(|due| station.clock.true_time_near(due, now, local));
+            station.timeout = timeout.map(|due| station.clock.true_time(due));
         }
     }
 
@@ -415,6 +415,12 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if let Some(tap) = &mut self.tap {
             tap.see(Tapped { at: now, end: from, from, carrier, dscp, fate, frame });
         }
+    }
+
+    /// [`local_time`](Self::local_time), for every step.
+    fn read_clock(&mut self, side: Side) -> Instant {
+        let now = self.now;
+        self.station(side).clock.local_time(now)
     }
 
     fn station(&mut self, side: Side) -> &mut Station {
