@@ -11,27 +11,28 @@ use protocol::wire::{LittleEndian, Writer};
 
 type Buffer = [u8; 512];
 
+const EMPTY: Buffer = [0; 512];
+
 fn main() {
     hot_path::main(|paths| {
-        let buffer = || [0; 512];
-        paths.add("EtherNet/IP class 1 frame", "encode O→T", buffer, encode);
+        paths.add("EtherNet/IP class 1 frame", "encode O→T", || EMPTY, encode);
         paths.add(
             "EtherNet/IP class 1 frame",
             "decode O→T",
-            || encode(buffer()),
+            || encode(EMPTY),
             |(buffer, len)| {
                 let frame = Frame::parse(&buffer[..len]).unwrap();
                 (frame.sequence, frame.run_and_data().unwrap().1.len())
             },
         );
-        paths.add("EtherNet/IP connection", "encode Forward_Open", buffer, forward_open);
+        paths.add("EtherNet/IP connection", "encode Forward_Open", || EMPTY, forward_open);
         paths.add(
             "EtherNet/IP connection",
             "decode Forward_Open",
-            || forward_open(buffer()),
+            || forward_open(EMPTY),
             |(buffer, len)| {
                 let request = OpenRequest::parse(&buffer[..len], false).unwrap();
-                (request.triad, request.path.application().unwrap().configuration)
+                (request.triad, request.path.application().unwrap().points)
             },
         );
     });

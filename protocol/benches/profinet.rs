@@ -19,21 +19,22 @@ const HEADERS: usize = 42;
 
 type Buffer = [u8; 512];
 
+const EMPTY: Buffer = [0; 512];
+
 fn main() {
     hot_path::main(|paths| {
-        let buffer = || [0; 512];
-        paths.add("PROFINET cyclic frame", "encode, udp", buffer, encode_udp);
+        paths.add("PROFINET cyclic frame", "encode, udp", || EMPTY, encode_udp);
         paths.add(
             "PROFINET cyclic frame",
             "decode, udp",
-            || encode_udp(buffer()),
+            || encode_udp(EMPTY),
             |(buffer, len)| CyclicFrame::parse(&buffer[..len], C_SDU.len()).unwrap().cycle_counter,
         );
-        paths.add("PROFINET cyclic frame", "encode, rt1", buffer, encode_rt1);
+        paths.add("PROFINET cyclic frame", "encode, rt1", || EMPTY, encode_rt1);
         paths.add(
             "PROFINET cyclic frame",
             "decode, rt1",
-            || encode_rt1(buffer()),
+            || encode_rt1(EMPTY),
             |(buffer, len)| {
                 let (header, payload) = EthernetHeader::parse(&buffer[..len]).unwrap();
                 (header.source, CyclicFrame::parse(payload, C_SDU.len()).unwrap().cycle_counter)
