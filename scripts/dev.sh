@@ -20,6 +20,10 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
     command -v valgrind >/dev/null || missing+=(valgrind)
     command -v npm >/dev/null || missing+=(nodejs npm)
+    browser >/dev/null || missing+=(chromium)
+    command -v dockerd >/dev/null || missing+=(docker.io iptables)
+    command -v docker-compose >/dev/null || missing+=(docker-compose)
+    command -v setcap >/dev/null || missing+=(libcap2-bin)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
@@ -35,7 +39,7 @@ verb_format() { #: fail where the formatting differs
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
     cargo clippy --workspace --all-targets --locked -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-    shellcheck --external-sources scripts/*.sh scripts/interop/*.sh .ci/run
+    shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
 verb_purity() { #: prove that `protocol` can name no clock, socket, thread or file
@@ -67,6 +71,17 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
 
 verb_test() { #: the README's test command
     cargo test --workspace --locked
+}
+
+# browser: the path of a Chromium, by any of its names.
+browser() {
+    command -v chromium || command -v chromium-browser || command -v google-chrome
+}
+
+verb_browser() { #: open reports in a headless Chromium, wide, on a phone and in print
+    CHROMIUM=$(browser) || { echo "there is no Chromium: scripts/dev.sh setup installs it" >&2; return 1; }
+    export CHROMIUM
+    cargo test -p bench --locked --test browser -- --ignored
 }
 
 # gate_profinet CAPTURE: prints what is wrong in a capture; fails where something is, or where nothing is in it.
@@ -109,23 +124,58 @@ gate_sees_faults() {
     rm "$broken"
 }
 
-verb_wire() { #: a short real run over udp and over rt1, each capture through tshark's gate
+# gate_run GATE DIRECTORY: the captures of both ends of a run.
+gate_run() {
+    local capture
+    for capture in "$2/plc.pcapng" "$2/robot.pcapng"; do
+        "$1" "$capture"
+        gate_sees_faults "$1" "$capture"
+    done
+}
+
+verb_wire() { #: short real and virtual runs, the captures of both ends through tshark's gates
     cargo build -p bench --locked
     local out
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
     for cyclic in udp rt1; do
-        cargo run -p bench --locked -- --setup A --cyclic "$cyclic" --reps 1 --capture always --out "$out/$cyclic"
-        for capture in "$out/$cyclic"/*.pcapng; do
-            gate_profinet "$capture"
-            gate_sees_faults gate_profinet "$capture"
+        for mode in real virtual; do
+            cargo run -p bench --locked -- --setup A --mode "$mode" --cyclic "$cyclic" --types cm --reps 1 \
+                --capture always --out "$out/$mode-$cyclic"
+            gate_run gate_profinet "$out/$mode-$cyclic"
         done
     done
+    cargo run -p bench --locked -- --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
+    gate_run gate_ethernet_ip "$out/virtual-B"
 }
 
-verb_gate() { #: fail where the virtual figures of a setup left their committed baseline
-    cargo run -p bench --locked -- gate --setup A
+verb_gate() { #: fail where the virtual figures of a setup left their committed baseline, or CM lost ground in real time
+    cargo build -p bench --locked
+    local out status=0
+    out=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$out'" EXIT
+    for setup in A B; do
+        run_bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
+        summarise "$out/$setup.txt"
+    done
+    run_bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
+    run_bench gate --run "$out/real" >"$out/real.txt" || status=$?
+    summarise "$out/real.txt"
+    return "$status"
+}
+
+run_bench() {
+    "${CARGO_TARGET_DIR:-target}/debug/bench" "$@"
+}
+
+# summarise FILE: prints it, and puts it into the summary of a job of GitHub Actions.
+summarise() {
+    cat "$1"
+    if [ -n "${GITHUB_STEP_SUMMARY:-}" ]; then
+        { echo '```text'; cat "$1"; echo '```'; } >>"$GITHUB_STEP_SUMMARY"
+    fi
 }
 
 # newest_python: a Python that every peer runs on; ethernetip2 needs 3.12.
@@ -197,8 +247,68 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
         ./bench --setup A --reps 1 --out run)
 }
 
+# demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the
+# client build, and Debian's client does so by BuildKit without a plugin.
+demo_compose() {
+    if docker compose version >/dev/null 2>&1; then
+        docker compose "$@"
+    else
+        PATH="/usr/bin:$PATH" DOCKER_BUILDKIT=1 COMPOSE_DOCKER_CLI_BUILD=1 docker-compose "$@"
+    fi
+}
+
+# demo_engine: an engine of our own, so that nothing of ours stays in another one, with a local image in place of the one
+# that the Dockerfile would pull.
+demo_engine() {
+    DEMO_ENGINE=$(mktemp -d)
+    export DOCKER_HOST="unix://$DEMO_ENGINE/socket"
+    dockerd --data-root "$DEMO_ENGINE/data" --exec-root "$DEMO_ENGINE/exec" --pidfile "$DEMO_ENGINE/pid" \
+        --host "$DOCKER_HOST" >"$DEMO_ENGINE/log" 2>&1 &
+    local engine=$! tries=0
+    until docker info >/dev/null 2>&1; do
+        if ! kill -0 "$engine" 2>/dev/null || [ $((tries += 1)) -gt 150 ]; then
+            echo "dockerd does not run here; it said:" >&2
+            tail "$DEMO_ENGINE/log" >&2
+            return 1
+        fi
+        sleep 0.2
+    done
+    scripts/demo/base-image.sh "$(sed -n 's/^FROM \(.*\) AS build$/\1/p' Dockerfile)"
+}
+
+# demo_end: whatever verb_demo started is gone afterwards.
+demo_end() {
+    demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
+    if [ -n "${DEMO_ENGINE:-}" ]; then
+        local engine
+        engine=$(cat "$DEMO_ENGINE/pid" 2>/dev/null || true)
+        if [ -n "$engine" ] && kill "$engine" 2>/dev/null; then tail --pid "$engine" -f /dev/null; fi
+        ip link delete docker0 2>/dev/null || true
+        rm -rf "$DEMO_ENGINE"
+    fi
+    rm -rf "${RUNS:-}"
+}
+
+verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of each type (as root)
+    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci
+    export SETUP RUNS BENCH_USER=65534:65534
+    trap demo_end EXIT
+    docker info >/dev/null 2>&1 || demo_engine
+    RUNS=$(mktemp -d)
+    chown "$BENCH_USER" "$RUNS"
+    local output type
+    for SETUP in A B; do
+        output="$RUNS/$SETUP.txt"
+        demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$output"
+        for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done
+        ls "$RUNS"/*"-$SETUP-real/results.json"
+        demo_compose down
+    done
+    docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"
+}
+
 verb_ci() { #: everything above but setup
-    for verb in format lint purity test gate wire user interop; do
+    for verb in format lint purity test browser gate wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

@@ -5,8 +5,17 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use plc_node::ExecutionType;
 
+use crate::doctor::DoctorOptions;
+use crate::export::Exports;
+use crate::faults::Fault;
 use crate::gate::GateOptions;
+use crate::history::HistoryOptions;
+use crate::long::LongOptions;
+use crate::overhead::OverheadOptions;
 use crate::report::{CompareOptions, ReportOptions};
+use crate::rig::Attach;
+use crate::sensitivity::SensitivityOptions;
+use crate::sweep::SweepOptions;
 use crate::timing::TimingOptions;
 
 /// The seed of runs that name none.
@@ -39,6 +48,8 @@ Examples:
   bench --setup A --mode virtual             the same in virtual time, in about a second
   bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
   bench --setup A --types rc,cm --export-json results.json
+  bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
+  bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
   bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
 
 Exit codes:
@@ -51,12 +62,24 @@ pub enum Command {
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
+    /// Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn.
+    Overhead(OverheadOptions),
+    /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
+    Long(LongOptions),
     /// Draw the report of a run again.
     Report(ReportOptions),
     /// Set runs beside each other.
     Compare(CompareOptions),
+    /// List the runs that are kept, with the trend of their figures.
+    History(HistoryOptions),
+    /// Look whether this machine can do real mode, and how well.
+    Doctor(DoctorOptions),
     /// Measure how evenly cyclic EtherNet/IP frames come, beside a bare loop on this host and a peer.
     Timing(TimingOptions),
+    /// See where one MoveContinuousSkill loses to the robot's program: slots × bus cycle × length of motions.
+    Sweep(SweepOptions),
+    /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
+    Sensitivity(SensitivityOptions),
 }
 
 /// Options of a measured run.
@@ -80,15 +103,27 @@ pub struct RunOptions {
     /// Run directory; it must not hold a run yet [default: runs/TIME-SETUP-MODE].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write the results to this file as well, as JSON.
-    #[arg(long, value_name = "FILE")]
-    pub export_json: Option<PathBuf>,
+    /// Files besides the run directory.
+    #[command(flatten)]
+    pub exports: Exports,
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,
-    /// Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only.
+    /// Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
+    /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
+    /// alone where the robot is real. Real mode only; they are started with the same --setup.
+    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
+    pub attach: Option<Attach>,
+    /// Write a timeline of the first repetition of each type, as DIR/trace.json; open it in https://ui.perfetto.dev.
+    #[arg(long)]
+    pub trace: bool,
+    /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
+    /// duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the
+    /// moment that the robot is ready; the same seed gives the same faults.
+    #[arg(long, value_name = "FAULT")]
+    pub fault: Vec<Fault>,
     /// Print the table only: no progress, no warnings.
     #[arg(long, short)]
     pub quiet: bool,
@@ -133,7 +168,8 @@ impl Mode {
 pub enum Capture {
     /// Of every run.
     Always,
-    /// Of runs in which a repetition failed.
+    /// Of runs in which a repetition failed: how the connection was made (the first MiB of each end), and the last
+    /// 64 MiB of each end before the failure.
     OnFailure,
     /// Nothing is recorded.
     Never,

@@ -4,7 +4,9 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
-use bench::{calibrate, gate, measure, report, rig, timing};
+use bench::{
+    calibrate, doctor, gate, history, long, measure, overhead, report, rig, sensitivity, sweep, timing,
+};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -16,9 +18,18 @@ fn main() -> ExitCode {
         None => measure(&cli.run),
         Some(Command::Calibrate(options)) => calibrate(options),
         Some(Command::Gate(options)) => gate::run(options),
+        Some(Command::Overhead(options)) => match rig::enter_user_namespace() {
+            Ok(()) => overhead::run(options),
+            Err(error) => Err(Failure::new(error.exit(), error)),
+        },
+        Some(Command::Long(options)) => long::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
+        Some(Command::History(options)) => history::run(options),
+        Some(Command::Doctor(options)) => doctor::run(options),
         Some(Command::Timing(options)) => timing::run(options),
+        Some(Command::Sweep(options)) => sweep::run(options),
+        Some(Command::Sensitivity(options)) => sensitivity::run(options),
     };
     match outcome {
         Ok(exit) => exit.into(),
@@ -30,7 +41,7 @@ fn main() -> ExitCode {
 }
 
 fn measure(options: &RunOptions) -> Result<Exit, Failure> {
-    if options.mode == Mode::Real {
+    if options.mode == Mode::Real && options.attach.is_none() {
         // The kernel allows it only while this process has one thread.
         rig::enter_user_namespace().map_err(|error| Failure::new(error.exit(), error))?;
     }

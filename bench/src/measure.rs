@@ -7,24 +7,27 @@ use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
 use planning::{Application, Found};
+use protocol_linux::capture::Keep;
 use setup::Setup;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::{Capture, Mode, RunOptions};
 use crate::exit::{Exit, Failure};
-use crate::host::{Host, date};
+use crate::host::Host;
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report;
-use crate::results::{self, Results};
+use crate::results::{self, Results, Status};
 use crate::rig::{Rig, RigConfig, RigError};
-use crate::run_directory::{Durability, RunDirectory};
+use crate::run_directory::{self, Durability, RunDirectory, replace};
 use crate::session::{Ended, Session};
 use crate::table;
-use crate::virtual_run::{self, VirtualBus, VirtualRun};
+use crate::timeline;
+use crate::trace::Trace;
+use crate::virtual_run::{self, Extras, VirtualBus, VirtualRun};
 
-/// What passes the PLC's interface, in the run directory.
-const CAPTURE: &str = "plc.pcapng";
+/// Warnings of a plan that are shown before a run.
+const WARNINGS: usize = 5;
 
 /// What the nodes' cyclic threads have where nothing was refused.
 const GRANTED: &str = "SCHED_FIFO, memory locked";
@@ -45,13 +48,27 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
     }
-    found.plan(&setup)?;
-    if options.mode == Mode::Virtual && options.capture != Capture::Never {
-        let error = anyhow!("--capture records a real network; in virtual mode there is none yet");
+    let warnings = found.plan(&setup)?.warnings().collect();
+    if let Some(file) = options.exports.written_twice() {
+        let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
         return Err(Failure::new(Exit::Usage, error));
     }
-    let measurement =
-        Measurement { plan: Plan::new(&options.types, options.reps, options.seed), options, setup, found };
+    if options.mode == Mode::Real && !options.fault.is_empty() {
+        let error = anyhow!(
+            "--fault works in virtual mode: add --mode virtual; a real cable is impaired by `tc qdisc add dev IF root netem`"
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    if options.attach.is_some() {
+        check_attach(options)?;
+    }
+    let measurement = Measurement {
+        plan: Plan::new(&options.types, options.reps, options.seed),
+        options,
+        setup,
+        found,
+        warnings,
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -71,26 +88,47 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     Ok(ended.exit)
 }
 
+/// What the bench cannot ask of nodes that somebody else started.
+fn check_attach(options: &RunOptions) -> Result<(), Failure> {
+    let instead = if options.mode == Mode::Virtual {
+        "--attach measures on running nodes, in real time: leave out `--mode virtual`"
+    } else if options.capture != Capture::Never {
+        "--capture records the network that the bench makes: with --attach, record on the nodes' machine"
+    } else if options.trace {
+        "--trace records nodes that the bench starts: leave it out with --attach"
+    } else if options.cyclic.is_some() {
+        "the nodes run already: give --cyclic to plc-node"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::new(Exit::Usage, anyhow!(instead)))
+}
+
 struct Measurement<'a> {
     options: &'a RunOptions,
     setup: Setup,
     found: Found,
     plan: Plan,
+    /// What a person should look at in the planned motions: blends that had to shrink.
+    warnings: Vec<String>,
 }
 
 impl Measurement<'_> {
     async fn run(&self) -> Result<(Ended, PathBuf), Failure> {
         let started = SystemTime::now();
-        let path = self.options.out.clone().unwrap_or_else(|| self.default_directory(started));
+        let path = self.options.out.clone().unwrap_or_else(|| {
+            run_directory::default_path(&self.setup.name, self.options.mode.name(), started)
+        });
         let durability = match self.options.mode {
             Mode::Real => Durability::Synced,
             Mode::Virtual => Durability::Written,
         };
         let mut session = Session {
             directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
-            export_json: self.options.export_json.clone(),
+            exports: self.options.exports.clone(),
             progress: Progress::start(&self.plan, self.options.quiet),
         };
+        self.warn(&session.progress);
         let host = Host::look(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
@@ -99,11 +137,21 @@ impl Measurement<'_> {
             Mode::Virtual => {
                 let without_overhead =
                     WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
-                let bus = VirtualBus::OfSetup;
-                let mut stand =
-                    VirtualRun::start(&self.setup, &self.found.application, self.options.seed, bus)?;
+                let extras = Extras {
+                    faults: self.options.fault.clone(),
+                    capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
+                    frames: self.options.trace,
+                };
+                let mut stand = VirtualRun::start_with(
+                    &self.setup,
+                    &self.found.application,
+                    self.options.seed,
+                    VirtualBus::OfSetup,
+                    &extras,
+                )?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
-                stand.trace().save(session.directory.path())?;
+                self.save_trace(stand.trace(), &session)?;
+                stand.end_capture(self.wants_capture(ended.exit))?;
                 match ended.exit {
                     Exit::Pass => ended.beside(without_overhead.finish()?),
                     _ => ended,
@@ -127,7 +175,20 @@ impl Measurement<'_> {
         Ok((ended, path))
     }
 
-    /// Runs the plan on two processes, which read the setup as it stands in the run directory.
+    /// Shows the first warnings of the plan: in a grid each comes once a cycle.
+    fn warn(&self, progress: &Progress) {
+        self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
+        let more = self.warnings.len().saturating_sub(WARNINGS);
+        if more > 0 {
+            let Setup { name, application, .. } = &self.setup;
+            progress.warn(&format!(
+                "{more} more of that kind; `plc-node plan {application} --setup {name}` shows them all"
+            ));
+        }
+    }
+
+    /// Runs the plan on two processes: ones that run already, or own ones, which read the setup as it stands in the run
+    /// directory.
     async fn run_real(
         &self,
         session: &mut Session,
@@ -135,17 +196,34 @@ impl Measurement<'_> {
         results: Results,
         interrupt: impl Future<Output = ()>,
     ) -> Result<Ended, Failure> {
-        let capture = session.directory.path().join(CAPTURE);
         let config = RigConfig {
             seed: self.options.seed,
-            capture: (self.options.capture != Capture::Never).then(|| capture.clone()),
+            capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
+            trace: Some(session.directory.path().to_owned()),
             ..RigConfig::new(session.directory.path().join("setup.toml"))
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
         let mut interrupt = std::pin::pin!(interrupt);
-        let mut rig = tokio::select! {
-            () = &mut interrupt => return Err(Failure::new(Exit::Interrupted, anyhow!("interrupted"))),
-            rig = Rig::start(&config) => rig.map_err(unusable)?,
+        let start = async {
+            match &self.options.attach {
+                Some(nodes) => Rig::attach(nodes, &self.setup.name).await,
+                None => Rig::start(&config).await,
+            }
+        };
+        let started = tokio::select! {
+            () = &mut interrupt => None,
+            rig = start => Some(rig),
+        };
+        let mut rig = match started {
+            Some(Ok(rig)) => rig,
+            Some(Err(error)) => {
+                session.finish(&Results { status: Status::Failed, ..results })?;
+                return Err(unusable(error));
+            }
+            None => {
+                let results = Results { status: Status::Interrupted, ..results };
+                return Ok(Ended { results, exit: Exit::Interrupted, failure: None });
+            }
         };
         let refused = rig.warnings();
         let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
@@ -153,31 +231,54 @@ impl Measurement<'_> {
         refused.iter().for_each(|warning| session.progress.warn(warning));
         let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
         let connected_after = rig.connected_after();
+        if !self.wants_capture(ended.exit) {
+            rig.discard_capture();
+        }
+        let traced = rig.traced().to_vec();
         let stopped = rig.stop().await;
+        if self.options.attach.is_none() {
+            // A node that was killed may have left nothing; the run's results do not depend on it.
+            match Trace::collect(session.directory.path(), &traced) {
+                Ok(trace) => self.save_trace(&trace, session)?,
+                Err(error) => {
+                    session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
+                }
+            }
+        }
         if ended.failure.is_none() {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
             ended.results.set_health(&stopped.map_err(unusable)?.health(connected_after));
         }
-        if self.options.capture == Capture::OnFailure && ended.exit != Exit::RunFailed {
-            let removed = std::fs::remove_file(&capture);
-            removed.with_context(|| format!("cannot remove the capture {}", capture.display()))?;
-        }
         Ok(ended)
     }
 
-    fn default_directory(&self, started: SystemTime) -> PathBuf {
-        let time = date(started).replace([':', '-'], "");
-        let name: String =
-            self.setup.name.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-        let name = format!("runs/{time}-{name}-{}", self.options.mode.name());
-        let taken = |path: &PathBuf| path.exists();
-        let numbered = (2..).map(|number| PathBuf::from(format!("{name}-{number}")));
-        std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !taken(path)).unwrap_or_default()
+    /// Saves the tables that the report draws, and the timeline where it is asked for.
+    fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
+        trace.save(session.directory.path())?;
+        if self.options.trace {
+            let path = session.directory.path().join(timeline::FILE);
+            replace(&path, &timeline::json(trace)?, Durability::Written)?;
+        }
+        Ok(())
+    }
+
+    /// How much of what passes the interfaces is kept.
+    fn keep(&self) -> Option<Keep> {
+        match self.options.capture {
+            Capture::Always => Some(Keep::All),
+            Capture::OnFailure => Some(Keep::FirstAndLast),
+            Capture::Never => None,
+        }
+    }
+
+    /// Whether the captures of a run that ended so are to be written.
+    fn wants_capture(&self, exit: Exit) -> bool {
+        self.options.capture == Capture::Always || exit == Exit::RunFailed
     }
 }
 
 /// Resolves at the first Ctrl-C or SIGTERM.
-fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
+pub(crate) fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
     let mut interrupted = signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?;
     let mut terminated = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
     Ok(async move {

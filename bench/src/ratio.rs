@@ -14,7 +14,7 @@ const RESAMPLES: usize = 10_000;
 const TAIL: f64 = 0.025;
 
 /// Fewer samples of a type say nothing about how much they spread.
-const FEWEST: usize = 5;
+pub const FEWEST: usize = 5;
 
 /// The ratio of two means, with its 95 % interval (percentile bootstrap).
 #[derive(Clone, Copy, PartialEq, Debug)]

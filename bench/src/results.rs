@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 use setup::{Provenance, Setup, Sourced};
 
 use crate::cli::Mode;
+use crate::faults::FaultReport;
 use crate::plan::Plan;
+use crate::quality::MotionQuality;
 use crate::stand::{CycleHealth, Health, Measured};
 use crate::statistics::{Figure, aet_improvement};
 
@@ -17,6 +19,7 @@ pub const SCHEMA_VERSION: u32 = 1;
 
 /// Everything that a run found out.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Results {
     /// Version of this format.
     pub schema_version: u32,
@@ -48,16 +51,20 @@ pub struct Results {
     pub cycle: Cycles,
     /// Cyclic frames as the PLC counts them.
     pub bus: Frames,
-    /// From the start of the nodes until the robot was ready; null in virtual mode.
+    /// From the start of the nodes until the robot was ready; null in virtual mode and where the nodes ran already.
     #[serde(default)]
     pub connected_after_ms: Option<f64>,
     /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
     #[serde(default)]
     pub cyclic_allocations: Option<Allocations>,
+    /// Faults that were put into the cable, and what came of them; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultReport>,
 }
 
 /// How far a run is, or how it ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// Repetitions are still to come, or the program was killed before it could say otherwise.
@@ -72,6 +79,7 @@ pub enum Status {
 
 /// One value for each execution type that there is.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PerType<T> {
     /// Programmed in the robot controller.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -112,6 +120,7 @@ impl<T> PerType<T> {
 
 /// What one type took. The vectors have one entry a successful repetition.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct TypeResult {
     /// Mean of the samples in ms; null without any.
     pub aet_ms: Option<f64>,
@@ -125,10 +134,14 @@ pub struct TypeResult {
     pub blends_suppressed: Vec<u32>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
+    /// How well the arm moved; null where no repetition says so.
+    #[serde(default)]
+    pub quality: Option<MotionQuality>,
 }
 
 /// A repetition that failed.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FailedRepetition {
     /// Which one of its type, counted from 1.
     pub repetition: u32,
@@ -138,6 +151,7 @@ pub struct FailedRepetition {
 
 /// A virtual run in which a skill call costs nothing besides its motion: what the model alone predicts.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WithoutOverhead {
     /// AET and MAD.
     pub results: PerType<PaperFigure>,
@@ -147,6 +161,7 @@ pub struct WithoutOverhead {
 
 /// AET and MAD in ms.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PaperFigure {
     /// Average execution time.
     pub aet_ms: f64,
@@ -168,6 +183,7 @@ impl From<setup::Figure> for PaperFigure {
 
 /// A number that was chosen so that a published figure comes out.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Calibrated {
     /// Its key in the setup.
     pub key: String,
@@ -179,6 +195,7 @@ pub struct Calibrated {
 
 /// How late the cycles ran. In virtual mode nothing is late.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Cycles {
     /// The PLC's scans.
     pub plc: CycleLateness,
@@ -188,6 +205,7 @@ pub struct Cycles {
 
 /// How late a cyclic task ran.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CycleLateness {
     /// Median, in µs.
     pub p50_us: f64,
@@ -211,6 +229,7 @@ impl From<CycleHealth> for CycleLateness {
 
 /// Cyclic frames as the PLC counts them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Frames {
     /// Sent to the robot.
     pub frames_sent: u64,
@@ -224,6 +243,7 @@ pub struct Frames {
 
 /// Allocations of the cyclic threads once the connection was up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Allocations {
     /// Of the PLC.
     pub plc: u64,
@@ -261,6 +281,7 @@ impl Results {
             bus: Frames::default(),
             connected_after_ms: None,
             cyclic_allocations: None,
+            faults: None,
         }
     }
 
@@ -271,6 +292,9 @@ impl Results {
         result.samples_ms.push(millis(measured.execution));
         result.robot_samples_ms.push(millis(measured.robot_execution));
         result.blends_suppressed.push(measured.blends_suppressed);
+        if let Some(quality) = &measured.quality {
+            result.quality.get_or_insert_default().record(quality);
+        }
         if let Some(figure) = figure(&result.samples_ms) {
             (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
         }
@@ -295,6 +319,7 @@ impl Results {
         };
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
+        self.faults.clone_from(&health.faults);
     }
 
     /// What stands beside this run as the one without the calibrated overhead.
@@ -358,4 +383,23 @@ fn calibrated(setup: &Setup) -> Vec<Calibrated> {
         setup.robot.start_quantum_us.as_ref().and_then(|quantum| entry(START_QUANTUM, quantum)),
     ];
     numbers.into_iter().flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `INSTA_UPDATE=always` writes it anew, as it does with snapshots.
+    #[test]
+    fn the_committed_schema_is_that_of_the_results() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas/results.schema.json");
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(Results)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        assert!(
+            std::fs::read_to_string(path).unwrap() == schema,
+            "results.json changed: count SCHEMA_VERSION up where a reader breaks, then INSTA_UPDATE=always cargo test -p bench --lib results"
+        );
+    }
 }

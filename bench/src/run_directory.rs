@@ -13,12 +13,14 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use setup::Setup;
 
+use crate::host::date;
 use crate::plan::Step;
-use crate::results::Results;
+use crate::results::{Results, SCHEMA_VERSION};
 use crate::stand::Measured;
 
 /// How sure a repetition is on the disk before the next one starts.
@@ -99,6 +101,77 @@ impl RunDirectory {
     }
 }
 
+/// The results that a run directory holds.
+///
+/// # Errors
+///
+/// There are none, or they are of another version.
+pub fn results(directory: &Path) -> anyhow::Result<Results> {
+    let path = directory.join("results.json");
+    let text = match fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let shown = directory.display();
+            return Err(if directory.join("samples.csv").exists() {
+                anyhow!(
+                    "the run in {shown} ended before its first repetition did, so there is nothing to report"
+                )
+            } else if directory.is_dir() {
+                anyhow!(
+                    "{shown} holds no run: results.json is missing; name a run directory, such as one below runs/"
+                )
+            } else {
+                anyhow!("there is no run directory {shown}; name one, such as one below runs/")
+            });
+        }
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+    };
+    let value: serde_json::Value =
+        serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
+    match value.get("schema_version").and_then(serde_json::Value::as_u64) {
+        Some(version) if version == u64::from(SCHEMA_VERSION) => {}
+        Some(version) => anyhow::bail!(
+            "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
+            path.display()
+        ),
+        None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
+    }
+    serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
+}
+
+/// What a run directory says of the machine, key by key; none where it does not.
+#[must_use]
+pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Value>> {
+    let text = fs::read_to_string(directory.join("host.json")).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// Where a run goes that names no directory: below `runs`, by its start, its setup and what it is; the first such name
+/// that is free.
+#[must_use]
+pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
+    let time = date(started).replace([':', '-'], "");
+    let setup: String = setup.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let name = format!("runs/{time}-{setup}-{what}");
+    let numbered = (2..).map(|number| PathBuf::from(format!("{name}-{number}")));
+    std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
+}
+
+/// Makes the directory of a study, which holds many virtual runs' figures and no run, and writes down what setup it
+/// varied.
+///
+/// # Errors
+///
+/// It holds a run, or cannot be written.
+pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
+    if path.join("samples.csv").exists() {
+        anyhow::bail!("{} holds a run; choose another directory by --out", path.display());
+    }
+    fs::create_dir_all(path)
+        .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
+    replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
+}
+
 /// Replaces a file as a whole: whoever reads it sees the old text or the new one, also after a crash.
 pub fn replace(path: &Path, text: &str, durability: Durability) -> anyhow::Result<()> {
     let write = || {
@@ -150,6 +223,7 @@ mod tests {
             execution: Duration::from_nanos(6_477_123_456),
             robot_execution: Duration::from_millis(6_470),
             blends_suppressed: 0,
+            quality: None,
         };
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
         let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];

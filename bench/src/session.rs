@@ -1,14 +1,13 @@
 //! One measured run from its plan to its table: every repetition is saved before the next one starts, and what is
 //! there stays when it ends early.
 
-use std::path::PathBuf;
-
 use crate::exit::Exit;
+use crate::export::Exports;
 use crate::host::Host;
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::results::{Results, Status, WithoutOverhead};
-use crate::run_directory::{Durability, RunDirectory, replace};
+use crate::run_directory::{Durability, RunDirectory};
 use crate::stand::Stand;
 
 /// What a run writes to, and who watches.
@@ -16,8 +15,8 @@ use crate::stand::Stand;
 pub struct Session {
     /// The run directory.
     pub directory: RunDirectory,
-    /// A second copy of the results.
-    pub export_json: Option<PathBuf>,
+    /// Files besides it.
+    pub exports: Exports,
     /// The live view.
     pub progress: Progress,
 }
@@ -65,6 +64,8 @@ impl Session {
     ) -> anyhow::Result<Ended> {
         let mut interrupt = std::pin::pin!(interrupt);
         let mut failure = None;
+        // A file that cannot be written is to be known before the first repetition, not after it.
+        self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
         let end = |status| match status {
             Status::Failed => Exit::RunFailed,
@@ -93,7 +94,7 @@ impl Session {
             let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
             let status = std::mem::replace(&mut results.status, so_far);
             self.directory.save(&step, &outcome, &results)?;
-            self.export(&results, Durability::Written)?;
+            self.exports.write(&results, Durability::Written)?;
             self.progress.finished(step.execution_type, step.repetition, &results);
             if let Err(error) = outcome {
                 let name = format!("{} {} of {}", step.execution_type, step.repetition, plan.reps);
@@ -113,15 +114,12 @@ impl Session {
     ///
     /// They cannot be written.
     pub fn finish(&self, results: &Results) -> anyhow::Result<()> {
-        self.directory.save_results(results)?;
-        self.export(results, Durability::Synced)
+        self.save(results, Durability::Synced)
     }
 
-    fn export(&self, results: &Results, durability: Durability) -> anyhow::Result<()> {
-        match &self.export_json {
-            Some(path) => replace(path, &results.to_json()?, durability),
-            None => Ok(()),
-        }
+    fn save(&self, results: &Results, durability: Durability) -> anyhow::Result<()> {
+        self.directory.save_results(results)?;
+        self.exports.write(results, durability)
     }
 }
 
@@ -147,7 +145,7 @@ mod tests {
                 anyhow::bail!("the connection to the robot was lost");
             }
             let execution = Duration::from_millis(self.runs);
-            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0 })
+            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None })
         }
 
         fn health(&self) -> Health {
@@ -168,7 +166,7 @@ mod tests {
         let results = Results::new(&setup, &found.application.name, Mode::Real, &plan);
         let mut session = Session {
             directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
-            export_json: Some(place.path().join("exported.json")),
+            exports: Exports::json(place.path().join("exported.json")),
             progress: Progress::start(&plan, true),
         };
         let mut stand = Scripted { runs: 0, fails_at };

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use protocol::Lateness;
 use protocol::fieldbus::Counters;
+use robot_node::Quality;
 
+use crate::faults::FaultReport;
 use crate::plan::Step;
 
 /// A PLC and a robot, connected, on a real or on a virtual clock.
@@ -17,7 +19,7 @@ pub trait Stand {
 }
 
 /// One finished run.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Measured {
     /// From the start edge to the end seen, on the PLC.
     pub execution: Duration,
@@ -25,6 +27,8 @@ pub struct Measured {
     pub robot_execution: Duration,
     /// Motions that were run to a stop because the next one was not there in time.
     pub blends_suppressed: u32,
+    /// How well the arm moved, by the robot; none where it did not say so of every motion.
+    pub quality: Option<Quality>,
 }
 
 /// The conditions that runs were measured under.
@@ -38,11 +42,13 @@ pub struct Health {
     pub bus: Counters,
     /// Cyclic frames as the robot counts them.
     pub robot_bus: Counters,
-    /// From the start of the nodes until the robot was ready; none in virtual mode.
+    /// From the start of the nodes until the robot was ready; none in virtual mode and where the nodes ran already.
     pub connected_after: Option<Duration>,
     /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
     /// not counted.
     pub allocations: Option<[u64; 2]>,
+    /// What came of the faults that were put in, where some were.
+    pub faults: Option<FaultReport>,
 }
 
 impl Health {

@@ -4,7 +4,10 @@ use comfy_table::{Cell, CellAlignment, Table, TableComponent, presets};
 use plc_node::ExecutionType;
 
 use crate::progress::label;
-use crate::results::{Allocations, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, VELOCITY};
+use crate::quality;
+use crate::results::{
+    Allocations, CycleLateness, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY,
+};
 
 /// The mark of a number that was calibrated on the figure that it stands beside.
 const CALIBRATED: &str = "*";
@@ -19,18 +22,15 @@ pub fn render(results: &Results) -> String {
     text.push_str(&figures(results));
     text.push_str("\n\n");
     text.push_str(&legend(results));
+    if let Some(table) = quality::table(results) {
+        text.push_str("\n\n");
+        text.push_str(&table);
+    }
     text
 }
 
 fn figures(results: &Results) -> String {
-    let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
-    for inner in [TableComponent::HorizontalLines, TableComponent::MiddleIntersections] {
-        table.remove_style(inner);
-    }
-    for line in [TableComponent::HeaderLines, TableComponent::MiddleHeaderIntersections] {
-        table.set_style(line, '─');
-    }
+    let mut table = styled();
     let mut header = vec!["ms", "AET", "MAD", "n"];
     let has_without = results.without_skill_overhead.is_some();
     if has_without {
@@ -73,6 +73,44 @@ fn figures(results: &Results) -> String {
         table.add_row(row);
     }
     table.add_row(improvement(results, has_without));
+    drawn(table)
+}
+
+/// A table with lines above, below and under its header.
+pub(crate) fn styled() -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
+    for inner in [TableComponent::HorizontalLines, TableComponent::MiddleIntersections] {
+        table.remove_style(inner);
+    }
+    for line in [TableComponent::HeaderLines, TableComponent::MiddleHeaderIntersections] {
+        table.set_style(line, '─');
+    }
+    table
+}
+
+/// Width of the sentences below a table.
+const WIDTH: usize = 100;
+
+/// Sentences in lines of [`WIDTH`], each line behind two blanks.
+pub(crate) fn sentences<'a>(sentences: impl IntoIterator<Item = &'a str>) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for sentence in sentences {
+        let mut line = String::from(" ");
+        for word in sentence.split(' ') {
+            if line.chars().count() + 1 + word.chars().count() > WIDTH {
+                lines.push(std::mem::replace(&mut line, String::from(" ")));
+            }
+            line.push(' ');
+            line.push_str(word);
+        }
+        lines.push(line);
+    }
+    lines.join("\n")
+}
+
+/// The table with its numbers to the right, and no blanks at the ends of lines.
+pub(crate) fn drawn(mut table: Table) -> String {
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }
@@ -106,6 +144,8 @@ fn legend(results: &Results) -> String {
             let of = match calibrated.key.as_str() {
                 VELOCITY => "RC's AET",
                 SKILL_OVERHEAD => "SM's AET",
+                START_QUANTUM => "RC's MAD",
+                QUANTUM if results.is_calibrated(START_QUANTUM) => "SM's MAD",
                 _ => "the MADs of RC and SM",
             };
             lines.push(format!("    {} = {} from {of}", calibrated.key, calibrated.value));
@@ -129,12 +169,8 @@ fn legend(results: &Results) -> String {
         ));
     }
     if results.mode == "real" {
-        let cycle = &results.cycle;
-        lines.push(format!(
-            "  Cycles late by p50 / p99 / max: PLC {:.0} / {:.0} / {:.0} µs, {} missed; robot {:.0} / {:.0} / {:.0} µs, {} missed.",
-            cycle.plc.p50_us, cycle.plc.p99_us, cycle.plc.max_us, cycle.plc.missed,
-            cycle.robot.p50_us, cycle.robot.p99_us, cycle.robot.max_us, cycle.robot.missed,
-        ));
+        let (plc, robot) = (lateness(&results.cycle.plc), lateness(&results.cycle.robot));
+        lines.push(format!("  Cycles late by p50 / p99 / max: PLC {plc}; robot {robot}."));
     }
     if let Some(after) = results.connected_after_ms {
         let allocations =
@@ -152,7 +188,19 @@ fn legend(results: &Results) -> String {
         frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
     }
     lines.push(frames + ".");
+    if let Some(faults) = &results.faults {
+        lines.push(format!("  {faults}"));
+    }
     lines.join("\n")
+}
+
+fn lateness(cycle: &CycleLateness) -> String {
+    if cycle.buckets.is_empty() && cycle.max_us == 0.0 {
+        // Real hardware, or a node that the bench was not attached to.
+        return "not reported".to_owned();
+    }
+    let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
+    format!("{p50_us:.0} / {p99_us:.0} / {max_us:.0} µs, {missed} missed")
 }
 
 fn millis(value: f64) -> String {
@@ -187,7 +235,7 @@ mod tests {
 
     fn run(micros: u64) -> Measured {
         let execution = Duration::from_micros(micros);
-        Measured { execution, robot_execution: execution, blends_suppressed: 0 }
+        Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None }
     }
 
     #[test]
@@ -243,7 +291,7 @@ mod tests {
             robot.skill_overhead_us = 1 from SM's AET
             robot.interpreter_quantum_us = 1 from the MADs of RC and SM
           Predicted: CM, and with h = 0 all of SM − CM but for the speed.
-          Cycles late by p50 / p99 / max: PLC 0 / 0 / 0 µs, 0 missed; robot 0 / 0 / 0 µs, 0 missed.
+          Cycles late by p50 / p99 / max: PLC not reported; robot not reported.
           Cyclic frames: 0 sent, 0 received, 0 lost.
         ");
     }

@@ -13,8 +13,10 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use anyhow::Context as _;
 use plc_node::ExecutionType;
 use protocol::image::State;
+use protocol::virtual_time::Side;
 
 use crate::results::PerType;
 use crate::run_directory::{Durability, replace};
@@ -24,6 +26,22 @@ pub const ROBOT_FILE: &str = "trace-robot.csv";
 /// File of the PLC's scans.
 pub const PLC_FILE: &str = "trace-plc.csv";
 
+/// Where the nodes of a real run write their rows, until they are sorted into the tables.
+pub const ROBOT_ROWS: &str = "trace-robot.rows";
+/// The PLC's.
+pub const PLC_ROWS: &str = "trace-plc.rows";
+
+/// When a run was, by the clock that both nodes of a real run share.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Window {
+    /// How it was run.
+    pub of: ExecutionType,
+    /// The scan with the start edge, in ns.
+    pub start_ns: u64,
+    /// How long it took, in ns; none where it failed.
+    pub length_ns: Option<u64>,
+}
+
 const ROBOT_HEADER: &str = "type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
 x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6";
 const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots";
@@ -31,6 +49,8 @@ const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots";
 /// Room for a minute of each; what comes after it is not recorded.
 const ROBOT_ROOM: usize = 15_000;
 const PLC_ROOM: usize = 60_000;
+/// Four a millisecond: each is seen at both ends, each way.
+const FRAME_ROOM: usize = 240_000;
 
 /// One interpolation cycle of the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -111,16 +131,35 @@ impl PlcScan {
     }
 }
 
+/// A frame at one end of the cable.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Frame {
+    /// Since the start edge, in µs.
+    pub at_us: f64,
+    /// At whose end: A is the PLC's.
+    pub end: Side,
+    /// Whether it leaves there; otherwise it arrives.
+    pub sent: bool,
+    /// What it travels in.
+    pub carrier: &'static str,
+    /// Length of the frame, without the headers around it, in bytes.
+    pub bytes: usize,
+    /// Whether the cable did something to it.
+    pub faulty: bool,
+}
+
 /// One run of a type. Its room is taken when it is made: recording a tick allocates nothing.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Recording {
     robot: Vec<RobotTick>,
     plc: Vec<PlcScan>,
+    /// In memory only, for a timeline.
+    frames: Vec<Frame>,
 }
 
 impl Default for Recording {
     fn default() -> Self {
-        Self { robot: Vec::with_capacity(ROBOT_ROOM), plc: Vec::with_capacity(PLC_ROOM) }
+        Self { robot: Vec::with_capacity(ROBOT_ROOM), plc: Vec::with_capacity(PLC_ROOM), frames: Vec::new() }
     }
 }
 
@@ -137,6 +176,19 @@ impl Recording {
         if self.plc.len() < self.plc.capacity() {
             self.plc.push(scan);
         }
+    }
+
+    /// Takes up a frame, up to those of a minute.
+    pub fn frame(&mut self, frame: Frame) {
+        if self.frames.len() < FRAME_ROOM {
+            self.frames.push(frame);
+        }
+    }
+
+    /// The frames at both ends in order; none where they were not asked for, or were read from the tables.
+    #[must_use]
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
     }
 
     /// The robot's ticks in order.
@@ -199,6 +251,23 @@ impl Trace {
         (robot, plc)
     }
 
+    /// Sorts what the nodes of a real run wrote into `directory` into the tables, and removes it.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, or is not what nodes write.
+    pub fn collect(directory: &Path, windows: &[Window]) -> anyhow::Result<Self> {
+        let read = |name: &str| {
+            let path = directory.join(name);
+            let rows =
+                std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+            anyhow::Ok(rows)
+        };
+        let (robot, plc) = (read(ROBOT_ROWS)?, read(PLC_ROWS)?);
+        Ok(Self::from_csv(&table(ROBOT_HEADER, &robot, windows), &table(PLC_HEADER, &plc, windows))?)
+    }
+
     /// Reads both tables; the room of the recordings is what they hold.
     ///
     /// # Errors
@@ -218,9 +287,30 @@ impl Trace {
     }
 }
 
+/// The rows of each run as a table: the type and the time since its start edge in place of the clock's time. A line
+/// that a killed node did not finish is left out.
+fn table(header: &str, rows: &str, windows: &[Window]) -> String {
+    let mut table = format!("{header}\n");
+    for row in rows.lines() {
+        let Some((at, rest)) = row.split_once(',') else { continue };
+        let Ok(at_ns) = at.parse::<u64>() else { continue };
+        let is_in = |window: &&Window| {
+            let since = at_ns.checked_sub(window.start_ns);
+            since.is_some_and(|since| since <= window.length_ns.unwrap_or(u64::MAX))
+        };
+        let whole = row.matches(',').count() + 1 == header.matches(',').count();
+        // The last one: a run that failed has no end.
+        if let Some(window) = windows.iter().rev().find(is_in).filter(|_| whole) {
+            let at_ms = (at_ns - window.start_ns) as f64 / 1e6;
+            let _ = writeln!(table, "{},{at_ms:.3},{rest}", window.of);
+        }
+    }
+    table
+}
+
 impl Recording {
     const fn empty() -> Self {
-        Self { robot: Vec::new(), plc: Vec::new() }
+        Self { robot: Vec::new(), plc: Vec::new(), frames: Vec::new() }
     }
 }
 
@@ -346,6 +436,21 @@ mod tests {
     }
 
     #[test]
+    fn rows_of_a_real_run_are_sorted_by_run_and_what_lies_between_runs_is_left_out() {
+        let window = |of, start_ns, length_ns| Window { of, start_ns, length_ns };
+        let windows = [
+            window(ExecutionType::Rc, 1_000_000, Some(2_000_000)),
+            window(ExecutionType::Sm, 9_000_000, None),
+        ];
+        let rows = "900000,1,2,3,4,5\n1500000,2,2,3,4,5\n5000000,3,2,3,4,5\n9250000,4,2,3,4,5\n9300000,5,2";
+        insta::assert_snapshot!(table(PLC_HEADER, rows, &windows), @"
+        type,t_ms,scan,command,total,written,in_slots
+        rc,0.500,2,2,3,4,5
+        sm,0.250,4,2,3,4,5
+        ");
+    }
+
+    #[test]
     fn what_was_written_is_read_again_and_a_broken_line_is_named() {
         let (robot, plc) = trace().to_csv();
         assert_eq!(Trace::from_csv(&robot, &plc), Ok(trace()));
@@ -356,7 +461,7 @@ mod tests {
 
     #[test]
     fn a_recording_that_is_full_takes_no_more_and_does_not_grow() {
-        let mut recording = Recording { robot: Vec::new(), plc: Vec::with_capacity(2) };
+        let mut recording = Recording { robot: Vec::new(), plc: Vec::with_capacity(2), frames: Vec::new() };
         let room = recording.plc.capacity();
         for scan in 0..room as u64 + 3 {
             recording.plc(PlcScan { at_us: 0, scan, command: 0, total: 0, written: 0, in_slots: 0 });

@@ -1,5 +1,7 @@
 //! Looks at both nodes of a virtual pair after each of their ticks, for a trace.
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::time::Duration;
 
 use plc_node::{PlcEvent, PlcNode};
@@ -8,11 +10,14 @@ use protocol::fieldbus::Fieldbus;
 use protocol::virtual_time::{Pair, Side};
 use robot_node::RobotNode;
 
-use crate::trace::{PlcScan, Recording, RobotTick};
-use crate::virtual_run::next_plc_event;
+use crate::trace::{Frame, PlcScan, Recording, RobotTick};
+use crate::virtual_run::Nodes;
 
 /// How often to look; shorter than any cycle, so that no tick is missed. Looking takes no virtual time.
 const LOOK: Duration = Duration::from_micros(100);
+
+/// Frames that the tap saw and the watch has not taken up; none while nobody watches.
+pub(crate) type SharedFrames = Rc<RefCell<Option<Vec<(Instant, Frame)>>>>;
 
 /// One run that is being recorded.
 #[derive(Debug)]
@@ -22,21 +27,34 @@ pub(crate) struct Watch<'a> {
     start: Option<Instant>,
     last_tick: Option<Instant>,
     last_scan: u64,
+    frames: Option<SharedFrames>,
+}
+
+impl Drop for Watch<'_> {
+    fn drop(&mut self) {
+        if let Some(frames) = &self.frames {
+            *frames.borrow_mut() = None;
+        }
+    }
 }
 
 impl<'a> Watch<'a> {
-    pub(crate) const fn new(recording: &'a mut Recording) -> Self {
-        Self { recording, start: None, last_tick: None, last_scan: 0 }
+    pub(crate) fn new(recording: &'a mut Recording, frames: Option<SharedFrames>) -> Self {
+        if let Some(frames) = &frames {
+            *frames.borrow_mut() = Some(Vec::new());
+        }
+        Self { recording, start: None, last_tick: None, last_scan: 0, frames }
     }
 
     /// The PLC's next event, up to `until` of true time; what happens on the way is recorded.
     pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
         &mut self,
-        pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
+        nodes: &mut Nodes<P, R>,
         until: Instant,
     ) -> Option<PlcEvent> {
-        while pair.now() < until {
-            let event = next_plc_event(pair, until.min(pair.now() + LOOK));
+        while nodes.pair().now() < until {
+            let event = nodes.next_event(until.min(nodes.pair().now() + LOOK));
+            let pair = nodes.pair();
             if let Some(PlcEvent::Started { at, .. }) = event {
                 self.start = Some(true_time(pair, Side::A, at));
             }
@@ -51,6 +69,13 @@ impl<'a> Watch<'a> {
     fn look<P: Fieldbus, R: Fieldbus>(&mut self, pair: &Pair<PlcNode<P>, RobotNode<R>>) {
         let Some(start) = self.start else { return };
         let since = |at: Instant| at.as_nanos() as f64 - start.as_nanos() as f64;
+        if let Some(frames) = &self.frames {
+            for (at, frame) in frames.borrow_mut().iter_mut().flat_map(|frames| frames.drain(..)) {
+                if at >= start {
+                    self.recording.frame(Frame { at_us: since(at) / 1e3, ..frame });
+                }
+            }
+        }
         let scan = pair.a().sample();
         if scan.scans != self.last_scan {
             self.last_scan = scan.scans;

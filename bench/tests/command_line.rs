@@ -60,7 +60,7 @@ fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(said.code, Some(2));
     insta::assert_snapshot!(said.stderr, @r#"
-    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected `scan_cycle_us` or `scan_cost_us`
+    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
        16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
 }
@@ -107,7 +107,7 @@ fn an_unknown_application_is_answered_by_those_there_are() {
     fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, insertion-with-force; or give the path of a .toml file");
+    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file");
 }
 
 #[test]
@@ -204,18 +204,54 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.cm.blends_suppressed[]
     .results.cm.failed[]
     .results.cm.mad_ms
+    .results.cm.quality.energy_proxy_s
+    .results.cm.quality.joint_acceleration.peak
+    .results.cm.quality.joint_acceleration.rms
+    .results.cm.quality.joint_jerk.peak
+    .results.cm.quality.joint_jerk.rms
+    .results.cm.quality.path_deviation_mm
+    .results.cm.quality.repetitions
+    .results.cm.quality.stops
+    .results.cm.quality.tool_acceleration_mm_s2.peak
+    .results.cm.quality.tool_acceleration_mm_s2.rms
+    .results.cm.quality.tool_jerk_mm_s3.peak
+    .results.cm.quality.tool_jerk_mm_s3.rms
     .results.cm.robot_samples_ms[]
     .results.cm.samples_ms[]
     .results.rc.aet_ms
     .results.rc.blends_suppressed[]
     .results.rc.failed[]
     .results.rc.mad_ms
+    .results.rc.quality.energy_proxy_s
+    .results.rc.quality.joint_acceleration.peak
+    .results.rc.quality.joint_acceleration.rms
+    .results.rc.quality.joint_jerk.peak
+    .results.rc.quality.joint_jerk.rms
+    .results.rc.quality.path_deviation_mm
+    .results.rc.quality.repetitions
+    .results.rc.quality.stops
+    .results.rc.quality.tool_acceleration_mm_s2.peak
+    .results.rc.quality.tool_acceleration_mm_s2.rms
+    .results.rc.quality.tool_jerk_mm_s3.peak
+    .results.rc.quality.tool_jerk_mm_s3.rms
     .results.rc.robot_samples_ms[]
     .results.rc.samples_ms[]
     .results.sm.aet_ms
     .results.sm.blends_suppressed[]
     .results.sm.failed[]
     .results.sm.mad_ms
+    .results.sm.quality.energy_proxy_s
+    .results.sm.quality.joint_acceleration.peak
+    .results.sm.quality.joint_acceleration.rms
+    .results.sm.quality.joint_jerk.peak
+    .results.sm.quality.joint_jerk.rms
+    .results.sm.quality.path_deviation_mm
+    .results.sm.quality.repetitions
+    .results.sm.quality.stops
+    .results.sm.quality.tool_acceleration_mm_s2.peak
+    .results.sm.quality.tool_acceleration_mm_s2.rms
+    .results.sm.quality.tool_jerk_mm_s3.peak
+    .results.sm.quality.tool_jerk_mm_s3.rms
     .results.sm.robot_samples_ms[]
     .results.sm.samples_ms[]
     .schema_version
@@ -261,6 +297,8 @@ fn the_help_shows_examples_and_exit_codes() {
     Commands:
       calibrate  Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum
       gate       Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline
+      overhead   Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn
+      long       Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order
       report     Draw the report of a run again
       compare    Set runs beside each other
       help       Print this message or the help of the given subcommand(s)
@@ -309,14 +347,20 @@ fn the_help_shows_examples_and_exit_codes() {
               - rt1: RT_CLASS_1: EtherType 0x8892
 
           --capture <CAPTURE>
-              Keep what passes the PLC's interface, as DIR/plc.pcapng; real mode only
+              Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng
 
               Possible values:
               - always:     Of every run
-              - on-failure: Of runs in which a repetition failed
+              - on-failure: Of runs in which a repetition failed: how the connection was made (the first MiB of each end), and the last 64 MiB of each end before the failure
               - never:      Nothing is recorded
               
               [default: never]
+
+          --trace
+              Write a timeline of the first repetition of each type, as DIR/trace.json; open it in https://ui.perfetto.dev
+
+          --fault <FAULT>
+              Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the moment that the robot is ready; the same seed gives the same faults
 
       -q, --quiet
               Print the table only: no progress, no warnings
@@ -332,6 +376,7 @@ fn the_help_shows_examples_and_exit_codes() {
       bench --setup A --mode virtual             the same in virtual time, in about a second
       bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
       bench --setup A --types rc,cm --export-json results.json
+      bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
       bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
 
     Exit codes:

@@ -8,7 +8,8 @@ use std::path::Path;
 use assert_cmd::Command;
 use bench::results::{CycleLateness, Results, Status};
 
-const SECTIONS: [&str; 8] = ["table", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];
+const SECTIONS: [&str; 9] =
+    ["table", "quality", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];
 
 struct Said {
     code: Option<i32>,

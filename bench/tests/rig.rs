@@ -36,14 +36,19 @@ struct Ended {
     after: Duration,
     stderr: String,
     samples: String,
+    results: serde_json::Value,
 }
 
 impl Bench {
     fn start(args: &[&str]) -> Self {
+        Self::start_setup("A", args)
+    }
+
+    fn start_setup(setup: &str, args: &[&str]) -> Self {
         let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
         let place = tempfile::tempdir().unwrap();
         let child = Command::new(env!("CARGO_BIN_EXE_bench"))
-            .args(["--setup", "A", "--types", "cm", "--out"])
+            .args(["--setup", setup, "--types", "cm", "--out"])
             .arg(place.path().join("run"))
             .args(args)
             .stdin(Stdio::null())
@@ -99,7 +104,9 @@ impl Bench {
         let mut stderr = String::new();
         self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
         let samples = fs::read_to_string(self.place.path().join("run/samples.csv")).unwrap_or_default();
-        Ended { status, after, stderr, samples }
+        let results = fs::read_to_string(self.place.path().join("run/results.json")).unwrap_or_default();
+        let results = serde_json::from_str(&results).unwrap_or_default();
+        Ended { status, after, stderr, samples, results }
     }
 }
 
@@ -139,6 +146,22 @@ fn a_run_over_either_cyclic_transport_passes() {
         assert!(ended.status.success(), "{cyclic}: {}: {}", ended.status, ended.stderr);
         assert_eq!(ended.samples.lines().count(), 2);
     }
+}
+
+/// EtherNet/IP between two processes. A host that stalls skips cycles, which both sides tell; what was sent must arrive.
+#[test]
+fn a_run_of_setup_b_passes_and_loses_no_frame() {
+    let ended = Bench::start_setup("B", &["--reps", "1"]).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    assert_eq!(ended.samples.lines().count(), 2);
+    let bus = &ended.results["bus"];
+    assert_eq!(bus["lost"], 0, "{bus}");
+    assert!(
+        bus["frames_sent"].as_u64() > Some(1_000) && bus["frames_received"].as_u64() > Some(1_000),
+        "{bus}"
+    );
+    let allocations = &ended.results["cyclic_allocations"];
+    assert_eq!((&allocations["plc"], &allocations["robot"]), (&0.into(), &0.into()));
 }
 
 #[test]

@@ -35,6 +35,8 @@ fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
     let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
     assert!((rc / 3725.0 - 1.0).abs() < 0.01, "RC {rc} ms");
     assert!((sm / 6477.0 - 1.0).abs() < 0.03, "SM {sm} ms");
+    let improvement = results.aet_improvement.unwrap();
+    assert!((improvement - 0.42).abs() <= 0.01, "AETi {improvement}, published 42 %");
     assert!((cm - rc).abs() <= 12.0, "CM − RC = {} ms", cm - rc);
     assert_eq!(results.bus.lost, 0);
     let PerType { rc: Some(rc), .. } = &results.results else { panic!("RC is there") };
@@ -49,6 +51,8 @@ fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
     let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
     assert!((rc / 7617.0 - 1.0).abs() < 0.01, "RC {rc} ms");
     assert!((sm / 8971.0 - 1.0).abs() < 0.03, "SM {sm} ms");
+    let improvement = results.aet_improvement.unwrap();
+    assert!((improvement - 0.15).abs() <= 0.01, "AETi {improvement}, published 15 %");
     assert!((cm - rc).abs() <= 12.0, "CM − RC = {} ms", cm - rc);
     assert_eq!(results.bus.lost, 0);
     let suppressed = ExecutionType::ALL.map(|of| results.results.get(of).unwrap().blends_suppressed.clone());

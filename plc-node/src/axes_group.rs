@@ -91,7 +91,17 @@ impl AxesGroup {
         self.command.control.set(bits, on);
     }
 
-    /// Takes back everything but the number: the image that must stand on the bus while nobody commands, so that a
+    /// The PLC's digital outputs.
+    pub(crate) const fn outputs(&self) -> u16 {
+        self.command.outputs
+    }
+
+    /// Sets all of the PLC's digital outputs.
+    pub(crate) const fn set_outputs(&mut self, outputs: u16) {
+        self.command.outputs = outputs;
+    }
+
+    /// Takes back everything but the number and the digital outputs: the image that must stand on the bus while nobody commands, so that a
     /// robot that comes up meanwhile finds nothing to execute.
     pub fn disarm(&mut self) {
         self.command.control = Control::default();

@@ -1,5 +1,6 @@
 //! From a setup to the PLC's end of its bus.
 
+use protocol::ethernet_ip::cip::{ElectronicKey, Revision};
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Scanner, ScannerConfig};
@@ -8,7 +9,7 @@ use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
 use protocol::profinet::{self, Controller, ControllerConfig, Parameter};
 use protocol::{Duration, Instant};
-use setup::{Cyclic, ProfinetDevice, Setup};
+use setup::{Cyclic, EthernetIpAdapter, ProfinetDevice, Setup};
 
 /// Why a setup gives no bus endpoint.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -103,14 +104,40 @@ pub fn ethernet_ip_scanner(
     start: Instant,
 ) -> Result<Scanner, BusError> {
     let bus = &setup.bus;
+    let ethernet_ip = bus.ethernet_ip.as_ref();
     let intervals = bus.timeout_intervals();
     let config = ScannerConfig {
         multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
+        multicast: ethernet_ip.is_some_and(|ethernet_ip| ethernet_ip.multicast),
         serial_number: u32::from_be_bytes(serial),
         first_id: seed as u32,
         ..ScannerConfig::exclusive_owner(bus.robot_address, &SKILL_ROBOT, bus.cycle_us.value)
     };
+    let config = match ethernet_ip.and_then(|ethernet_ip| ethernet_ip.adapter.as_ref()) {
+        Some(adapter) => of_adapter(adapter, config),
+        None => config,
+    };
     Ok(Scanner::new(config, start))
+}
+
+/// The same with an adapter of the setup in the place of our robot.
+fn of_adapter(adapter: &EthernetIpAdapter, config: ScannerConfig) -> ScannerConfig {
+    ScannerConfig {
+        route: adapter.route.clone(),
+        key: adapter.key.map(|key| ElectronicKey {
+            vendor: key.vendor,
+            device_type: key.device_type,
+            product_code: key.product_code,
+            revision: Revision { major: key.major_revision, minor: key.minor_revision },
+            compatible: key.compatible,
+        }),
+        configuration: adapter.configuration_assembly,
+        consumed: adapter.consumed_assembly,
+        produced: adapter.produced_assembly,
+        o_t_size: adapter.consumed_bytes,
+        t_o_size: adapter.produced_bytes,
+        ..config
+    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What a PLC node is told before it starts.
 
+use planning::Stop;
 use protocol::{Duration, image};
 use setup::Setup;
 
@@ -26,10 +27,15 @@ pub struct PlcConfig {
     pub answer_timeout: Duration,
     /// How long the robot's life counter may stand still.
     pub silent_timeout: Duration,
+    /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
+    pub queue_depth: u32,
     /// The program in the robot controller that RC runs.
     pub program: u16,
     /// The motions that SM and CM run.
     pub motions: Box<dyn MotionSource>,
+    /// Where their continuous motions end, in order, and what the PLC switches there. Without any, CM runs all motions
+    /// as one.
+    pub stops: Vec<Stop>,
 }
 
 impl PlcConfig {
@@ -50,8 +56,10 @@ impl PlcConfig {
                 + micros(setup.robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value))
                 + micros(setup.robot.skill_overhead_us.value),
             silent_timeout: watchdog.max(robot_cycles),
+            queue_depth: setup.plc.slots_in_use(),
             program,
             motions: Box::new(MotionList::from(motions)),
+            stops: Vec::new(),
         }
     }
 

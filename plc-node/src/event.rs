@@ -5,7 +5,7 @@ use core::str::FromStr;
 
 use protocol::Instant;
 use protocol::fieldbus::{Counters, Down, LinkEvent};
-use protocol::image::{ErrorNumber, State};
+use protocol::image::{ErrorNumber, Finding, State};
 
 use crate::function_blocks::BlockError;
 
@@ -122,14 +122,17 @@ pub enum FailureCause {
     NoImage,
     /// The robot refused or ended a skill.
     #[error(
-        "the robot reports error {} at motion {motion} of the sequence, counted from 0: {number}; correct that motion",
-        u16::from(*number)
+        "the robot reports error {} at motion {motion} of the sequence, counted from 0: {}; correct that motion",
+        u16::from(*number),
+        finding.in_words(*number)
     )]
     Robot {
         /// What the robot says.
         number: ErrorNumber,
         /// Which motion of the sequence, counted from 0.
         motion: u32,
+        /// The quantity and its limits.
+        finding: Finding,
     },
     /// The robot's life counter stood still.
     #[error(
@@ -198,12 +201,16 @@ mod tests {
         let failure = Failure {
             execution_type: ExecutionType::Sm,
             executed: 7,
-            cause: FailureCause::Robot { number: ErrorNumber::AxisLimit, motion: 7 },
+            cause: FailureCause::Robot {
+                number: ErrorNumber::AxisLimit,
+                motion: 7,
+                finding: Finding::new(3, 176.0, 0.0, 175.0),
+            },
         };
         assert_eq!(
             failure.to_string(),
             "sm failed with 7 motions executed: the robot reports error 15 at motion 7 of the sequence, counted from \
-             0: a joint would leave its range; correct that motion"
+             0: a joint would leave its range (joint 3 would be at 176, its range is 0 to 175); correct that motion"
         );
     }
 }

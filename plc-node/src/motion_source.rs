@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-use protocol::image::Motion;
+use protocol::image::{Digest, Motion};
 
 /// The motions of one sequence, in order.
 ///
@@ -34,5 +34,58 @@ impl MotionSource for MotionList {
 
     fn get(&mut self, index: u32) -> Option<Motion> {
         self.0.get(usize::try_from(index).ok()?).copied()
+    }
+}
+
+/// Motions `from` to `end` of a source, as a source of their own: one continuous motion of several.
+#[derive(Debug)]
+pub(crate) struct Section<'a> {
+    pub(crate) source: &'a mut dyn MotionSource,
+    pub(crate) from: u32,
+    pub(crate) end: u32,
+}
+
+impl MotionSource for Section<'_> {
+    fn total(&self) -> u32 {
+        self.end.saturating_sub(self.from)
+    }
+
+    fn get(&mut self, index: u32) -> Option<Motion> {
+        let index = self.from.checked_add(index).filter(|index| *index < self.end)?;
+        self.source.get(index)
+    }
+}
+
+/// A source with the digest of what it gave away since the last start.
+#[derive(Debug)]
+pub(crate) struct Digested {
+    source: Box<dyn MotionSource>,
+    given: Digest,
+}
+
+impl Digested {
+    pub(crate) fn new(source: Box<dyn MotionSource>) -> Self {
+        Self { source, given: Digest::default() }
+    }
+
+    /// A run begins: it asks for the motions from the first one on.
+    pub(crate) fn restart(&mut self) {
+        self.given = Digest::default();
+    }
+
+    pub(crate) const fn given(&self) -> &Digest {
+        &self.given
+    }
+}
+
+impl MotionSource for Digested {
+    fn total(&self) -> u32 {
+        self.source.total()
+    }
+
+    fn get(&mut self, index: u32) -> Option<Motion> {
+        let motion = self.source.get(index);
+        motion.iter().for_each(|motion| self.given.add(motion));
+        motion
     }
 }

@@ -1,12 +1,15 @@
 //! The PLC as a machine: scan, bus, readiness, runs.
 
+use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
+use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
+use protocol::image::{Control, Digest, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
 use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::function_blocks::BlockError;
+use crate::motion_source::Digested;
 use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
 use crate::{
@@ -28,11 +31,16 @@ pub struct PlcNode<B> {
     scans: u64,
     group: AxesGroup,
     program: u16,
-    motions: Box<dyn MotionSource>,
+    queue_depth: u32,
+    motions: Digested,
+    stops: Vec<Stop>,
     connected: bool,
     mode: Mode,
     readiness: Readiness,
     run: Run,
+    /// The image that the feedback below was read from: a robot that is slower than the scan repeats it.
+    inputs: Image,
+    feedback: Option<Feedback>,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
     /// Command number and motions written as of the slots in `outputs`.
@@ -94,16 +102,20 @@ impl<B: Fieldbus> PlcNode<B> {
             scans: 0,
             group: AxesGroup::new(config.override_percent, patience),
             program: config.program,
-            motions: config.motions,
+            queue_depth: config.queue_depth,
+            motions: Digested::new(config.motions),
+            stops: config.stops,
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
             run: Run {
-                sequence: Sequence::new(ExecutionType::Rc, config.program),
+                sequence: Sequence::new(ExecutionType::Rc, config.program, config.queue_depth),
                 started_at: start,
                 started_in_scan: 0,
                 frames_before: Counters::default(),
             },
+            inputs: [0; IMAGE_LEN],
+            feedback: None,
             outputs: [0; IMAGE_LEN],
             emitted: None,
             events: VecDeque::with_capacity(EVENTS),
@@ -154,6 +166,13 @@ impl<B: Fieldbus> PlcNode<B> {
         self.scan.lateness()
     }
 
+    /// The motions that this run, or the last one, took from their source, in that order: with SM and CM those that it
+    /// sent. RC takes none.
+    #[must_use]
+    pub const fn sent(&self) -> &Digest {
+        self.motions.given()
+    }
+
     /// The bus endpoint.
     #[must_use]
     pub const fn bus(&self) -> &B {
@@ -187,8 +206,8 @@ impl<B: Fieldbus> PlcNode<B> {
     /// One scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
-        let input = self.bus.input().filter(|_| self.connected);
-        self.group.read(input.and_then(|image| Feedback::parse::<B::Order>(image).ok()));
+        let feedback = self.read_inputs();
+        self.group.read(feedback);
         if let Some(cause) = self.trouble() {
             self.fail(cause);
         }
@@ -202,6 +221,16 @@ impl<B: Fieldbus> PlcNode<B> {
             self.prepare();
         }
         self.emit();
+    }
+
+    /// The robot's image; none without a connection.
+    fn read_inputs(&mut self) -> Option<Feedback> {
+        let image = self.bus.input().filter(|_| self.connected)?;
+        if self.feedback.is_none() || self.inputs != *image {
+            self.inputs = *image;
+            self.feedback = Feedback::parse::<B::Order>(image).ok();
+        }
+        self.feedback
     }
 
     /// The slots take most of the time, and they change only with a new command or with motions written.
@@ -225,23 +254,24 @@ impl<B: Fieldbus> PlcNode<B> {
 
     fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
         self.run = Run {
-            sequence: Sequence::new(execution_type, self.program),
+            sequence: Sequence::new(execution_type, self.program, self.queue_depth),
             started_at: now,
             started_in_scan: self.scans,
             frames_before: self.bus.counters(),
         };
+        self.motions.restart();
         self.mode = Mode::Running;
         self.push(PlcEvent::Started { execution_type, at: now });
         self.run(now);
     }
 
     fn run(&mut self, now: Instant) {
-        match self.run.sequence.scan(&mut *self.motions, &mut self.group) {
+        match self.run.sequence.scan(now, &mut self.motions, &self.stops, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
             Progress::Aborted => self.fail(FailureCause::RobotHalted),
             Progress::Failed { motion, error } => self.fail(match error {
-                BlockError::Robot { number, .. } => FailureCause::Robot { number, motion },
+                BlockError::Robot { number, finding, .. } => FailureCause::Robot { number, motion, finding },
                 error => FailureCause::Block { error, motion },
             }),
         }
@@ -345,6 +375,11 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         self.drain_bus();
     }
 
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+        self.drain_bus();
+    }
+
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.drain_bus();
@@ -360,6 +395,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 
     fn dscp(&self, port: Port) -> u8 {
         self.bus.dscp(port)
+    }
+
+    fn group(&self, port: Port) -> Option<Ipv4Addr> {
+        self.bus.group(port)
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

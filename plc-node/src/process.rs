@@ -1,12 +1,13 @@
 //! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
 //!
-//! By hand it runs a number of repetitions and prints them. With `--json` it says what happens in one line of JSON a
-//! message, and runs one repetition for each instruction that comes on standard input. Of its other commands
-//! `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
+//! By hand it runs a number of repetitions and prints them. With `--control` or `--json` it says what happens in one line
+//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input. Of its other
+//! commands `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
 
 use std::ffi::OsString;
 use std::fmt;
-use std::net::SocketAddrV4;
+use std::net::{SocketAddr, SocketAddrV4};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -18,13 +19,15 @@ use protocol::{Duration, Instant, Lateness};
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
+use protocol_linux::{
+    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
+};
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
-use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, StartError, bus};
+use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, Sample, StartError, bus};
 
 /// Time that the program has to get going before its first scan.
 const LEAD: Duration = Duration::from_millis(5);
@@ -55,24 +58,37 @@ struct Run {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
-    /// The network interface that the robot is on.
-    #[arg(long, value_name = "IF")]
+    /// The network interface that the robot is on: its name, or the IPv4 address that it has.
+    #[arg(long, value_name = "IF|ADDRESS")]
     interface: String,
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_name = "udp|rt1")]
     cyclic: Option<Cyclic>,
     /// Repetitions of each execution type.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "control", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     reps: u32,
     /// Execution types to run, interleaved in this order.
-    #[arg(long, value_name = "TYPES", value_delimiter = ',', default_value = "rc,sm,cm")]
+    #[arg(
+        long,
+        value_name = "TYPES",
+        value_delimiter = ',',
+        default_value = "rc,sm,cm",
+        conflicts_with = "control"
+    )]
     types: Vec<ExecutionType>,
+    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT`. There is no password, so give an
+    /// address that only the bench reaches.
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
+    control: Option<SocketAddr>,
     /// Take instructions from standard input and answer in JSON.
     #[arg(long, hide = true)]
     json: bool,
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
+    /// Record scans into this file, while instructions ask for it.
+    #[arg(long, hide = true)]
+    trace_file: Option<PathBuf>,
 }
 
 /// What only a PLC says.
@@ -85,6 +101,8 @@ pub enum PlcMessage {
     Started {
         /// How the sequence is run.
         execution_type: ExecutionType,
+        /// Start of the scan with the start edge, in ns of `CLOCK_MONOTONIC`.
+        at_ns: u64,
     },
     /// The run ended as wanted.
     Finished(FinishedRun),
@@ -120,7 +138,7 @@ impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Ready => f.write_str("robot ready"),
-            Self::Started { execution_type } => write!(f, "{execution_type} started"),
+            Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
                 let FinishedRun { execution_type, motions, blends_suppressed, frames, .. } = run;
@@ -173,21 +191,26 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked.
+        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
-        let motions = application.plan(&setup)?.wire_motions(&setup);
-        let interface = Interface::open(&self.interface)?;
+        let plan = application.plan(&setup)?;
+        let motions = plan.wire_motions(&setup);
+        let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
         interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         // On a real clock the scan takes what it takes.
-        let config =
-            PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::from_setup(&setup, motions, PROGRAM) };
+        let config = PlcConfig {
+            scan_cost: Duration::ZERO,
+            stops: plan.stops(),
+            ..PlcConfig::from_setup(&setup, motions, PROGRAM)
+        };
         let start = clock::now() + LEAD;
         if self.direct {
             let wires = vec![Wire::udp(&interface, Udp { port: DIRECT_PORT })?];
@@ -232,11 +255,20 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let process = NodeProcess::start(node, interface, wires, signals, self.json)?;
-        Ok(if self.json {
-            supervise(process, &mut Told, Console::Json, hello)
-        } else {
-            supervise(process, &mut Alone::new(&self.types, self.reps), Console::Words, hello)
+        let trace = self.trace_file.as_deref();
+        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands, trace);
+        Ok(match self.control {
+            Some(address) => {
+                let commands = Commands::Control(ControlPort::listen(address)?);
+                supervise(start(commands)?, &mut Told::default(), Console::Words, hello)
+            }
+            None if self.json => {
+                supervise(start(Commands::Stdin)?, &mut Told::default(), Console::Json, hello)
+            }
+            None => {
+                let mut alone = Alone::new(&self.types, self.reps);
+                supervise(start(Commands::None)?, &mut alone, Console::Words, hello)
+            }
         })
     }
 }
@@ -266,6 +298,7 @@ impl From<PlcInstruction> for PlcOrder {
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     type Order = PlcOrder;
     type Answer = (ExecutionType, StartError);
+    type Sample = (Instant, Sample);
 
     fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
         match event {
@@ -290,6 +323,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         self.bus_mut().address_set(now, done);
     }
 
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().explain(words)
+    }
+
     fn disconnect(&mut self, now: Instant) {
         Self::disconnect(self, now);
     }
@@ -301,14 +338,28 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     fn counters(&self) -> Counters {
         self.bus().counters()
     }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).scans
+    }
+
+    fn sample(&self, now: Instant) -> Self::Sample {
+        (now, Self::sample(self))
+    }
+
+    fn write_sample((at, sample): &Self::Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { scans, number, total, written, queue_fill, .. } = sample;
+        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill}", at.as_nanos());
+    }
 }
 
 fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
         PlcEvent::Link(_) => return None,
         PlcEvent::Ready => PlcMessage::Ready,
-        PlcEvent::Started { execution_type, at: _ } => {
-            PlcMessage::Started { execution_type: *execution_type }
+        PlcEvent::Started { execution_type, at } => {
+            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
         }
         PlcEvent::Finished(run) => PlcMessage::Finished(FinishedRun {
             execution_type: run.execution_type,
@@ -330,17 +381,36 @@ fn refusal((execution_type, error): (ExecutionType, StartError)) -> PlcMessage {
 }
 
 /// Does what it is told.
-struct Told;
+#[derive(Default)]
+struct Told {
+    /// The robot was ready when it was last heard of: a controller that comes later missed that.
+    ready: bool,
+}
 
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Told {
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 
     fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
+        self.ready = matches!(event, PlcEvent::Ready | PlcEvent::Finished(_));
         (message(&event), Next::Wait)
     }
 
+    fn link(&mut self, event: LinkEvent) -> Next<PlcOrder> {
+        self.ready &= !matches!(event, LinkEvent::Down(_));
+        Next::Wait
+    }
+
+    fn greeting(&self) -> Option<PlcMessage> {
+        self.ready.then_some(PlcMessage::Ready)
+    }
+
+    fn deserted(&mut self) -> Next<PlcOrder> {
+        Next::Order(PlcOrder::Abort)
+    }
+
     fn answer(&mut self, answer: (ExecutionType, StartError)) -> (PlcMessage, Next<PlcOrder>) {
+        self.ready &= !matches!(answer.1, StartError::NotConnected | StartError::NotReady { .. });
         (refusal(answer), Next::Wait)
     }
 

@@ -1,11 +1,14 @@
 //! The sequence as a PLC program steps through it, in each of the paper's three execution types.
 
+use planning::{Stop, Switch};
+use protocol::Instant;
 use protocol::image::{Motion, MotionKind};
 
 use crate::function_blocks::{
     BlockError, MoveCircular, MoveContinuous, MoveLinCartesian, MoveLinForceCartesian, MovePtpCartesian,
     MovePtpJoint, MoveSpline, Outputs, RunProgram, Tally,
 };
+use crate::motion_source::Section;
 use crate::{AxesGroup, ExecutionType, MotionSource};
 
 /// One instance of each block, as the program declares them.
@@ -42,6 +45,17 @@ pub(crate) enum Progress {
     Failed { motion: u32, error: BlockError },
 }
 
+/// What a scan does.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Stage {
+    /// Calls the block of the current skill.
+    Skill,
+    /// Switches an output.
+    Switch(Switch),
+    /// Waits until that has taken effect.
+    Wait { until: Instant },
+}
+
 /// What a sequence has come to so far.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(crate) struct Totals {
@@ -64,28 +78,38 @@ impl Totals {
 ///
 /// SM steps as a chain of a PLC program of today does: a step calls its block with `Execute`; when `Done` shows, the
 /// step variable is set, and the next scan is the first of the next step. So one scan passes from the `Done` of a
-/// motion to the `Execute` of the next.
+/// motion to the `Execute` of the next. CM does so from one continuous motion to the next.
+///
+/// What is switched at a stop is a step of its own: its first scan sets the output and starts a timer, and the scan in
+/// which that has elapsed is its last. RC leaves all that to the robot's program.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
     execution_type: ExecutionType,
     program: u16,
     blocks: Blocks,
-    /// SM: the motion of the current step, fetched when the step begins.
+    /// Motions before the current skill.
     step: u32,
+    /// SM: the motion of the current step, fetched when the step begins.
     motion: Option<Motion>,
+    /// CM: the block was called for this continuous motion.
+    is_called: bool,
+    stage: Stage,
     /// Skills before the current one.
     ended: Totals,
     current: Tally,
 }
 
 impl Sequence {
-    pub(crate) fn new(execution_type: ExecutionType, program: u16) -> Self {
+    /// `queue_depth` is how many motions CM writes ahead of those that are executed.
+    pub(crate) fn new(execution_type: ExecutionType, program: u16, queue_depth: u32) -> Self {
         Self {
             execution_type,
             program,
-            blocks: Blocks::default(),
+            blocks: Blocks { move_continuous: MoveContinuous::with_depth(queue_depth), ..Blocks::default() },
             step: 0,
             motion: None,
+            is_called: false,
+            stage: Stage::Skill,
             ended: Totals::default(),
             current: Tally::default(),
         }
@@ -99,8 +123,29 @@ impl Sequence {
         self.ended.plus(self.current)
     }
 
-    /// One scan of the program; the first one sets the start edge.
-    pub(crate) fn scan(&mut self, motions: &mut dyn MotionSource, group: &mut AxesGroup) -> Progress {
+    /// One scan of the program, which began at `now`; the first one sets the start edge. `stops` says where the
+    /// continuous motions end.
+    pub(crate) fn scan(
+        &mut self,
+        now: Instant,
+        motions: &mut dyn MotionSource,
+        stops: &[Stop],
+        group: &mut AxesGroup,
+    ) -> Progress {
+        let total = motions.total();
+        match self.stage {
+            Stage::Skill => {}
+            Stage::Switch(switch) => {
+                group.set_outputs(switch.applied_to(group.outputs()));
+                self.stage = Stage::Wait { until: now + switch.wait };
+                return Progress::Running;
+            }
+            Stage::Wait { until } if now < until => return Progress::Running,
+            Stage::Wait { .. } => {
+                self.stage = Stage::Skill;
+                return self.next_step(total);
+            }
+        }
         let answer = match self.execution_type {
             ExecutionType::Rc => {
                 let block = &mut self.blocks.run_program;
@@ -108,27 +153,36 @@ impl Sequence {
                 Ok(Answer { outputs, error: block.error(), tally: block.tally() })
             }
             ExecutionType::Cm => {
-                let block = &mut self.blocks.move_continuous;
-                let outputs = block.call(true, motions, group);
-                Ok(Answer { outputs, error: block.error(), tally: block.tally() })
+                let next = stops.partition_point(|stop| stop.after <= self.step);
+                let end = stops.get(next).map_or(total, |stop| stop.after.min(total));
+                Ok(self.continuous_motion(&mut Section { source: motions, from: self.step, end }, group))
             }
             ExecutionType::Sm => self.single_motion(motions, group),
         };
         match answer {
-            Ok(answer) => self.advance(answer, motions.total()),
+            Ok(answer) => self.advance(answer, total, stops),
             Err(error) => Progress::Failed { motion: self.step, error },
         }
     }
 
-    fn advance(&mut self, Answer { outputs, error, tally }: Answer, total: u32) -> Progress {
+    fn advance(&mut self, Answer { outputs, error, tally }: Answer, total: u32, stops: &[Stop]) -> Progress {
         self.current = tally;
         if outputs.done {
             self.ended = self.totals();
             self.current = Tally::default();
-            self.step = self.step.saturating_add(1);
-            self.motion = None;
-            let last = self.execution_type != ExecutionType::Sm || self.step >= total;
-            return if last { Progress::Done } else { Progress::Running };
+            self.step = match self.execution_type {
+                ExecutionType::Rc => return Progress::Done,
+                ExecutionType::Sm => self.step.saturating_add(1),
+                ExecutionType::Cm => self.step.saturating_add(tally.executed),
+            };
+            (self.motion, self.is_called) = (None, false);
+            let here = stops.partition_point(|stop| stop.after < self.step);
+            let stop = stops.get(here).filter(|stop| stop.after == self.step);
+            if let Some(switch) = stop.and_then(|stop| stop.then) {
+                self.stage = Stage::Switch(switch);
+                return Progress::Running;
+            }
+            return self.next_step(total);
         }
         if outputs.command_aborted {
             return Progress::Aborted;
@@ -138,9 +192,29 @@ impl Sequence {
             Some(error @ BlockError::Robot { motion, .. }) => {
                 Progress::Failed { motion: self.step.saturating_add(motion), error }
             }
-            // SM counts its steps; RC and CM are one step, in which the robot counts.
-            Some(error) => Progress::Failed { motion: self.step.max(tally.executed), error },
+            // A source counts all motions, a block those of its skill.
+            Some(BlockError::SourceEnded { index, .. }) => {
+                let index = self.step.saturating_add(index);
+                Progress::Failed { motion: index, error: BlockError::SourceEnded { index, total } }
+            }
+            Some(error) => Progress::Failed { motion: self.step.saturating_add(tally.executed), error },
         }
+    }
+
+    /// The step variable is set: the next scan is the first of the next step, if there is one.
+    const fn next_step(&self, total: u32) -> Progress {
+        if self.step >= total { Progress::Done } else { Progress::Running }
+    }
+
+    /// Calls the block of the current continuous motion, with a falling edge first if it ran the one before.
+    fn continuous_motion(&mut self, motions: &mut Section<'_>, group: &mut AxesGroup) -> Answer {
+        let block = &mut self.blocks.move_continuous;
+        if self.step > 0 && !self.is_called {
+            block.call(false, motions, group);
+        }
+        self.is_called = true;
+        let outputs = block.call(true, motions, group);
+        Answer { outputs, error: block.error(), tally: block.tally() }
     }
 
     /// Calls the block of the current step. A step that begins first shows its block a falling edge, since the step

@@ -1,5 +1,6 @@
 //! The cyclic path takes no memory from the heap after the start.
 
+use planning::{Stop, Switch};
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
@@ -33,14 +34,17 @@ fn answer(command: &Command, feedback: &mut Feedback) {
 fn no_scan_frame_or_run_allocates_after_the_start() {
     const MS: Duration = Duration::from_millis(1);
     let motion = Motion { kind: MotionKind::LinCartesian, ..Motion::EMPTY };
+    let switch = Switch { output: 1, set: true, wait: MS };
     let config = PlcConfig {
         scan_cycle: MS,
         scan_cost: Duration::ZERO,
         override_percent: 100,
         answer_timeout: MS * 100,
         silent_timeout: MS * 100,
+        queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(vec![motion; 13])),
+        stops: vec![Stop { after: 5, then: None }, Stop { after: 13, then: Some(switch) }],
     };
     let mut plc = PlcNode::new(config, Direct::new(Instant::ZERO, MS, MS * 20), Instant::ZERO);
     let mut feedback = Feedback { state: State::Ready, status: Status::ENABLED, ..Feedback::default() };

@@ -21,6 +21,12 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
     /// Ends the connection as the standard wants it, or gives up the attempt to connect.
     fn disconnect(&mut self, now: Instant);
 
+    /// Writes why the peer refused the last connection and what it has instead, where that is more than
+    /// [`Down`] holds; otherwise nothing.
+    fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
     /// What was sent, received and refused since the start.
     fn counters(&self) -> Counters;
 

@@ -1,6 +1,6 @@
 //! The contract between a machine and whoever drives it.
 
-use core::net::SocketAddrV4;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::Instant;
 
@@ -79,6 +79,12 @@ pub trait Machine {
     /// A frame arrived. Whatever is in it, the machine counts it and goes on.
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]);
 
+    /// A datagram arrived that was sent to every station of the network. It matters where all of them would answer at
+    /// the same time; to other machines it is a frame like any other.
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.handle_frame(now, from, frame);
+    }
+
     /// A TCP connection opened or closed. Machines without TCP ignore it.
     fn handle_stream(&mut self, _now: Instant, _stream: StreamId, _change: StreamChange) {}
 
@@ -95,10 +101,17 @@ pub trait Machine {
         None
     }
 
-    /// The DSCP, 0 to 63, that packets leaving by this port are to carry. The driver asks before it sends, so that a
-    /// change holds from the next frame on. For TCP connections that it has not numbered yet it asks with number 0.
+    /// The DSCP, 0 to 63, that packets leaving by this port are to carry. The driver asks for each frame between
+    /// [`poll_transmit`](Self::poll_transmit) and sending it. For TCP connections that it has not numbered yet it asks
+    /// with number 0.
     fn dscp(&self, _port: Port) -> u8 {
         0
+    }
+
+    /// The multicast group whose datagrams the machine takes at this UDP port, beside those for its own address. The
+    /// driver asks after each wake, and joins and leaves.
+    fn group(&self, _port: Port) -> Option<Ipv4Addr> {
+        None
     }
 
     /// The instant of [`poll_timeout`](Self::poll_timeout) has come (or passed: the driver may be late).

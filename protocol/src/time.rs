@@ -45,6 +45,15 @@ impl Instant {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
 
+    /// The earlier of two deadlines, of which either may not be set.
+    #[must_use]
+    pub fn earlier(one: Option<Self>, other: Option<Self>) -> Option<Self> {
+        match (one, other) {
+            (Some(one), Some(other)) => Some(one.min(other)),
+            (one, other) => one.or(other),
+        }
+    }
+
     /// The first instant of the grid `self + k · period` (k ≥ 1) that lies after `now`, and the number of grid
     /// points that were skipped on the way: a cyclic task that is late drops cycles, it never sends a burst.
     ///
@@ -52,7 +61,9 @@ impl Instant {
     #[must_use]
     pub fn next_on_grid(self, period: Duration, now: Self) -> (Self, u64) {
         let period = nanos(period).max(1);
-        let skipped = now.0.saturating_sub(self.0) / period;
+        let late = now.0.saturating_sub(self.0);
+        // A division takes as long as the rest of a cyclic task's bookkeeping, and most tasks are in time.
+        let skipped = if late < period { 0 } else { late / period };
         (Self(self.0.saturating_add(period.saturating_mul(skipped.saturating_add(1)))), skipped)
     }
 }

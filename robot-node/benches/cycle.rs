@@ -39,5 +39,5 @@ fn robot(setup: &str) -> RobotNode<Direct> {
     let cycle = Duration::from_millis(1);
     let bus = Direct::new(Instant::ZERO, cycle, cycle * 20);
     let config = RobotConfig::from_setup(&setup).unwrap();
-    RobotNode::new(config, vec![(PROGRAM, motions)], bus, 1, Instant::ZERO)
+    RobotNode::new(config, vec![(PROGRAM, motions.into())], bus, 1, Instant::ZERO)
 }

@@ -1,6 +1,7 @@
 //! The robot's motions: what one more costs when it is appended to the path, and what a tick of interpolation costs.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
+#![expect(clippy::disallowed_types, reason = "a benchmark is about the time that passes")]
 
 use std::hint::black_box;
 
@@ -69,7 +70,7 @@ impl Cell {
     fn at_rest(&self) -> Interpolator {
         let config = &self.config;
         let cycle = config.cycle.as_secs_f64();
-        Interpolator::at_rest(config.arm.clone(), config.home, cycle, config.path_acceleration_mm_s2)
+        Interpolator::at_rest(config.arm.clone(), config.home, cycle)
     }
 
     fn append(&self, interpolator: &mut Interpolator, index: usize) {

@@ -3,9 +3,10 @@
 use core::time::Duration;
 use std::sync::Arc;
 
+use planning::Application;
 use setup::{Kinematics, Setup};
 
-use crate::arm::{AXES, Arm, AxisLimits, Frame, Joints, Opw, OpwParameters, Scara};
+use crate::arm::{AXES, Arm, AxisLimits, Frame, Joints, Opw, OpwParameters, Scara, Surface};
 
 /// Frames by number; the field in a motion has four bits.
 pub(crate) type Frames = [Option<Frame>; 16];
@@ -25,6 +26,12 @@ pub struct RobotConfig {
     pub path_velocity_mm_s: f64,
     /// Highest path acceleration, in mm/s².
     pub path_acceleration_mm_s2: f64,
+    /// Highest path jerk, in mm/s³.
+    pub path_jerk_mm_s3: f64,
+    /// How it presses; none without a force controller.
+    pub force: Option<ForceControl>,
+    /// What the tool can press against, in the root.
+    pub surfaces: Vec<Surface>,
     /// Interpolation cycle.
     pub cycle: Duration,
     /// The interpreter notices a command after a time evenly spread between 0 and this.
@@ -33,6 +40,21 @@ pub struct RobotConfig {
     pub start_quantum: Duration,
     /// What a skill call costs besides its motion.
     pub skill_overhead: Duration,
+}
+
+/// How the arm presses.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ForceControl {
+    /// The highest contact force that may be asked for, in N.
+    pub max_n: f64,
+    /// The stiffest surface that the controller is set for, in N/mm.
+    pub stiffest_n_per_mm: f64,
+    /// How far from the force asked for, in N, counts as reached.
+    pub tolerance_n: f64,
+    /// How long it must stay reached.
+    pub settling: Duration,
+    /// The highest jerk of the tool, in mm/s³.
+    pub jerk_mm_s3: f64,
 }
 
 /// Why a setup does not describe a robot.
@@ -77,6 +99,7 @@ impl RobotConfig {
         limits.speed = positive("axes.speed_deg_s", &robot.axes.speed_deg_s.value, axes)?;
         limits.acceleration =
             positive("axes.acceleration_deg_s2", &robot.axes.acceleration_deg_s2.value, axes)?;
+        limits.jerk = positive("axes.jerk_deg_s3", &robot.axes.jerk_deg_s3.value, axes)?;
         for (axis, (lower, upper)) in limits.lower.iter().zip(&limits.upper).enumerate() {
             if lower >= upper {
                 let problem =
@@ -99,6 +122,10 @@ impl RobotConfig {
                 format!("{acceleration} is not an acceleration above 0"),
             );
         }
+        let jerk = robot.path_jerk_mm_s3.value;
+        if !(jerk > 0.0 && jerk.is_finite()) {
+            return error("path_jerk_mm_s3", format!("{jerk} is not a jerk above 0"));
+        }
         if robot.cycle_us.value == 0 {
             return error("cycle_us", "0 is no cycle; a controller interpolates every 1000 to 12000 µs");
         }
@@ -110,11 +137,40 @@ impl RobotConfig {
             bases: frames("bases", &robot.bases)?,
             path_velocity_mm_s: velocity,
             path_acceleration_mm_s2: acceleration,
+            path_jerk_mm_s3: jerk,
+            force: robot.force.as_ref().map(|force| ForceControl {
+                max_n: force.max_n.value,
+                stiffest_n_per_mm: force.stiffest_n_per_mm.value,
+                tolerance_n: force.tolerance_n.value,
+                settling: Duration::from_millis(force.settling_ms.value.into()),
+                jerk_mm_s3: force.jerk_mm_s3.value,
+            }),
+            surfaces: Vec::new(),
             cycle: micros(robot.cycle_us.value),
             interpreter_quantum: micros(robot.interpreter_quantum_us.value),
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             skill_overhead: micros(robot.skill_overhead_us.value),
         })
+    }
+}
+
+impl RobotConfig {
+    /// The same robot in the cell of an application: with its surfaces around.
+    #[must_use]
+    pub fn in_cell_of(mut self, application: &Application) -> Self {
+        let base = self.bases.get(usize::from(application.base)).copied().flatten();
+        let base = base.unwrap_or(Frame::IDENTITY);
+        self.surfaces = application
+            .surfaces
+            .iter()
+            .map(|surface| Surface {
+                point: base.point(surface.middle.coordinates()),
+                normal: base.rotation.rotate(surface.normal.coordinates()),
+                radius_mm: surface.radius_mm.unwrap_or(f64::INFINITY),
+                stiffness_n_per_mm: surface.stiffness_n_per_mm,
+            })
+            .collect();
+        self
     }
 }
 

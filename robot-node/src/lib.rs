@@ -2,7 +2,7 @@
 //!
 //! Top down: [`RobotNode`] is the machine that a driver runs. On every robot cycle it hands the command image to the
 //! [`Controller`], which dispatches skills and keeps the queue of motions; the [`motion`] module turns the queue into
-//! one path and a speed along it; the [`arm`] module knows the joints.
+//! one path and a speed along it; the [`arm`] module knows the joints; [`quality`] watches how well they move.
 //!
 //! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
 
@@ -13,7 +13,9 @@ pub mod controller;
 pub mod motion;
 mod node;
 pub mod process;
+pub mod quality;
 
-pub use config::{ConfigError, RobotConfig};
-pub use controller::{Controller, Ending, RobotEvent};
+pub use config::{ConfigError, ForceControl, RobotConfig};
+pub use controller::{Controller, Ending, Program, RobotEvent};
 pub use node::{RobotNode, Sample};
+pub use quality::Quality;

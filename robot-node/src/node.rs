@@ -1,14 +1,15 @@
 //! The robot as a machine: a bus endpoint and a controller that meet every robot cycle.
 
+use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
 use protocol::fieldbus::Fieldbus;
-use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, Motion, State};
+use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, State};
 use protocol::{
     Cycle, Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
 
-use crate::{Controller, RobotConfig, RobotEvent};
+use crate::{Controller, Program, RobotConfig, RobotEvent};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
@@ -39,6 +40,10 @@ pub struct Sample {
     pub queued: u32,
     /// Motions of the skill that ended in a stop because the next was not there in time.
     pub blends_suppressed: u16,
+    /// What the tool presses on surfaces with, in N.
+    pub contact_force_n: f32,
+    /// The robot's digital outputs.
+    pub outputs: u16,
 }
 
 /// The robot on its bus.
@@ -63,7 +68,7 @@ impl<B: Fieldbus> RobotNode<B> {
     #[must_use]
     pub fn new(
         config: RobotConfig,
-        programs: Vec<(u16, Vec<Motion>)>,
+        programs: Vec<(u16, Program)>,
         bus: B,
         seed: u64,
         start: Instant,
@@ -130,6 +135,8 @@ impl<B: Fieldbus> RobotNode<B> {
             accepted: feedback.accepted,
             queued: feedback.accepted.saturating_sub(feedback.executed),
             blends_suppressed: feedback.blends_suppressed,
+            contact_force_n: feedback.contact_force,
+            outputs: feedback.inputs,
         }
     }
 
@@ -193,6 +200,11 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
         self.take_link_events();
     }
 
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+        self.take_link_events();
+    }
+
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.take_link_events();
@@ -208,6 +220,10 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
 
     fn dscp(&self, port: Port) -> u8 {
         self.bus.dscp(port)
+    }
+
+    fn group(&self, port: Port) -> Option<Ipv4Addr> {
+        self.bus.group(port)
     }
 
     fn handle_timeout(&mut self, now: Instant) {

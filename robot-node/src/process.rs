@@ -1,11 +1,12 @@
 //! The robot node as a process: its command line, its messages, and the robot on a real bus.
 //!
-//! It waits for a PLC and does what that one says, until it is ended. With `--json` it says what happens in one line
-//! of JSON a message.
+//! It waits for a PLC and does what that one says, until it is ended. With `--control` or `--json` it says what happens in
+//! one line of JSON a message.
 
 use std::ffi::OsString;
 use std::fmt;
-use std::net::SocketAddrV4;
+use std::net::{SocketAddr, SocketAddrV4};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -16,12 +17,14 @@ use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{Interface, Node, NodeProcess, StopSignals, Udp, Wire, clock};
+use protocol_linux::{
+    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
+};
 use serde::{Deserialize, Serialize};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::controller::Ending;
-use crate::{ConfigError, RobotConfig, RobotEvent, RobotNode, bus};
+use crate::{ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, bus};
 
 /// Time that the program has to get going before the robot's first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -48,9 +51,9 @@ struct Run {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
-    /// The network interface that the PLC is on. Over PROFINET the PLC gives it an IP address, in place of the one
+    /// The network interface that the PLC is on: its name, or the IPv4 address that it has. Over PROFINET the PLC gives it an IP address, in place of the one
     /// it has; otherwise it gets the setup's.
-    #[arg(long, value_name = "IF")]
+    #[arg(long, value_name = "IF|ADDRESS")]
     interface: String,
     /// How PROFINET's cyclic frames travel. A device takes what the controller asks for; this only checks the setup.
     #[arg(long, value_name = "udp|rt1", hide = true)]
@@ -58,16 +61,23 @@ struct Run {
     /// Seed of the moments at which the interpreter notices a command.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Let a bench control this node over TCP: `bench --attach robot=HOST:PORT`. There is no password, so give an
+    /// address that only the bench reaches.
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
+    control: Option<SocketAddr>,
     /// Take instructions from standard input and answer in JSON.
     #[arg(long, hide = true)]
     json: bool,
     /// Exchange images without a protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     direct: bool,
+    /// Record cycles into this file, while instructions ask for it.
+    #[arg(long, hide = true)]
+    trace_file: Option<PathBuf>,
 }
 
 /// What only a robot says.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RobotMessage {
     /// A skill ended as wanted.
@@ -78,6 +88,8 @@ pub enum RobotMessage {
         motions: u32,
         /// From the cycle that saw the command to the one that reports the end, in ns.
         execution_ns: u64,
+        /// How well the arm moved meanwhile.
+        quality: Quality,
     },
     /// A skill ended otherwise, or a command or a motion was refused.
     Trouble {
@@ -91,9 +103,9 @@ pub enum RobotMessage {
 impl fmt::Display for RobotMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Executed { number, motions, execution_ns } => {
-                let ms = *execution_ns as f64 / 1e6;
-                write!(f, "command {number}: {motions} motions in {ms:.3} ms")
+            Self::Executed { number, motions, execution_ns, quality } => {
+                let (ms, stops) = (*execution_ns as f64 / 1e6, quality.stops());
+                write!(f, "command {number}: {motions} motions in {ms:.3} ms, {stops} stops between them")
             }
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
         }
@@ -124,18 +136,20 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked.
+        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
         if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
             profinet.cyclic = cyclic;
         }
         setup::check(&setup)?;
-        let motions = application.plan(&setup)?.wire_motions(&setup);
-        let interface = Interface::open(&self.interface)?;
+        let plan = application.plan(&setup)?;
+        let program = Program::new(plan.wire_motions(&setup), &plan.stops());
+        let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
-        let config = RobotConfig::from_setup(&setup)?;
-        let programs = vec![(PROGRAM, motions)];
+        let config = RobotConfig::from_setup(&setup)?.in_cell_of(&application.application);
+        let programs = vec![(PROGRAM, program)];
         let start = clock::now() + LEAD;
         if self.direct {
             interface.set_address(setup.bus.robot_address, setup.bus.subnet_mask)?;
@@ -186,8 +200,13 @@ impl Run {
             mac: interface.mac().to_string(),
             warning: None,
         };
-        let console = if self.json { Console::Json } else { Console::Words };
-        let process = NodeProcess::start(node, interface, wires, signals, self.json)?;
+        let (console, commands) = match self.control {
+            Some(address) => (Console::Words, Commands::Control(ControlPort::listen(address)?)),
+            None if self.json => (Console::Json, Commands::Stdin),
+            None => (Console::Words, Commands::None),
+        };
+        let trace = self.trace_file.as_deref();
+        let process = NodeProcess::start(node, interface, wires, signals, commands, trace)?;
         Ok(supervise(process, &mut Served, console, hello))
     }
 }
@@ -195,6 +214,7 @@ impl Run {
 impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     type Order = RobotInstruction;
     type Answer = std::convert::Infallible;
+    type Sample = Sample;
 
     fn link_event(event: &RobotEvent) -> Option<LinkEvent> {
         match event {
@@ -222,6 +242,28 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     fn counters(&self) -> Counters {
         self.bus().counters()
     }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).at.as_nanos()
+    }
+
+    fn sample(&self, _now: Instant) -> Sample {
+        Self::sample(self)
+    }
+
+    fn write_sample(sample: &Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { at, state, number, executed, accepted, queued, blends_suppressed, .. } = sample;
+        let _ = write!(
+            line,
+            "{},{state:?},{number},{executed},{accepted},{queued},{blends_suppressed},{:.3}",
+            at.as_nanos(),
+            sample.path_speed_mm_s
+        );
+        for value in sample.pose.iter().chain(&sample.joints) {
+            let _ = write!(line, ",{value:.4}");
+        }
+    }
 }
 
 /// Does what the PLC says, and tells what came of it.
@@ -233,16 +275,20 @@ impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for Served {
 
     fn event(&mut self, event: RobotEvent) -> (Option<RobotMessage>, Next<RobotInstruction>) {
         let message = match event {
-            RobotEvent::SkillFinished { number, ending: Ending::Done, executed, execution, .. } => {
+            RobotEvent::SkillFinished {
+                number, ending: Ending::Done, executed, execution, quality, ..
+            } => {
                 let execution_ns = u64::try_from(execution.as_nanos()).unwrap_or(u64::MAX);
-                Some(RobotMessage::Executed { number, motions: executed, execution_ns })
+                Some(RobotMessage::Executed { number, motions: executed, execution_ns, quality })
             }
             RobotEvent::SkillFinished { number, ending: Ending::Aborted, executed, .. } => {
                 let reason = format!("given up after {executed} motions: the PLC halted it, or is gone");
                 Some(RobotMessage::Trouble { number, reason })
             }
-            RobotEvent::SkillFinished { number, ending: Ending::Fault { error, motion }, .. } => {
-                let reason = format!("motion {motion}, counted from 0: {error}");
+            RobotEvent::SkillFinished {
+                number, ending: Ending::Fault { error, motion, finding }, ..
+            } => {
+                let reason = format!("motion {motion}, counted from 0: {}", finding.in_words(error));
                 Some(RobotMessage::Trouble { number, reason })
             }
             RobotEvent::Refused { number, error, motion, cause } => {

@@ -24,7 +24,7 @@ fn run(
     mut watch: impl FnMut(&Controller),
 ) -> f64 {
     let cycle = config.cycle;
-    let mut controller = Controller::new(config, vec![(1, motions.to_vec())], seed);
+    let mut controller = Controller::new(config, vec![(1, motions.to_vec().into())], seed);
     let mut command = Command { control: Control::ENABLE | Control::RESET, ..Command::default() };
     let mut at = Instant::ZERO;
     let mut tick = |controller: &mut Controller, command: &Command| {

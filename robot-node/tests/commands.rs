@@ -54,7 +54,7 @@ proptest! {
         images in proptest::collection::vec((image(), 1..400_u64), 1..12),
     ) {
         let bus = protocol::direct::Direct::new(Instant::ZERO, Duration::from_millis(1), Duration::from_millis(300));
-        let mut robot = RobotNode::new(plc::config(), vec![(1, plc::application())], bus, 1, Instant::ZERO);
+        let mut robot = RobotNode::new(plc::config(), vec![(1, plc::application().into())], bus, 1, Instant::ZERO);
         let mut now = Instant::ZERO;
         let mut run = |image: &[u8], ms: u64| {
             for _ in 0..ms {

@@ -260,7 +260,7 @@ proptest! {
             prop_assert!(distance(tool, corner) <= blend.distance_mm * TOLERANCE);
             places.push((near, tool));
         }
-        let square = blend.max_rate * blend.max_rate / (dt * dt);
+        let square = blend.limits.speed * blend.limits.speed / (dt * dt);
         let mut speeds = Vec::new();
         for three in places.windows(3) {
             let [(q0, x0), (q1, x1), (q2, x2)] = [three[0], three[1], three[2]];

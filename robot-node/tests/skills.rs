@@ -144,10 +144,7 @@ fn what_cannot_be_run_is_refused_with_its_number_before_anything_moves() {
         (motion.kind, motion.target[0], motion.auxiliary) = (MotionKind::Circular, 100.0, [50.0, 40.0, 90.0]);
     };
     assert_eq!(with(circle), (ErrorNumber::CollinearCircle, 2));
-    assert_eq!(
-        with(|motion| motion.kind = MotionKind::LinForceCartesian),
-        (ErrorNumber::MotionKindNotSupported, 2)
-    );
+    assert_eq!(with(|motion| motion.kind = MotionKind::LinForceCartesian), (ErrorNumber::ForceOutOfRange, 2));
     assert_eq!(with(|motion| motion.tool = 3), (ErrorNumber::UnknownTool, 2));
     assert_eq!(with(|motion| motion.base = 3), (ErrorNumber::UnknownBase, 2));
     assert_eq!(with(|motion| motion.velocity = 0), (ErrorNumber::VelocityOutOfRange, 2));

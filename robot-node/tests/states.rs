@@ -104,8 +104,9 @@ fn a_path_stop_takes_no_longer_than_the_limits_ask_for() {
     cell.control(Control::ENABLE | Control::HALT);
     cell.wait(|feedback| feedback.state == State::Halted);
     let way = cell.robot().sample().pose[0] - from.pose[0];
-    // 250 mm/s at 5 m/s² are 6.25 mm, half a millimetre less when the speed falls at once for each cycle; the command is up to three bus cycles and one robot cycle on its way.
-    assert!((5.7..6.25 + 0.25 * 12.0).contains(&way), "{way} mm");
+    // 250 mm/s at 5 m/s² take 50 ms, and reaching and leaving that acceleration takes the joints up to 20 ms: 7.5 to
+    // 8.75 mm. The command is up to three bus cycles and one robot cycle on its way.
+    assert!((7.4..8.75 + 0.25 * 12.0).contains(&way), "{way} mm");
 }
 
 #[test]
@@ -227,7 +228,7 @@ fn a_second_call_while_one_runs_is_refused_and_the_first_goes_on() {
 }
 
 #[test]
-fn at_half_override_a_motion_takes_twice_as_long() {
+fn at_half_override_a_motion_is_half_as_fast() {
     let duration = |percent: u8| {
         let mut cell = ready_at_the_lines_start();
         cell.command(|command| command.override_percent = percent);
@@ -237,7 +238,11 @@ fn at_half_override_a_motion_takes_twice_as_long() {
         cell.feedback().execution_ns as f64 / 1e6 - overhead
     };
     let (full, half) = (duration(100), duration(50));
-    assert!((half / full - 2.0).abs() < 0.03, "{half} against {full} ms");
+    // 200 mm, and what the ramps to and from v take longer than v: v/a, and what the acceleration takes to come and go.
+    let shortest = |v: f64| 200.0 / v * 1e3 + v / 5.0;
+    for (found, v) in [(full, 250.0), (half, 125.0)] {
+        assert!((shortest(v)..shortest(v) + 60.0).contains(&found), "{found} ms at {v} mm/s");
+    }
 }
 
 #[test]
@@ -258,7 +263,7 @@ fn a_start_time_is_waited_for() {
 /// When a program is done, in ms, on a host that does not run from `stall.start` to `stall.end`.
 fn program_ends_at(stall: std::ops::Range<u64>) -> Option<u64> {
     let bus = Direct::new(Instant::ZERO, Duration::from_millis(1), Duration::from_secs(9));
-    let mut robot = RobotNode::new(plc::config(), vec![(1, application())], bus, 1, Instant::ZERO);
+    let mut robot = RobotNode::new(plc::config(), vec![(1, application().into())], bus, 1, Instant::ZERO);
     let mut command = Command { control: Control::ENABLE | Control::RESET, ..Command::default() };
     for ms in (0..20_000).filter(|ms| !stall.contains(ms)) {
         if ms == 40 {

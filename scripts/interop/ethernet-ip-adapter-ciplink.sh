@@ -5,11 +5,10 @@
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
-sed 's/^kind = "profinet"/kind = "ethernet-ip"/' bench/setups/A.toml >"$OUT/setup.toml"
 at_robot ip address add "$ROBOT_ADDRESS/24" dev robot
 start peer at_robot "$PEERS/ciplink-robot"
 says peer listening
-start plc_node at_plc "$NODES/plc-node" run --setup "$OUT/setup.toml" --interface plc --types rc,cm
+start plc_node at_plc "$NODES/plc-node" run --setup B --interface plc --types rc,cm
 ends plc_node 30
 
 # The peer's own figures have come to us ...

@@ -3,8 +3,7 @@
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
-sed 's/^kind = "profinet"/kind = "ethernet-ip"/' bench/setups/A.toml >"$OUT/setup.toml"
-start robot_node at_robot "$NODES/robot-node" run --setup "$OUT/setup.toml" --interface robot
+start robot_node at_robot "$NODES/robot-node" run --setup B --interface robot
 says robot_node 'adapter'
 at_plc ip address add "$PLC_ADDRESS/24" dev plc
 start peer at_plc "$VENV/bin/python" scripts/interop/peers/ethernetip2_plc.py "$ROBOT_ADDRESS" 10

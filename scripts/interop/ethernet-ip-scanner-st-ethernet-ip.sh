@@ -4,8 +4,7 @@
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
-sed 's/^kind = "profinet"/kind = "ethernet-ip"/' bench/setups/A.toml >"$OUT/setup.toml"
-start robot_node at_robot "$NODES/robot-node" run --setup "$OUT/setup.toml" --interface robot
+start robot_node at_robot "$NODES/robot-node" run --setup B --interface robot
 says robot_node 'adapter'
 at_plc ip address add "$PLC_ADDRESS/24" dev plc
 start peer at_plc env NODE_PATH="$NODE_MODULES" node scripts/interop/peers/st_ethernet_ip_plc.js "$ROBOT_ADDRESS" 10

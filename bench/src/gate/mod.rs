@@ -4,6 +4,7 @@
 //! or of an application. Tolerances only keep the last digits of floating point out of it.
 
 mod baseline;
+mod real;
 mod verdict;
 
 use std::path::{Path, PathBuf};
@@ -38,6 +39,9 @@ pub struct GateOptions {
     /// Take this run's figures as the new baseline, and print what changes.
     #[arg(long)]
     pub update: bool,
+    /// Compare a real run that is there already, by ratios within it; its own setup counts.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["update", "setup"])]
+    pub run: Option<PathBuf>,
 }
 
 /// Runs the setup in virtual time and prints how it compares with its baseline.
@@ -46,6 +50,9 @@ pub struct GateOptions {
 ///
 /// The setup or the baseline cannot be used, the run fails, or a new baseline cannot be written.
 pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
+    if let Some(directory) = &options.run {
+        return real::run(options, directory);
+    }
     let (setup, found) = planning::setup_with_application(&options.setup)?;
     let application = found.application;
     let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup));

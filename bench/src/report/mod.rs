@@ -6,6 +6,7 @@
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! │  └─ chart                                 widths, colours, axes of all figures
 //! compare    several runs beside each other
+//! sweep      the page of a starvation sweep
 //! ```
 
 mod chart;
@@ -17,12 +18,14 @@ mod queue;
 mod run;
 mod samples;
 mod speed;
+mod sweep;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 pub use compare::{CompareOptions, compare};
+pub use sweep::page as sweep_page;
 
 use crate::exit::{Exit, Failure};
 use crate::run_directory::{Durability, replace};

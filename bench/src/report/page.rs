@@ -9,6 +9,7 @@ use super::chart::{Format, colour, short};
 use super::run::Run;
 use super::{lateness, path, queue, samples, speed};
 use crate::progress::label;
+use crate::quality;
 use crate::ratio::Ratio;
 use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, Status, VELOCITY};
 use crate::statistics::aet_improvement;
@@ -59,6 +60,10 @@ struct Page {
     ratio: Option<String>,
     suppressed: u32,
     frames: [u64; 4],
+    quality: Vec<QualityRow>,
+    quality_columns: [[&'static str; 2]; quality::COLUMNS.len()],
+    quality_legend: [&'static str; quality::LEGEND.len()],
+    quality_summary: Option<String>,
     speed: Option<Figure>,
     samples: Option<Figure>,
     path: Option<Figure>,
@@ -100,6 +105,13 @@ struct Improvement {
     is_calibrated: bool,
     without: String,
     paper: String,
+}
+
+/// How the arm moved in the runs of a type.
+#[derive(Serialize)]
+struct QualityRow {
+    name: String,
+    cells: [String; quality::COLUMNS.len()],
 }
 
 /// A number of the setup with its provenance.
@@ -153,6 +165,10 @@ fn page(run: &Run) -> anyhow::Result<Page> {
             .flat_map(|result| &result.blends_suppressed)
             .sum(),
         frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
+        quality: qualities(results),
+        quality_columns: quality::COLUMNS,
+        quality_legend: quality::LEGEND,
+        quality_summary: quality::summary(results),
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
             traced(&|trace| speed::draw(trace, format))
         })?,
@@ -177,7 +193,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         missing: run.missing.clone(),
         no_trace: if results.mode == "real" {
             format!(
-                "Not recorded: a real run has no trace yet. bench --mode virtual --setup {} draws it in virtual time.",
+                "Not recorded: the nodes left no trace. bench --mode virtual --setup {} draws it in virtual time.",
                 run.directory.join("setup.toml").display()
             )
         } else {
@@ -292,6 +308,14 @@ fn row(results: &Results, of: ExecutionType) -> Option<Row> {
             |(found, paper)| format!("{:+.1}", found.aet_ms - paper.aet_ms).replace('-', "−"),
         ),
     })
+}
+
+fn qualities(results: &Results) -> Vec<QualityRow> {
+    let row = |of: ExecutionType| {
+        let quality = results.results.get(of)?.quality?;
+        Some(QualityRow { name: label(of), cells: quality.cells() })
+    };
+    ExecutionType::ALL.into_iter().filter_map(row).collect()
 }
 
 fn improvement(results: &Results) -> Improvement {

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use planning::Application;
 use setup::Setup;
 
 use crate::exit::{Exit, Failure};
-use crate::results::{Results, SCHEMA_VERSION};
+use crate::results::Results;
+use crate::run_directory;
 use crate::trace::{self, Trace};
 
 /// Everything of a run that a report shows.
@@ -27,7 +28,7 @@ pub(super) struct Run {
 impl Run {
     /// Reads a run directory. Only the results must be there; what else is missing is named in the report.
     pub(super) fn load(directory: &Path) -> Result<Self, Failure> {
-        let results = results(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
+        let results = run_directory::results(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
         let mut missing = Vec::new();
         let mut or_missing = |error: anyhow::Error| missing.push(format!("{error:#}"));
         let read = |name: &str| {
@@ -47,7 +48,7 @@ impl Run {
             .map_err(&mut or_missing)
             .ok();
         let trace = match directory.join(trace::ROBOT_FILE).exists() {
-            // A real run has none yet; the report says so in its place.
+            // A run whose nodes were killed may have none; the report says so in its place.
             false => None,
             true => read(trace::ROBOT_FILE)
                 .and_then(|robot| Ok((robot, read(trace::PLC_FILE)?)))
@@ -68,37 +69,4 @@ impl Run {
     pub(super) fn host(&self, key: &str) -> Option<&str> {
         self.host.as_ref()?.get(key)?.as_str()
     }
-}
-
-fn results(directory: &Path) -> anyhow::Result<Results> {
-    let path = directory.join("results.json");
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let shown = directory.display();
-            return Err(if directory.join("samples.csv").exists() {
-                anyhow!(
-                    "the run in {shown} ended before its first repetition did, so there is nothing to report"
-                )
-            } else if directory.is_dir() {
-                anyhow!(
-                    "{shown} holds no run: results.json is missing; name a run directory, such as one below runs/"
-                )
-            } else {
-                anyhow!("there is no run directory {shown}; name one, such as one below runs/")
-            });
-        }
-        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
-    };
-    let value: serde_json::Value =
-        serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
-    match value.get("schema_version").and_then(serde_json::Value::as_u64) {
-        Some(version) if version == u64::from(SCHEMA_VERSION) => {}
-        Some(version) => anyhow::bail!(
-            "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
-            path.display()
-        ),
-        None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
-    }
-    serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
 }

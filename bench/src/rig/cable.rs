@@ -1,11 +1,13 @@
 //! The cable: two networks without a name, a veth pair between them, and whoever listens in.
 
-use std::path::Path;
+use std::path::PathBuf;
 
+use protocol_linux::capture::Keep;
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, Recorder, veth};
 
 use super::RigError;
+use crate::capture::{PLC_FILE, ROBOT_FILE};
 
 /// Name of the PLC's interface, in a network where it is the only one.
 pub(super) const PLC: &str = "plc0";
@@ -16,22 +18,26 @@ pub(super) const ROBOT: &str = "robot0";
 pub(super) struct Cable {
     plc: NetworkNamespace,
     robot: NetworkNamespace,
-    recorder: Option<Recorder>,
+    recorders: Vec<Recorder>,
+    discarded: bool,
 }
 
 impl Cable {
     /// Lays it, switches both ends on and starts the capture.
-    pub(super) fn lay(capture: Option<&Path>) -> Result<Self, RigError> {
+    pub(super) fn lay(capture: Option<&(PathBuf, Keep)>) -> Result<Self, RigError> {
         let (plc, robot) = (NetworkNamespace::new()?, NetworkNamespace::new()?);
         veth::connect(&plc, PLC, &robot, ROBOT)?;
         // Both ends, since a node that is first would otherwise find a cable without a carrier.
         switch_on(&plc, PLC)??;
         switch_on(&robot, ROBOT)??;
-        let recorder = match capture {
-            Some(path) => Some(plc.run(|| Recorder::start(PLC, path))??),
-            None => None,
-        };
-        Ok(Self { plc, robot, recorder })
+        let mut recorders = Vec::new();
+        if let Some((directory, keep)) = capture {
+            for (network, interface, file) in [(&plc, PLC, PLC_FILE), (&robot, ROBOT, ROBOT_FILE)] {
+                let path = directory.join(file);
+                recorders.push(network.run(|| Recorder::start(interface, &path, "", *keep))??);
+            }
+        }
+        Ok(Self { plc, robot, recorders, discarded: false })
     }
 
     pub(super) const fn plc(&self) -> &NetworkNamespace {
@@ -42,12 +48,22 @@ impl Cable {
         &self.robot
     }
 
+    pub(super) fn pause_capture(&self, paused: bool) {
+        self.recorders.iter().for_each(|recorder| recorder.pause(paused));
+    }
+
+    pub(super) const fn discard_capture(&mut self) {
+        self.discarded = true;
+    }
+
     /// Ends the capture, if there is one, so that the last frame is in the file.
     pub(super) fn end_capture(&mut self) -> Result<(), RigError> {
-        if let Some(recorder) = self.recorder.take() {
-            recorder.stop()?;
-        }
-        Ok(())
+        let ended: Vec<_> = self
+            .recorders
+            .drain(..)
+            .map(|recorder| if self.discarded { recorder.discard() } else { recorder.stop().map(drop) })
+            .collect();
+        Ok(ended.into_iter().collect::<Result<_, _>>()?)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::process::ExitStatus;
 use std::time::Duration;
 
@@ -62,6 +63,48 @@ pub enum RigError {
         /// What it last wrote on standard error.
         last_words: Vec<String>,
     },
+    /// A node that somebody else was to start is not there.
+    #[error(
+        "no {which} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
+         port?",
+        waited.as_secs()
+    )]
+    Unreachable {
+        /// Which node.
+        which: Which,
+        /// Host and port.
+        address: String,
+        /// For how long it was tried.
+        waited: Duration,
+        /// What the system said last.
+        reason: String,
+    },
+    /// A node that runs has another controller.
+    #[error("the {which} is controlled by {controller} already: end that one first")]
+    Busy {
+        /// Which node.
+        which: Which,
+        /// Who has it.
+        controller: SocketAddr,
+    },
+    /// The connection to a node that runs is gone.
+    #[error("the {which} at {address} went away or closed the connection; what it printed says why")]
+    Detached {
+        /// Which node.
+        which: Which,
+        /// Host and port.
+        address: String,
+    },
+    /// What runs there is not what the bench was asked to measure.
+    #[error("at {address} runs a {found}, but {wanted} is wanted")]
+    Other {
+        /// Host and port.
+        address: String,
+        /// Which node, and its setup.
+        found: String,
+        /// What was asked for.
+        wanted: String,
+    },
     /// No connection came about.
     #[error("the PLC found no robot that was ready within {} s: {reason}{}", waited.as_secs(), quoted(last_words))]
     NotConnected {
@@ -120,14 +163,19 @@ impl RigError {
         // Exit code 5 of a node says that the host lacks what it needs.
         let unusable = |status: &ExitStatus| status.code() == Some(Exit::EnvironmentUnusable as i32);
         match self {
-            Self::Namespace { .. } | Self::Interface(_) | Self::Spawn { .. } | Self::NotConnected { .. } => {
-                Exit::EnvironmentUnusable
-            }
+            Self::Namespace { .. }
+            | Self::Interface(_)
+            | Self::Spawn { .. }
+            | Self::NotConnected { .. }
+            | Self::Unreachable { .. }
+            | Self::Busy { .. } => Exit::EnvironmentUnusable,
+            Self::Other { .. } => Exit::Usage,
             Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {
                 Exit::EnvironmentUnusable
             }
             Self::Capture(_) => Exit::Internal,
             Self::NodeEnded { .. }
+            | Self::Detached { .. }
             | Self::ConnectionLost { .. }
             | Self::RunFailed { .. }
             | Self::NoAnswer { .. }

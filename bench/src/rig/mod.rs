@@ -12,14 +12,19 @@
 //! process groups of their own, so that Ctrl-C reaches the bench alone and the bench ends them in order. An ordinary
 //! user gets all this through a user namespace, see [`enter_user_namespace`].
 //!
-//! tokio serves pipes, processes and timeouts here. The cyclic threads are in the other processes and know nothing of
-//! it.
+//! Or both nodes run already, wherever that is, and the rig only speaks with them, over TCP: [`Rig::attach`].
+//!
+//! tokio serves pipes, connections, processes and timeouts here. The cyclic threads are in the other processes and know
+//! nothing of it.
 
+mod attached;
 mod cable;
 mod error;
 mod node;
+mod party;
 mod stand;
 
+pub use attached::{Attach, AttachError};
 pub use error::{RigError, Which};
 
 use std::ffi::OsString;
@@ -29,8 +34,11 @@ use std::time::Duration;
 
 use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
+use protocol_linux::capture::Keep;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
+use protocol_linux::{Interface, PortError, Wire};
+use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use setup::Cyclic;
 use tokio::sync::mpsc;
@@ -38,6 +46,9 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use cable::Cable;
 use node::{NodeProcess, Said};
+use party::Party;
+
+use crate::trace::{self, Window};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
 #[global_allocator]
@@ -79,6 +90,22 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
     Ok(protocol_linux::namespace::enter_user_namespace()?)
 }
 
+/// Tries what the rig needs of the host and leaves nothing behind: a cable between two networks, and on it the sockets
+/// of both buses.
+///
+/// # Errors
+///
+/// The outer one says why there is no cable, the inner one why there are no sockets on it.
+pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
+    let cable = Cable::lay(None)?;
+    let open = || {
+        let interface = Interface::open(cable::PLC)?;
+        let ports = Wire::profinet(&interface).and_then(|_| Wire::ethernet_ip(&interface));
+        Ok::<_, RigError>(ports.map(drop))
+    };
+    cable.plc().run(open)?
+}
+
 /// What the rig is to run.
 #[derive(Clone, Debug)]
 pub struct RigConfig {
@@ -88,8 +115,10 @@ pub struct RigConfig {
     pub cyclic: Option<Cyclic>,
     /// Seed of the robot's interpreter.
     pub seed: u64,
-    /// Records what passes the PLC's interface into this file, from before the first frame.
-    pub capture: Option<PathBuf>,
+    /// Records what passes both interfaces into this directory, from before the first frame, and how much of it.
+    pub capture: Option<(PathBuf, Keep)>,
+    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`] asks for it.
+    pub trace: Option<PathBuf>,
     /// The program that both nodes are; none for this one.
     pub program: Option<PathBuf>,
     /// Exchange images without a protocol, for tests that are not about a bus.
@@ -99,10 +128,18 @@ pub struct RigConfig {
 impl RigConfig {
     /// A rig of this setup with nothing special about it.
     pub fn new(setup: impl Into<OsString>) -> Self {
-        Self { setup: setup.into(), cyclic: None, seed: 1, capture: None, program: None, direct: false }
+        Self {
+            setup: setup.into(),
+            cyclic: None,
+            seed: 1,
+            capture: None,
+            trace: None,
+            program: None,
+            direct: false,
+        }
     }
 
-    fn args(&self, interface: &str) -> Vec<OsString> {
+    fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
         let mut args: Vec<OsString> = ["run", "--json", "--interface", interface].map(OsString::from).into();
         args.extend(["--setup".into(), self.setup.clone()]);
         if let Some(cyclic) = self.cyclic {
@@ -111,6 +148,9 @@ impl RigConfig {
                 Cyclic::Rt1 => "rt1",
             };
             args.extend(["--cyclic".into(), name.into()]);
+        }
+        if let Some(directory) = &self.trace {
+            args.extend(["--trace-file".into(), directory.join(rows).into()]);
         }
         if self.direct {
             args.push("--direct".into());
@@ -122,14 +162,23 @@ impl RigConfig {
 /// Both nodes, connected.
 #[derive(Debug)]
 pub struct Rig {
-    plc: NodeProcess,
-    robot: NodeProcess,
+    plc: Party,
+    /// None where the robot is no node of ours.
+    robot: Option<Party>,
     said: mpsc::Receiver<Said>,
     hellos: Vec<Hello>,
     reports: Reports,
-    connected_after: Duration,
-    /// Last, so that it outlives the nodes.
-    cable: Cable,
+    /// What the nodes had done before this rig.
+    before: Reports,
+    /// In the present run, or in the last one.
+    moved: Moved,
+    traced: Vec<Window>,
+    recording: bool,
+    is_traced: bool,
+    /// None where the nodes ran already.
+    connected_after: Option<Duration>,
+    /// Last, so that it outlives the nodes; none where somebody else laid it.
+    cable: Option<Cable>,
 }
 
 /// What both nodes reported of themselves last.
@@ -137,8 +186,14 @@ pub struct Rig {
 pub struct Reports {
     /// The PLC's.
     pub plc: NodeReport,
-    /// The robot's.
+    /// The robot's; empty where the robot is no node of ours.
     pub robot: NodeReport,
+}
+
+impl Reports {
+    fn since(&self, before: &Self) -> Self {
+        Self { plc: self.plc.since(&before.plc), robot: self.robot.since(&before.robot) }
+    }
 }
 
 impl Rig {
@@ -149,12 +204,15 @@ impl Rig {
     /// What the host does not allow, a node that does not start, or a connection that does not come about.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
-        let cable = Cable::lay(config.capture.as_deref())?;
+        let cable = Cable::lay(config.capture.as_ref())?;
         // Room for all that two nodes say while the bench writes a file.
         let (sayings, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
-        let robot_args =
-            [config.args(cable::ROBOT), vec!["--seed".into(), config.seed.to_string().into()]].concat();
+        let robot_args = [
+            config.args(cable::ROBOT, trace::ROBOT_ROWS),
+            vec!["--seed".into(), config.seed.to_string().into()],
+        ]
+        .concat();
         let robot = NodeProcess::spawn(
             Which::Robot,
             &program,
@@ -167,26 +225,37 @@ impl Rig {
             Which::Plc,
             &program,
             PLC_NODE,
-            config.args(cable::PLC),
+            config.args(cable::PLC, trace::PLC_ROWS),
             cable.plc(),
             sayings,
         )?;
-        let mut rig = Self {
+        let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
+        rig.wait_until_ready(started, None).await?;
+        rig.connected_after = Some(started.elapsed());
+        rig.is_traced = config.trace.is_some();
+        Ok(rig)
+    }
+
+    fn of(plc: Party, robot: Option<Party>, said: mpsc::Receiver<Said>, cable: Option<Cable>) -> Self {
+        Self {
             plc,
             robot,
             said,
             hellos: Vec::new(),
             reports: Reports::default(),
-            connected_after: Duration::ZERO,
+            before: Reports::default(),
+            moved: Moved::default(),
+            traced: Vec::new(),
+            recording: false,
+            is_traced: false,
+            connected_after: None,
             cable,
-        };
-        rig.wait_until_ready(started).await?;
-        Ok(rig)
+        }
     }
 
-    /// From the start of the nodes until the PLC found the robot ready.
+    /// From the start of the nodes until the PLC found the robot ready; none where they ran already.
     #[must_use]
-    pub const fn connected_after(&self) -> Duration {
+    pub const fn connected_after(&self) -> Option<Duration> {
         self.connected_after
     }
 
@@ -197,16 +266,47 @@ impl Rig {
         warnings
     }
 
-    /// What both nodes reported of themselves last: after the last run.
+    /// What both nodes reported of themselves last, after the last run, without what was before this rig.
     #[must_use]
-    pub const fn reports(&self) -> &Reports {
-        &self.reports
+    pub fn reports(&self) -> Reports {
+        self.reports.since(&self.before)
+    }
+
+    /// Lets frames pass without capturing them, or captures them again.
+    pub fn pause_capture(&self, paused: bool) {
+        if let Some(cable) = &self.cable {
+            cable.pause_capture(paused);
+        }
+    }
+
+    /// Records the cycles of the runs to come, or no more.
+    pub async fn record(&mut self, on: bool) {
+        if self.is_traced && self.recording != on {
+            self.recording = on;
+            self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
+            if let Some(robot) = &mut self.robot {
+                robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
+            }
+        }
+    }
+
+    /// When the recorded runs were.
+    #[must_use]
+    pub fn traced(&self) -> &[Window] {
+        &self.traced
+    }
+
+    /// The captures are not wanted: where they are in memory, they are not written.
+    pub fn discard_capture(&mut self) {
+        if let Some(cable) = &mut self.cable {
+            cable.discard_capture();
+        }
     }
 
     /// Process numbers of the PLC's and of the robot's node, while they run.
     #[must_use]
     pub fn processes(&self) -> [Option<u32>; 2] {
-        [self.plc.id(), self.robot.id()]
+        [self.plc.id(), self.robot.as_ref().and_then(Party::id)]
     }
 
     /// Runs the sequence once.
@@ -215,6 +315,7 @@ impl Rig {
     ///
     /// The run failed, the connection was lost, or a node ended: within two seconds of it.
     pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
+        self.moved = Moved::default();
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
         let finished = async {
             loop {
@@ -222,6 +323,9 @@ impl Rig {
                     PlcMessage::Finished(run) => return Ok(run),
                     PlcMessage::Failed { execution_type, reason } => {
                         return Err(RigError::RunFailed { execution_type, reason });
+                    }
+                    PlcMessage::Started { execution_type, at_ns } if self.recording => {
+                        self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
                     }
                     PlcMessage::Ready | PlcMessage::Started { .. } => {}
                 }
@@ -235,46 +339,70 @@ impl Rig {
             Ok(run) => run,
             Err(error) => return Err(self.explained(error).await),
         };
+        if self.recording
+            && let Some(window) = self.traced.last_mut()
+        {
+            window.length_ns = Some(run.execution_time_ns);
+        }
         self.ask_for_reports().await?;
         Ok(run)
     }
 
-    /// Ends the connection in order, then both nodes, then the capture.
+    /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.
+    #[must_use]
+    pub fn quality_of(&self, motions: u32) -> Option<Quality> {
+        (self.moved.motions == motions).then_some(self.moved.quality)
+    }
+
+    /// Ends the connection in order, then both nodes, then the capture. Nodes that ran before the rig run on.
     ///
     /// # Errors
     ///
     /// A node that did not end by itself was killed, or the capture could not be written. Nothing is left behind
     /// then either.
     pub async fn stop(mut self) -> Result<Reports, RigError> {
+        let Some(mut cable) = self.cable.take() else {
+            if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Party::has_ended) {
+                self.ask_for_reports().await?;
+            }
+            return Ok(self.reports());
+        };
         // The controller goes first: it releases the connection, and the device sees it go in order.
         let plc = self.end(Which::Plc).await;
         let robot = self.end(Which::Robot).await;
-        self.cable.end_capture()?;
-        plc.and(robot).map(|()| self.reports.clone())
+        cable.end_capture()?;
+        plc.and(robot).map(|()| self.reports())
     }
 
-    async fn wait_until_ready(&mut self, started: Instant) -> Result<(), RigError> {
+    /// Waits for every node to introduce itself, as one that runs `setup` where that is given, and for the PLC to find
+    /// the robot ready.
+    async fn wait_until_ready(&mut self, started: Instant, setup: Option<&str>) -> Result<(), RigError> {
+        let nodes = 1 + usize::from(self.robot.is_some());
         let mut last = None;
         let ready = async {
-            loop {
+            let mut robot_ready = false;
+            while !robot_ready || self.hellos.len() < nodes {
                 match self.next_saying().await? {
-                    Said::Plc(Message::Node(PlcMessage::Ready)) => return Ok::<_, RigError>(()),
+                    Said::Plc(Message::Hello(hello)) => self.check(Which::Plc, &hello, setup)?,
+                    Said::Robot(Message::Hello(hello)) => self.check(Which::Robot, &hello, setup)?,
+                    Said::Plc(Message::Node(PlcMessage::Ready)) => robot_ready = true,
                     // Before the connection is up, the PLC says so of each attempt that fails.
                     Said::Plc(Message::LinkDown { reason }) => last = Some(reason),
                     _ => {}
                 }
             }
+            Ok::<_, RigError>(())
         };
         let ready = timeout_at(started + CONNECT, ready).await;
         match ready {
             Ok(result) => result?,
             Err(_) => {
                 let reason = last.unwrap_or_else(|| "the nodes said nothing of it".to_owned());
-                let last_words = [self.plc.last_words(), self.robot.last_words()].concat();
+                let nodes = [Some(&self.plc), self.robot.as_ref()];
+                let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
                 return Err(RigError::NotConnected { waited: CONNECT, reason, last_words });
             }
         }
-        self.connected_after = started.elapsed();
         Ok(())
     }
 
@@ -308,7 +436,22 @@ impl Rig {
             Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.robot = report.clone();
             }
-            Said::Ended(which) => return Err(self.node(*which).obituary().await),
+            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
+                self.moved.motions = self.moved.motions.saturating_add(*motions);
+                self.moved.quality = self.moved.quality.then(*quality);
+            }
+            Said::Plc(Message::Busy { controller }) => {
+                return Err(RigError::Busy { which: Which::Plc, controller: *controller });
+            }
+            Said::Robot(Message::Busy { controller }) => {
+                return Err(RigError::Busy { which: Which::Robot, controller: *controller });
+            }
+            Said::Ended(which) => {
+                return Err(match self.node(*which) {
+                    Some(node) => node.obituary().await,
+                    None => RigError::NodeEnded { which: *which, status: None, last_words: Vec::new() },
+                });
+            }
             Said::Gibberish { which, line } => {
                 return Err(RigError::Gibberish { which: *which, line: line.clone() });
             }
@@ -324,7 +467,9 @@ impl Rig {
         }
         let end = async {
             loop {
-                if let Err(better @ RigError::NodeEnded { .. }) = self.next_saying().await {
+                if let Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) =
+                    self.next_saying().await
+                {
                     return better;
                 }
             }
@@ -334,8 +479,10 @@ impl Rig {
 
     async fn ask_for_reports(&mut self) -> Result<(), RigError> {
         self.tell_plc(&Instruction::Report).await;
-        self.robot.tell(&Instruction::<RobotInstruction>::Report).await;
-        let (mut plc, mut robot) = (false, false);
+        if let Some(robot) = &mut self.robot {
+            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+        }
+        let (mut plc, mut robot) = (false, self.robot.is_none());
         let both = async {
             while !(plc && robot) {
                 match self.next_saying().await? {
@@ -353,10 +500,10 @@ impl Rig {
 
     /// Tells a node to stop and waits until it has, and has been reaped.
     async fn end(&mut self, which: Which) -> Result<(), RigError> {
-        if self.node(which).has_ended() {
+        let Some(node) = self.node(which).filter(|node| !node.has_ended()) else {
             return Ok(());
-        }
-        self.node(which).tell(&Instruction::<()>::Stop).await;
+        };
+        node.tell(&Instruction::<()>::Stop).await;
         let end = async {
             loop {
                 match self.next_saying().await {
@@ -378,12 +525,19 @@ impl Rig {
         self.plc.tell(instruction).await;
     }
 
-    const fn node(&mut self, which: Which) -> &mut NodeProcess {
+    const fn node(&mut self, which: Which) -> Option<&mut Party> {
         match which {
-            Which::Plc => &mut self.plc,
-            Which::Robot => &mut self.robot,
+            Which::Plc => Some(&mut self.plc),
+            Which::Robot => self.robot.as_mut(),
         }
     }
+}
+
+/// What the robot said of its motions in a run.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moved {
+    motions: u32,
+    quality: Quality,
 }
 
 /// What a PLC's process says.

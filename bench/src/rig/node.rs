@@ -68,10 +68,7 @@ impl NodeProcess {
         let stdin = child.stdin.take();
         let stdout = child.stdout.take().ok_or_else(missing)?;
         let stderr = child.stderr.take().ok_or_else(missing)?;
-        match which {
-            Which::Plc => drop(tokio::spawn(listen(which, stdout, sayings, Said::Plc))),
-            Which::Robot => drop(tokio::spawn(listen(which, stdout, sayings, Said::Robot))),
-        }
+        listen(which, stdout, sayings);
         let last_words = Arc::default();
         let listener = tokio::spawn(remember(stderr, Arc::clone(&last_words)));
         Ok(Self { which, child, stdin, last_words, listener: Some(listener) })
@@ -116,13 +113,21 @@ impl NodeProcess {
     }
 }
 
-async fn listen<M: DeserializeOwned>(
+/// Passes on what a node says, and that it ended.
+pub(super) fn listen(which: Which, to: impl AsyncRead + Send + Unpin + 'static, sayings: mpsc::Sender<Said>) {
+    match which {
+        Which::Plc => drop(tokio::spawn(hear(which, to, sayings, Said::Plc))),
+        Which::Robot => drop(tokio::spawn(hear(which, to, sayings, Said::Robot))),
+    }
+}
+
+async fn hear<M: DeserializeOwned>(
     which: Which,
-    stdout: impl AsyncRead + Unpin,
+    to: impl AsyncRead + Unpin,
     sayings: mpsc::Sender<Said>,
     saying: fn(M) -> Said,
 ) {
-    let mut lines = BufReader::new(stdout).lines();
+    let mut lines = BufReader::new(to).lines();
     while let Ok(Some(line)) = lines.next_line().await {
         let said = serde_json::from_str(&line).map_or_else(|_| Said::Gibberish { which, line }, saying);
         if sayings.send(said).await.is_err() {

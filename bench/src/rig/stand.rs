@@ -10,32 +10,35 @@ use crate::stand::{CycleHealth, Health, Measured, Stand};
 
 impl Stand for Rig {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+        // Before the pause, so that it is no work of the measured run.
+        self.record(step.repetition == 1).await;
         tokio::time::sleep(step.pause).await;
         let run = Self::execute(self, step.execution_type).await?;
         Ok(Measured {
             execution: Duration::from_nanos(run.execution_time_ns),
             robot_execution: Duration::from_nanos(run.robot_execution_ns),
             blends_suppressed: run.blends_suppressed,
+            quality: self.quality_of(run.motions),
         })
     }
 
     fn health(&self) -> Health {
-        let reports = self.reports();
-        reports.health(self.connected_after())
+        self.reports().health(self.connected_after())
     }
 }
 
 impl Reports {
     /// What the nodes reported, as the conditions of a run.
-    pub fn health(&self, connected_after: Duration) -> Health {
+    pub fn health(&self, connected_after: Option<Duration>) -> Health {
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {
             plc: (&self.plc.cycle).into(),
             robot: (&self.robot.cycle).into(),
             bus: self.plc.bus.into(),
             robot_bus: self.robot.bus.into(),
-            connected_after: Some(connected_after),
+            connected_after,
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
+            faults: None,
         }
     }
 }

@@ -25,6 +25,8 @@ pub struct Application {
     pub grids: Vec<Grid>,
     /// What no way may come near.
     pub obstacles: Vec<Obstacle>,
+    /// What the tool can press against.
+    pub surfaces: Vec<Surface>,
     /// The process steps in order; the last ends in an accurate stop.
     pub steps: Vec<Step>,
 }
@@ -111,6 +113,21 @@ pub struct Obstacle {
     pub name: String,
     /// The space that it fills.
     pub space: Cuboid,
+}
+
+/// A flat elastic surface that the tool can press against: part of the simulated cell, not of the plan.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Surface {
+    /// Its name.
+    pub name: String,
+    /// A point on it; its middle, where it is bounded.
+    pub middle: Point,
+    /// The unit vector out of it, towards where the tool is free.
+    pub normal: Point,
+    /// How far from its middle it reaches, in mm; none for a whole plane.
+    pub radius_mm: Option<f64>,
+    /// How much more it pushes back with for each millimetre that the tool is in it, in N/mm.
+    pub stiffness_n_per_mm: f64,
 }
 
 /// A named frame.

@@ -31,6 +31,8 @@ pub(crate) struct File {
     pub(crate) actions: BTreeMap<String, Spanned<Action>>,
     #[serde(default, rename = "obstacle")]
     pub(crate) obstacles: Vec<Spanned<Obstacle>>,
+    #[serde(default, rename = "surface")]
+    pub(crate) surfaces: Vec<Spanned<Surface>>,
     #[serde(rename = "step")]
     pub(crate) steps: Vec<Spanned<Step>>,
 }
@@ -83,6 +85,16 @@ pub(crate) struct Obstacle {
     pub(crate) name: String,
     pub(crate) lower_mm: [f64; 3],
     pub(crate) upper_mm: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Surface {
+    pub(crate) name: String,
+    pub(crate) middle: Name,
+    pub(crate) normal: [f64; 3],
+    pub(crate) radius_mm: Option<Spanned<f64>>,
+    pub(crate) stiffness_n_per_mm: Spanned<f64>,
 }
 
 #[derive(Deserialize)]

@@ -10,7 +10,8 @@
 //!    (step IV).
 //!
 //! A [`Plan`] prints itself with the reason for every zone, and gives the motions in the units of the wire. A long
-//! repetition is a [`stream()`], which holds one cycle.
+//! repetition is a [`stream()`], which holds one cycle; motions from elsewhere are read from a list by
+//! [`MotionLines`], which holds one.
 //!
 //! Whether the arm reaches a motion is the robot's affair; what can be known without an arm is refused here, with the
 //! step, the motion, the quantity and its limit.
@@ -20,6 +21,7 @@ mod display;
 mod error;
 mod file;
 mod geometry;
+mod list;
 mod load;
 mod motion;
 mod path;
@@ -27,18 +29,20 @@ mod plan;
 mod planner;
 mod resolve;
 mod stream;
+mod vary;
 mod way;
 mod wire;
 mod zone;
 
 pub use application::{
-    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Tool, Ways, Zones,
+    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
 pub use error::{Error, Refusal};
 pub use geometry::{Cuboid, Point, Pose};
+pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{APPLICATIONS, Found, application, setup_with_application};
 pub use motion::{Motion, Role};
 pub use plan::{Continuous, Plan, Reason, StepLabels, plan};
 pub use stream::{Stream, Streamed, count, stream};
-pub use wire::PROGRAM;
+pub use wire::{PROGRAM, Stop, Switch};
 pub use zone::Why;

@@ -16,6 +16,7 @@ pub const APPLICATIONS: &[(&str, &str)] = &[
     ("pick-and-place-gripper", include_str!("../../../bench/applications/pick-and-place-gripper.toml")),
     ("gluing", include_str!("../../../bench/applications/gluing.toml")),
     ("palletising", include_str!("../../../bench/applications/palletising.toml")),
+    ("engraving", include_str!("../../../bench/applications/engraving.toml")),
     ("insertion-with-force", include_str!("../../../bench/applications/insertion-with-force.toml")),
 ];
 

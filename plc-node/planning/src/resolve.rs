@@ -6,11 +6,11 @@ use std::ops::Range;
 use toml::Spanned;
 
 use crate::application::{
-    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Tool, Ways, Zones,
+    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
 use crate::error::{Error, line_of};
 use crate::file::{self, File, Label, Name};
-use crate::geometry::{Cuboid, Pose};
+use crate::geometry::{Cuboid, Point, Pose};
 
 /// Version of the format that this reads.
 const SCHEMA: u32 = 2;
@@ -92,6 +92,7 @@ impl Resolver<'_> {
             ways: file.ways.as_ref().map(|ways| self.ways(ways)).transpose()?,
             grids,
             obstacles,
+            surfaces: file.surfaces.iter().map(|it| self.surface(it)).collect::<Result<Vec<_>, _>>()?,
             steps,
         })
     }
@@ -153,6 +154,29 @@ impl Resolver<'_> {
         }
         let space = Cuboid { lower: obstacle.lower_mm.into(), upper: obstacle.upper_mm.into() };
         Ok(Obstacle { name: obstacle.name.clone(), space })
+    }
+
+    fn surface(&self, at: &Spanned<file::Surface>) -> Result<Surface, Error> {
+        let surface = at.get_ref();
+        let key = format!("surface `{}`", surface.name);
+        let middle = self.place(&surface.middle, "middle")?;
+        if middle.grid.is_some() {
+            let problem = "stands on a grid; a surface does not move with the cells".into();
+            return Err(self.wrong(&surface.middle, &key, problem));
+        }
+        let normal = Point::from(surface.normal).direction();
+        let Some(normal) = normal.filter(|_| surface.normal.iter().all(|along| along.is_finite())) else {
+            let problem = format!("normal {:?} gives no direction", surface.normal);
+            return Err(self.wrong(at, &key, problem));
+        };
+        let radius = surface.radius_mm.as_ref();
+        Ok(Surface {
+            name: surface.name.clone(),
+            middle: middle.pose.point,
+            normal,
+            radius_mm: radius.map(|radius| self.within(radius, "radius_mm", 0.1..1e4)).transpose()?,
+            stiffness_n_per_mm: self.within(&surface.stiffness_n_per_mm, "stiffness_n_per_mm", 1e-3..1e5)?,
+        })
     }
 
     fn step(&self, at: &Spanned<file::Step>) -> Result<Step, Error> {

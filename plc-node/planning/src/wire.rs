@@ -1,15 +1,63 @@
 //! A plan in the units of the wire, which are the same for the PLC, which sends it, and the robot's program store.
 
+use core::time::Duration;
+
 use protocol::image;
 use setup::Setup;
 
 use crate::motion::Motion;
-use crate::plan::Plan;
+use crate::plan::{Continuous, Plan};
 
 /// Number under which the robot's program store holds the application, and which the PLC starts for RC.
 pub const PROGRAM: u16 = 1;
 
+/// Where a continuous motion ends.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Stop {
+    /// How many motions of the plan are executed there.
+    pub after: u32,
+    /// What happens there before the next motion.
+    pub then: Option<Switch>,
+}
+
+/// A digital output that is set or cleared, and the time until that has taken effect.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Switch {
+    /// Which bit of the digital outputs, 0..=15.
+    pub output: u8,
+    /// Whether it is set or cleared.
+    pub set: bool,
+    /// How long to wait afterwards.
+    pub wait: Duration,
+}
+
+impl Switch {
+    /// The outputs after it, when they were `outputs` before.
+    #[must_use]
+    pub const fn applied_to(self, outputs: u16) -> u16 {
+        let bit = match 1_u16.checked_shl(self.output as u32) {
+            Some(bit) => bit,
+            None => 0,
+        };
+        if self.set { outputs | bit } else { outputs & !bit }
+    }
+}
+
 impl Plan {
+    /// Where its continuous motions end, in order.
+    #[must_use]
+    pub fn stops(&self) -> Vec<Stop> {
+        let stop = |continuous: &Continuous| Stop {
+            after: u32::try_from(continuous.motions.end).unwrap_or(u32::MAX),
+            then: continuous.then.as_ref().map(|action| Switch {
+                output: action.output,
+                set: action.set,
+                wait: Duration::try_from_secs_f64(action.wait_ms / 1e3).unwrap_or(Duration::ZERO),
+            }),
+        };
+        self.continuous.iter().map(stop).collect()
+    }
+
     /// The motions as this setup programs them.
     #[must_use]
     pub fn wire_motions(&self, setup: &Setup) -> Vec<image::Motion> {

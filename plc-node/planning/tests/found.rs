@@ -6,7 +6,7 @@ use planning::{APPLICATIONS, application, setup_with_application};
 
 #[test]
 fn an_unknown_application_is_answered_by_those_there_are() {
-    insta::assert_snapshot!(application("juggle", None).unwrap_err(), @"there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, insertion-with-force; or give the path of a .toml file");
+    insta::assert_snapshot!(application("juggle", None).unwrap_err(), @"there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file");
     insta::assert_snapshot!(application("no/such.toml", None).unwrap_err(), @"cannot read the application file no/such.toml: No such file or directory (os error 2)");
 }
 

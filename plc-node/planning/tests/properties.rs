@@ -100,6 +100,7 @@ fn application(
                 zones: Zones { approximation_mm: None, path_tolerance_mm: TOLERANCE_MM },
                 ways: Some(WAYS),
                 grids: Vec::new(),
+                surfaces: Vec::new(),
                 obstacles,
                 steps,
             }

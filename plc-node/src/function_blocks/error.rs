@@ -1,17 +1,23 @@
 //! Why a block ended with `Error`.
 
-use protocol::image::{ErrorNumber, MotionKind};
+use protocol::image::{ErrorNumber, Finding, MotionKind};
 
 /// Why a block ended with `Error`: the robot's number, or what the block itself found.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, thiserror::Error)]
 pub enum BlockError {
     /// The robot refused the skill or ended it early.
-    #[error("the robot reports error {}: {number} (motion {motion}, counted from 0)", u16::from(*number))]
+    #[error(
+        "the robot reports error {}: {} (motion {motion}, counted from 0)",
+        u16::from(*number),
+        finding.in_words(*number)
+    )]
     Robot {
         /// What the robot says.
         number: ErrorNumber,
         /// Which motion of the skill, counted from 0.
         motion: u32,
+        /// The quantity and its limits.
+        finding: Finding,
     },
     /// There is no connection, or it was lost.
     #[error("no connection to the robot; start again once it is up")]

@@ -10,15 +10,32 @@ use crate::{AxesGroup, MotionSource};
 ///
 /// The first five motions are written with the start. Whenever the robot counts motion k as executed (the paper's
 /// `curExec`), motion k + 5 goes into the slot of motion k, until all (`totalNo`) are written (paper, section 5.2).
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct MoveContinuous {
     pub(super) call: SkillCall,
+    /// The paper's `cntFC`: motions that are written and not executed, at most.
+    depth: u32,
+}
+
+impl Default for MoveContinuous {
+    /// With all slots in use.
+    fn default() -> Self {
+        Self::with_depth(SLOTS as u32)
+    }
 }
 
 impl MoveContinuous {
+    /// A block that writes at most `depth` motions, 1 to 5, ahead of those that the robot has executed: the paper's
+    /// `cntFC`. Fewer than the image has slots for are of use only to see what the slots are good for.
+    #[must_use]
+    pub fn with_depth(depth: u32) -> Self {
+        Self { call: SkillCall::default(), depth: depth.clamp(1, SLOTS as u32) }
+    }
+
     /// One scan. The number of motions counts at the rising edge of `execute`; the motions are asked for as slots
     /// become free.
     pub fn call(&mut self, execute: bool, motions: &mut dyn MotionSource, group: &mut AxesGroup) -> Outputs {
+        let depth = self.depth;
         self.call.call(execute, group, |command| {
             let total = motions.total();
             if total == 0 {
@@ -27,11 +44,11 @@ impl MoveContinuous {
             command.skill = Skill::MoveContinuous;
             command.slots = [Motion::EMPTY; SLOTS];
             (command.total, command.written) = (total, 0);
-            fill(command, 0, motions)?;
+            fill(command, 0, depth, motions)?;
             Ok(true)
         });
         if self.call.face.is_busy()
-            && let Err(error) = fill(&mut group.command, self.call.tally.executed, motions)
+            && let Err(error) = fill(&mut group.command, self.call.tally.executed, depth, motions)
         {
             self.call.fail(group, error);
         }
@@ -50,8 +67,13 @@ impl MoveContinuous {
 }
 
 /// Writes motions into every slot whose motion is executed.
-fn fill(command: &mut Command, executed: u32, motions: &mut dyn MotionSource) -> Result<(), BlockError> {
-    let end = executed.saturating_add(SLOTS as u32).min(command.total);
+fn fill(
+    command: &mut Command,
+    executed: u32,
+    depth: u32,
+    motions: &mut dyn MotionSource,
+) -> Result<(), BlockError> {
+    let end = executed.saturating_add(depth).min(command.total);
     while command.written < end {
         let index = command.written;
         let motion = motions.get(index).ok_or(BlockError::SourceEnded { index, total: command.total })?;
@@ -124,12 +146,13 @@ mod tests {
         #[test]
         fn every_motion_arrives_once_and_in_order_and_no_slot_in_use_is_touched(
             count in 1..=40_u16,
+            depth in 1..=5_u32,
             script in proptest::collection::vec(between(), 1..200),
         ) {
             let motions = list(count);
             let mut source = MotionList::from(motions.clone());
             let mut group = AxesGroup::new(100, Patience { answer_scans: 10_000, silent_scans: 10_000 });
-            let (mut block, mut robot) = (MoveContinuous::default(), Robot::default());
+            let (mut block, mut robot) = (MoveContinuous::with_depth(depth), Robot::default());
             let mut seen = robot.feedback;
             let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
             for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
@@ -137,7 +160,7 @@ mod tests {
                 let outputs = block.call(true, &mut source, &mut group);
                 prop_assert!(!outputs.error, "{:?}", block.error());
                 let Command { written, total, .. } = *group.command();
-                prop_assert!(written <= total.min(robot.feedback.executed + 5), "ahead of the slots");
+                prop_assert!(written <= total.min(robot.feedback.executed + depth), "ahead of the slots");
                 for index in robot.feedback.executed..written {
                     prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
                 }

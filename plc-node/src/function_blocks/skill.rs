@@ -109,7 +109,8 @@ impl SkillCall {
         self.acknowledged = true;
         let has = |bit| feedback.status.contains(bit);
         if has(Status::ERROR) {
-            return Err(BlockError::Robot { number: feedback.error, motion: feedback.error_motion });
+            let Feedback { error: number, error_motion: motion, finding, .. } = *feedback;
+            return Err(BlockError::Robot { number, motion, finding });
         }
         self.count(feedback, command)?;
         if has(Status::ABORTED) {

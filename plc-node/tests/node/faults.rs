@@ -4,7 +4,7 @@ use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 use plc_node::{FailureCause, PlcEvent, PlcNode, StartError};
 use protocol::direct::Direct;
 use protocol::fieldbus::DownCause;
-use protocol::image::{Control, ErrorNumber};
+use protocol::image::{Control, ErrorNumber, Finding};
 use protocol::virtual_time::Side;
 use protocol::{Duration, Instant};
 
@@ -65,7 +65,7 @@ fn an_error_of_the_robot_names_its_number_and_the_motion_of_the_sequence() {
         let number = ErrorNumber::AxisLimit;
         let mut cell = ready_cell(Fault::Error { at: 8, number });
         let failure = run_to_failure(&mut cell, execution_type);
-        assert_eq!(failure.cause, FailureCause::Robot { number, motion: 7 });
+        assert_eq!(failure.cause, FailureCause::Robot { number, motion: 7, finding: Finding::NONE });
         assert_eq!(failure.execution_type, execution_type);
         works_again(&mut cell);
     }

@@ -5,3 +5,4 @@ mod disorder;
 mod executions;
 mod faults;
 mod scripted;
+mod stops;

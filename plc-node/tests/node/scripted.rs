@@ -54,6 +54,10 @@ pub(crate) struct ScriptedRobot {
     pub(crate) taken: Vec<Motion>,
     pub(crate) executed_in_all: u32,
     pub(crate) halts: u32,
+    /// The PLC's digital outputs whenever they changed: motions executed in all, when, and what they became.
+    pub(crate) outputs: Vec<(u32, Instant, u16)>,
+    /// How many motions each skill had, and when it began.
+    pub(crate) skills: Vec<(u32, Instant)>,
 }
 
 impl ScriptedRobot {
@@ -72,6 +76,8 @@ impl ScriptedRobot {
             taken: Vec::new(),
             executed_in_all: 0,
             halts: 0,
+            outputs: Vec::new(),
+            skills: Vec::new(),
         }
     }
 
@@ -95,14 +101,17 @@ impl ScriptedRobot {
         let Some(image) = self.bus.input() else { return };
         let command = Command::parse::<BigEndian>(image).unwrap();
         self.feedback.life_echo = command.life;
+        if self.outputs.last().map_or(0, |(_, _, outputs)| *outputs) != command.outputs {
+            self.outputs.push((self.executed_in_all, now, command.outputs));
+        }
         if self.feedback.state == State::Running {
             self.go_on(&command);
         } else {
-            self.wait(&command);
+            self.wait(now, &command);
         }
     }
 
-    fn wait(&mut self, command: &Command) {
+    fn wait(&mut self, now: Instant, command: &Command) {
         let control = command.control;
         self.reset_armed |= !control.contains(Control::RESET);
         self.feedback.status.set(Status::ENABLED, control.contains(Control::ENABLE));
@@ -120,6 +129,7 @@ impl ScriptedRobot {
         let new = control.contains(Control::EXECUTE) && command.number != self.seen;
         if new && self.feedback.state == State::Ready && self.fault != Fault::Deaf {
             self.take_up(command);
+            self.skills.push((self.total, now));
         }
     }
 
@@ -239,8 +249,10 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         override_percent: 100,
         answer_timeout: Duration::from_millis(200),
         silent_timeout: Duration::from_millis(50),
+        queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(motions)),
+        stops: Vec::new(),
     }
 }
 

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use protocol::profinet::ethernet::EthernetHeader;
 
-use crate::recorder::{self, SNAP_LEN};
-use crate::{Interface, RecorderError};
+use crate::capture::SNAP_LEN;
+use crate::{Interface, RecorderError, recorder};
 
 /// A frame that arrived.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

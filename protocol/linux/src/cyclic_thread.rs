@@ -42,6 +42,9 @@ pub trait Task<M: Machine>: Send + 'static {
         ControlFlow::Continue(())
     }
 
+    /// The machine has done what was due; a look at it, for records.
+    fn look(&mut self, _now: Instant, _machine: &M) {}
+
     /// When [`expired`](Self::expired) is to be called, if at all.
     fn deadline(&self) -> Option<Instant> {
         None
@@ -123,7 +126,7 @@ where
         let outbox = Outbox { ring: news_ring, reader: reader.clone(), dropped: 0 };
         let mut owner = RingOwner { task, commands: command_ring, outbox };
         let body = move || {
-            let _ = started.send(scheduling::make_real_time());
+            let _ = started.send(scheduling::make_real_time().refused());
             let mut driver = driver;
             let result = driver.run(&mut owner);
             let news_dropped = owner.outbox.dropped;
@@ -174,6 +177,7 @@ struct RingOwner<M: Machine, T: Task<M>> {
 
 impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
+        self.task.look(now, machine);
         // One command a wake: the machine's contract wants everything sent between two changes.
         if let Ok(command) = self.commands.pop() {
             self.task.command(now, machine, statistics, command, &mut self.outbox)?;

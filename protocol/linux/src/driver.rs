@@ -175,6 +175,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             deadline = self.machine.poll_timeout();
             let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
             self.streams.follow(self.machine.dscp(Streams::UNNUMBERED));
+            self.wires.iter().for_each(|wire| wire.follow_group(self.machine.group(wire.port())));
             self.streams.await_in(waits, 1 + self.wires.len());
             match waits.wait(wake.map(|wake| wake.since(clock::now()))) {
                 Ok(()) | Err(Errno::INTR) => {}
@@ -194,11 +195,15 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             }
             for _ in 0..BATCH {
                 match wire.receive(buf) {
-                    Ok(Received::Frame { len, peer }) => {
+                    Ok(Received::Frame { len, peer, to_all }) => {
                         self.statistics.received += 1;
                         let from = Source { port: wire.port(), peer };
-                        let now = clock::now();
-                        self.machine.handle_frame(now, from, buf.get(..len).unwrap_or_default());
+                        let (now, frame) = (clock::now(), buf.get(..len).unwrap_or_default());
+                        if to_all {
+                            self.machine.handle_broadcast(now, from, frame);
+                        } else {
+                            self.machine.handle_frame(now, from, frame);
+                        }
                         if self.drain(now)?.is_break() {
                             return Ok(ControlFlow::Break(()));
                         }

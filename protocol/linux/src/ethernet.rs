@@ -108,7 +108,7 @@ impl EthernetSocket {
         if whole > capacity || for_others || !self.is_for_us(frame) {
             return Ok(Received::Discarded);
         }
-        Ok(Received::Frame { len, peer: None })
+        Ok(Received::Frame { len, peer: None, to_all: false })
     }
 
     fn is_for_us(&self, frame: &[u8]) -> bool {

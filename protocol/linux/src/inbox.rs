@@ -1,27 +1,49 @@
-//! What the thread beside the cyclic one waits for: lines on standard input, signals, and news from the cyclic thread.
+//! What the thread beside the cyclic one waits for: instructions, signals, and news from the cyclic thread.
 
 use std::collections::VecDeque;
+use std::net::SocketAddr;
 use std::os::fd::AsFd;
 
-use rustix::event::{PollFd, PollFlags, poll};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::{Notifier, StopSignal, StopSignals};
+use crate::control::REST_MS;
+use crate::{ControlPort, Notifier, StopSignal, StopSignals};
 
-/// Longest line that is taken from standard input, in bytes; more without an end is no command of ours.
+/// Longest line that is taken, in bytes; more without an end is no instruction of ours.
 const LINE_LIMIT: usize = 64 * 1024;
 
 /// Something came.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Input {
-    /// A line of standard input, without its end.
+    /// A line of whoever gives the commands, without its end.
     Line(String),
     /// Standard input ended: whoever gives the commands is gone.
     Closed,
+    /// A controller came to the control port.
+    Attached(SocketAddr),
+    /// The controller went, or was sent away.
+    Detached {
+        /// The controller.
+        peer: SocketAddr,
+        /// Why.
+        reason: String,
+    },
     /// A signal.
     Stop(StopSignal),
     /// The cyclic thread has news, or is gone.
     News,
+}
+
+/// Where a node's instructions come from.
+#[derive(Debug)]
+pub enum Commands {
+    /// Nowhere: it knows what to do.
+    None,
+    /// Standard input, from whoever started it.
+    Stdin,
+    /// A controller that comes over TCP.
+    Control(ControlPort),
 }
 
 /// Waits for all of it at once.
@@ -29,18 +51,16 @@ pub enum Input {
 pub struct Inbox {
     signals: StopSignals,
     news: Notifier,
-    /// None where nobody listens to standard input, or no more.
-    stdin: Option<std::io::Stdin>,
-    line: Vec<u8>,
+    commands: Commands,
+    lines: Lines,
     waiting: VecDeque<Input>,
 }
 
 impl Inbox {
-    /// An inbox that listens to signals, `news`, and to standard input where `commands` is set.
+    /// An inbox that listens to signals, `news` and whoever gives the commands.
     #[must_use]
-    pub fn new(signals: StopSignals, news: Notifier, commands: bool) -> Self {
-        let stdin = commands.then(std::io::stdin);
-        Self { signals, news, stdin, line: Vec::new(), waiting: VecDeque::new() }
+    pub fn new(signals: StopSignals, news: Notifier, commands: Commands) -> Self {
+        Self { signals, news, commands, lines: Lines::default(), waiting: VecDeque::new() }
     }
 
     /// Waits for the next input.
@@ -49,24 +69,48 @@ impl Inbox {
             if let Some(input) = self.waiting.pop_front() {
                 return Ok(input);
             }
+            if let Commands::Control(port) = &mut self.commands
+                && let Some(input) = port.next()
+            {
+                return Ok(input);
+            }
             self.poll()?;
         }
     }
 
+    /// The port over which a controller comes, where that is so.
+    pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
+        match &mut self.commands {
+            Commands::Control(port) => Some(port),
+            Commands::None | Commands::Stdin => None,
+        }
+    }
+
     fn poll(&mut self) -> std::io::Result<()> {
-        let [news, stop, typed] = {
+        let stdin = std::io::stdin();
+        let mut patience = None;
+        let [news, stop, commands] = {
             let news = PollFd::new(&self.news, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
-            let stdin =
-                self.stdin.as_ref().map(|stdin| PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN));
-            let mut waits: Vec<_> = [news, stop].into_iter().chain(stdin).collect();
-            match poll(&mut waits, None) {
-                Ok(_) => {}
+            let commands = match &self.commands {
+                Commands::None => [None, None],
+                Commands::Stdin => [Some(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN)), None],
+                Commands::Control(port) => {
+                    if port.rests() {
+                        patience = Some(Timespec { tv_sec: 0, tv_nsec: REST_MS * 1_000_000 });
+                    }
+                    port.awaits()
+                }
+            };
+            let mut waits: Vec<_> = [news, stop].into_iter().chain(commands.into_iter().flatten()).collect();
+            let ready = match poll(&mut waits, patience.as_ref()) {
+                Ok(ready) => ready,
                 Err(Errno::INTR) => return Ok(()),
                 Err(error) => return Err(error.into()),
-            }
-            let ready = |index: usize| waits.get(index).is_some_and(|wait| !wait.revents().is_empty());
-            [ready(0), ready(1), ready(2)]
+            };
+            let is_ready = |wait: &PollFd<'_>| !wait.revents().is_empty();
+            let [news, stop] = [0, 1].map(|index| waits.get(index).is_some_and(is_ready));
+            [news, stop, ready == 0 || waits.iter().skip(2).any(is_ready)]
         };
         // News that happened before a stop is told before it.
         if news {
@@ -76,16 +120,15 @@ impl Inbox {
         if stop && let Some(signal) = self.signals.take() {
             self.waiting.push_back(Input::Stop(signal));
         }
-        if typed {
-            self.read_lines()?;
+        match &mut self.commands {
+            Commands::Stdin if commands => self.read_stdin(&stdin)?,
+            Commands::Control(port) if commands => port.attend(),
+            _ => {}
         }
         Ok(())
     }
 
-    fn read_lines(&mut self) -> std::io::Result<()> {
-        let Some(stdin) = &self.stdin else {
-            return Ok(());
-        };
+    fn read_stdin(&mut self, stdin: &std::io::Stdin) -> std::io::Result<()> {
         let mut bytes = [0; 4096];
         let len = match rustix::io::read(stdin.as_fd(), &mut bytes) {
             Ok(len) => len,
@@ -93,20 +136,59 @@ impl Inbox {
             Err(error) => return Err(error.into()),
         };
         let read = bytes.get(..len).unwrap_or_default();
-        if read.is_empty() || self.line.len() + read.len() > LINE_LIMIT {
-            self.stdin = None;
+        let lines = self.lines.take(read).ok().filter(|_| !read.is_empty());
+        let Some(lines) = lines else {
+            self.commands = Commands::None;
             self.waiting.push_back(Input::Closed);
             return Ok(());
-        }
-        for byte in read {
-            if *byte == b'\n' {
-                let line = String::from_utf8_lossy(&self.line).into_owned();
-                self.waiting.push_back(Input::Line(line));
-                self.line.clear();
-            } else {
-                self.line.push(*byte);
+        };
+        self.waiting.extend(lines.into_iter().map(Input::Line));
+        Ok(())
+    }
+}
+
+/// Puts lines together from the pieces in which they come.
+#[derive(Default, Debug)]
+pub(crate) struct Lines(Vec<u8>);
+
+/// A line without an end.
+#[derive(PartialEq, Eq, Debug)]
+pub(crate) struct Endless;
+
+impl Lines {
+    /// The lines that this piece completes, without their ends.
+    pub(crate) fn take(&mut self, piece: &[u8]) -> Result<Vec<String>, Endless> {
+        let mut whole = Vec::new();
+        for byte in piece {
+            match byte {
+                b'\n' => {
+                    whole.push(String::from_utf8_lossy(&self.0).into_owned());
+                    self.0.clear();
+                }
+                _ if self.0.len() == LINE_LIMIT => return Err(Endless),
+                byte => self.0.push(*byte),
             }
         }
-        Ok(())
+        Ok(whole)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_out_whole_however_they_come_in() {
+        let mut lines = Lines::default();
+        assert_eq!(lines.take(b"\"rep").unwrap(), Vec::<String>::new());
+        assert_eq!(lines.take(b"ort\"\n\n\xff\n\"st").unwrap(), ["\"report\"", "", "\u{fffd}"]);
+        assert_eq!(lines.take(b"op\"\n").unwrap(), ["\"stop\""]);
+    }
+
+    #[test]
+    fn a_line_without_an_end_is_not_kept() {
+        let mut lines = Lines::default();
+        assert_eq!(lines.take(&[b'x'; LINE_LIMIT]).unwrap(), Vec::<String>::new());
+        assert_eq!(lines.take(b"x"), Err(Endless));
     }
 }

@@ -23,6 +23,20 @@ pub enum InterfaceError {
         /// The names that there are.
         known: Vec<String>,
     },
+    /// No interface has this address, or several have it.
+    #[error(
+        "{} has the address {address}; there are: {}",
+        if *several { "more than one network interface" } else { "no network interface" },
+        known.join(", ")
+    )]
+    NotByAddress {
+        /// The address that was asked for.
+        address: Ipv4Addr,
+        /// Whether several have it.
+        several: bool,
+        /// The interfaces that there are, with their addresses.
+        known: Vec<String>,
+    },
     /// It has an address already, which is not the one of the setup.
     #[error(
         "interface `{name}` has the address {found}, but the setup's {key} is {wanted}: use another interface, a setup \
@@ -69,6 +83,29 @@ pub struct Interface {
 }
 
 impl Interface {
+    /// Finds an interface by its name or by the IPv4 address that it has.
+    ///
+    /// The address is what stays the same where the names are not one's own choice: in a container on two networks.
+    pub fn find(name_or_address: &str) -> Result<Self, InterfaceError> {
+        let Ok(address) = name_or_address.parse() else { return Self::open(name_or_address) };
+        // One that goes away meanwhile is none that has the address.
+        let all: Vec<_> = names().iter().filter_map(|name| Self::open(name).ok()).collect();
+        let mut found = all.iter().filter(|interface| interface.address() == Some(address));
+        match (found.next(), found.next()) {
+            (Some(interface), None) => Ok(interface.clone()),
+            (_, second) => Err(InterfaceError::NotByAddress {
+                address,
+                several: second.is_some(),
+                known: all.iter().map(Self::with_address).collect(),
+            }),
+        }
+    }
+
+    fn with_address(&self) -> String {
+        let address = self.address().map_or_else(|| "no address".to_owned(), |address| address.to_string());
+        format!("{} ({address})", self.name)
+    }
+
     /// Finds the interface `name`.
     pub fn open(name: &str) -> Result<Self, InterfaceError> {
         let refused = |action| {
@@ -252,6 +289,18 @@ mod tests {
     fn an_unknown_interface_is_answered_with_those_there_are() {
         let error = Interface::open("nosuch0").unwrap_err().to_string();
         assert!(error.contains("`nosuch0`") && error.contains("lo"), "{error}");
+    }
+
+    #[test]
+    fn an_interface_is_found_by_its_address_too() {
+        assert_eq!(Interface::find("lo").unwrap().name(), "lo");
+        assert_eq!(Interface::find("127.0.0.1").unwrap().name(), "lo");
+        let error = Interface::find("203.0.113.9").unwrap_err().to_string();
+        assert!(
+            error.contains("no network interface has the address 203.0.113.9")
+                && error.contains("lo (127.0.0.1)"),
+            "{error}"
+        );
     }
 
     #[test]

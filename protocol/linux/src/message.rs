@@ -1,15 +1,15 @@
-//! What a node's process and whoever started it tell each other: one JSON value a line, over pipes; and the same as
-//! lines that a person reads.
+//! What a node's process and whoever started it tell each other: one JSON value a line, over pipes or over
+//! the control port; and the same as lines that a person reads.
 
 use std::fmt;
 use std::io::Write as _;
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddr};
 
 use serde::{Deserialize, Serialize};
 
 use crate::report::NodeReport;
 
-/// What a node says on standard output. `M` is what only this kind of node says.
+/// What a node says. `M` is what only this kind of node says.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Message<M> {
@@ -38,6 +38,11 @@ pub enum Message<M> {
         /// What ended it, where that was not a request.
         problem: Option<String>,
     },
+    /// Somebody else has the control port; nothing more comes.
+    Busy {
+        /// Who.
+        controller: SocketAddr,
+    },
     /// What only this kind of node says.
     Node(M),
 }
@@ -59,7 +64,7 @@ pub struct Hello {
     pub warning: Option<String>,
 }
 
-/// What a node is told on standard input. `O` is what only this kind of node is told.
+/// What a node is told. `O` is what only this kind of node is told.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Instruction<O> {
@@ -67,8 +72,18 @@ pub enum Instruction<O> {
     Report,
     /// End the connection in order, then the process.
     Stop,
+    /// Record each tick from now on, or no more, where the node was started with a file for that.
+    Record(bool),
     /// What only this kind of node is told.
     Node(O),
+}
+
+impl<M: Serialize> Message<M> {
+    /// The message as one line of JSON, without its end.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default()
+    }
 }
 
 impl<M: fmt::Display> fmt::Display for Message<M> {
@@ -91,6 +106,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 }
                 problem.as_ref().map_or(Ok(()), |problem| write!(f, "\nerror: {problem}"))
             }
+            Self::Busy { controller } => write!(f, "controlled by {controller}"),
             Self::Node(message) => message.fmt(f),
         }
     }
@@ -112,7 +128,7 @@ impl Console {
     pub fn tell<M: Serialize + fmt::Display>(self, message: &Message<M>) {
         let line = match self {
             Self::Words => message.to_string(),
-            Self::Json => serde_json::to_string(message).unwrap_or_default(),
+            Self::Json => message.to_json(),
         };
         let mut stdout = std::io::stdout().lock();
         let _ = writeln!(stdout, "{line}").and_then(|()| stdout.flush());

@@ -1,17 +1,20 @@
 //! A node as its process runs it: what every node has in common, whichever its bus and its work.
 
-use std::fmt::Debug;
-use std::net::Ipv4Addr;
+use std::fmt::{self, Debug};
+use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Duration;
 
-use protocol::fieldbus::{Counters, LinkEvent};
+use protocol::fieldbus::{Counters, Down, DownCause, LinkEvent};
 use protocol::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
+use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
 use crate::{
-    CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError, Notifier, Outbox, PortError,
-    RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire, allocation,
+    Commands, ControlPort, CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError,
+    Notifier, Outbox, PortError, RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire,
+    Words, allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.
@@ -23,6 +26,8 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     type Order: Send + Debug + 'static;
     /// What it answers to that.
     type Answer: Send + Debug + 'static;
+    /// What it does in one cycle, for records.
+    type Sample: Copy + Send + Debug + 'static;
 
     /// The news of the connection in an event, if it is one.
     fn link_event(event: &Self::Event) -> Option<LinkEvent>;
@@ -33,6 +38,11 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// [`protocol::fieldbus::Fieldbus::address_set`] of its bus.
     fn address_set(&mut self, now: Instant, done: bool);
 
+    /// [`protocol::fieldbus::Fieldbus::explain`] of its bus.
+    fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
     /// Ends the connection as its standard wants it.
     fn disconnect(&mut self, now: Instant);
 
@@ -41,6 +51,15 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 
     /// Frames of its bus.
     fn counters(&self) -> Counters;
+
+    /// Changes with each of its cycles.
+    fn cycle_number(&self) -> u64;
+
+    /// What it did in its last cycle, at `now` or before.
+    fn sample(&self, now: Instant) -> Self::Sample;
+
+    /// Appends a sample as one line: when, in ns of this clock, then the columns of a trace from the third on.
+    fn write_sample(sample: &Self::Sample, line: &mut String);
 }
 
 /// What the process wants of the cyclic thread.
@@ -50,6 +69,8 @@ pub enum Command<O> {
     Report,
     /// An orderly end.
     Stop,
+    /// Record each cycle from now on, or no more.
+    Record(bool),
     /// Something that only this node knows.
     Order(O),
 }
@@ -60,6 +81,8 @@ pub enum Command<O> {
 pub enum News<E, A> {
     /// An event of the node.
     Event(E),
+    /// Why the peer refused the connection and what it has instead; the event that says so is next.
+    Explanation(Words),
     /// An answer to an order.
     Answer(A),
     /// The interface did not take the address that the bus wanted it to have.
@@ -103,8 +126,9 @@ impl Snapshot {
 
 /// The node's owner on the cyclic thread.
 #[derive(Debug)]
-pub struct Keeper {
+pub struct Keeper<S> {
     interface: Interface,
+    trace: Option<TraceRing<S>>,
     connected: bool,
     /// [`allocation::count`] when the connection came up first.
     at_up: Option<u64>,
@@ -112,7 +136,7 @@ pub struct Keeper {
     stopping: Option<Instant>,
 }
 
-impl<N: Node> Task<N> for Keeper {
+impl<N: Node> Task<N> for Keeper<N::Sample> {
     type Command = Command<N::Order>;
     type News = News<N::Event, N::Answer>;
 
@@ -136,6 +160,11 @@ impl<N: Node> Task<N> for Keeper {
                 }
                 self.stopping = Some(now + FAREWELL);
             }
+            Command::Record(on) => {
+                if let Some(trace) = &mut self.trace {
+                    trace.record(on);
+                }
+            }
             Command::Order(order) => {
                 if let Some(answer) = node.order(now, order) {
                     news.tell(News::Answer(answer));
@@ -153,6 +182,14 @@ impl<N: Node> Task<N> for Keeper {
         news: &mut Outbox<Self::News>,
     ) -> ControlFlow<()> {
         let link = N::link_event(&event);
+        if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
+            let mut words = Words::default();
+            // Words that do not fit are cut off.
+            let _ = node.explain(&mut words);
+            if !words.as_str().is_empty() {
+                news.tell(News::Explanation(words));
+            }
+        }
         news.tell(News::Event(event));
         match link {
             Some(LinkEvent::Up) => {
@@ -177,6 +214,12 @@ impl<N: Node> Task<N> for Keeper {
         ControlFlow::Continue(())
     }
 
+    fn look(&mut self, now: Instant, node: &N) {
+        if let Some(trace) = &mut self.trace {
+            trace.look(node.cycle_number(), || node.sample(now));
+        }
+    }
+
     fn expired(&mut self, _now: Instant, _node: &mut N) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
@@ -189,7 +232,8 @@ impl<N: Node> Task<N> for Keeper {
 /// A node that runs: its cyclic thread, and the ear of the thread beside it.
 #[derive(Debug)]
 pub struct NodeProcess<N: Node> {
-    thread: CyclicThread<N, Keeper>,
+    thread: CyclicThread<N, Keeper<N::Sample>>,
+    trace: Option<TraceWriter>,
     inbox: Inbox,
     ended: bool,
 }
@@ -200,8 +244,17 @@ pub struct NodeProcess<N: Node> {
 pub enum Happening<E, A> {
     /// The cyclic thread tells something.
     News(News<E, A>),
-    /// A line on standard input.
+    /// A line of whoever gives the commands.
     Line(String),
+    /// A controller came to the control port.
+    Attached(SocketAddr),
+    /// The controller went, or was sent away.
+    Detached {
+        /// The controller.
+        peer: SocketAddr,
+        /// Why.
+        reason: String,
+    },
     /// Standard input ended: whoever gave the commands is gone.
     Closed,
     /// A signal asks to stop.
@@ -219,6 +272,9 @@ pub enum NodeError {
     /// A port of its bus cannot be opened.
     #[error(transparent)]
     Port(#[from] PortError),
+    /// Its cycles cannot be recorded.
+    #[error(transparent)]
+    Trace(#[from] TraceError),
     /// The process could not listen to what happens.
     #[error("waiting for commands and news: {reason}")]
     Inbox {
@@ -236,7 +292,8 @@ pub enum NodeError {
 }
 
 impl<N: Node> NodeProcess<N> {
-    /// Starts the node on a cyclic thread. Standard input is listened to where `commands` is set.
+    /// Starts the node on a cyclic thread. It listens to `commands`; cycles are recorded into `trace` while that is
+    /// asked for.
     ///
     /// `signals` has to be there before any thread is, so the caller brings it.
     pub fn start(
@@ -244,15 +301,23 @@ impl<N: Node> NodeProcess<N> {
         interface: Interface,
         wires: Vec<Wire>,
         signals: StopSignals,
-        commands: bool,
+        commands: Commands,
+        trace: Option<&Path>,
     ) -> Result<Self, NodeError> {
-        let keeper = Keeper { interface, connected: false, at_up: None, stopping: None };
+        let (ring, trace) = match trace {
+            Some(path) => {
+                let (ring, writer) = trace_file::start(path, N::write_sample)?;
+                (Some(ring), Some(writer))
+            }
+            None => (None, None),
+        };
+        let keeper = Keeper { interface, trace: ring, connected: false, at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);
         let driver = Driver::new(node, keeper.interface.clone(), wires, waker.clone())?;
         let thread = CyclicThread::start(driver, keeper, waker, reader)?;
-        Ok(Self { thread, inbox, ended: false })
+        Ok(Self { thread, trace, inbox, ended: false })
     }
 
     /// What the host did not grant, in words.
@@ -263,6 +328,11 @@ impl<N: Node> NodeProcess<N> {
     /// Tells the cyclic thread to do something.
     pub fn send(&mut self, command: Command<N::Order>) -> Result<(), RingFull> {
         self.thread.send(command)
+    }
+
+    /// The control port, where the node has one.
+    pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
+        self.inbox.control()
     }
 
     /// Waits for what happens next.
@@ -280,6 +350,8 @@ impl<N: Node> NodeProcess<N> {
             match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 Input::News => {}
                 Input::Line(line) => return Ok(Happening::Line(line)),
+                Input::Attached(peer) => return Ok(Happening::Attached(peer)),
+                Input::Detached { peer, reason } => return Ok(Happening::Detached { peer, reason }),
                 Input::Closed => return Ok(Happening::Closed),
                 Input::Stop(signal) => return Ok(Happening::Signal(signal)),
             }
@@ -288,11 +360,14 @@ impl<N: Node> NodeProcess<N> {
 
     /// Waits for the thread's end and says how the node did, unless the thread broke down, and how it ended.
     pub fn finish(self) -> (Option<Snapshot>, Result<(), NodeError>) {
-        let Ok(finished) = self.thread.join() else {
+        let Ok(mut finished) = self.thread.join() else {
             return (None, Err(NodeError::Panic));
         };
+        // The writer ends when nobody holds the other end of its ring.
+        drop(finished.task.trace.take());
+        let traced = self.trace.map_or(Ok(()), TraceWriter::finish);
         let (node, statistics) = (finished.driver.machine(), finished.driver.statistics());
         let snapshot = Snapshot::of(node, statistics, statistics.allocations, finished.task.at_up);
-        (Some(snapshot), finished.result.map_err(NodeError::from))
+        (Some(snapshot), finished.result.map_err(NodeError::from).and(traced.map_err(NodeError::from)))
     }
 }

@@ -3,8 +3,7 @@
 //! It sees both directions as the kernel has them, so that it witnesses what the node really put on the wire. An
 //! 802.1Q tag that the kernel took off a received frame is put back.
 
-use std::fs::File;
-use std::io::{self, BufWriter, IoSliceMut};
+use std::io::{self, IoSliceMut};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,21 +11,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use pcap_file::DataLink;
-use pcap_file::pcapng::PcapNgWriter;
-use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketBlock;
-use pcap_file::pcapng::blocks::interface_description::{
-    InterfaceDescriptionBlock, InterfaceDescriptionOption,
-};
 use socket2::{Domain, Protocol, Socket, Type};
+
+use crate::capture::{CaptureFile, Keep, Packet, SNAP_LEN};
 
 /// Room for the frames of about a second while the disk is busy, in bytes.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
 /// Frames are on disk after this time even if the process is killed.
 const FLUSH_AFTER: Duration = Duration::from_millis(100);
-
-pub(crate) const SNAP_LEN: usize = 2048;
 
 /// Why a capture could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -52,97 +45,82 @@ pub enum RecorderError {
 /// A capture that is running.
 #[derive(Debug)]
 pub struct Recorder {
-    stop: Arc<AtomicBool>,
+    shared: Arc<Shared>,
     thread: JoinHandle<Result<u64, RecorderError>>,
 }
 
 impl Recorder {
-    /// Starts to record what passes `interface` into the new file `path`.
-    pub fn start(interface: &str, path: &Path) -> Result<Self, RecorderError> {
+    /// Starts to record what passes `interface` into the new file `path`, with a comment on the interface.
+    pub fn start(interface: &str, path: &Path, about: &str, keep: Keep) -> Result<Self, RecorderError> {
         let no_file = |source| RecorderError::File { path: path.to_owned(), source };
         let no_socket = |source| RecorderError::Socket { interface: interface.to_owned(), source };
         let socket = open(interface).map_err(no_socket)?;
-        let mut capture = Capture::create(path, interface).map_err(no_file)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, path, interface) = (Arc::clone(&stop), path.to_owned(), interface.to_owned());
+        let capture = CaptureFile::create(path, interface, about, keep).map_err(no_file)?;
+        let shared = Arc::new(Shared::default());
+        let recording =
+            Recording { socket, capture, shared: Arc::clone(&shared), interface: interface.to_owned() };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || {
-                let mut frames = 0;
-                let mut buf = [0; SNAP_LEN];
-                while !stopped.load(Ordering::Relaxed) {
-                    match receive(&socket, &mut buf) {
-                        Ok(frame) => {
-                            let written = capture.write(&frame);
-                            written.map_err(|source| RecorderError::File { path: path.clone(), source })?;
-                            frames += 1;
-                        }
-                        Err(error)
-                            if matches!(
-                                error.kind(),
-                                io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
-                            ) =>
-                        {
-                            let flushed = capture.flush();
-                            flushed.map_err(|source| RecorderError::File { path: path.clone(), source })?;
-                        }
-                        Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                        Err(source) => return Err(RecorderError::Socket { interface, source }),
-                    }
-                }
-                capture.flush().map_err(|source| RecorderError::File { path, source })?;
-                Ok(frames)
-            })
+            .spawn(move || recording.run())
             .map_err(|source| RecorderError::Socket { interface: "a thread".to_owned(), source })?;
-        Ok(Self { stop, thread })
+        Ok(Self { shared, thread })
+    }
+
+    /// Lets frames pass without recording them, or records again.
+    pub fn pause(&self, paused: bool) {
+        self.shared.paused.store(paused, Ordering::Relaxed);
     }
 
     /// Ends the capture and returns how many frames are in it.
     pub fn stop(self) -> Result<u64, RecorderError> {
-        self.stop.store(true, Ordering::Relaxed);
+        self.shared.stop.store(true, Ordering::Relaxed);
         self.thread.join().unwrap_or(Ok(0))
     }
-}
 
-/// A pcapng file with one interface and times in nanoseconds.
-struct Capture {
-    writer: PcapNgWriter<BufWriter<File>>,
-}
-
-impl Capture {
-    fn create(path: &Path, interface: &str) -> io::Result<Self> {
-        let mut writer = PcapNgWriter::new(BufWriter::new(File::create(path)?)).map_err(io::Error::other)?;
-        let nanoseconds = InterfaceDescriptionOption::IfTsResol(9);
-        let name = InterfaceDescriptionOption::IfName(interface.to_owned().into());
-        let description = InterfaceDescriptionBlock {
-            linktype: DataLink::ETHERNET,
-            snaplen: SNAP_LEN as u32,
-            options: vec![name, nanoseconds],
-        };
-        writer.write_pcapng_block(description).map_err(io::Error::other)?;
-        Ok(Self { writer })
-    }
-
-    fn write(&mut self, frame: &Received<'_>) -> io::Result<()> {
-        let block = EnhancedPacketBlock {
-            interface_id: 0,
-            timestamp: frame.since_1970,
-            original_len: frame.data.len() as u32,
-            data: frame.data.into(),
-            options: Vec::new(),
-        };
-        self.writer.write_pcapng_block(block).map(|_| ()).map_err(io::Error::other)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        io::Write::flush(self.writer.get_mut())
+    /// Ends the capture; where it is kept in memory until the end, nothing is written.
+    pub fn discard(self) -> Result<(), RecorderError> {
+        self.shared.discard.store(true, Ordering::Relaxed);
+        self.stop().map(drop)
     }
 }
 
-/// A frame as the kernel hands it over.
-pub(crate) struct Received<'a> {
-    pub(crate) since_1970: Duration,
-    pub(crate) data: &'a [u8],
+/// What the recorder is told.
+#[derive(Debug, Default)]
+struct Shared {
+    stop: AtomicBool,
+    discard: AtomicBool,
+    paused: AtomicBool,
+}
+
+/// The recorder's thread.
+struct Recording {
+    socket: Socket,
+    capture: CaptureFile,
+    shared: Arc<Shared>,
+    interface: String,
+}
+
+impl Recording {
+    fn run(mut self) -> Result<u64, RecorderError> {
+        let path = self.capture.path().to_owned();
+        let no_file = |source| RecorderError::File { path: path.clone(), source };
+        let mut buf = [0; SNAP_LEN];
+        while !self.shared.stop.load(Ordering::Relaxed) {
+            match receive(&self.socket, &mut buf) {
+                Ok(_) if self.shared.paused.load(Ordering::Relaxed) => {}
+                Ok(frame) => self.capture.write(&frame).map_err(no_file)?,
+                Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
+                    self.capture.flush().map_err(no_file)?;
+                }
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(source) => return Err(RecorderError::Socket { interface: self.interface, source }),
+            }
+        }
+        if self.shared.discard.load(Ordering::Relaxed) {
+            return Ok(0);
+        }
+        self.capture.finish().map_err(no_file)
+    }
 }
 
 pub(crate) fn open(interface: &str) -> io::Result<Socket> {
@@ -166,17 +144,21 @@ fn set_flag(socket: &Socket, level: libc::c_int, name: libc::c_int) -> io::Resul
 }
 
 /// Waits for a frame, and puts back a tag that the kernel took off.
-pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut [u8; SNAP_LEN]) -> io::Result<Received<'a>> {
+pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut [u8; SNAP_LEN]) -> io::Result<Packet<'a>> {
     const TAG: usize = 4;
     const MACS: usize = 12;
     let mut control = [0_u64; 16];
     let mut since_1970 = None;
     let mut tag = None;
+    // SAFETY: all zero is a valid sockaddr_ll.
+    let mut address: libc::sockaddr_ll = unsafe { std::mem::zeroed() };
     let len = {
         // The frame goes in four bytes further on, so that a tag fits before it.
         let mut slice = IoSliceMut::new(&mut buf[TAG..]);
         // SAFETY: all zero is a valid msghdr.
         let mut message: libc::msghdr = unsafe { std::mem::zeroed() };
+        message.msg_name = (&raw mut address).cast();
+        message.msg_namelen = size_of_val(&address) as libc::socklen_t;
         message.msg_iov = (&raw mut slice).cast();
         message.msg_iovlen = 1;
         message.msg_control = control.as_mut_ptr().cast();
@@ -213,6 +195,7 @@ pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut [u8; SNAP_LEN]) -> io::R
         }
         len
     };
+    let sent = Some(address.sll_pkttype == libc::PACKET_OUTGOING);
     let since_1970 = since_1970
         .unwrap_or_else(|| SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default());
     let start = match tag {
@@ -224,5 +207,5 @@ pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut [u8; SNAP_LEN]) -> io::R
         }
         _ => TAG,
     };
-    Ok(Received { since_1970, data: &buf[start..TAG + len] })
+    Ok(Packet { since_1970, sent, data: &buf[start..TAG + len], comment: None })
 }

@@ -38,6 +38,31 @@ impl From<&Lateness> for LatenessReport {
     }
 }
 
+impl LatenessReport {
+    /// What was added to an earlier report of the same task. The quantiles are those of the buckets; the latest run is
+    /// too, unless it is the latest of all.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        let earlier =
+            |end: f64| before.buckets.iter().find(|(other, _)| *other == end).map_or(0, |(_, n)| *n);
+        let buckets = self.buckets.iter().map(|(end, count)| (*end, count.saturating_sub(earlier(*end))));
+        let buckets: Vec<_> = buckets.filter(|(_, count)| *count > 0).collect();
+        let runs = buckets.iter().map(|(_, count)| u64::from(*count)).sum();
+        let highest = buckets.last().map_or(0.0, |(end, _)| end.min(self.max_us));
+        let max_us = if self.max_us > before.max_us { self.max_us } else { highest };
+        let quantile = |share: f64| {
+            let mut seen = 0;
+            let reached = buckets.iter().find(|(_, count)| {
+                seen += u64::from(*count);
+                seen as f64 >= share * runs as f64
+            });
+            reached.map_or(0.0, |(end, _)| end.min(max_us))
+        };
+        let (p50_us, p99_us) = (quantile(0.5), quantile(0.99));
+        Self { runs, missed: self.missed.saturating_sub(before.missed), p50_us, p99_us, max_us, buckets }
+    }
+}
+
 fn micros(duration: Duration) -> f64 {
     duration.as_nanos() as f64 / 1_000.0
 }
@@ -59,6 +84,22 @@ pub struct BusReport {
     pub malformed: u64,
     /// Frames in good format that are not for this connection.
     pub foreign: u64,
+}
+
+impl BusReport {
+    /// What was added to an earlier report of the same endpoint.
+    #[must_use]
+    pub const fn since(&self, before: &Self) -> Self {
+        Self {
+            sent: self.sent.saturating_sub(before.sent),
+            received: self.received.saturating_sub(before.received),
+            skipped: self.skipped.saturating_sub(before.skipped),
+            lost: self.lost.saturating_sub(before.lost),
+            late: self.late.saturating_sub(before.late),
+            malformed: self.malformed.saturating_sub(before.malformed),
+            foreign: self.foreign.saturating_sub(before.foreign),
+        }
+    }
 }
 
 impl From<Counters> for BusReport {
@@ -102,6 +143,25 @@ pub struct Allocations {
     pub while_cyclic: u64,
 }
 
+impl NodeReport {
+    /// What was added to an earlier report of the same node.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        let cyclic = before.allocations.map_or(0, |allocations| allocations.while_cyclic);
+        Self {
+            cycle: self.cycle.since(&before.cycle),
+            wake: self.wake.since(&before.wake),
+            bus: self.bus.since(&before.bus),
+            allocations: self.allocations.map(|allocations| Allocations {
+                while_cyclic: allocations.while_cyclic.saturating_sub(cyclic),
+                ..allocations
+            }),
+            send_errors: self.send_errors.saturating_sub(before.send_errors),
+            last_send_error: self.last_send_error.clone(),
+        }
+    }
+}
+
 impl From<&Snapshot> for NodeReport {
     fn from(snapshot: &Snapshot) -> Self {
         Self {
@@ -140,5 +200,36 @@ impl fmt::Display for NodeReport {
             write!(f, "\nframes that the kernel did not take: {}, at last: {last}", self.send_errors)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::{Instant, Tick};
+
+    /// A report on runs that were as late as this, in µs.
+    fn report(lateness: &mut Lateness, late_us: &[u64]) -> LatenessReport {
+        for micros in late_us {
+            let lateness_of_run = Duration::from_micros(*micros);
+            lateness.record(&Tick { due: Instant::ZERO, lateness: lateness_of_run, skipped: micros / 1_000 });
+        }
+        (&*lateness).into()
+    }
+
+    #[test]
+    fn what_was_added_to_a_report_is_told_apart_from_what_was_there() {
+        let mut lateness = Lateness::default();
+        let before = report(&mut lateness, &[10, 10, 5_000]);
+        assert_eq!(before.since(&LatenessReport::default()), before);
+
+        let after = report(&mut lateness, &[100, 100, 100, 200]).since(&before);
+        assert_eq!((after.runs, after.missed), (4, 0));
+        let rough = |found: f64, micros: f64| (1.0..1.07).contains(&(found / micros));
+        assert!(rough(after.p50_us, 100.0) && rough(after.p99_us, 200.0), "{after:?}");
+        assert!(rough(after.max_us, 200.0), "the 5 ms were before: {after:?}");
+
+        let latest = report(&mut lateness, &[6_000]).since(&before);
+        assert_eq!((latest.max_us, latest.missed), (6_000.0, 6));
     }
 }

@@ -8,25 +8,42 @@ use rustix::thread::set_current_timer_slack;
 /// The SCHED_FIFO priority of a cyclic thread: just below 50, which the kernel gives to interrupt threads.
 pub const PRIORITY: i32 = 49;
 
-/// Gives the calling thread SCHED_FIFO, locks the process's memory, and takes the slack off its timers.
-///
-/// The answer is a warning in words where the host does not allow all of it; the thread then runs as well as it can.
+/// What the host granted a cyclic thread.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Granted {
+    /// SCHED_FIFO at [`PRIORITY`].
+    pub fifo: bool,
+    /// The process's memory stays where it is.
+    pub memory: bool,
+}
+
+impl Granted {
+    /// What is missing and how to allow it, in words; none where nothing is.
+    #[must_use]
+    pub fn refused(&self) -> Option<String> {
+        let missing = match (self.fifo, self.memory) {
+            (true, true) => return None,
+            (false, true) => "real-time priority (SCHED_FIFO)",
+            (true, false) => "locked memory (mlockall)",
+            (false, false) => "real-time priority (SCHED_FIFO) and locked memory (mlockall)",
+        };
+        Some(format!(
+            "the host grants no {missing}, so cycles may come late when it is busy; to allow it, give this user \
+             `rtprio {PRIORITY}` and `memlock unlimited` in /etc/security/limits.conf and log in again, or run as root"
+        ))
+    }
+}
+
+/// Gives the calling thread SCHED_FIFO, locks the process's memory, and takes the slack off its timers, as far as the
+/// host allows; the thread then runs as well as it can.
 #[must_use]
-pub fn make_real_time() -> Option<String> {
+pub fn make_real_time() -> Granted {
     // Allowed to everybody; it fails on no kernel that we run on, and 50 µs of slack would be the only loss.
     let _ = set_current_timer_slack(NonZeroU64::new(1));
-    let priority = set_fifo(PRIORITY).err();
-    let memory = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).err();
-    let missing = match (&priority, &memory) {
-        (None, None) => return None,
-        (Some(_), None) => "real-time priority (SCHED_FIFO)",
-        (None, Some(_)) => "locked memory (mlockall)",
-        (Some(_), Some(_)) => "real-time priority (SCHED_FIFO) and locked memory (mlockall)",
-    };
-    Some(format!(
-        "the host grants no {missing}, so cycles may come late when it is busy; to allow it, give this user \
-         `rtprio {PRIORITY}` and `memlock unlimited` in /etc/security/limits.conf and log in again, or run as root"
-    ))
+    Granted {
+        fifo: set_fifo(PRIORITY).is_ok(),
+        memory: mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).is_ok(),
+    }
 }
 
 fn set_fifo(priority: i32) -> std::io::Result<()> {

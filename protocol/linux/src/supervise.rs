@@ -1,7 +1,11 @@
 //! The thread beside the cyclic one: turns news into messages, and instructions, signals and the end of standard
 //! input into commands.
+//!
+//! Over a control port controllers come and go while the node runs on. The node greets each with what it missed, and
+//! gives up what the one that left had started.
 
 use std::fmt::Display;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use protocol::fieldbus::LinkEvent;
@@ -9,7 +13,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
-use crate::{Command, Happening, News, Node, NodeError, NodeProcess};
+use crate::{Command, Happening, News, Node, NodeError, NodeProcess, Words};
 
 /// What one kind of node adds to what all nodes do.
 pub trait Conductor<N: Node> {
@@ -31,6 +35,16 @@ pub trait Conductor<N: Node> {
 
     /// The order that an instruction means.
     fn instruction(&mut self, instruction: Self::Instruction) -> N::Order;
+
+    /// What a controller has to know that comes now, besides whether there is a connection.
+    fn greeting(&self) -> Option<Self::Message> {
+        None
+    }
+
+    /// What to do about a controller that left.
+    fn deserted(&mut self) -> Next<N::Order> {
+        Next::Wait
+    }
 }
 
 /// What to do next.
@@ -72,11 +86,14 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     console: Console,
     hello: Hello,
 ) -> Outcome {
-    console.tell::<C::Message>(&Message::Hello(Hello {
-        warning: process.warning().map(str::to_owned),
-        ..hello
-    }));
-    let told = converse(&mut process, conductor, console);
+    let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
+    console.tell::<C::Message>(&Message::Hello(hello.clone()));
+    if let Some(Ok(address)) = process.control().map(|port| port.address()) {
+        note(format_args!("controlled over {address}, by whoever reaches it"));
+    }
+    let mut supervisor =
+        Supervisor { process: &mut process, conductor, console, hello, linked: false, explanation: None };
+    let told = supervisor.converse();
     let (snapshot, ended) = match told {
         Ok(_) => process.finish(),
         // Without an inbox nobody could end the cyclic thread; it dies with the process.
@@ -96,77 +113,142 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     }
 }
 
-/// Until the cyclic thread has ended.
-fn converse<N: Node, C: Conductor<N>>(
-    process: &mut NodeProcess<N>,
-    conductor: &mut C,
+struct Supervisor<'a, N: Node, C> {
+    process: &'a mut NodeProcess<N>,
+    conductor: &'a mut C,
     console: Console,
-) -> Result<Outcome, NodeError> {
-    let mut outcome = Outcome::Done;
-    loop {
-        let next = match process.next_happening()? {
-            Happening::News(news) => tell(news, conductor, console),
-            Happening::Line(line) => match serde_json::from_str(&line) {
-                Ok(Instruction::Node(instruction)) => Next::Order(conductor.instruction(instruction)),
-                Ok(Instruction::Report) => {
-                    let _ = process.send(Command::Report);
+    hello: Hello,
+    /// Whether images are exchanged.
+    linked: bool,
+    /// What the node says of the event that comes next.
+    explanation: Option<Words>,
+}
+
+impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
+    /// Until the cyclic thread has ended.
+    fn converse(&mut self) -> Result<Outcome, NodeError> {
+        let mut outcome = Outcome::Done;
+        loop {
+            let next = match self.process.next_happening()? {
+                Happening::News(news) => self.tell_news(news),
+                Happening::Line(line) => self.obey(&line),
+                Happening::Attached(peer) => {
+                    note(format_args!("controlled by {peer}"));
+                    self.greet();
                     Next::Wait
                 }
-                Ok(Instruction::Stop) => Next::End(Outcome::Done),
-                Err(error) => {
-                    eprintln!("not understood, and ignored: `{line}`: {error}");
-                    Next::Wait
+                Happening::Detached { peer, reason } => {
+                    note(format_args!("no longer controlled by {peer}: {reason}"));
+                    self.conductor.deserted()
+                }
+                Happening::Closed | Happening::Signal(_) => Next::End(Outcome::Done),
+                Happening::Ended => return Ok(outcome),
+            };
+            // A ring that is full belongs to a thread that ended; that is the next thing that happens.
+            match next {
+                Next::Wait => {}
+                Next::Order(order) => drop(self.process.send(Command::Order(order))),
+                Next::End(with) => {
+                    if outcome == Outcome::Done {
+                        outcome = with;
+                    }
+                    let _ = self.process.send(Command::Stop);
+                }
+            }
+        }
+    }
+
+    fn obey(&mut self, line: &str) -> Next<N::Order> {
+        match serde_json::from_str(line) {
+            Ok(Instruction::Node(instruction)) => Next::Order(self.conductor.instruction(instruction)),
+            Ok(Instruction::Report) => {
+                let _ = self.process.send(Command::Report);
+                Next::Wait
+            }
+            Ok(Instruction::Record(on)) => {
+                let _ = self.process.send(Command::Record(on));
+                Next::Wait
+            }
+            Ok(Instruction::Stop) => Next::End(Outcome::Done),
+            Err(error) => {
+                match self.process.control() {
+                    Some(port) => port.dismiss(format!("what it said is no instruction: {error}")),
+                    None => eprintln!("not understood, and ignored: `{line}`: {error}"),
+                }
+                Next::Wait
+            }
+        }
+    }
+
+    /// Tells a controller that has just come what the others heard before it.
+    fn greet(&mut self) {
+        let hello = Message::<C::Message>::Hello(self.hello.clone());
+        let link = self.linked.then_some(Message::LinkUp);
+        let greeting = self.conductor.greeting().map(Message::Node);
+        if let Some(port) = self.process.control() {
+            for message in [Some(hello), link, greeting].into_iter().flatten() {
+                port.tell(&message.to_json());
+            }
+        }
+    }
+
+    fn tell_news(&mut self, news: News<N::Event, N::Answer>) -> Next<N::Order> {
+        let (message, next) = match news {
+            News::Event(event) => match N::link_event(&event) {
+                Some(link) => {
+                    match link {
+                        LinkEvent::Up => self.linked = true,
+                        LinkEvent::Down(_) => self.linked = false,
+                        LinkEvent::SetAddress { .. } => {}
+                    }
+                    (Some(link_message(link, self.explanation.take())), self.conductor.link(link))
+                }
+                None => {
+                    let (message, next) = self.conductor.event(event);
+                    (message.map(Message::Node), next)
                 }
             },
-            Happening::Closed | Happening::Signal(_) => Next::End(Outcome::Done),
-            Happening::Ended => return Ok(outcome),
+            News::Explanation(words) => {
+                self.explanation = Some(words);
+                (None, Next::Wait)
+            }
+            News::Answer(answer) => {
+                let (message, next) = self.conductor.answer(answer);
+                (Some(Message::Node(message)), next)
+            }
+            News::NoAddress(address, error) => {
+                (Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
+            }
+            News::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
         };
-        // A ring that is full belongs to a thread that ended; that is the next thing that happens.
-        match next {
-            Next::Wait => {}
-            Next::Order(order) => drop(process.send(Command::Order(order))),
-            Next::End(with) => {
-                if outcome == Outcome::Done {
-                    outcome = with;
-                }
-                let _ = process.send(Command::Stop);
-            }
+        if let Some(message) = message {
+            self.tell(&message);
+        }
+        next
+    }
+
+    /// What a controller started is told to it alone; what concerns the node itself is printed as well.
+    fn tell(&mut self, message: &Message<C::Message>) {
+        let Some(port) = self.process.control() else { return self.console.tell(message) };
+        port.tell(&message.to_json());
+        if !matches!(message, Message::Node(_) | Message::Report(_)) {
+            self.console.tell(message);
         }
     }
 }
 
-fn tell<N: Node, C: Conductor<N>>(
-    news: News<N::Event, N::Answer>,
-    conductor: &mut C,
-    console: Console,
-) -> Next<N::Order> {
-    let (message, next) = match news {
-        News::Event(event) => match N::link_event(&event) {
-            Some(link) => (Some(link_message(link)), conductor.link(link)),
-            None => {
-                let (message, next) = conductor.event(event);
-                (message.map(Message::Node), next)
-            }
-        },
-        News::Answer(answer) => {
-            let (message, next) = conductor.answer(answer);
-            (Some(Message::Node(message)), next)
-        }
-        News::NoAddress(address, error) => {
-            (Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
-        }
-        News::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
-    };
-    if let Some(message) = message {
-        console.tell(&message);
-    }
-    next
+/// Tells whoever looks at the node about its controllers, which none of those needs to hear.
+fn note(words: std::fmt::Arguments<'_>) {
+    // Unlike `println!`, it does not end the node where nobody reads any more.
+    let _ = writeln!(std::io::stdout(), "{words}");
 }
 
-fn link_message<M>(event: LinkEvent) -> Message<M> {
+fn link_message<M>(event: LinkEvent, explanation: Option<Words>) -> Message<M> {
     match event {
         LinkEvent::Up => Message::LinkUp,
-        LinkEvent::Down(down) => Message::LinkDown { reason: down.to_string() },
+        LinkEvent::Down(down) => Message::LinkDown {
+            reason: explanation.map_or_else(|| down.to_string(), |words| words.as_str().to_owned()),
+        },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
     }
 }

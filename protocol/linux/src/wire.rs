@@ -1,6 +1,6 @@
 //! An open port, whichever it is.
 
-use std::net::{SocketAddr, SocketAddrV4};
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
 use protocol::Port;
@@ -103,6 +103,8 @@ pub enum Received {
         len: usize,
         /// The sender's address, on UDP.
         peer: Option<SocketAddrV4>,
+        /// Whether it was sent to every station, on UDP.
+        to_all: bool,
     },
     /// A frame that is not for this station, or that is longer than any that a machine takes.
     Discarded,
@@ -178,6 +180,13 @@ impl Wire {
             (Kind::Ethernet(ethernet), _) => ethernet.send(frame),
             (Kind::Udp(udp), Some(to)) => udp.send(frame, to),
             (Kind::Udp(_), None) => Err(Errno::DESTADDRREQ),
+        }
+    }
+
+    /// Belongs to this multicast group from now on, and to no other.
+    pub(crate) fn follow_group(&self, group: Option<Ipv4Addr>) {
+        if let Kind::Udp(udp) = &self.kind {
+            udp.follow_group(group);
         }
     }
 

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::image::SLOTS;
 
 use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, ProfinetDevice, Setup, Sourced};
 
@@ -80,6 +81,12 @@ fn plc(setup: &Setup) -> Check {
         );
         return Err(problem("plc.scan_cost_us", text));
     }
+    let (depth, slots) = (plc.slots_in_use(), SLOTS as u32);
+    if !(1..=slots).contains(&depth) {
+        let text =
+            format!("{depth} motions do not fit: the process image has {slots} slots, so 1 to {slots}");
+        return Err(problem("plc.queue_depth", text));
+    }
     Ok(())
 }
 
@@ -121,7 +128,9 @@ fn bus(setup: &Setup) -> Check {
 fn ethernet_ip(setup: &Setup) -> Check {
     let bus = &setup.bus;
     let (shortest, longest) = (SKILL_ROBOT.min_rpi_us, SKILL_ROBOT.max_rpi_us);
-    if !(shortest..=longest).contains(&bus.cycle_us.value) {
+    let adapter = bus.ethernet_ip.as_ref().and_then(|ethernet_ip| ethernet_ip.adapter.as_ref());
+    // What another adapter serves, its refusal tells.
+    if adapter.is_none() && !(shortest..=longest).contains(&bus.cycle_us.value) {
         let text = format!(
             "{} µs is not a packet interval that the robot serves: {shortest} to {longest} µs",
             bus.cycle_us.value
@@ -135,6 +144,10 @@ fn ethernet_ip(setup: &Setup) -> Check {
         let text =
             format!("{intervals} is not a multiplier of EtherNet/IP: 4, 8, 16, 32, 64, 128, 256 or 512");
         return Err(problem("bus.ethernet_ip.timeout_multiplier", text));
+    }
+    if adapter.is_some_and(|adapter| adapter.route.len() % 2 != 0) {
+        let text = "a padded path has an even number of bytes";
+        return Err(problem("bus.ethernet_ip.adapter.route", text));
     }
     if covering.is_none() {
         let text =
@@ -245,6 +258,18 @@ fn robot(setup: &Setup) -> Check {
     let acceleration = robot.path_acceleration_mm_s2.value;
     above_zero("robot.path_acceleration_mm_s2", acceleration)?;
     at_most("robot.path_acceleration_mm_s2", acceleration, MAX_ACCELERATION_MM_S2, "mm/s²")?;
+    above_zero("robot.path_jerk_mm_s3", robot.path_jerk_mm_s3.value)?;
+    if let Some(force) = &robot.force {
+        for (key, value) in [
+            ("robot.force.max_n", &force.max_n),
+            ("robot.force.stiffest_n_per_mm", &force.stiffest_n_per_mm),
+            ("robot.force.tolerance_n", &force.tolerance_n),
+            ("robot.force.jerk_mm_s3", &force.jerk_mm_s3),
+        ] {
+            above_zero(key, value.value)?;
+        }
+        at_most("robot.force.settling_ms", f64::from(force.settling_ms.value), 60_000.0, "ms")?;
+    }
     frames("robot.tools", &robot.tools)?;
     frames("robot.bases", &robot.bases)?;
     let joints = match &robot.kinematics {
@@ -308,6 +333,7 @@ fn axes(setup: &Setup, joints: usize) -> Check {
         ("upper_deg", &axes.upper_deg),
         ("speed_deg_s", &axes.speed_deg_s),
         ("acceleration_deg_s2", &axes.acceleration_deg_s2),
+        ("jerk_deg_s3", &axes.jerk_deg_s3),
         ("home_deg", &axes.home_deg),
     ] {
         let key = format!("robot.axes.{name}");

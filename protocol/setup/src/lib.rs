@@ -8,13 +8,15 @@ mod error;
 mod load;
 mod model;
 mod sourced;
+mod vary;
 mod write;
 
 pub use error::Error;
 pub use load::{SETUPS, Text, check, find, setup, setup_with_directory};
 pub use model::{
-    Axes, Bus, BusKind, Cyclic, EthernetIp, Figure, Frame, Kinematics, Motions, Opw, Paper, Plc, Profinet,
-    ProfinetDevice, ProfinetModule, ProfinetSubmodule, Robot, Scara, Setup, UnknownCyclic,
+    Axes, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpKey, Figure, Frame, Kinematics,
+    Motions, Opw, Paper, Plc, Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule, Robot, Scara,
+    Setup, UnknownCyclic,
 };
 pub use sourced::{Provenance, Sourced};
 pub use write::setup_to_toml;

@@ -59,6 +59,17 @@ pub struct Plc {
     /// Time from reading the inputs to writing the outputs, in µs. Modelled in virtual mode; in real mode the
     /// scan takes what it takes.
     pub scan_cost_us: Sourced<u32>,
+    /// How many of the image's slots MoveContinuous keeps filled, 1 to 5: how many motions ahead of those that the robot
+    /// has executed the PLC writes. All five where it is left out.
+    pub queue_depth: Option<Sourced<u32>>,
+}
+
+impl Plc {
+    /// How many slots MoveContinuous keeps filled.
+    #[must_use]
+    pub fn slots_in_use(&self) -> u32 {
+        self.queue_depth.as_ref().map_or(protocol::image::SLOTS as u32, |depth| depth.value)
+    }
 }
 
 /// Which fieldbus.
@@ -188,6 +199,52 @@ pub struct EthernetIp {
     /// Packet intervals without a frame after which a side gives the connection up: 4, 8, 16 and so on up to 512.
     /// Without it, the smallest that covers [`Bus::watchdog_cycles`].
     pub timeout_multiplier: Option<Sourced<u32>>,
+    /// Whether the robot sends its frames to a multicast group, which other scanners may join as well, and not to this
+    /// PLC alone.
+    #[serde(default)]
+    pub multicast: bool,
+    /// The adapter, where it is not our robot.
+    pub adapter: Option<EthernetIpAdapter>,
+}
+
+/// An adapter as its EDS file describes it.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthernetIpAdapter {
+    /// Assembly of the data from the PLC to the adapter, O→T.
+    pub consumed_assembly: u32,
+    /// Its data, in bytes.
+    pub consumed_bytes: u16,
+    /// Assembly of the data from the adapter to the PLC, T→O.
+    pub produced_assembly: u32,
+    /// Its data, in bytes.
+    pub produced_bytes: u16,
+    /// Configuration assembly, where the adapter has one.
+    pub configuration_assembly: Option<u32>,
+    /// Port segments to the adapter behind a bridge, as a padded path.
+    #[serde(default)]
+    pub route: Vec<u8>,
+    /// What the adapter has to be; without it, it may be any.
+    pub key: Option<EthernetIpKey>,
+}
+
+/// An electronic key. A number that is 0 fits every device.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthernetIpKey {
+    /// ODVA vendor number.
+    pub vendor: u16,
+    /// Device type.
+    pub device_type: u16,
+    /// Product code.
+    pub product_code: u16,
+    /// Major revision.
+    pub major_revision: u8,
+    /// Minor revision.
+    pub minor_revision: u8,
+    /// Whether a device of another revision that says it is compatible will do.
+    #[serde(default)]
+    pub compatible: bool,
 }
 
 impl Bus {
@@ -224,12 +281,32 @@ pub struct Robot {
     pub path_velocity_mm_s: Sourced<f64>,
     /// Highest path acceleration in mm/s².
     pub path_acceleration_mm_s2: Sourced<f64>,
+    /// Highest path jerk in mm/s³.
+    pub path_jerk_mm_s3: Sourced<f64>,
+    /// How it presses; a robot without it runs no LIN force.
+    pub force: Option<Force>,
     /// Tool frames by number, from the flange; number 0 is the flange and is not listed.
     #[serde(default)]
     pub tools: Vec<Frame>,
     /// Base frames by number, from the robot's root; number 0 is the root and is not listed.
     #[serde(default)]
     pub bases: Vec<Frame>,
+}
+
+/// How a robot presses: the force controller of LIN force.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Force {
+    /// The highest contact force that may be asked for, in N.
+    pub max_n: Sourced<f64>,
+    /// The stiffest surface that the controller is set for, in N/mm: on a stiffer one it may overshoot and swing.
+    pub stiffest_n_per_mm: Sourced<f64>,
+    /// How far from the force asked for, in N, counts as reached.
+    pub tolerance_n: Sourced<f64>,
+    /// How long it must stay reached until the motion is done, in ms.
+    pub settling_ms: Sourced<u32>,
+    /// The highest jerk of the tool while it approaches and presses, in mm/s³.
+    pub jerk_mm_s3: Sourced<f64>,
 }
 
 /// A numbered frame.
@@ -302,6 +379,8 @@ pub struct Axes {
     pub speed_deg_s: Sourced<Vec<f64>>,
     /// Rated accelerations in degrees (mm) per second².
     pub acceleration_deg_s2: Sourced<Vec<f64>>,
+    /// Rated jerks in degrees (mm) per second³.
+    pub jerk_deg_s3: Sourced<Vec<f64>>,
     /// Where the arm stands at power-on, in degrees (mm).
     pub home_deg: Sourced<Vec<f64>>,
 }

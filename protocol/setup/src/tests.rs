@@ -38,12 +38,12 @@ fn broken_toml_names_file_line_and_what_was_expected() {
 #[test]
 fn an_unknown_key_names_file_line_key_and_the_keys_there_are() {
     insta::assert_snapshot!(refusal(&changed("scan_cost_us", "scan_cost_ms")), @r#"
-    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown field `scan_cost_ms`, expected `scan_cycle_us` or `scan_cost_us`
+    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown field `scan_cost_ms`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
        16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
     insta::assert_snapshot!(refusal(&changed("link_1_mm", "link_one_mm")), @r#"
-    DIR/my.toml:43: in `robot.kinematics`: unknown field `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
-       43 | link_one_mm = { value = 225.0, from = "datasheet" }
+    DIR/my.toml:51: in `robot.kinematics`: unknown field `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
+       51 | link_one_mm = { value = 225.0, from = "datasheet" }
     "#);
 }
 
@@ -54,20 +54,20 @@ fn a_value_of_the_wrong_type_names_its_key() {
        16 | scan_cost_us = { value = "short", from = "assumed", note = "a short program on a fast PLC" }
     "#);
     insta::assert_snapshot!(refusal(&changed("\"udp\"", "\"tcp\"")), @r#"
-    DIR/my.toml:29: in `bus.profinet.cyclic`: unknown variant `tcp`, expected `udp` or `rt1`
-       29 | cyclic = "tcp"
+    DIR/my.toml:30: in `bus.profinet.cyclic`: unknown variant `tcp`, expected `udp` or `rt1`
+       30 | cyclic = "tcp"
     "#);
     insta::assert_snapshot!(refusal(&changed("192.168.64.2", "192.168.64.256")), @r#"
-    DIR/my.toml:25: in `bus.robot_address`: invalid IPv4 address syntax
-       25 | robot_address = "192.168.64.256"
+    DIR/my.toml:26: in `bus.robot_address`: invalid IPv4 address syntax
+       26 | robot_address = "192.168.64.256"
     "#);
 }
 
 #[test]
 fn a_missing_key_is_named() {
     insta::assert_snapshot!(refusal(&changed("model = ", "# model = ")), @"
-    DIR/my.toml:33: in `robot`: missing field `model`
-       33 | [robot]
+    DIR/my.toml:34: in `robot`: missing field `model`
+       34 | [robot]
     ");
 }
 
@@ -183,7 +183,7 @@ fn a_setup_that_is_written_is_read_back_the_same() {
 #[test]
 fn a_written_setup_reads_like_one() {
     let text = setup_to_toml(&setup("A").unwrap()).unwrap();
-    let opening: Vec<_> = text.lines().take(16).collect();
+    let opening: Vec<_> = text.lines().take(17).collect();
     insta::assert_snapshot!(opening.join("\n"), @r#"
     schema = 1
     name = "A"
@@ -198,6 +198,7 @@ fn a_written_setup_reads_like_one() {
     [plc]
     scan_cycle_us = { value = 1000, from = "paper", note = "section 6.2" }
     scan_cost_us = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
+    queue_depth = { value = 5, from = "paper", note = "section 5.2: five motions of 44 bytes fit the image" }
 
     [bus]
     kind = "profinet"
@@ -226,4 +227,27 @@ fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of
     setup.bus.kind = crate::BusKind::EthernetIp;
     crate::check(&setup).unwrap();
     assert_eq!(setup.bus.timeout_intervals(), 100);
+}
+
+#[test]
+fn an_adapter_of_ones_own_is_described_in_the_setup_and_may_serve_other_intervals() {
+    let with = |route: &str| {
+        let adapter = format!(
+            "[bus.ethernet_ip]\nmulticast = true\n[bus.ethernet_ip.adapter]\nconsumed_assembly = 770\nconsumed_bytes = 4\n\
+             produced_assembly = 769\nproduced_bytes = 16\nroute = {route}\n\n[robot]"
+        );
+        changed("\"profinet\"", "\"ethernet-ip\"")
+            .replacen(
+                "cycle_us = { value = 1000, from = \"paper\", note = \"section 6.2\" }\nwatchdog",
+                "cycle_us = { value = 400, from = \"paper\" }\nwatchdog",
+                1,
+            )
+            .replacen("[robot]", &adapter, 1)
+    };
+    let setup: Setup = parse("my.toml", &with("[1, 0]")).unwrap();
+    crate::check(&setup).unwrap();
+    let adapter = setup.bus.ethernet_ip.unwrap().adapter.unwrap();
+    assert_eq!((adapter.consumed_assembly, adapter.produced_bytes, adapter.key), (770, 16, None));
+    let odd = refusal(&with("[1]"));
+    assert!(odd.contains("bus.ethernet_ip.adapter.route") && odd.contains("even number of bytes"), "{odd}");
 }

@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::cip::{ElectronicKey, Revision};
 use super::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
+pub use super::objects::{CLASSES, PORT_NUMBER};
 use crate::image::IMAGE_LEN;
 
 /// What an assembly is for.
@@ -19,6 +20,20 @@ pub enum Role {
     InputOnlyHeartbeat,
     /// Keeps a connection alive that only listens to others': O→T without data.
     ListenOnlyHeartbeat,
+}
+
+impl Role {
+    /// What it is for, in words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Produced => "for T→O",
+            Self::Consumed => "for O→T",
+            Self::Configuration => "for configuration",
+            Self::InputOnlyHeartbeat => "for O→T of input-only connections",
+            Self::ListenOnlyHeartbeat => "for O→T of listen-only connections",
+        }
+    }
 }
 
 /// An assembly: what a connection can be opened to.

@@ -51,6 +51,12 @@ codes! {
         ZeroLength = 20,
         /// Start, intermediate point and target of a circle lie on one line.
         CollinearCircle = 21,
+        /// The contact force to be reached is 0 or less, not a number, or above what the robot may press with.
+        ForceOutOfRange = 22,
+        /// The contact force to be reached does not point along the line.
+        ForceDirection = 23,
+        /// The line came to its end, and the contact force was not there.
+        ForceNotReached = 24,
     }
 }
 
@@ -79,6 +85,9 @@ impl fmt::Display for ErrorNumber {
             Self::ConfigurationChange => "the line needs another configuration of the arm",
             Self::ZeroLength => "the motion's target is where it starts",
             Self::CollinearCircle => "start, intermediate point and target of the circle lie on one line",
+            Self::ForceOutOfRange => "the force is zero or above what the robot may press with",
+            Self::ForceDirection => "the force does not point along the line",
+            Self::ForceNotReached => "the line came to its end without the contact force",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -18,10 +18,14 @@
 //! 44..68  joints            6 × f32   degrees, mm on a linear axis
 //! 68..92  pose              6 × f32   mm and degrees (x y z a b c), tool in base
 //! 92..96  path speed        f32   mm/s
-//! 96..256 zero
+//! 96..100 contact force     f32   N, what the tool presses on surfaces with
+//! 100     error index       u8    which joint, coordinate or number the error number speaks of
+//! 101..104 zero
+//! 104..116 error finding    3 × f32   value, least and most allowed; see Finding
+//! 116..256 zero
 //! ```
 
-use super::{ErrorNumber, Image, bits, codes};
+use super::{ErrorNumber, Finding, Image, bits, codes};
 use crate::wire::{ByteOrder, Reader, Truncated, Writer};
 
 bits! {
@@ -91,6 +95,10 @@ pub struct Feedback {
     pub pose: [f32; 6],
     /// Speed of the tool along its path in mm/s.
     pub path_speed: f32,
+    /// What the tool presses on surfaces with, in N.
+    pub contact_force: f32,
+    /// The quantity that [`error`](Self::error) speaks of, and its limits.
+    pub finding: Finding,
 }
 
 impl Default for Feedback {
@@ -112,6 +120,8 @@ impl Default for Feedback {
             joints: [0.0; 6],
             pose: [0.0; 6],
             path_speed: 0.0,
+            contact_force: 0.0,
+            finding: Finding::NONE,
         }
     }
 }
@@ -143,6 +153,10 @@ impl Feedback {
             *value = reader.f32()?;
         }
         feedback.path_speed = reader.f32()?;
+        feedback.contact_force = reader.f32()?;
+        let index = reader.u8()?;
+        reader.skip(3)?;
+        feedback.finding = Finding::new(index, reader.f32()?, reader.f32()?, reader.f32()?);
         Ok(feedback)
     }
 
@@ -168,6 +182,12 @@ impl Feedback {
             writer.f32(*value);
         }
         writer.f32(self.path_speed);
+        writer.f32(self.contact_force);
+        writer.u8(self.finding.index);
+        (0..3).for_each(|_| writer.u8(0));
+        for value in [self.finding.value(), self.finding.lower(), self.finding.upper()] {
+            writer.f32(value);
+        }
         writer.pad_to(len);
     }
 }

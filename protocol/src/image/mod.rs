@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! command  0..36  head      36..80  slot 0   80..124  slot 1  124..168  slot 2  168..212  slot 3  212..256  slot 4
-//! feedback 0..96  head      96..256 zero
+//! feedback 0..116 head     116..256 zero
 //! ```
 //!
 //! Motion `k`, counted from 0, lives in slot `k mod 5`. The PLC writes the first five before the start; whenever the
@@ -14,13 +14,17 @@
 //! until `total` (the paper's `totalNo`) are executed.
 
 mod command;
+mod digest;
 mod error;
 mod feedback;
+mod finding;
 mod motion;
 
 pub use command::{Command, Control, Skill};
+pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};
+pub use finding::{Finding, InWords};
 pub use motion::{Motion, MotionKind};
 
 /// Length in bytes of the image in either direction.

@@ -28,7 +28,8 @@ codes! {
         Circular = 4,
         /// A spline through the targets of consecutive spline motions.
         Spline = 5,
-        /// A straight line that ends in contact and then holds a force.
+        /// A straight line that ends in contact and then holds a force, `auxiliary` in N along the base's axes: what
+        /// the tool presses with, so it points along the line.
         LinForceCartesian = 6,
     }
 }

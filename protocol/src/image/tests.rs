@@ -85,6 +85,8 @@ fn a_feedbacks_head_is_these_bytes() {
         joints: [1.0; 6],
         pose: [2.0; 6],
         path_speed: 3.0,
+        contact_force: 4.0,
+        finding: Finding::new(5, 6.0, 7.0, 8.0),
     };
     let mut image = [0xFF; IMAGE_LEN];
     feedback.emit::<LittleEndian>(&mut image);
@@ -95,7 +97,9 @@ fn a_feedbacks_head_is_these_bytes() {
     ];
     assert_eq!(&image[..44], &head);
     assert_eq!(&image[88..96], &[0, 0, 0, 0x40, 0, 0, 0x40, 0x40]);
-    assert!(image[96..].iter().all(|byte| *byte == 0));
+    let rest = [0, 0, 0x80, 0x40, 5, 0, 0, 0, 0, 0, 0xC0, 0x40, 0, 0, 0xE0, 0x40, 0, 0, 0, 0x41];
+    assert_eq!(&image[96..116], &rest);
+    assert!(image[116..].iter().all(|byte| *byte == 0));
     assert_eq!(Feedback::parse::<LittleEndian>(&image), Ok(feedback));
 }
 
@@ -124,13 +128,14 @@ proptest! {
         let feedback = Feedback::parse::<LittleEndian>(&bytes).unwrap();
         feedback.emit::<LittleEndian>(&mut image);
         bytes[3] = 0;
-        bytes[96..].fill(0);
+        bytes[101..104].fill(0);
+        bytes[116..].fill(0);
         prop_assert_eq!(&image[..], &bytes[..]);
     }
 
     #[test]
     fn a_shorter_image_is_refused(len in 0..IMAGE_LEN) {
         prop_assert!(Command::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err());
-        prop_assert_eq!(Feedback::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err(), len < 96);
+        prop_assert_eq!(Feedback::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err(), len < 116);
     }
 }

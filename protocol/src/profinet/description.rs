@@ -51,6 +51,8 @@ pub struct Description {
     pub hardware_revision: u16,
     /// Software revision of I&M0: major, minor, patch.
     pub software_revision: [u8; 3],
+    /// Shortest cycle that the device is made for, in 31.25 µs: MinDeviceInterval of its GSDML file.
+    pub min_device_interval: u16,
     /// The modules, by ascending slot.
     pub modules: &'static [Module],
 }
@@ -70,6 +72,7 @@ pub const ROBOT: Description = Description {
     serial_number: "1",
     hardware_revision: 1,
     software_revision: [0, 1, 0],
+    min_device_interval: 32,
     modules: &[
         Module {
             slot: 0,
@@ -114,6 +117,7 @@ pub const PLC: Description = Description {
     serial_number: "1",
     hardware_revision: 1,
     software_revision: [0, 1, 0],
+    min_device_interval: 32,
     modules: &[],
 };
 

@@ -37,6 +37,8 @@ pub(super) struct Station {
     factory_name: Vec<u8>,
     ip: IpSuite,
     replies: [Option<Reply>; MOST_REPLIES],
+    /// When the first of them is due.
+    reply_due: Option<Instant>,
     setting: Option<Setting>,
 }
 
@@ -124,6 +126,7 @@ impl Station {
             factory_name: name.to_vec(),
             ip,
             replies: [None; MOST_REPLIES],
+            reply_due: None,
             setting: None,
         }
     }
@@ -288,24 +291,27 @@ impl Station {
     fn queue(&mut self, reply: Reply) -> Result<(), Refusal> {
         let place = self.replies.iter_mut().find(|place| place.is_none()).ok_or(Refusal::Foreign)?;
         *place = Some(reply);
+        self.reply_due = Instant::earlier(self.reply_due, Some(reply.due));
         Ok(())
     }
 
     pub(super) fn handle_timeout(&mut self, now: Instant) {
-        if self.setting.is_some_and(|setting| now >= setting.deadline) {
+        if self.setting.as_ref().is_some_and(|setting| now >= setting.deadline) {
             self.setting = None;
         }
     }
 
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
-        let replies = self.replies.iter().flatten().map(|reply| reply.due);
-        replies.chain(self.setting.map(|setting| setting.deadline)).min()
+        Instant::earlier(self.reply_due, self.setting.as_ref().map(|setting| setting.deadline))
     }
 
     /// Writes the next answer that is due, as an Ethernet frame; returns its length.
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
-        let index = self.replies.iter().position(|reply| reply.is_some_and(|reply| reply.due <= now))?;
+        self.reply_due.filter(|due| *due <= now)?;
+        let is_due = |reply: &Option<Reply>| reply.as_ref().is_some_and(|reply| reply.due <= now);
+        let index = self.replies.iter().position(is_due)?;
         let reply = self.replies.get_mut(index)?.take()?;
+        self.reply_due = self.replies.iter().flatten().map(|reply| reply.due).min();
         let header = EthernetHeader {
             destination: reply.to,
             source: self.mac,

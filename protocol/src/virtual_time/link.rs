@@ -1,5 +1,7 @@
 //! One direction of a cable and what it does to frames.
 
+use core::fmt;
+
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -40,6 +42,57 @@ pub struct LinkCounters {
     pub corrupted: u64,
 }
 
+/// What a cable did to one frame, besides taking its time. It reads as the comment of a capture.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Debug)]
+pub struct Fate {
+    /// It vanished by chance.
+    pub lost: bool,
+    /// It vanished because the cable is cut.
+    pub cut: bool,
+    /// It arrives twice.
+    pub duplicated: bool,
+    /// It is held back this long, so that later ones may pass it.
+    pub held_back: Option<Duration>,
+    /// This bit of it is flipped, counted from the first byte's lowest.
+    pub flipped_bit: Option<u32>,
+}
+
+impl Fate {
+    /// Whether nothing was done to it.
+    #[must_use]
+    pub fn is_clean(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl fmt::Display for Fate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { lost, cut, duplicated, held_back, flipped_bit } = *self;
+        let mut separator = "fault: ";
+        let mut part = |f: &mut fmt::Formatter<'_>, text: fmt::Arguments<'_>| {
+            write!(f, "{separator}{text}")?;
+            separator = ", ";
+            Ok(())
+        };
+        if cut {
+            part(f, format_args!("lost, the cable is cut"))?;
+        }
+        if lost {
+            part(f, format_args!("lost"))?;
+        }
+        if duplicated {
+            part(f, format_args!("arrives twice"))?;
+        }
+        if let Some(by) = held_back {
+            part(f, format_args!("held back by {by:?}"))?;
+        }
+        if let Some(bit) = flipped_bit {
+            part(f, format_args!("bit {} of byte {} flipped", bit % 8, bit / 8))?;
+        }
+        Ok(())
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct Link {
     impairment: Impairment,
@@ -75,29 +128,39 @@ impl Link {
         self.counters
     }
 
+    /// A frame that was under way when the cable was cut.
+    pub(super) const fn lose_in_flight(&mut self) {
+        self.counters.lost += 1;
+    }
+
     /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does.
-    pub(super) fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, &[u8])) {
+    pub(super) fn pass(
+        &mut self,
+        now: Instant,
+        frame: &[u8],
+        mut arrive: impl FnMut(Instant, Fate, &[u8]),
+    ) -> Fate {
         self.counters.sent += 1;
         let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
             self.impairment;
-        if self.cut || self.chance(loss_ppm) {
+        let mut fate = Fate { cut: self.cut, ..Fate::default() };
+        fate.lost = !fate.cut && self.chance(loss_ppm);
+        if fate.cut || fate.lost {
             self.counters.lost += 1;
-            return;
+            return fate;
         }
         let mut arrival = now + delay + self.up_to(jitter);
         if self.chance(reorder_ppm) {
             self.counters.reordered += 1;
+            fate.held_back = Some(reorder_by);
             arrival += reorder_by;
         } else {
             arrival = arrival.max(self.last_arrival);
             self.last_arrival = arrival;
         }
-        let copies = if self.chance(duplicate_ppm) {
-            self.counters.duplicated += 1;
-            2
-        } else {
-            1
-        };
+        fate.duplicated = self.chance(duplicate_ppm);
+        self.counters.duplicated += u64::from(fate.duplicated);
+        let copies = if fate.duplicated { 2 } else { 1 };
         if self.chance(corrupt_ppm) && !frame.is_empty() && frame.len() <= FRAME_CAPACITY {
             self.counters.corrupted += 1;
             let mut copy = [0; FRAME_CAPACITY];
@@ -107,25 +170,30 @@ impl Link {
                 if let Some(byte) = copy.get_mut((bit / 8) as usize) {
                     *byte ^= 1 << (bit % 8);
                 }
-                (0..copies).for_each(|_| arrive(arrival, copy));
+                fate.flipped_bit = Some(bit as u32);
+                (0..copies).for_each(|_| arrive(arrival, fate, copy));
             }
-            return;
+            return fate;
         }
-        (0..copies).for_each(|_| arrive(arrival, frame));
+        (0..copies).for_each(|_| arrive(arrival, fate, frame));
+        fate
     }
 
-    /// When a piece of a TCP stream arrives that leaves now; later, where a datagram would be lost. None while cut.
-    pub(super) fn pass_stream(&mut self, now: Instant, retransmission: Duration) -> Option<Instant> {
+    /// When a piece of a TCP stream arrives that leaves now, and how often it was lost before: it is later, where a
+    /// datagram would be lost. None while cut.
+    pub(super) fn pass_stream(&mut self, now: Instant, retransmission: Duration) -> Option<(Instant, u32)> {
         self.counters.sent += 1;
         if self.cut {
             return None;
         }
         let mut arrival = now + self.impairment.delay + self.up_to(self.impairment.jitter);
+        let mut losses = 0;
         while self.chance(self.impairment.loss_ppm.min(900_000)) {
             self.counters.lost += 1;
+            losses += 1;
             arrival += retransmission;
         }
-        Some(arrival)
+        Some((arrival, losses))
     }
 
     /// Draws nothing where the rate is zero, so that switching one fault on does not shift the others.

@@ -8,9 +8,11 @@
 mod clock;
 mod link;
 mod stream;
+mod tap;
 
 pub use clock::Clock;
-pub use link::{Impairment, LinkCounters};
+pub use link::{Fate, Impairment, LinkCounters};
+pub use tap::{Carrier, Segment, Tapped};
 
 use alloc::boxed::Box;
 use alloc::collections::{BinaryHeap, VecDeque};
@@ -23,6 +25,7 @@ use crate::wire::FRAME_CAPACITY;
 use crate::{Instant, Machine, Port, Source, StreamId, Transmit};
 use link::Link;
 use stream::Streams;
+use tap::{Label, Tap};
 
 /// One of the two machines of a [`Pair`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -59,25 +62,6 @@ pub enum Event<A, B> {
     /// Of the second machine.
     B(B),
 }
-
-/// A frame on the cable, as a [`Pair::set_tap`] sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct Tapped<'a> {
-    /// When it left, in true time.
-    pub at: Instant,
-    /// Who sent it.
-    pub from: Side,
-    /// The sender's port.
-    pub port: Port,
-    /// The sender's address; [`Ipv4Addr::UNSPECIFIED`] while it has none.
-    pub source: Ipv4Addr,
-    /// The receiver's address; none on raw Ethernet.
-    pub to: Option<SocketAddrV4>,
-    /// The frame.
-    pub frame: &'a [u8],
-}
-
-type Tap = Box<dyn FnMut(Tapped<'_>)>;
 
 /// Everything about a [`Pair`] that is not its machines.
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +103,7 @@ enum Delivery {
     Frame {
         port: Port,
         peer: Option<SocketAddrV4>,
+        label: Label,
         frame: Vec<u8>,
     },
     Opened(StreamId, SocketAddrV4),
@@ -172,8 +157,9 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             events: VecDeque::new(),
             tap: None,
         };
-        pair.settle(Side::A);
-        pair.settle(Side::B);
+        for side in [Side::A, Side::B] {
+            pair.settle(side, pair.local_time(side));
+        }
         pair
     }
 
@@ -209,7 +195,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
         let local = self.local_time(Side::A);
         let result = command(&mut self.a, local);
-        self.settle(Side::A);
+        self.settle(Side::A, local);
         result
     }
 
@@ -217,7 +203,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
         let local = self.local_time(Side::B);
         let result = command(&mut self.b, local);
-        self.settle(Side::B);
+        self.settle(Side::B, local);
         result
     }
 
@@ -255,11 +241,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::A => a.link.counters(),
             Side::B => b.link.counters(),
         }
-    }
-
-    /// Shows every frame to `tap` when it leaves, before anything can happen to it.
-    pub fn set_tap(&mut self, tap: impl FnMut(Tapped<'_>) + 'static) {
-        self.tap = Some(Box::new(tap));
     }
 
     /// Runs until a machine has an event, or to `until` of true time, whichever is first.
@@ -303,7 +284,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     Side::A => self.a.handle_timeout(local),
                     Side::B => self.b.handle_timeout(local),
                 }
-                self.settle(side);
+                self.settle(side, local);
                 true
             }
             _ => false,
@@ -315,28 +296,44 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             return;
         };
         let side = if to == 0 { Side::A } else { Side::B };
-        let (port, peer, frame) = match delivery {
-            Delivery::Frame { port, peer, frame } => (port, peer, frame),
+        let (port, peer, label, frame) = match delivery {
+            Delivery::Frame { port, peer, label, frame } => (port, peer, label, frame),
             delivery => return self.deliver_stream(side, delivery),
         };
-        if self.station(side).alive && self.wants(side, port) {
+        self.tap_arrival(side, label, &frame);
+        let to = match label.carrier {
+            Carrier::Udp { to, .. } => Some(*to.ip()),
+            _ => None,
+        };
+        if self.station(side).alive && self.wants(side, port) && self.belongs(side, port, to) {
             let local = self.local_time(side);
             let source = Source { port, peer };
-            match side {
-                Side::A => self.a.handle_frame(local, source, &frame),
-                Side::B => self.b.handle_frame(local, source, &frame),
+            match (side, to.is_some_and(|to| to.is_broadcast())) {
+                (Side::A, false) => self.a.handle_frame(local, source, &frame),
+                (Side::B, false) => self.b.handle_frame(local, source, &frame),
+                (Side::A, true) => self.a.handle_broadcast(local, source, &frame),
+                (Side::B, true) => self.b.handle_broadcast(local, source, &frame),
             }
-            self.settle(side);
+            self.settle(side, local);
         }
         self.spare_frames.push(frame);
     }
 
-    /// Follows the contract after a mutation: drains frames and events, then reads the timeout.
-    fn settle(&mut self, side: Side) {
+    /// Whether a datagram is for this side: a multicast is for those that joined its group.
+    fn belongs(&self, side: Side, port: Port, to: Option<Ipv4Addr>) -> bool {
+        let joined = match side {
+            Side::A => self.a.group(port),
+            Side::B => self.b.group(port),
+        };
+        to.is_none_or(|to| !to.is_multicast() || joined == Some(to))
+    }
+
+    /// Follows the contract after a mutation: drains frames and events, then reads the timeout. `local` is what the
+    /// side's clock shows now.
+    fn settle(&mut self, side: Side, local: Instant) {
         if !self.station(side).alive {
             return;
         }
-        let local = self.local_time(side);
         loop {
             let transmit = match side {
                 Side::A => self.a.poll_transmit(local, &mut self.buf),
@@ -354,47 +351,56 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             self.request_stream(side, request);
         }
         match side {
-            Side::A => self.events.extend(core::iter::from_fn(|| self.a.poll_event()).map(Event::A)),
-            Side::B => self.events.extend(core::iter::from_fn(|| self.b.poll_event()).map(Event::B)),
+            Side::A => {
+                while let Some(event) = self.a.poll_event() {
+                    self.events.push_back(Event::A(event));
+                }
+            }
+            Side::B => {
+                while let Some(event) = self.b.poll_event() {
+                    self.events.push_back(Event::B(event));
+                }
+            }
         }
         let timeout = match side {
             Side::A => self.a.poll_timeout(),
             Side::B => self.b.poll_timeout(),
         };
+        let now = self.now;
         let station = self.station(side);
         // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
         if timeout != station.local_timeout {
             station.local_timeout = timeout;
-            station.timeout = timeout.map(|local| station.clock.true_time(local));
+            station.timeout = timeout.map(|due| station.clock.true_time_near(due, now, local));
         }
     }
 
     fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
+        if let Port::Stream(id) = port {
+            return self.send_stream(from, id, len);
+        }
         let now = self.now;
+        let dscp = self.dscp(from, port);
         let Some(frame) = self.buf.get(..len) else { return };
         let [a, b] = &mut self.stations;
         let (sender, receiver) = match from {
             Side::A => (a, b),
             Side::B => (b, a),
         };
-        if let Some(tap) = &mut self.tap {
-            let source = sender.address.unwrap_or(Ipv4Addr::UNSPECIFIED);
-            tap(Tapped { at: now, from, port, source, to, frame });
-        }
-        let (port, peer) = match (port, to) {
+        let (port, peer, carrier) = match (port, to) {
             (Port::Udp(local), Some(to)) => {
                 let known = receiver.address.is_some_and(|address| address == *to.ip())
                     || to.ip().is_broadcast()
                     || to.ip().is_multicast();
                 let Some(source) = sender.address.filter(|_| known) else { return };
-                (Port::Udp(to.port()), Some(SocketAddrV4::new(source, local)))
+                let source = SocketAddrV4::new(source, local);
+                (Port::Udp(to.port()), Some(source), Carrier::Udp { source, to })
             }
-            (Port::Stream(id), _) => return self.send_stream(from, id, len),
-            (port, _) => (port, None),
+            (port, _) => (port, None, Carrier::Ethernet),
         };
         let (in_flight, spare_frames, number) =
             (&mut self.in_flight, &mut self.spare_frames, &mut self.next_number);
-        sender.link.pass(now, frame, |arrives, frame| {
+        let fate = sender.link.pass(now, frame, |arrives, fate, frame| {
             let mut copy = spare_frames.pop().unwrap_or_default();
             copy.clear();
             copy.extend_from_slice(frame);
@@ -403,9 +409,12 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 arrives,
                 number: *number,
                 to: from.other().index() as u8,
-                delivery: Delivery::Frame { port, peer, frame: copy },
+                delivery: Delivery::Frame { port, peer, label: Label { carrier, dscp, fate }, frame: copy },
             }));
         });
+        if let Some(tap) = &mut self.tap {
+            tap.see(Tapped { at: now, end: from, from, carrier, dscp, fate, frame });
+        }
     }
 
     fn station(&mut self, side: Side) -> &mut Station {

@@ -2,12 +2,13 @@
 
 use alloc::vec::Vec;
 use core::cmp::Reverse;
-use core::net::SocketAddrV4;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Delivery, InFlight, Pair, Side};
+use super::tap::Label;
+use super::{Carrier, Delivery, Fate, InFlight, Pair, Segment, Side};
 use crate::{Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
 /// How much later a piece arrives for each time that it is lost: the smallest timeout that Linux uses.
@@ -16,12 +17,17 @@ const RETRANSMISSION: Duration = Duration::from_millis(200);
 /// How long bytes may wait for a cut cable before both ends give the stream up.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-/// A port that the side that connects leaves from.
+/// The first of the ports that the side that connects leaves from, one after the other (RFC 6335, section 6).
 const EPHEMERAL_PORT: u16 = 50_000;
+const EPHEMERAL_PORTS: u32 = 10_000;
 
 #[derive(Debug)]
 struct Stream {
     id: StreamId,
+    /// The side that connected, its address and its peer's; none where nobody could answer.
+    between: Option<(Side, SocketAddrV4, SocketAddrV4)>,
+    /// Bytes that A, and that B, has sent.
+    sent: [u32; 2],
     /// When the last piece towards A, and towards B, arrives: nothing overtakes it.
     last_arrival: [Instant; 2],
     /// Pieces that wait for the cable to be mended, with the side that they go to.
@@ -35,7 +41,15 @@ struct Stream {
 impl Stream {
     const fn new(id: StreamId) -> Self {
         let never = Instant::ZERO;
-        Self { id, last_arrival: [never; 2], held: Vec::new(), held_since: never, ended: [false; 2] }
+        Self {
+            id,
+            between: None,
+            sent: [0; 2],
+            last_arrival: [never; 2],
+            held: Vec::new(),
+            held_since: never,
+            ended: [false; 2],
+        }
     }
 
     const fn last_arrival(&mut self, to: Side) -> &mut Instant {
@@ -44,6 +58,23 @@ impl Stream {
             Side::A => a,
             Side::B => b,
         }
+    }
+
+    const fn sent(&mut self, by: Side) -> &mut u32 {
+        let [a, b] = &mut self.sent;
+        match by {
+            Side::A => a,
+            Side::B => b,
+        }
+    }
+
+    /// What is around a segment that `from` sends.
+    fn carrier(&self, from: Side, segment: Segment) -> Option<Carrier> {
+        let (connector, source, to) = self.between?;
+        Some(match from == connector {
+            true => Carrier::Tcp { source, to, segment },
+            false => Carrier::Tcp { source: to, to: source, segment },
+        })
     }
 
     const fn ended(&mut self, by: Side) -> &mut bool {
@@ -116,7 +147,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             return self.push(from, self.now + TIMEOUT, Delivery::Closed(id));
         };
         if listens == Some(to.port()) {
-            let peer = SocketAddrV4::new(source, EPHEMERAL_PORT);
+            let peer = self.name_stream(from, id, source, to);
             self.push_stream(from, id, Delivery::Opened(id, peer));
             // The answer to the connection request takes the way back after the request took the way there.
             if let Some(stream) = self.streams.get(id) {
@@ -124,7 +155,63 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             }
             self.push_stream(from.other(), id, Delivery::Opened(id, to));
         } else {
+            self.name_stream(from, id, source, to);
+            self.tap_stream(self.now, from, id, Segment::Connect, Fate::default(), &[]);
             self.push_stream(from.other(), id, Delivery::Closed(id));
+        }
+    }
+
+    /// Writes down who talks to whom, and returns the address that the connecting side leaves from.
+    fn name_stream(&mut self, from: Side, id: StreamId, source: Ipv4Addr, to: SocketAddrV4) -> SocketAddrV4 {
+        let peer = SocketAddrV4::new(source, EPHEMERAL_PORT + (id.0 % EPHEMERAL_PORTS) as u16);
+        if let Some(stream) = self.streams.get(id) {
+            stream.between = Some((from, peer, to));
+        }
+        peer
+    }
+
+    /// Shows a segment where it leaves.
+    fn tap_stream(
+        &mut self,
+        at: Instant,
+        from: Side,
+        id: StreamId,
+        segment: Segment,
+        fate: Fate,
+        bytes: &[u8],
+    ) {
+        let Some(carrier) = self.streams.get(id).and_then(|stream| stream.carrier(from, segment)) else {
+            return;
+        };
+        let label = Label { carrier, dscp: self.dscp(from, Port::Stream(id)), fate };
+        self.tap_departure(at, from, label, bytes);
+    }
+
+    /// Shows a segment without bytes where it arrives.
+    fn tap_stream_arrival(&mut self, end: Side, id: StreamId, segment: Segment) {
+        let from = end.other();
+        let Some(carrier) = self.streams.get(id).and_then(|stream| stream.carrier(from, segment)) else {
+            return;
+        };
+        let dscp = self.dscp(from, Port::Stream(id));
+        self.tap_arrival(end, Label { carrier, dscp, fate: Fate::default() }, &[]);
+    }
+
+    /// The segment that a delivery stands for, apart from the answer to a connection request: that one leaves when
+    /// the request arrives.
+    fn segment(&mut self, from: Side, id: StreamId, delivery: &Delivery) -> Option<Segment> {
+        let stream = self.streams.get(id)?;
+        let (connector, ..) = stream.between?;
+        match delivery {
+            Delivery::Frame { label: Label { carrier: Carrier::Tcp { segment, .. }, .. }, .. } => {
+                Some(*segment)
+            }
+            Delivery::Opened(..) => (from == connector).then_some(Segment::Connect),
+            // A refusal, unless the side has ended what was open.
+            Delivery::Closed(_) => {
+                (*stream.ended(from)).then(|| Segment::Close { offset: *stream.sent(from) })
+            }
+            Delivery::Frame { .. } | Delivery::StreamTimeout(_) => None,
         }
     }
 
@@ -138,7 +225,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             let mut frame = self.spare_frames.pop().unwrap_or_default();
             frame.clear();
             frame.extend_from_slice(self.buf.get(start..end).unwrap_or_default());
-            self.push_stream(from, id, Delivery::Frame { port: Port::Stream(id), peer: None, frame });
+            let dscp = self.dscp(from, Port::Stream(id));
+            let Some(stream) = self.streams.get(id) else { return };
+            let offset = *stream.sent(from);
+            *stream.sent(from) = offset.wrapping_add((end - start) as u32);
+            let Some(carrier) = stream.carrier(from, Segment::Data { offset }) else { return };
+            let label = Label { carrier, dscp, fate: Fate::default() };
+            let delivery = Delivery::Frame { port: Port::Stream(id), peer: None, label, frame };
+            self.push_stream(from, id, delivery);
             start = end;
         }
     }
@@ -147,7 +241,21 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     fn push_stream(&mut self, from: Side, id: StreamId, delivery: Delivery) {
         let (now, to) = (self.now, from.other());
         let alive = self.station(to).alive;
-        let arrival = self.station(from).link.pass_stream(now, RETRANSMISSION).filter(|_| alive);
+        let passed = self.station(from).link.pass_stream(now, RETRANSMISSION);
+        if let Some(segment) = self.segment(from, id, &delivery) {
+            let bytes = match &delivery {
+                Delivery::Frame { frame, .. } => frame.as_slice(),
+                _ => &[],
+            };
+            for loss in 0..passed.map_or(1, |(_, losses)| losses) {
+                let fate = Fate { lost: passed.is_some(), cut: passed.is_none(), ..Fate::default() };
+                self.tap_stream(now + RETRANSMISSION * loss, from, id, segment, fate, bytes);
+            }
+            if let Some((_, losses)) = passed {
+                self.tap_stream(now + RETRANSMISSION * losses, from, id, segment, Fate::default(), bytes);
+            }
+        }
+        let arrival = passed.map(|(arrival, _)| arrival).filter(|_| alive);
         let Some(stream) = self.streams.get(id) else { return };
         match arrival {
             Some(arrival) if stream.held.iter().all(|(side, _)| *side != to) => {
@@ -183,7 +291,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 Delivery::Frame { port: Port::Stream(id), .. }
                 | Delivery::Opened(id, _)
                 | Delivery::Closed(id) => self.push_stream(side.other(), *id, delivery),
-                Delivery::Frame { .. } => {}
+                Delivery::Frame { .. } => self.station(side.other()).link.lose_in_flight(),
                 Delivery::StreamTimeout(_) => {
                     self.in_flight.push(Reverse(InFlight { arrives, number, to, delivery }));
                 }
@@ -217,8 +325,18 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub(super) fn deliver_stream(&mut self, side: Side, delivery: Delivery) {
         match delivery {
             Delivery::Frame { .. } => {}
-            Delivery::Opened(id, peer) => self.change_stream(side, id, StreamChange::Opened(peer)),
+            Delivery::Opened(id, peer) => {
+                let connector = self.streams.get(id).and_then(|stream| stream.between).map(|(side, ..)| side);
+                if connector == Some(side) {
+                    self.tap_stream_arrival(side, id, Segment::Accept);
+                } else {
+                    self.tap_stream_arrival(side, id, Segment::Connect);
+                    self.tap_stream(self.now, side, id, Segment::Accept, Fate::default(), &[]);
+                }
+                self.change_stream(side, id, StreamChange::Opened(peer));
+            }
             Delivery::Closed(id) => {
+                self.tap_end(side, id);
                 self.change_stream(side, id, StreamChange::Closed);
                 self.streams.open.retain(|stream| stream.id != id);
             }
@@ -231,6 +349,20 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     self.streams.open.retain(|stream| stream.id != id);
                 }
             }
+        }
+    }
+
+    /// Shows the end of a stream as it arrives, or the refusal to open it.
+    fn tap_end(&mut self, side: Side, id: StreamId) {
+        let from = side.other();
+        let Some(stream) = self.streams.get(id) else { return };
+        if *stream.ended(from) {
+            let offset = *stream.sent(from);
+            self.tap_stream_arrival(side, id, Segment::Close { offset });
+        } else if stream.between.is_some() {
+            self.tap_stream_arrival(from, id, Segment::Connect);
+            self.tap_stream(self.now, from, id, Segment::Refuse, Fate::default(), &[]);
+            self.tap_stream_arrival(side, id, Segment::Refuse);
         }
     }
 
@@ -247,6 +379,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if let Some(stream) = self.streams.get(id).filter(|_| change == StreamChange::Closed) {
             *stream.ended(side) = true;
         }
-        self.settle(side);
+        self.settle(side, local);
     }
 }

@@ -9,12 +9,12 @@ use protocol::ethernet_ip::connection::{
 };
 use protocol::ethernet_ip::cpf::{self, Item, Packet, kind, write_item};
 use protocol::ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Status};
-use protocol::ethernet_ip::{Adapter, ENCAPSULATION_PORT, IO_PORT, class1};
+use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, class1};
 use protocol::fieldbus::LinkEvent;
 use protocol::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
 use protocol::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 
-use crate::cell::{PLC, adapter};
+use crate::cell::{PLC, adapter_config};
 
 /// A path to the robot's assemblies: configuration, command, feedback.
 pub(crate) const OWNER_PATH: &[u8] = &[0x20, 4, 0x24, 151, 0x2C, 150, 0x2C, 100];
@@ -187,8 +187,12 @@ pub(crate) struct Rig {
 
 impl Rig {
     pub(crate) fn new() -> Self {
+        Self::of(adapter_config())
+    }
+
+    pub(crate) fn of(config: AdapterConfig) -> Self {
         Self {
-            adapter: adapter(),
+            adapter: Adapter::new(config),
             now: Instant::from_millis(1),
             next_stream: 1,
             streams: BTreeMap::new(),
@@ -284,6 +288,13 @@ impl Rig {
     pub(crate) fn datagram(&mut self, port: u16, from: SocketAddrV4, bytes: &[u8]) {
         let from = Source { port: Port::Udp(port), peer: Some(from) };
         self.adapter.handle_frame(self.now, from, bytes);
+        self.settle();
+    }
+
+    /// The same to every station.
+    pub(crate) fn broadcast(&mut self, port: u16, from: SocketAddrV4, bytes: &[u8]) {
+        let from = Source { port: Port::Udp(port), peer: Some(from) };
+        self.adapter.handle_broadcast(self.now, from, bytes);
         self.settle();
     }
 

@@ -6,9 +6,9 @@ use std::rc::Rc;
 
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::{Assembly, Description, Role, SKILL_ROBOT};
-use protocol::ethernet_ip::{Adapter, AdapterConfig, IO_PORT, Scanner, ScannerConfig};
+use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
-use protocol::virtual_time::{Clock, Event, Impairment, PairConfig, Side};
+use protocol::virtual_time::{Carrier, Clock, Event, Impairment, PairConfig, Side};
 use protocol::{Duration, Instant, Machine, Port, StreamChange, StreamId};
 
 use crate::cell::{Bus, News, PLC, ROBOT, adapter, adapter_config, bus_of, cable, image, run, up, wanted};
@@ -35,7 +35,8 @@ fn tap_frames(bus: &mut Bus) -> Frames {
     let frames = Frames::default();
     let tapped = Rc::clone(&frames);
     bus.set_tap(move |tap| {
-        if tap.port == Port::Udp(IO_PORT) {
+        let is_io = matches!(tap.carrier, Carrier::Udp { source, .. } if source.port() == IO_PORT);
+        if is_io && tap.end == tap.from {
             tapped.borrow_mut().push((tap.at, tap.from, tap.frame.to_vec()));
         }
     });
@@ -346,6 +347,38 @@ fn a_disconnect_before_the_connection_is_up_gives_the_attempt_up() {
         assert_eq!((bus.b().connections(), bus.b().sessions()), ((0, 0), 0), "{micros} µs");
         assert_eq!(bus.a().poll_timeout(), None);
     }
+}
+
+#[test]
+fn a_scanner_that_asks_for_a_multicast_joins_the_group_that_the_adapter_names_and_leaves_it_at_the_end() {
+    let group = Some(std::net::Ipv4Addr::new(239, 192, 1, 32));
+    let mut bus = up(ScannerConfig { multicast: true, ..wanted() });
+    assert_eq!(bus.a().group(Port::Udp(IO_PORT)), group);
+    assert_eq!(bus.a().group(Port::Udp(ENCAPSULATION_PORT)), None);
+    let to = Rc::new(RefCell::new(Vec::new()));
+    let tapped = Rc::clone(&to);
+    bus.set_tap(move |tap| {
+        if let (Side::B, Side::B, Carrier::Udp { source, to }) = (tap.from, tap.end, tap.carrier)
+            && source.port() == IO_PORT
+        {
+            tapped.borrow_mut().push(Some(*to.ip()));
+        }
+    });
+    bus.command_b(|robot, _| robot.set_output(&image(9)));
+    run(&mut bus, 1_000);
+    assert_eq!(bus.a().input(), Some(&image(9)));
+    assert!(to.borrow().len() >= 1_000 && to.borrow().iter().all(|to| *to == group));
+    let counters = bus.a().counters();
+    assert_eq!((counters.lost, counters.late, counters.foreign, counters.malformed), (0, 0, 0, 0));
+    bus.command_a(|scanner, now| scanner.disconnect(now));
+    run(&mut bus, 10);
+    assert_eq!((bus.a().group(Port::Udp(IO_PORT)), bus.b().connections()), (None, (0, 0)));
+}
+
+#[test]
+fn a_scanner_that_asked_for_frames_to_itself_belongs_to_no_group() {
+    let bus = up(wanted());
+    assert_eq!(bus.a().group(Port::Udp(IO_PORT)), None);
 }
 
 /// Another device than the robot: small assemblies, no configuration, numbers above 255.

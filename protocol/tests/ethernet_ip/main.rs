@@ -5,6 +5,7 @@
 mod cell;
 mod client;
 mod exchange;
+mod fuzz;
 mod hostile;
 mod objects;
 mod refusals;

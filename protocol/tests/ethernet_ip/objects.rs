@@ -2,12 +2,15 @@
 
 use protocol::ethernet_ip::cip::General;
 
-use protocol::ethernet_ip::IO_PORT;
-use protocol::ethernet_ip::encapsulation::{Command, Header, Status};
-use protocol::{Duration, Machine, Port};
+use std::net::Ipv4Addr;
 
-use crate::cell::ROBOT;
-use crate::client::{Client, Rig, close_message, explicit, message, owner};
+use protocol::ethernet_ip::connection::{OpenRequest, Priority};
+use protocol::ethernet_ip::encapsulation::{Command, Header, Status};
+use protocol::ethernet_ip::{AdapterConfig, ENCAPSULATION_PORT};
+use protocol::{Duration, Instant, Machine, Port};
+
+use crate::cell::{PLC, ROBOT, adapter_config};
+use crate::client::{Client, INPUT_ONLY_PATH, Rig, close_message, explicit, heartbeat, message, owner, peer};
 
 fn rig() -> (Rig, Client) {
     let mut rig = Rig::new();
@@ -30,7 +33,7 @@ fn set(rig: &mut Rig, client: Client, class: u8, instance: u8, attribute: u8, da
 #[test]
 fn the_list_commands_are_answered_alike_over_udp_and_tcp_without_a_session() {
     let mut rig = Rig::new();
-    let stream = rig.connect_from(crate::cell::PLC);
+    let stream = rig.connect_from(PLC);
     for (command, length) in
         [(Command::ListServices, 26), (Command::ListIdentity, 56), (Command::ListInterfaces, 2)]
     {
@@ -64,7 +67,7 @@ fn commands_that_need_a_session_are_refused_over_udp_and_nop_is_silent() {
 #[test]
 fn a_session_needs_version_1_and_its_length_and_is_registered_once() {
     let mut rig = Rig::new();
-    let stream = rig.connect_from(crate::cell::PLC);
+    let stream = rig.connect_from(PLC);
     let mut register = |data: &[u8]| {
         rig.send(stream, &message(Command::RegisterSession, 0, data));
         let (header, data) = rig.read(stream).unwrap();
@@ -109,7 +112,7 @@ fn the_identity_tells_what_io_does() {
     assert_eq!(status(&mut rig), 0x0034, "configured, no connection");
     let opened = rig.open(client, &owner(1));
     assert_eq!(status(&mut rig), 0x0075, "owned, idle");
-    rig.io(crate::cell::PLC, opened.o_t_id, 1, Some(true), &[0; 256]);
+    rig.io(PLC, opened.o_t_id, 1, Some(true), &[0; 256]);
     assert_eq!(status(&mut rig), 0x0065, "owned, running");
     rig.advance(Duration::from_millis(50));
     assert_eq!(status(&mut rig), 0x0124, "a connection timed out");
@@ -127,8 +130,14 @@ fn every_object_answers_each_of_its_attributes_and_its_class_attributes() {
         (0x48, 1, &[4, 5, 6, 7, 8], 5),
         (0xF4, 1, &[1, 2, 3, 4, 7], 36),
         (0xF5, 1, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 96),
-        (0xF6, 1, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], 133),
+        (0xF6, 1, &[1, 2, 3, 6, 7, 8, 9, 10, 11], 133),
     ];
+    // Get_Attributes_All has zeros for the counters of the interface and of its medium, which are not there.
+    let absent = |class, id| match (class, id) {
+        (0xF6, 4) => 44,
+        (0xF6, 5) => 48,
+        _ => 0,
+    };
     for (class, instance, attributes, all_len) in objects {
         let mut concatenated = Vec::new();
         for id in 0..=20 {
@@ -140,6 +149,7 @@ fn every_object_answers_each_of_its_attributes_and_its_class_attributes() {
                 "{class:X} {id}"
             );
             concatenated.extend(data);
+            concatenated.extend(vec![0; absent(class, id)]);
         }
         let all = rig.request(client, &[1, 2, 0x20, class, 0x24, instance]);
         if all_len == 0 {
@@ -168,7 +178,6 @@ fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
     let (mut rig, client) = rig();
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[46]), 0);
     assert_eq!(get(&mut rig, client, 0x48, 1, 5).1, [46]);
-    assert_eq!(Machine::dscp(&rig.adapter, Port::Udp(IO_PORT)), 46);
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[64]), 0x09);
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[]), 0x13);
     assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[1, 2]), 0x15);
@@ -181,6 +190,113 @@ fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
     assert_eq!(set(&mut rig, client, 0x04, 150, 3, &[0; 256]), 0x0E, "an arm has one owner");
     assert_eq!(set(&mut rig, client, 0x04, 151, 3, &[]), 0);
     assert_eq!(set(&mut rig, client, 0x04, 151, 3, &[1]), 0x15);
+}
+
+/// The DSCP that the adapter asks for behind the next cyclic frame to this host.
+fn dscp_of_next_frame(rig: &mut Rig, to: Ipv4Addr) -> u8 {
+    let mut buf = vec![0; protocol::wire::FRAME_CAPACITY];
+    loop {
+        rig.now = rig.adapter.poll_timeout().unwrap();
+        rig.adapter.handle_timeout(rig.now);
+        while let Some(frame) = rig.adapter.poll_transmit(rig.now, &mut buf) {
+            if frame.to.is_some_and(|peer| *peer.ip() == to) {
+                return rig.adapter.dscp(frame.port);
+            }
+        }
+    }
+}
+
+#[test]
+fn each_connection_has_the_dscp_that_its_priority_had_when_it_was_opened() {
+    const VIEWER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 7);
+    let (mut rig, client) = rig();
+    let patient = |request: OpenRequest<'static>| OpenRequest { multiplier: 7, ..request };
+    rig.open(client, &patient(owner(1)));
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 47, "scheduled");
+    assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[46]), 0);
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 47, "the setting is for the next connection");
+    let viewer = rig.client_from(VIEWER);
+    let mut high = patient(heartbeat(2, INPUT_ONLY_PATH));
+    high.t_o.priority = Priority::High;
+    rig.open(viewer, &high);
+    assert_eq!(dscp_of_next_frame(&mut rig, VIEWER), 43, "high, beside scheduled");
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 47);
+    rig.request(client, &close_message(owner(1).triad, &[]));
+    rig.open(client, &patient(owner(3)));
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 46);
+    assert_eq!(set(&mut rig, client, 0x48, 1, 8, &[10]), 0);
+    assert_eq!(rig.adapter.dscp(Port::Stream(client.stream)), 10, "explicit messages, from the next one on");
+}
+
+#[test]
+fn a_list_of_attributes_is_set_one_by_one_where_the_object_allows_it() {
+    let (mut rig, client) = rig();
+    let mut set_list = |class: u8, data: &[u8]| {
+        let answer = rig.request(client, &[&[4, 2, 0x20, class, 0x24, 1][..], data].concat());
+        (u8::from(answer.general), answer.data)
+    };
+    // Connection Manager: two of its counters.
+    let both = [2, 0, 1, 0, 7, 0, 8, 0, 9, 0];
+    assert_eq!(set_list(0x06, &both), (0, vec![2, 0, 1, 0, 0, 0, 8, 0, 0, 0]));
+    let unknown = [2, 0, 3, 0, 5, 0, 99, 0, 1, 0];
+    assert_eq!(set_list(0x06, &unknown), (0x0A, vec![2, 0, 3, 0, 0, 0, 99, 0, 0x14, 0]));
+    let unknown_first = [2, 0, 99, 0, 1, 0, 3, 0, 6, 0];
+    assert_eq!(
+        set_list(0x06, &unknown_first),
+        (0x0A, vec![1, 0, 99, 0, 0x14, 0]),
+        "nothing behind it is read"
+    );
+    for cut in [&[][..], &[1], &[1, 0, 1, 0], &[1, 0, 1, 0, 7], &[0xFF, 0xFF, 1, 0, 7, 0]] {
+        assert_eq!(set_list(0x06, cut).0, 0x13, "{cut:02X?}");
+    }
+    assert_eq!(set_list(0x06, &[1, 0, 1, 0, 7, 0, 0]).0, 0x15);
+    for class in [0x01, 0x02, 0x48, 0xF4, 0xF5, 0xF6] {
+        assert_eq!(set_list(class, &[1, 0, 13, 0, 60, 0]).0, 0x08, "class {class:02X} has no such service");
+    }
+    let counts = rig.request(client, &[1, 2, 0x20, 6, 0x24, 1]).data;
+    assert_eq!(counts, [7, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 9, 0]);
+}
+
+#[test]
+fn a_question_to_all_is_answered_after_a_delay_of_the_devices_own_and_one_to_it_alone_at_once() {
+    let ask = |longest_ms: u16, serial_number: u32| {
+        let mut rig = Rig::of(AdapterConfig { serial_number, ..adapter_config() });
+        let mut question = message(Command::ListIdentity, 0, &[]);
+        question[12..14].copy_from_slice(&longest_ms.to_le_bytes());
+        let [at_once] = &rig.ask_udp(&question)[..] else { panic!("one answer to one question") };
+        let at_once = at_once.clone();
+        rig.datagrams.clear();
+        let asked = rig.now;
+        for _ in 0..50 {
+            rig.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000), &question);
+            rig.advance(Duration::from_secs(70));
+        }
+        assert_eq!(rig.datagrams.len(), 50);
+        assert!(rig.datagrams.iter().all(|(_, _, to, bytes)| *to == peer(PLC, 40_000) && *bytes == at_once));
+        let delay =
+            |(index, (at, ..)): (u64, &(Instant, _, _, _))| at.since(asked + Duration::from_secs(70 * index));
+        (0..).zip(&rig.datagrams).map(delay).collect::<Vec<_>>()
+    };
+    // No limit means 2 s; a limit below 500 ms means 500 ms.
+    for (named_ms, meant_ms) in [(0, 2_000), (1, 500), (500, 500), (3_000, 3_000), (u16::MAX, 65_535)] {
+        let delays = ask(named_ms, 7);
+        let longest = Duration::from_millis(meant_ms);
+        assert!(delays.iter().all(|delay| *delay <= longest), "{named_ms} ms: {delays:?}");
+        assert!(delays.iter().any(|delay| *delay > longest * 3 / 4), "{named_ms} ms: {delays:?}");
+        assert!(delays.iter().any(|delay| *delay < longest / 4), "{named_ms} ms: {delays:?}");
+    }
+    assert_eq!(ask(0, 7), ask(0, 7), "the same device, the same run");
+    assert_ne!(ask(0, 7), ask(0, 8), "two devices do not answer together");
+}
+
+#[test]
+fn a_flood_of_questions_to_all_is_answered_within_bounds() {
+    let mut rig = Rig::new();
+    for port in 0..1_000 {
+        rig.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000 + port), &message(Command::ListIdentity, 0, &[]));
+    }
+    rig.advance(Duration::from_secs(3));
+    assert_eq!(rig.datagrams.len(), 8);
 }
 
 #[test]

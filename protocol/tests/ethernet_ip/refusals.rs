@@ -6,7 +6,7 @@ use protocol::ethernet_ip::cip::{ElectronicKey, General, Path, Revision};
 use protocol::ethernet_ip::connection::{
     ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport,
 };
-use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::ethernet_ip::description::{Description, SKILL_ROBOT};
 use protocol::ethernet_ip::{IO_PORT, ScannerConfig};
 use protocol::fieldbus::{DownCause, Fieldbus, LinkEvent};
 use protocol::virtual_time::Event;
@@ -372,14 +372,23 @@ fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
         words(ScannerConfig { route: vec![1, 0], ..wanted() }),
     ];
     insta::assert_snapshot!(all.join("\n"), @r"
-    the adapter 192.168.64.2 refused the connection: there is no such O to T assembly (general status 0x01, extended status 0x012A); asked for O→T assembly 99 and T→O assembly 100 with configuration assembly 151
+    the adapter 192.168.64.2 refused the connection: there is no such O to T assembly (general status 0x01, extended status 0x012A); asked for O→T assembly 99 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has the assemblies 100 for T→O (256 bytes), 150 for O→T (256 bytes), 151 for configuration, 152 for O→T of input-only connections, 153 for O→T of listen-only connections
     the adapter 192.168.64.2 refused the connection: the O to T size is not the assembly's (general status 0x01, extended status 0x0127); asked for 106 bytes O→T to assembly 150; the device has 262 bytes there
     the adapter 192.168.64.2 refused the connection: the T to O size is not the assembly's (general status 0x01, extended status 0x0128); asked for 602 bytes T→O from assembly 100; the device has 258 bytes there
-    the adapter 192.168.64.2 refused the connection: the requested packet interval cannot be served (general status 0x01, extended status 0x0111); asked for a packet every 1000 µs O→T and every 100 µs T→O; the device's EDS file has its shortest and longest interval
+    the adapter 192.168.64.2 refused the connection: the requested packet interval cannot be served (general status 0x01, extended status 0x0111); asked for a packet every 1000 µs O→T and every 100 µs T→O; by its EDS file the device serves 500 to 10000000 µs
     the adapter 192.168.64.2 refused the connection: the electronic key does not fit the device (general status 0x25); asked for vendor 65535, device type 43, product code 1, revision 3.1; the device is vendor 65535, device type 43, product code 1, revision 1.1, serial number 0x12345678
-    the adapter 192.168.64.2 refused the connection: there is no such configuration assembly (general status 0x01, extended status 0x0129); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 3
+    the adapter 192.168.64.2 refused the connection: there is no such configuration assembly (general status 0x01, extended status 0x0129); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 3; by its EDS file the device has the assemblies 100 for T→O (256 bytes), 150 for O→T (256 bytes), 151 for configuration, 152 for O→T of input-only connections, 153 for O→T of listen-only connections
     the adapter 192.168.64.2 refused the connection: the path leads out of a port that the device does not have (general status 0x01, extended status 0x0311); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151
     ");
+}
+
+#[test]
+fn a_device_without_an_eds_file_or_another_one_than_it_describes_is_not_said_to_have_what_it_says() {
+    let unknown = words(ScannerConfig { described: None, t_o_rpi_us: 100, ..wanted() });
+    assert!(unknown.ends_with("; the device's EDS file has its shortest and longest interval"), "{unknown}");
+    static OTHER: Description = Description { product_code: 9, ..SKILL_ROBOT };
+    let other = words(ScannerConfig { described: Some(&OTHER), key: None, consumed: 99, ..wanted() });
+    assert!(other.ends_with("with configuration assembly 151"), "{other}");
 }
 
 #[test]
@@ -388,6 +397,7 @@ fn a_second_scanner_is_told_that_the_outputs_are_owned() {
     let second = ScannerConfig { serial_number: 9, ..wanted() };
     bus.command_a(|scanner, now| *scanner = protocol::ethernet_ip::Scanner::new(second, now));
     run(&mut bus, 20);
-    assert!(bus.a().refusal().unwrap().to_string().contains("another scanner owns the outputs"));
+    let words = bus.a().refusal().unwrap().to_string();
+    insta::assert_snapshot!(words, @"the adapter 192.168.64.2 refused the connection: another scanner owns the outputs (general status 0x01, extended status 0x0106); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has outputs for 1 owner: stop the other scanner, or wait for its timeout");
     assert_eq!(bus.a().refusal().unwrap().down().code, 0x0001_0106);
 }

@@ -10,7 +10,7 @@ use protocol::fieldbus::{DownCause, Fieldbus, LinkEvent};
 use protocol::wire::{FRAME_CAPACITY, LittleEndian, Writer};
 use protocol::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 
-use crate::cell::{Bus, PLC, ROBOT, run, up, wanted};
+use crate::cell::{Bus, PLC, ROBOT, bus_of, cable, run, up, wanted};
 use crate::client::peer;
 
 fn datagram(bus: &mut Bus, port: u16, from: Ipv4Addr, bytes: &[u8]) {
@@ -315,6 +315,54 @@ proptest! {
             }
         }
         prop_assert!(dialogue.scanner.poll_timeout().is_some(), "a scanner always has a next step");
+    }
+
+    #[test]
+    fn after_each_bad_input_the_good_adapters_data_still_come_on_time(
+        inputs in prop::collection::vec((0..3_u8, prop::collection::vec(any::<u8>(), 0..400)), 1..8),
+    ) {
+        let mut bus = up(wanted());
+        for (port, bytes) in inputs {
+            match port {
+                0 => datagram(&mut bus, IO_PORT, ROBOT, &bytes),
+                1 => datagram(&mut bus, ENCAPSULATION_PORT, ROBOT, &bytes),
+                _ => bus.command_a(|scanner, now| {
+                    let source = Source { port: Port::Stream(StreamId(1)), peer: None };
+                    scanner.handle_frame(now, source, &bytes);
+                }),
+            }
+            let before = bus.a().counters().received;
+            run(&mut bus, 10);
+            let received = bus.a().counters().received - before;
+            prop_assert!((9..=11).contains(&received), "{received} frames in 10 ms");
+        }
+        assert_exchanging(&mut bus);
+    }
+
+    #[test]
+    fn a_scanner_that_is_fed_garbage_at_any_step_of_its_start_still_comes_up_with_a_good_adapter(
+        inputs in prop::collection::vec(
+            (900..1_400_u64, any::<bool>(), prop::collection::vec(any::<u8>(), 0..200)), 1..6,
+        ),
+    ) {
+        let mut inputs = inputs;
+        inputs.sort();
+        let mut bus = bus_of(wanted(), cable(), 3);
+        for (micros, over_tcp, bytes) in inputs {
+            bus.next_event(Instant::from_micros(micros));
+            if over_tcp {
+                bus.command_a(|scanner, now| {
+                    let source = Source { port: Port::Stream(StreamId(1)), peer: None };
+                    scanner.handle_frame(now, source, &bytes);
+                });
+            } else {
+                datagram(&mut bus, IO_PORT, ROBOT, &bytes);
+            }
+        }
+        // At worst the answer it waits for was buried: one request's timeout, one pause, and the next attempt. What the
+        // first attempt opened may have to time out before.
+        run(&mut bus, 16_000);
+        assert_exchanging(&mut bus);
     }
 
     #[test]

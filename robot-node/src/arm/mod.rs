@@ -3,6 +3,7 @@
 mod frame;
 mod opw;
 mod scara;
+mod surface;
 mod violation;
 
 use core::fmt::Debug;
@@ -12,7 +13,9 @@ pub use frame::{Frame, Rotation, distance, length};
 pub(crate) use frame::{cross, dot};
 pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
+pub use surface::{Surface, contact_force};
 pub use violation::Violation;
+pub(crate) use violation::{LEAST_WAY_MM, SINGULAR_SHARE, TURNED_OVER_DEG};
 
 /// Joints that an arm has at most. Those that an arm lacks stay 0.
 pub const AXES: usize = 6;
@@ -36,7 +39,7 @@ pub trait Kinematics: Debug + Send + Sync {
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation>;
 }
 
-/// Range, rated speed and rated acceleration of every joint. A joint that the arm lacks has no limits.
+/// Range, rated speed, acceleration and jerk of every joint. A joint that the arm lacks has no limits.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct AxisLimits {
     /// Lowest values, in degrees (mm).
@@ -47,6 +50,8 @@ pub struct AxisLimits {
     pub speed: Joints,
     /// Rated accelerations, in degrees (mm) per second².
     pub acceleration: Joints,
+    /// Rated jerks, in degrees (mm) per second³.
+    pub jerk: Joints,
 }
 
 impl AxisLimits {
@@ -56,6 +61,7 @@ impl AxisLimits {
         upper: [f64::INFINITY; AXES],
         speed: [f64::INFINITY; AXES],
         acceleration: [f64::INFINITY; AXES],
+        jerk: [f64::INFINITY; AXES],
     };
 
     /// The joint that such speeds load most, and the share of its rated speed.
@@ -68,6 +74,12 @@ impl AxisLimits {
     #[must_use]
     pub fn acceleration_load(&self, accelerations: &Joints) -> Load {
         Load::highest(accelerations, &self.acceleration)
+    }
+
+    /// The joint that such jerks load most, and the share of its rated jerk.
+    #[must_use]
+    pub fn jerk_load(&self, jerks: &Joints) -> Load {
+        Load::highest(jerks, &self.jerk)
     }
 }
 
@@ -155,16 +167,17 @@ impl Arm {
         Ok(joints)
     }
 
-    /// Whether no rotary joint turns by more than `most` degrees from one point of a path to the next one; if one does,
-    /// which (from 1) and by how many degrees.
-    pub fn stays_in_configuration(&self, from: &Joints, to: &Joints, most: f64) -> Result<(), (u8, f64)> {
+    /// The rotary joint (from 1) that turns most from one point of a path to the next one, and by how many degrees.
+    #[must_use]
+    pub fn largest_turn(&self, from: &Joints, to: &Joints) -> (u8, f64) {
+        let mut largest = (1, 0.0);
         for (axis, (from, to)) in from.iter().zip(to).enumerate() {
             let turn = (to - from).abs();
-            if turn > most && self.kinematics.is_rotary(axis) {
-                return Err((axis as u8 + 1, turn));
+            if turn > largest.1 && self.kinematics.is_rotary(axis) {
+                largest = (axis as u8 + 1, turn);
             }
         }
-        Ok(())
+        largest
     }
 
     /// Whether every joint is within its range.

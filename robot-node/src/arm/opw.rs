@@ -100,8 +100,8 @@ impl Opw {
         let forward = a1 + c2 * q2.to_radians().sin() + self.forearm * (q2 + elbow).to_radians().sin();
         Configuration {
             front: forward >= 0.0,
-            elbow_positive: elbow.to_radians().sin() >= 0.0,
-            wrist_positive: q5.to_radians().sin() >= 0.0,
+            elbow_positive: is_within_the_first_half_turn(elbow),
+            wrist_positive: is_within_the_first_half_turn(q5),
         }
     }
 
@@ -124,7 +124,7 @@ impl Opw {
         let bend = bend.clamp(-1.0, 1.0);
         let sine = (1.0 - bend * bend).sqrt();
         let sine = if configuration.elbow_positive { sine } else { -sine };
-        let q1 = y.atan2(x) - b.atan2(radial);
+        let q1 = if b == 0.0 && configuration.front { y.atan2(x) } else { y.atan2(x) - b.atan2(radial) };
         let (along, across) = (c2 + forearm * bend, forearm * sine);
         let q2 = (n * along - h * across).atan2(h * along + n * across);
         let q3 = sine.atan2(bend).to_degrees() - self.lean;
@@ -134,7 +134,7 @@ impl Opw {
     /// Axes 4 to 6 of the model for a rotation of the flange against the forearm, in degrees.
     fn wrist(rotation: Rotation, positive: bool, near: &Joints) -> [f64; 3] {
         let [w, x, y, z] = rotation.quaternion();
-        let (sine, cosine) = (x.hypot(y), w.hypot(z));
+        let (sine, cosine) = ((x * x + y * y).sqrt(), (w * w + z * z).sqrt());
         let half_sum = z.atan2(w).to_degrees();
         if sine < WRIST_STRETCHED {
             return [near[3], 0.0, 2.0 * half_sum - near[3]];
@@ -144,6 +144,11 @@ impl Opw {
             (half_sum - half_difference, 2.0 * sine.atan2(cosine).to_degrees(), half_sum + half_difference);
         if positive { [q4, q5, q6] } else { [q4 + 180.0, -q5, q6 - 180.0] }
     }
+}
+
+/// Whether the sine of an angle in degrees is not below 0.
+fn is_within_the_first_half_turn(degrees: f64) -> bool {
+    degrees - 360.0 * (degrees / 360.0).floor() <= 180.0
 }
 
 impl Kinematics for Opw {

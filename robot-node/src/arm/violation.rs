@@ -1,6 +1,16 @@
 //! Why a motion cannot be run: the quantity, what it is and what it may be.
 
-use protocol::image::ErrorNumber;
+use protocol::image::{ErrorNumber, Finding};
+
+/// A joint that would turn by more than this, in degrees, from one sample of a curve's finest piece to the next does not
+/// follow the curve: the arm turns over into another configuration there.
+pub(crate) const TURNED_OVER_DEG: f64 = 60.0;
+
+/// A curve on which a joint leaves less than this of the programmed velocity counts as singular.
+pub(crate) const SINGULAR_SHARE: f64 = 0.01;
+
+/// Shorter than this, in mm, is no way: single precision on the wire leaves some micrometres.
+pub(crate) const LEAST_WAY_MM: f64 = 1e-3;
 
 /// Why a motion or a skill cannot be run.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
@@ -105,6 +115,56 @@ pub enum Violation {
         /// The highest.
         limit: f64,
     },
+    /// The tool frame's number.
+    #[error("there is no tool {0}")]
+    Tool(u8),
+    /// The base frame's number.
+    #[error("there is no base {0}")]
+    Base(u8),
+    /// The code of a motion kind.
+    #[error("motion kind {0} is not one that this robot runs")]
+    Kind(u8),
+    /// A contact force to be reached, in N.
+    #[error("the force is {value_n} N, allowed is above 0 up to {limit_n} N")]
+    Force {
+        /// As programmed.
+        value_n: f64,
+        /// The highest.
+        limit_n: f64,
+    },
+    /// A contact force that does not point along its line.
+    #[error("the force points {angle_deg:.1}° away from the line, allowed are {limit_deg}°")]
+    ForceDirection {
+        /// Between the two.
+        angle_deg: f64,
+        /// At most.
+        limit_deg: f64,
+    },
+    /// An approach so fast that it would press too hard before it stops on the stiffest surface.
+    #[error(
+        "an approach at {value:.3} mm/s would press with more than {force_n} N before it stops on a surface of \
+         {stiffness_n_per_mm} N/mm; at most {limit:.3} mm/s"
+    )]
+    Approach {
+        /// As programmed, in mm/s.
+        value: f64,
+        /// The highest, in mm/s.
+        limit: f64,
+        /// The force to be reached.
+        force_n: f64,
+        /// Of the stiffest surface that the robot is set for.
+        stiffness_n_per_mm: f64,
+    },
+    /// The line came to its end without the contact force.
+    #[error("found {found_n:.3} N of {wanted_n} N at the line's end, after {way_mm:.3} mm")]
+    ForceNotReached {
+        /// The force there, in N.
+        found_n: f64,
+        /// The force to be reached, in N.
+        wanted_n: f64,
+        /// The line's length, in mm.
+        way_mm: f64,
+    },
     /// An acceleration: mm/s², or a share of the axes' rated accelerations.
     #[error(
         "the acceleration is {value}, allowed is above 0 up to {limit} (mm/s²; for PTP 1 is the rated one)"
@@ -132,6 +192,43 @@ impl Violation {
             Self::Collinear { .. } => ErrorNumber::CollinearCircle,
             Self::Velocity { .. } => ErrorNumber::VelocityOutOfRange,
             Self::Acceleration { .. } => ErrorNumber::AccelerationOutOfRange,
+            Self::Approach { .. } => ErrorNumber::VelocityOutOfRange,
+            Self::Tool(_) => ErrorNumber::UnknownTool,
+            Self::Base(_) => ErrorNumber::UnknownBase,
+            Self::Kind(_) => ErrorNumber::UnknownMotionKind,
+            Self::Force { .. } => ErrorNumber::ForceOutOfRange,
+            Self::ForceDirection { .. } => ErrorNumber::ForceDirection,
+            Self::ForceNotReached { .. } => ErrorNumber::ForceNotReached,
+        }
+    }
+
+    /// The figures that the feedback image carries for it.
+    #[must_use]
+    pub fn finding(&self) -> Finding {
+        let of = |index: u8, value: f64, lower: f64, upper: f64| {
+            Finding::new(index, value as f32, lower as f32, upper as f32)
+        };
+        match *self {
+            Self::Plain(_) => Finding::NONE,
+            Self::NotFinite(index) | Self::Tool(index) | Self::Base(index) | Self::Kind(index) => {
+                of(index, f64::from(index), 0.0, 0.0)
+            }
+            Self::Radius { radius_mm, nearest_mm, farthest_mm } => of(1, radius_mm, nearest_mm, farthest_mm),
+            Self::WristReach { distance_mm, nearest_mm, farthest_mm } => {
+                of(2, distance_mm, nearest_mm, farthest_mm)
+            }
+            Self::Tilt { tilt_deg } => of(3, tilt_deg, 0.0, 0.0),
+            Self::Configuration { axis, turn_deg, .. } => of(axis, turn_deg, 0.0, TURNED_OVER_DEG),
+            Self::Axis { axis, value, lower, upper } => of(axis, value, lower, upper),
+            Self::Singular { axis, share } => of(axis, share, SINGULAR_SHARE, 1.0),
+            Self::ZeroLength { way_mm } => of(0, way_mm, LEAST_WAY_MM, f64::INFINITY),
+            Self::Collinear { offset_mm, least_mm } => of(0, offset_mm, least_mm, f64::INFINITY),
+            Self::Velocity { value, limit }
+            | Self::Acceleration { value, limit }
+            | Self::Approach { value, limit, .. }
+            | Self::Force { value_n: value, limit_n: limit } => of(0, value, 0.0, limit),
+            Self::ForceDirection { angle_deg, limit_deg } => of(0, angle_deg, 0.0, limit_deg),
+            Self::ForceNotReached { found_n, wanted_n, way_mm } => of(0, found_n, wanted_n, way_mm),
         }
     }
 }

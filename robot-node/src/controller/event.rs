@@ -3,8 +3,9 @@
 use core::time::Duration;
 
 use protocol::fieldbus::LinkEvent;
-use protocol::image::{ErrorNumber, Skill, State};
+use protocol::image::{ErrorNumber, Finding, Skill, State};
 
+use crate::Quality;
 use crate::arm::Violation;
 
 /// What happened in the robot.
@@ -33,6 +34,8 @@ pub enum RobotEvent {
         executed: u32,
         /// From the tick that saw the command to the tick that reports the end.
         execution: Duration,
+        /// How well the arm moved meanwhile.
+        quality: Quality,
     },
     /// A motion was run to an exact stop because its successor was not there at its decision point.
     BlendSuppressed {
@@ -65,5 +68,19 @@ pub enum Ending {
         error: ErrorNumber,
         /// Which motion of the skill, counted from 0.
         motion: u32,
+        /// The quantity and its limits.
+        finding: Finding,
     },
+}
+
+impl Ending {
+    /// Ended by an error that says everything.
+    pub(super) const fn plain(error: ErrorNumber, motion: u32) -> Self {
+        Self::Fault { error, motion, finding: Finding::NONE }
+    }
+
+    /// Ended by what is wrong with a motion.
+    pub(super) fn of(violation: Violation, motion: u32) -> Self {
+        Self::Fault { error: violation.number(), motion, finding: violation.finding() }
+    }
 }

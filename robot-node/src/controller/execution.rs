@@ -2,13 +2,15 @@
 
 use core::time::Duration;
 
+use planning::Switch;
 use protocol::Instant;
 use protocol::image::{Command, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
 use super::event::Ending;
+use super::press;
+use super::program::Programs;
 use crate::RobotConfig;
 use crate::arm::{Joints, Violation};
-use crate::motion::Segment;
 
 /// Motions of a program that are checked in one cycle before it starts.
 const CHECKS_PER_CYCLE: u32 = 4;
@@ -34,6 +36,11 @@ pub(super) enum Phase {
     },
     /// On the path.
     Driving,
+    /// At a stop of the program, after an output was switched.
+    Waiting {
+        /// When the program goes on.
+        until: Instant,
+    },
     /// At the end of the path, waiting until the arm has settled.
     Settling {
         /// When it has.
@@ -53,6 +60,10 @@ pub(super) struct Execution {
     pub(super) seen_at: Instant,
     pub(super) total: u32,
     pub(super) accepted: u32,
+    /// Motions that were executed before the present path began.
+    pub(super) executed_before: u32,
+    /// Stops of the program that are passed.
+    stops_passed: usize,
     /// The highest `written` seen: it only grows.
     written: u32,
     pub(super) phase: Phase,
@@ -61,15 +72,12 @@ pub(super) struct Execution {
     check: Check,
 }
 
-/// How far a program is checked before it starts.
+/// How far motions are checked before the start.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Check {
     next: u32,
     from: Joints,
 }
-
-/// Programs by number.
-pub(super) type Programs = Vec<(u16, Vec<Motion>)>;
 
 impl Execution {
     /// Takes up a command; the arm stands at `joints`.
@@ -84,8 +92,8 @@ impl Execution {
             Skill::RunProgram => {
                 let index = programs.iter().position(|(number, _)| *number == command.program);
                 let index = index.ok_or(ErrorNumber::UnknownProgram)?;
-                let motions = programs.get(index).map_or(0, |(_, motions)| motions.len());
-                (Source::Program(index), u32::try_from(motions).unwrap_or(u32::MAX))
+                let motions = programs.get(index).map_or(0, |(_, program)| program.total());
+                (Source::Program(index), motions)
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
             Skill::None | Skill::Unknown(_) => return Err(ErrorNumber::UnknownSkill),
@@ -105,6 +113,8 @@ impl Execution {
             seen_at,
             total,
             accepted: 0,
+            executed_before: 0,
+            stops_passed: 0,
             written: 0,
             phase: Phase::Dispatch { until: until.max(start) },
             bad: None,
@@ -128,7 +138,7 @@ impl Execution {
             }
             self.written = command.written;
         }
-        if self.accepted >= self.total || held as usize >= SLOTS {
+        if self.accepted >= self.section_end(programs) || held as usize >= SLOTS {
             return Ok(None);
         }
         Ok(match (self.source, command) {
@@ -139,7 +149,7 @@ impl Execution {
             (Source::Single(kind), Some(command)) => {
                 let motion = *command.slot(0);
                 if motion.kind != kind {
-                    return Err(ErrorNumber::UnknownMotionKind.into());
+                    return Err(Violation::Kind(motion.kind.into()));
                 }
                 Some(motion)
             }
@@ -149,15 +159,47 @@ impl Execution {
 
     fn programmed(&self, index: u32, programs: &Programs) -> Option<Motion> {
         let Source::Program(program) = self.source else { return None };
-        programs.get(program)?.1.get(index as usize).copied()
+        programs.get(program)?.1.motion(index).copied()
     }
 
-    /// Checks some more motions of a program; true when there is nothing left to check.
-    pub(super) fn check_program(&mut self, config: &RobotConfig, programs: &Programs) -> bool {
+    /// Where the program stops next and what it switches there.
+    fn stop(&self, programs: &Programs) -> Option<(u32, Switch)> {
+        let Source::Program(program) = self.source else { return None };
+        programs.get(program)?.1.stop(self.stops_passed)
+    }
+
+    /// After how many motions the path ends, for all that is known.
+    pub(super) fn section_end(&self, programs: &Programs) -> u32 {
+        self.stop(programs).map_or(self.total, |(after, _)| after.min(self.total))
+    }
+
+    /// What the program switches now that all accepted motions are executed; says so once.
+    pub(super) fn take_switch(&mut self, programs: &Programs) -> Option<Switch> {
+        let (_, switch) = self.stop(programs).filter(|(after, _)| *after == self.accepted)?;
+        self.stops_passed += 1;
+        Some(switch)
+    }
+
+    /// What is checked next is the motion after the last accepted one, which ends at these joints.
+    pub(super) const fn check_from(&mut self, end: Joints) {
+        self.check = Check { next: self.accepted, from: end };
+    }
+
+    /// Checks some more motions that are there but not on the path yet: those of a program, and those in the slots
+    /// behind a LIN force, as if it ended at its target. True when there is nothing left to check.
+    pub(super) fn check_ahead(
+        &mut self,
+        command: Option<&Command>,
+        config: &RobotConfig,
+        programs: &Programs,
+    ) -> bool {
         for _ in 0..CHECKS_PER_CYCLE {
-            let Some(motion) = self.programmed(self.check.next, programs) else { return true };
-            match Segment::prepare(&motion, &self.check.from, config) {
-                Ok(segment) => self.check = Check { next: self.check.next + 1, from: segment.end },
+            let next = self.check.next;
+            let in_slots = self.source == Source::Slots && (self.accepted..self.written).contains(&next);
+            let in_slot = command.filter(|_| in_slots).map(|command| *command.slot(next));
+            let Some(motion) = self.programmed(next, programs).or(in_slot) else { return true };
+            match press::prepare(&motion, &self.check.from, config) {
+                Ok((segment, _)) => self.check = Check { next: self.check.next + 1, from: segment.end },
                 Err(violation) => {
                     self.bad = Some((self.check.next, violation));
                     return true;

@@ -14,25 +14,39 @@
 //! single skills, which grows with the number of calls, contradicts that.) Then half of the overhead passes before
 //! the motion, and half after it until the arm has settled: only the sum can be identified from the paper. Motions
 //! within a program or a MoveContinuous pay neither.
+//!
+//! The robot's digital outputs, which the PLC reads as inputs, have two who switch them: a program of the robot, and
+//! the PLC by a change of a bit of its own outputs. The last one counts. A lost connection switches nothing: a gripper
+//! must not drop its part.
 
 mod event;
 mod execution;
+#[cfg(test)]
+mod exploration;
+mod press;
+mod pressing;
+mod program;
 mod report;
 
 use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocol::Instant;
-use protocol::image::{Command, Control, ErrorNumber, Feedback, Motion, Skill, State, Status};
+use protocol::image::{
+    Command, Control, Digest, ErrorNumber, Feedback, Finding, Motion, Skill, State, Status,
+};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 pub use event::{Ending, RobotEvent};
-use execution::{Execution, Phase, Programs};
+use execution::{Execution, Phase};
+pub use program::Program;
+use program::Programs;
 
 use crate::RobotConfig;
 use crate::arm::{AXES, Frame, Joints};
-use crate::motion::{Appended, Interpolator, Segment};
+use crate::motion::{Appended, Interpolator};
+use crate::quality::Observer;
 
 /// Events that wait for the owner; it takes them after every call.
 const EVENTS: usize = 64;
@@ -52,12 +66,23 @@ pub struct Controller {
     programs: Programs,
     random: Pcg64Mcg,
     interpolator: Interpolator,
+    observer: Observer,
     state: State,
     /// The last command number that was taken up or refused; none until the first image of a connection, whose
     /// number is an old one.
     last_number: Option<u16>,
     pending: Option<Pending>,
     execution: Option<Execution>,
+    /// The LIN force that waits for its turn, runs, or holds its force.
+    press: Option<press::Press>,
+    /// What the surfaces push the tool with, in N along the root's axes, as of the last tick.
+    contact: [f64; 3],
+    /// The robot's digital outputs.
+    outputs: u16,
+    /// The PLC's digital outputs as last seen on this connection.
+    plc_outputs: Option<u16>,
+    /// The motions that the skill, or the last one, put on the path.
+    accepted: Digest,
     /// `reset` counts once each time it is set.
     reset_armed: bool,
     hold: bool,
@@ -73,19 +98,25 @@ pub struct Controller {
 impl Controller {
     /// A controller with its programs by number. `seed` feeds the interpreter's random phase.
     #[must_use]
-    pub fn new(config: RobotConfig, programs: Vec<(u16, Vec<Motion>)>, seed: u64) -> Self {
+    pub fn new(config: RobotConfig, programs: Vec<(u16, Program)>, seed: u64) -> Self {
         let cycle_s = config.cycle.as_secs_f64();
-        let interpolator =
-            Interpolator::at_rest(config.arm.clone(), config.home, cycle_s, config.path_acceleration_mm_s2);
+        let interpolator = Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
+        let observer = Observer::at_rest(&config.arm, &config.home, cycle_s);
         let mut controller = Self {
             config,
             programs,
             random: Pcg64Mcg::seed_from_u64(seed),
             interpolator,
+            observer,
             state: State::Halted,
             last_number: None,
             pending: None,
             execution: None,
+            press: None,
+            contact: [0.0; 3],
+            outputs: 0,
+            plc_outputs: None,
+            accepted: Digest::default(),
             reset_armed: true,
             hold: false,
             factor: 1.0,
@@ -103,6 +134,12 @@ impl Controller {
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.feedback
+    }
+
+    /// The motions that the skill, or the last one, was made of, in the order in which they were put on the path.
+    #[must_use]
+    pub const fn accepted(&self) -> &Digest {
+        &self.accepted
     }
 
     /// The joints now, in degrees (mm).
@@ -126,7 +163,7 @@ impl Controller {
         if self.execution.is_some() {
             self.execute(at, command);
         } else {
-            self.interpolator.stand_still();
+            self.rest();
         }
         if self.state != was {
             self.event(RobotEvent::State(self.state));
@@ -135,12 +172,9 @@ impl Controller {
     }
 
     fn without_connection(&mut self, at: Instant) {
-        self.last_number = None;
+        (self.last_number, self.plc_outputs) = (None, None);
         self.reset_armed = true;
-        self.give_up(
-            at,
-            Ending::Fault { error: ErrorNumber::ConnectionLost, motion: self.feedback.executed },
-        );
+        self.give_up(at, Ending::plain(ErrorNumber::ConnectionLost, self.feedback.executed));
     }
 
     /// Follows the control bits. Of those that contradict each other the one that stops wins.
@@ -149,7 +183,7 @@ impl Controller {
         let enabled = control.contains(Control::ENABLE);
         self.reset_armed |= !control.contains(Control::RESET);
         if !enabled {
-            self.give_up(at, Ending::Fault { error: ErrorNumber::Disabled, motion: self.feedback.executed });
+            self.give_up(at, Ending::plain(ErrorNumber::Disabled, self.feedback.executed));
         } else if control.contains(Control::HALT) {
             self.give_up(at, Ending::Aborted);
         } else if control.contains(Control::RESET) && self.reset_armed {
@@ -163,6 +197,9 @@ impl Controller {
         if (1..=100).contains(&command.override_percent) {
             self.factor = f64::from(command.override_percent) / 100.0;
         }
+        let before = self.plc_outputs.replace(command.outputs).unwrap_or(command.outputs);
+        let changed = before ^ command.outputs;
+        self.outputs = self.outputs & !changed | command.outputs & changed;
         let last = *self.last_number.get_or_insert(command.number);
         if control.contains(Control::EXECUTE) && command.number != last {
             self.notice(at, command);
@@ -180,6 +217,7 @@ impl Controller {
         self.state = State::Ready;
         self.feedback.error = ErrorNumber::None;
         self.feedback.error_motion = 0;
+        self.feedback.finding = Finding::NONE;
         self.feedback.status.set(Status::ERROR, false);
         self.feedback.status.set(Status::ABORTED, false);
     }
@@ -214,13 +252,14 @@ impl Controller {
         match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
             Ok(execution) => {
                 self.interpolator.clear();
+                self.accepted = Digest::default();
                 self.hold = command.control.contains(Control::SUSPEND);
                 self.execution = Some(execution);
                 self.state = State::Running;
                 self.event(RobotEvent::SkillStarted { number: command.number, skill: command.skill });
             }
             Err(error) => {
-                self.state = State::Halted;
+                (self.state, self.press) = (State::Halted, None);
                 self.refuse(command.number, 0, error.into());
             }
         }
@@ -230,35 +269,48 @@ impl Controller {
     fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
         let waited_for_motions = self.interpolator.path().is_finished();
-        if !matches!(execution.phase, Phase::Stopping(_)) && execution.bad.is_none() {
-            self.take_motions(&mut execution, command);
-        }
+        let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
+        let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
-            let checked = execution.bad.is_some() || execution.check_program(&self.config, &self.programs);
+            let checked =
+                execution.bad.is_some() || execution.check_ahead(command, &self.config, &self.programs);
             if let Some((motion, violation)) = execution.bad {
                 self.refuse(execution.number, motion, violation);
-                let error = violation.number();
-                return self.finish(at, &execution, Ending::Fault { error, motion });
+                return self.finish(at, &execution, Ending::of(violation, motion));
             }
-            let there = !self.interpolator.path().is_finished();
-            if checked && there && at >= until && !self.hold {
+            let there = !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
+            // All that is written is checked before anything moves.
+            let may_be_more = took_one && !execution.is_complete();
+            if checked && there && !may_be_more && at >= until && !self.hold {
                 execution.phase = Phase::Driving;
             }
             // The motion starts at this tick: the next one finds the arm a cycle further.
-            self.interpolator.stand_still();
+            self.rest();
+        } else if let Phase::Waiting { until } = execution.phase {
+            self.rest();
+            if at >= until && !self.hold {
+                self.go_on(until, &mut execution);
+                self.take_motion(&mut execution, command);
+            }
+        } else if self.is_pressing(press::Phase::Pressing)
+            && !matches!(execution.phase, Phase::Settling { .. })
+        {
+            self.press_on(at, &mut execution);
         } else if waited_for_motions || matches!(execution.phase, Phase::Settling { .. }) {
-            self.interpolator.stand_still();
+            self.rest();
+            self.start_to_press(&mut execution);
         } else {
             self.drive(at, &mut execution);
         }
-        self.feedback.executed = self.interpolator.path().executed();
+        self.observer.look(&self.config.arm, &self.interpolator);
+        self.feedback.executed = self.executed(&execution);
         self.feedback.accepted = execution.accepted;
         match execution.phase {
             Phase::Settling { until } if at >= until => self.finish(at, &execution, Ending::Done),
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
             Phase::Driving if execution.bad.is_some() && waited_for_motions => {
                 let (motion, violation) = execution.bad.unwrap_or((0, ErrorNumber::None.into()));
-                self.finish(at, &execution, Ending::Fault { error: violation.number(), motion });
+                self.finish(at, &execution, Ending::of(violation, motion));
             }
             _ => {
                 let held = self.hold && self.interpolator.is_at_rest();
@@ -268,32 +320,48 @@ impl Controller {
         }
     }
 
-    /// Takes what the PLC has written, or what comes next in the program, as far as the queue has room.
-    fn take_motions(&mut self, execution: &mut Execution, command: Option<&Command>) {
-        loop {
-            let executed = self.interpolator.path().executed();
-            let next = execution.next_motion(command, executed, &self.programs);
-            let prepared = next.and_then(|motion| {
-                motion
-                    .map(|motion| Segment::prepare(&motion, self.interpolator.path().end(), &self.config))
-                    .transpose()
-            });
-            match prepared {
-                Ok(None) => return,
-                Ok(Some(segment)) => {
-                    execution.accepted += 1;
-                    let appended = self.interpolator.append(segment, execution.is_complete());
-                    if appended == Appended::Late {
-                        self.suppressed(execution.accepted.saturating_sub(2));
-                    }
+    /// Takes one motion that the PLC has written, or that comes next in the program, if the queue has room. One a cycle:
+    /// checking it is what takes longest in a cycle, and motions last longer. Returns whether there was one.
+    fn take_motion(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
+        // Where a LIN force ends is known when it has ended.
+        if self.is_pressing(press::Phase::Waiting) || self.is_pressing(press::Phase::Pressing) {
+            return false;
+        }
+        let executed = self.executed(execution);
+        let next = execution.next_motion(command, executed, &self.programs);
+        let prepared = next.and_then(|motion| {
+            let end = self.interpolator.path().end();
+            let prepare = |motion: Motion| Ok((motion, press::prepare(&motion, end, &self.config)?));
+            motion.map(prepare).transpose()
+        });
+        match prepared {
+            Ok(None) => false,
+            Ok(Some((motion, (segment, Some(press))))) => {
+                execution.accepted += 1;
+                self.accepted.add(&motion);
+                execution.check_from(segment.end);
+                self.press = Some(press);
+                self.interpolator.close();
+                true
+            }
+            Ok(Some((motion, (segment, None)))) => {
+                execution.accepted += 1;
+                self.accepted.add(&motion);
+                self.press = None;
+                let last = execution.accepted == execution.section_end(&self.programs);
+                let appended = self.interpolator.append(segment, last);
+                if appended == Appended::Late {
+                    self.suppressed(execution.accepted.saturating_sub(2));
                 }
-                Err(violation) => {
-                    execution.bad = Some((execution.accepted, violation));
-                    if execution.phase == Phase::Driving {
-                        self.refuse_motion(execution.number, execution.accepted, violation);
-                    }
-                    return self.interpolator.close();
+                true
+            }
+            Err(violation) => {
+                execution.bad = Some((execution.accepted, violation));
+                if execution.phase == Phase::Driving {
+                    self.refuse_motion(execution.number, execution.accepted, violation);
                 }
+                self.interpolator.close();
+                true
             }
         }
     }
@@ -304,18 +372,17 @@ impl Controller {
         match self.interpolator.drive(target) {
             Ok(step) => {
                 if let Some(motion) = step.suppressed {
-                    self.suppressed(motion);
+                    self.suppressed(execution.executed_before + motion);
                 }
-                if let (Some(left), true, false) = (step.ended, execution.is_complete(), stopping) {
-                    let ended_at = at - Duration::from_secs_f64(left.min(1.0));
-                    execution.phase = Phase::Settling { until: ended_at + self.config.skill_overhead / 2 };
+                if let (Some(left), None, false) = (step.ended, &self.press, stopping) {
+                    self.path_ended(at - Duration::from_secs_f64(left.min(1.0)), execution);
                 }
             }
             Err(violation) => {
                 // The checks before the start found the path free; what is left is a plan that is wrong.
                 self.interpolator.clear();
                 let motion = self.feedback.executed;
-                execution.phase = Phase::Stopping(Ending::Fault { error: violation.number(), motion });
+                execution.phase = Phase::Stopping(Ending::of(violation, motion));
             }
         }
     }
@@ -324,12 +391,14 @@ impl Controller {
     fn give_up(&mut self, at: Instant, ending: Ending) {
         self.pending = None;
         let Some(mut execution) = self.execution else {
-            self.state = State::Halted;
+            (self.state, self.press) = (State::Halted, None);
             return;
         };
         match execution.phase {
             Phase::Stopping(_) => {}
-            Phase::Dispatch { .. } | Phase::Settling { .. } => self.finish(at, &execution, ending),
+            Phase::Dispatch { .. } | Phase::Waiting { .. } | Phase::Settling { .. } => {
+                self.finish(at, &execution, ending);
+            }
             Phase::Driving => {
                 execution.phase = Phase::Stopping(ending);
                 self.execution = Some(execution);
@@ -340,21 +409,27 @@ impl Controller {
     fn finish(&mut self, at: Instant, execution: &Execution, ending: Ending) {
         let Execution { number, skill, .. } = *execution;
         let execution_time = execution.elapsed(at);
-        let executed = self.interpolator.path().executed();
+        let executed = self.executed(execution);
         self.execution = None;
         self.hold = false;
         self.interpolator.clear();
         self.feedback.executed = executed;
         self.feedback.execution_ns = u64::try_from(execution_time.as_nanos()).unwrap_or(u64::MAX);
-        self.state = if ending == Ending::Done { State::Ready } else { State::Halted };
+        if ending == Ending::Done {
+            self.state = State::Ready;
+        } else {
+            (self.state, self.press) = (State::Halted, None);
+        }
         if self.feedback.number == number {
             match ending {
                 Ending::Done => self.feedback.status.set(Status::DONE, true),
                 Ending::Aborted => self.feedback.status.set(Status::ABORTED, true),
-                Ending::Fault { error, motion } => self.set_error(error, motion),
+                Ending::Fault { error, motion, finding } => self.set_error(error, motion, finding),
             }
         }
-        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution: execution_time });
+        let quality = self.observer.end(&self.config.arm);
+        let execution = execution_time;
+        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution, quality });
     }
 
     /// The skill that runs, if one does.

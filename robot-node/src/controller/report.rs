@@ -1,15 +1,15 @@
 //! What the controller tells: the feedback image's values and events.
 
 use protocol::Instant;
-use protocol::image::{Command, Control, ErrorNumber, Feedback, Status};
+use protocol::image::{Command, Control, ErrorNumber, Feedback, Finding, Status};
 
-use super::{Controller, EVENTS, RobotEvent};
-use crate::arm::Violation;
+use super::{Controller, EVENTS, RobotEvent, press};
+use crate::arm::{Violation, contact_force, length};
 
 impl Controller {
     pub(super) fn cleared_feedback(&self) -> Feedback {
-        let Feedback { life, life_echo, joints, pose, .. } = self.feedback;
-        Feedback { life, life_echo, joints, pose, ..Feedback::default() }
+        let Feedback { life, life_echo, joints, pose, contact_force, .. } = self.feedback;
+        Feedback { life, life_echo, joints, pose, contact_force, ..Feedback::default() }
     }
 
     pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {
@@ -17,10 +17,14 @@ impl Controller {
         if self.reported != *self.interpolator.joints() {
             self.report_position();
         }
+        if !self.config.surfaces.is_empty() {
+            self.feel();
+        }
         let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
         let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
         let feedback = &mut self.feedback;
         feedback.state = self.state;
+        feedback.inputs = self.outputs;
         feedback.status.set(Status::BUSY, busy);
         feedback.status.set(Status::AT_REST, at_rest);
         feedback.status.set(Status::ENABLED, enabled);
@@ -32,9 +36,18 @@ impl Controller {
         }
     }
 
+    /// What the surfaces around push the tool with.
+    pub(super) fn feel(&mut self) {
+        let tool = self.config.arm.forward(self.interpolator.joints()) * self.tool;
+        self.contact = contact_force(&self.config.surfaces, tool.position);
+        self.feedback.contact_force = length(self.contact) as f32;
+    }
+
     /// Joints, and the tool of the present motion in its base.
     pub(super) fn report_position(&mut self) {
-        if let Some(segment) = self.interpolator.path().current() {
+        let pressing = self.press.as_ref().filter(|press| press.phase != press::Phase::Waiting);
+        let leading = self.interpolator.path().current().or(pressing.map(|press| &press.segment));
+        if let Some(segment) = leading {
             if segment.tool != self.tool {
                 self.tool = segment.tool;
             }
@@ -54,7 +67,7 @@ impl Controller {
         self.feedback.number = number;
         self.feedback.status.set(Status::DONE, false);
         self.feedback.status.set(Status::ABORTED, false);
-        self.set_error(cause.number(), motion);
+        self.set_error(cause.number(), motion, cause.finding());
         self.refuse_motion(number, motion, cause);
     }
 
@@ -62,9 +75,9 @@ impl Controller {
         self.event(RobotEvent::Refused { number, error: cause.number(), motion, cause });
     }
 
-    pub(super) fn set_error(&mut self, error: ErrorNumber, motion: u32) {
+    pub(super) fn set_error(&mut self, error: ErrorNumber, motion: u32, finding: Finding) {
         self.feedback.status.set(Status::ERROR, true);
-        (self.feedback.error, self.feedback.error_motion) = (error, motion);
+        (self.feedback.error, self.feedback.error_motion, self.feedback.finding) = (error, motion, finding);
     }
 
     pub(super) fn suppressed(&mut self, motion: u32) {

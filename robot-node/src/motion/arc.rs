@@ -1,14 +1,11 @@
 //! The circle of one motion: through an intermediate point to the target.
 
 use super::curve::Flange;
-use crate::arm::{Frame, Rotation, Violation, cross, dot, length};
+use crate::arm::{Frame, LEAST_WAY_MM, Rotation, Violation, cross, dot, length};
 
 /// How far the intermediate point must be off the line from start to target, in mm: beyond what single precision on
 /// the wire leaves of a position within half a metre.
 const LEAST_OFFSET_MM: f64 = 0.01;
-
-/// The shortest way from start to target, in mm.
-const LEAST_WAY_MM: f64 = 1e-3;
 
 /// A circle of the tool in the root, orientation turning evenly about one axis, whatever the intermediate point's
 /// orientation would be. Its parameter is the way in mm.

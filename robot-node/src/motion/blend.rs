@@ -1,32 +1,42 @@
 //! The rounded corner between two motions.
 //!
-//! While the first motion slows down evenly to its end, the second already speeds up from its start; the corner is
-//! the sum of both. With the share w of the corner's time, 0…1, and the zones z₁, z₂ that the corner takes from both:
+//! While the first motion slows down to its end, the second already speeds up from its start; the corner is the sum
+//! of both. With the share w of the corner's time, 0…1, and the zones z₁, z₂ that the corner takes from both:
 //!
 //! ```text
-//! s₁(w) = L₁ − z₁·(1 − w)²      s₂(w) = z₂·w²      x(w) = x₁(s₁) + x₂(s₂) − corner
+//! h(w) = 2·w³ − w⁴      s₁(w) = L₁ − z₁·h(1 − w)      s₂(w) = z₂·h(w)      x(w) = x₁(s₁) + x₂(s₂) − corner
 //! ```
 //!
-//! For two lines that is the parabola through corner − r·u₁ and corner + r·u₂. It stays within the triangle of these
-//! points, and so never farther from the corner than r, and takes the constant acceleration |u₂ − u₁|·v²/(2r). The
-//! velocity turns straight from the old one to the new one: it never falls below their mean, and where the motions
-//! are collinear it does not change. The same sum, taken over the joints, blends motions of any two kinds.
+//! h'' is 0 at both ends: a corner begins and ends without acceleration, and its jerk is finite. h'(1) = 2, and
+//! h'(w) + h'(1 − w) = 2: for two lines the velocity turns straight from the old one to the new one, never falls below
+//! their mean, and where the motions are collinear it does not change. h(w) ≤ w: the corner stays within the triangle
+//! of its ends and the corner point, and so never farther from the corner than its zone. The same sum, taken over the
+//! joints, blends motions of any two kinds.
+//!
+//! A corner is passed at one rate as a rule. Its limits leave room to brake in it and to start again, for a stop on
+//! the path may come at any moment.
 
 use super::curve::{Curve, Line};
+use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
+use super::profile::Limits;
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, Violation, distance, length};
 
-/// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of w² at 1.
+/// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of h at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
 
-/// Parts into which a corner is cut to check it.
-const CHECKS: usize = 16;
-
-/// What joint limits keep in reserve for what lies between the checked points.
+/// What joint limits keep in reserve for what lies between the samples.
 const RESERVE: f64 = 0.97;
 
+/// The shares of accelerations and of jerks that a corner takes at its highest rate. The rest is for braking in it.
+const BENDING: f64 = 0.9;
+const TWISTING: f64 = 0.8;
+
 /// A zone is found to this share of itself; it errs to the smaller side.
-const HALVINGS: usize = 24;
+const ZONE_ACCURACY: f64 = 1e-3;
+
+/// Steps in which a zone is searched for.
+const ZONE_STEPS: usize = 12;
 
 /// A corner: how much it takes from both motions, and how fast it may be passed.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -37,10 +47,10 @@ pub struct Blend {
     pub to_zone: f64,
     /// The distance from the corner that it keeps, in mm.
     pub distance_mm: f64,
-    /// The highest rate: one over the shortest time in s.
-    pub max_rate: f64,
-    /// The rate that the look-ahead chose.
-    pub rate: f64,
+    /// The rate at which it would be passed if the motions beside it had their highest speeds.
+    pub programmed_rate: f64,
+    /// How fast its share may grow: the speed is the highest rate, one over the shortest time in s.
+    pub limits: Limits,
 }
 
 impl Blend {
@@ -49,7 +59,7 @@ impl Blend {
     #[must_use]
     pub fn between(first: &Segment, second: &Segment, share: f64, arm: &Arm) -> Option<Self> {
         let mut distance_mm = share * allowed_distance(first, second, arm);
-        // A sum over joints is not quite a parabola of the tool: take a smaller one if it would leave the corner.
+        // A sum over joints is not quite a sum of the tool's ways: take a smaller one if it would leave the corner.
         for _ in 0..4 {
             if distance_mm < 1e-3 {
                 return None;
@@ -58,10 +68,10 @@ impl Blend {
                 from_zone: zone(first, End::Last, distance_mm, arm),
                 to_zone: zone(second, End::First, distance_mm, arm),
                 distance_mm,
-                max_rate: 0.0,
-                rate: 0.0,
+                programmed_rate: 0.0,
+                limits: Limits { speed: 0.0, acceleration: 0.0, jerk: 0.0 },
             };
-            match blend.find_rate(first, second, arm) {
+            match blend.find_limits(first, second, arm) {
                 Ok(()) => return Some(blend),
                 Err(Unfit::Arm) => return None,
                 Err(Unfit::TooFar) => distance_mm *= 0.9,
@@ -79,81 +89,150 @@ impl Blend {
         arm: &Arm,
         near: &Joints,
     ) -> Result<Joints, Violation> {
-        let from = first.curve.length() - self.from_zone * (1.0 - w) * (1.0 - w);
-        let to = self.to_zone * w * w;
+        self.joints_and_tool(first, second, w, arm, near).map(|(joints, _)| joints)
+    }
+
+    /// The joints, and the first motion's tool in the root where it is known without them.
+    fn joints_and_tool(
+        &self,
+        first: &Segment,
+        second: &Segment,
+        w: f64,
+        arm: &Arm,
+        near: &Joints,
+    ) -> Result<(Joints, Option<[f64; 3]>), Violation> {
+        let from = first.curve.length() - self.from_zone * eased(1.0 - w);
+        let to = self.to_zone * eased(w);
         match (&first.curve, &second.curve) {
             (Curve::Line(one), Curve::Line(two)) if one.flange() == two.flange() => {
-                arm.follow(&one.flange().when_tool_at(sum(one, from, two, to)), near)
+                let tool = sum(one, from, two, to);
+                let joints = arm.follow(&one.flange().when_tool_at(tool), near)?;
+                Ok((joints, Some(tool.position)))
             }
             _ => {
                 let one = first.curve.joints(from, arm, near)?;
                 let two = second.curve.joints(to, arm, near)?;
                 let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
                 arm.within_range(&joints)?;
-                Ok(joints)
+                Ok((joints, None))
             }
         }
     }
 
-    /// Checks reach, ranges and distance all along the corner, and finds the highest rate at which the arm follows.
-    fn find_rate(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
-        let corner = first.tool_at(&first.end, arm);
-        let axis_share = first.axis_share.min(second.axis_share);
-        let is_parabola = matches!((&first.curve, &second.curve), (Curve::Line(_), Curve::Line(_)));
-        let reserve = if is_parabola { 1.0 } else { RESERVE };
-        let tool_acceleration = reserve * first.tool_acceleration.min(second.tool_acceleration);
-        let rated = arm.limits();
-        let bend_allows = |(joints, tool): Bend| {
-            let of_joints = RESERVE * axis_share / rated.acceleration_load(&joints).share;
-            of_joints.min(tool_acceleration / length(tool)).sqrt()
-        };
-        let mut rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
-            .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
-        let step = 1.0 / CHECKS as f64;
-        let mut before = self.joints(first, second, 0.0, arm, &first.end).map_err(|_| Unfit::Arm)?;
-        let mut tool_before = first.tool_at(&before, arm);
-        let (mut slope, mut bend_before) = (None::<Bend>, None::<Bend>);
-        for check in 1..=CHECKS {
-            let joints =
-                self.joints(first, second, step * check as f64, arm, &before).map_err(|_| Unfit::Arm)?;
-            let tool = first.tool_at(&joints, arm);
-            if check < CHECKS && distance(tool, corner) > self.distance_mm {
+    /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows.
+    fn find_limits(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
+        let mut samples = [Sample::default(); NODES];
+        let (mut near, corner) = (first.end, first.tool_at(&first.end, arm));
+        for (node, (sample, share)) in samples.iter_mut().zip(*SHARES).enumerate() {
+            let (joints, tool) =
+                self.joints_and_tool(first, second, share, arm, &near).map_err(|_| Unfit::Arm)?;
+            let tool = tool.unwrap_or_else(|| first.tool_at(&joints, arm));
+            let is_border = node == 0 || node == NODES - 1;
+            if !is_border && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);
             }
-            let next = (difference(&joints, &before, step), difference(&tool, &tool_before, step));
-            rate = rate.min(RESERVE / rated.speed_load(&next.0).share);
-            if let Some(slope) = slope {
-                let bend = (difference(&next.0, &slope.0, step), difference(&next.1, &slope.1, step));
-                rate = rate.min(bend_allows(bend));
-                // Half a step of the corner's start and end has no difference of its own.
-                if let Some(before) = bend_before.replace(bend) {
-                    if check == 3 {
-                        rate = rate.min(bend_allows(beyond(&bend, &before)));
-                    } else if check == CHECKS {
-                        rate = rate.min(bend_allows(beyond(&before, &bend)));
-                    }
-                }
-            }
-            (before, tool_before, slope) = (joints, tool, Some(next));
+            let ([q1, q2, q3, q4, q5, q6], [x, y, z]) = (joints, tool);
+            (*sample, near) = ([q1, q2, q3, q4, q5, q6, x, y, z], joints);
         }
-        self.max_rate = rate;
-        if rate > 0.0 { Ok(()) } else { Err(Unfit::Arm) }
+        let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
+        let corner = Derivatives::of(&samples, 1.0, arm.axes(), has_tool);
+        let load = Load::of(first, second, &corner, arm);
+        self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
+            .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
+        self.limits = load.limits(self.programmed_rate);
+        if self.limits.speed > 0.0 { Ok(()) } else { Err(Unfit::Arm) }
     }
 }
 
-/// A first or second derivative of joints and tool by the share of the corner's time.
-type Bend = (Joints, [f64; 3]);
-
-fn difference<const N: usize>(to: &[f64; N], from: &[f64; N], step: f64) -> [f64; N] {
-    core::array::from_fn(|i| (to[i] - from[i]) / step)
+/// How far the eased share of a zone has come: 2·w³ − w⁴.
+fn eased(w: f64) -> f64 {
+    w * w * w * (2.0 - w)
 }
 
-/// What comes a step after `last`, if things go on as from `before` to `last`.
-fn beyond(before: &Bend, last: &Bend) -> Bend {
-    (
-        core::array::from_fn(|i| 2.0 * last.0[i] - before.0[i]),
-        core::array::from_fn(|i| 2.0 * last.1[i] - before.1[i]),
-    )
+/// What a corner asks of the arm at each of its points, as shares of the limits at rate 1: the largest of all joints
+/// and the tool, by the order of the derivative and by the order of the limit.
+struct Load {
+    /// Slope to speed, bend to acceleration, twist to jerk.
+    speed: f64,
+    points: [PointLoad; POINTS],
+}
+
+/// Of each joint, and last the tool: slope, bend and twist as shares of a limit.
+#[derive(Clone, Copy, Default)]
+struct PointLoad {
+    /// Slope and bend to acceleration.
+    acceleration: [[f64; 2]; 7],
+    /// Slope, bend and twist to jerk.
+    jerk: [[f64; 3]; 7],
+}
+
+impl Load {
+    fn of(first: &Segment, second: &Segment, corner: &Derivatives, arm: &Arm) -> Self {
+        let share = first.axis_share.min(second.axis_share);
+        let rated = arm.limits();
+        let mut load = Self { speed: 0.0, points: [PointLoad::default(); POINTS] };
+        let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
+        let tool_jerk = first.tool_jerk.min(second.tool_jerk);
+        for (axis, Channel { at: [slopes, bends, twists], off }) in
+            corner.joints().iter().enumerate().take(arm.axes())
+        {
+            let of_speed = 1.0 / (RESERVE * rated.speed[axis]);
+            let of_acceleration = 1.0 / (RESERVE * share * rated.acceleration[axis]);
+            let of_jerk = 1.0 / (RESERVE * share * rated.jerk[axis]);
+            let derivatives = slopes.iter().zip(bends).zip(twists);
+            for (found, ((slope, bend), twist)) in load.points.iter_mut().zip(derivatives) {
+                let (slope, bend, twist) = (slope.abs() + off[0], bend.abs() + off[1], twist.abs() + off[2]);
+                load.speed = load.speed.max(slope * of_speed);
+                found.acceleration[axis] = [slope * of_acceleration, bend * of_acceleration];
+                found.jerk[axis] = [slope * of_jerk, bend * of_jerk, twist * of_jerk];
+            }
+        }
+        if tool_acceleration.is_finite() {
+            for (point, found) in load.points.iter_mut().enumerate() {
+                let (slope, bend, twist) = (
+                    length(corner.tool(0, point)),
+                    length(corner.tool(1, point)),
+                    length(corner.tool(2, point)),
+                );
+                found.acceleration[6] = [slope / tool_acceleration, bend / tool_acceleration];
+                found.jerk[6] = [slope / tool_jerk, bend / tool_jerk, twist / tool_jerk];
+            }
+        }
+        load
+    }
+
+    /// The highest rate up to `speed`, and how it may change.
+    fn limits(&self, speed: f64) -> Limits {
+        let (mut bend, mut twist) = (0.0_f64, 0.0_f64);
+        for point in &self.points {
+            for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
+                (bend, twist) = (bend.max(acceleration[1]), twist.max(jerk[2]));
+            }
+        }
+        let rate = speed.min(1.0 / self.speed).min((BENDING / bend).sqrt()).min((TWISTING / twist).cbrt());
+        let cube = rate * rate * rate;
+        let mut limits = Limits { speed: rate, acceleration: f64::MAX, jerk: f64::MAX };
+        // Divided only where it would be less.
+        let least = |least: &mut f64, part: f64, by: f64| {
+            if part < *least * by {
+                *least = part / by;
+            }
+        };
+        for point in &self.points {
+            for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
+                let left = 1.0 - jerk[2] * cube;
+                least(&mut limits.acceleration, 1.0 - acceleration[1] * rate * rate, acceleration[0]);
+                least(&mut limits.acceleration, left, 6.0 * jerk[1] * rate);
+            }
+        }
+        for point in &self.points {
+            for [slope, bend, twist] in point.jerk {
+                let taken = twist * cube + 3.0 * bend * rate * limits.acceleration;
+                least(&mut limits.jerk, 1.0 - taken, slope);
+            }
+        }
+        limits
+    }
 }
 
 /// Why a corner cannot be rounded as tried.
@@ -197,15 +276,22 @@ fn zone(segment: &Segment, end: End, distance_mm: f64, arm: &Arm) -> f64 {
     if matches!(segment.curve, Curve::Line(_)) {
         return distance_mm.min(half);
     }
-    if distance_at(segment, end, half, arm) <= distance_mm {
+    let (mut inside, mut outside) = ((0.0, 0.0), (half, distance_at(segment, end, half, arm)));
+    if outside.1 <= distance_mm {
         return half;
     }
-    let (mut inside, mut outside) = (0.0, half);
-    for _ in 0..HALVINGS {
-        let middle = (inside + outside) / 2.0;
-        if distance_at(segment, end, middle, arm) <= distance_mm { inside = middle } else { outside = middle }
+    // The distance grows nearly evenly with the way: a secant, aimed a little short, is there in a few steps.
+    let aim = distance_mm * (1.0 - ZONE_ACCURACY / 2.0);
+    for step in 0..ZONE_STEPS {
+        if inside.1 >= distance_mm * (1.0 - ZONE_ACCURACY) {
+            break;
+        }
+        let share = if step % 4 == 3 { 0.5 } else { (aim - inside.1) / (outside.1 - inside.1) };
+        let way = inside.0 + share * (outside.0 - inside.0);
+        let next = (way, distance_at(segment, end, way, arm));
+        *if next.1 <= distance_mm { &mut inside } else { &mut outside } = next;
     }
-    inside
+    inside.0
 }
 
 /// How far the tool is from the motion's end when the way to it is `way`, in mm.

@@ -85,6 +85,12 @@ impl Line {
         Frame { position, rotation }
     }
 
+    /// Whether neither place nor orientation changes.
+    #[must_use]
+    pub fn is_a_point(&self) -> bool {
+        self.length == 0.0
+    }
+
     /// The tool in the root at the end.
     #[must_use]
     pub const fn end(&self) -> &Frame {
@@ -138,12 +144,23 @@ impl Curve {
 
     /// The joints after `way`, in the configuration of `near`, a point of the curve close by.
     pub fn joints(&self, way: f64, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
-        match self {
-            Self::Line(line) => arm.follow(&line.flange.when_tool_at(line.tool(way)), near),
-            Self::Arc(arc) => arm.follow(&arc.flange().when_tool_at(arc.tool(way)), near),
-            Self::Spline(spline) => arm.follow(&spline.flange().when_tool_at(spline.tool(way)), near),
-            Self::Axes(axes) => Ok(axes.joints(way)),
-        }
+        self.joints_and_tool(way, arm, near).map(|(joints, _)| joints)
+    }
+
+    /// As [`joints`](Self::joints), with the tool as of [`tool`](Self::tool).
+    pub(super) fn joints_and_tool(
+        &self,
+        way: f64,
+        arm: &Arm,
+        near: &Joints,
+    ) -> Result<(Joints, Option<Frame>), Violation> {
+        let (tool, flange) = match self {
+            Self::Line(line) => (line.tool(way), &line.flange),
+            Self::Arc(arc) => (arc.tool(way), arc.flange()),
+            Self::Spline(spline) => (spline.tool(way), spline.flange()),
+            Self::Axes(axes) => return Ok((axes.joints(way), None)),
+        };
+        Ok((arm.follow(&flange.when_tool_at(tool), near)?, Some(tool)))
     }
 
     /// The tool in the root after `way`; none point to point, where only the joints are given.

@@ -1,23 +1,19 @@
 //! The queue of motions as one path with one speed along it.
 //!
-//! Each motion is a *straight* part, driven by a [`Profile`], and the corner into the next one, passed at a constant
-//! rate. The look-ahead goes backward over the queue, which ends at rest, then forward from what the arm does now.
-//! What is driven stays as it was: a plan that is changed by one more motion starts at the present way and speed.
+//! Each motion is a *straight* part and the corner into the next one; both are driven by a [`Profile`]. What is driven
+//! stays as it was: a plan that is changed by one more motion, or by another override, starts at the present way,
+//! speed and acceleration.
 
 use std::collections::VecDeque;
 
-use super::blend::{self, BORDER_SLOPE, Blend};
-use super::curve::Curve;
-use super::curved;
-use super::profile::{Profile, reachable_speed};
+use super::blend::{BORDER_SLOPE, Blend};
+use super::plan::{self, PARTS, Part};
+use super::profile::{Limits, Pace, Profile};
 use super::segment::Segment;
 use crate::arm::{Arm, Joints, Violation};
 
 /// Five motions that wait or run, and those whose corner is still being left.
-const CAPACITY: usize = 8;
-
-/// What float rounding may add to a speed before it counts as too high.
-const ROUNDING: f64 = 1.0 + 1e-9;
+const CAPACITY: usize = PARTS / 2;
 
 /// A place on the path, by time.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -25,63 +21,83 @@ pub struct Place {
     /// Which motion of the queue.
     index: usize,
     /// In the corner after its straight part.
-    in_blend: bool,
-    /// Seconds since the start of that part.
-    time: f64,
+    pub(super) in_blend: bool,
+    /// Seconds since the start of that part's law.
+    pub(super) time: f64,
 }
 
 impl Place {
     const START: Self = Self { index: 0, in_blend: false, time: 0.0 };
 }
 
-/// What came of one more motion.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Appended {
-    /// It is on the path.
-    Planned,
-    /// It is on the path, but came too late for the corner before it, which is an exact stop.
-    Late,
+/// A law, and where in its part it starts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Law {
+    /// In the part's unit.
+    pub(super) from: f64,
+    pub(super) profile: Profile,
 }
 
-/// Whether a plan must be checked against the present speed.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Feasibility {
-    /// A new corner may be too slow for it.
-    Open,
-    /// The arm was going to stop where this plan stops.
-    Known,
+impl Law {
+    pub(super) const fn at_rest(from: f64) -> Self {
+        Self { from, profile: Profile::REST }
+    }
+
+    fn way(&self, time: f64) -> f64 {
+        self.from + self.profile.at(time).0
+    }
+}
+
+/// A corner and how it is passed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) blend: Blend,
+    pub(super) law: Law,
 }
 
 #[derive(Clone, Debug)]
-struct Planned {
-    segment: Segment,
+pub(super) struct Planned {
+    pub(super) segment: Segment,
     /// Where its end would be left for a corner at the earliest, counted from the end.
-    zone: f64,
+    pub(super) zone: f64,
     /// It will stop at its end, whatever comes.
-    stops: bool,
-    /// Where its straight part starts, in the curve's unit.
-    from: f64,
-    profile: Profile,
-    blend: Option<Blend>,
+    pub(super) stops: bool,
+    pub(super) straight: Law,
+    pub(super) corner: Option<Corner>,
     /// The next motion goes on as one curve with this one: no corner, no stop.
-    goes_on: bool,
+    pub(super) goes_on: bool,
 }
 
 impl Planned {
-    fn straight_length(&self) -> f64 {
-        let zone = self.blend.map_or(0.0, |blend| blend.from_zone);
-        (self.segment.curve.length() - zone - self.from).max(0.0)
+    const fn law(&self, in_blend: bool) -> &Law {
+        match &self.corner {
+            Some(corner) if in_blend => &corner.law,
+            _ => &self.straight,
+        }
+    }
+
+    const fn law_mut(&mut self, in_blend: bool) -> &mut Law {
+        match &mut self.corner {
+            Some(corner) if in_blend => &mut corner.law,
+            _ => &mut self.straight,
+        }
+    }
+
+    pub(super) fn blend(&self) -> Option<Blend> {
+        self.corner.map(|corner| corner.blend)
     }
 }
 
 /// The motions that are accepted and not yet left behind.
 #[derive(Clone, Debug)]
 pub struct Path {
-    queue: VecDeque<Planned>,
-    place: Place,
+    pub(super) queue: VecDeque<Planned>,
+    pub(super) place: Place,
+    /// The override, 0…1.
+    factor: f64,
     /// The joints at the start of the first motion.
-    start: Joints,
-    end: Joints,
+    pub(super) start: Joints,
+    pub(super) end: Joints,
     left_behind: u32,
 }
 
@@ -92,6 +108,7 @@ impl Path {
         Self {
             queue: VecDeque::with_capacity(CAPACITY),
             place: Place::START,
+            factor: 1.0,
             start: joints,
             end: joints,
             left_behind: 0,
@@ -123,117 +140,36 @@ impl Path {
         self.queue.front().map(|planned| &planned.segment)
     }
 
+    /// Both motions of the corner that the arm is in; none on a straight part.
+    #[must_use]
+    pub fn corner(&self) -> Option<[&Segment; 2]> {
+        let (first, second) = (self.queue.front()?, self.queue.get(1)?);
+        self.place.in_blend.then_some([&first.segment, &second.segment])
+    }
+
     /// Motions that are executed since the last [`clear`](Self::clear). With a blend the middle of the corner, the
     /// point nearest to the target, is where a motion ends.
     #[must_use]
     pub fn executed(&self) -> u32 {
-        let rate = self.queue.front().and_then(|front| front.blend).map_or(0.0, |blend| blend.rate);
-        self.left_behind + u32::from(self.place.in_blend && self.place.time * rate >= 0.5)
+        let corner = self.queue.front().and_then(|front| front.corner).filter(|_| self.place.in_blend);
+        self.left_behind + u32::from(corner.is_some_and(|corner| corner.law.way(self.place.time) >= 0.5))
     }
 
-    /// Puts one more motion, which starts at [`end`](Self::end), at the end of the path. `last` says that none
-    /// follows.
-    pub fn append(&mut self, segment: Segment, last: bool, arm: &Arm) -> Appended {
-        self.end = segment.end;
-        let before = self.queue.len().checked_sub(1);
-        self.queue.push_back(Planned {
-            segment,
-            zone: blend::wanted_zone(&segment, arm),
-            stops: last || segment.approximation_mm == 0.0,
-            from: 0.0,
-            profile: Profile::REST,
-            blend: None,
-            goes_on: false,
-        });
-        self.take_up_speed();
-        let open = before.filter(|before| self.queue.get(*before).is_some_and(|planned| !planned.stops));
-        let Some(before) = open else {
-            self.plan(Feasibility::Known);
-            return Appended::Planned;
-        };
-        if let Some(appended) = self.go_on(before, arm) {
-            return appended;
-        }
-        for share in [1.0, 0.5, 0.25] {
-            let blend = match (self.queue.get(before), self.queue.back()) {
-                (Some(before), Some(last)) => Blend::between(&before.segment, &last.segment, share, arm),
-                _ => None,
-            };
-            self.set_blend(before, blend);
-            if blend.is_none() {
-                self.plan(Feasibility::Known);
-                return Appended::Planned;
-            }
-            if self.plan(Feasibility::Open) {
-                return Appended::Planned;
-            }
-        }
-        self.set_blend(before, None);
-        self.stop_after(before);
-        self.plan(Feasibility::Known);
-        Appended::Late
+    /// Whether the arm stands still on its path, because the override is 0, and stays there until it is not.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.queue.front().is_some_and(|front| {
+            let profile = &front.law(self.place.in_blend).profile;
+            profile.stops_short() && self.place.time >= profile.duration()
+        })
     }
 
-    /// Makes the last motion and the one before it pieces of one spline, if both are motions of one. Both take their
-    /// shape from each other, which is only possible until the arm comes to the first one.
-    fn go_on(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
-        let (one, next) = (self.queue.get(before)?, self.queue.back()?);
-        let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
-            return None;
-        };
-        let is_ahead = if before == 0 {
-            !self.place.in_blend && one.from == 0.0 && self.place.time == 0.0 && one.profile.at(0.0).1 == 0.0
-        } else {
-            before > usize::from(self.place.in_blend)
-        };
-        let separate = (one.segment, next.segment);
-        let joined = (is_ahead && first.goes_on_to(second)).then(|| {
-            let shapes = (
-                first.with_neighbours(first.before(), Some(*second.to())),
-                second.with_neighbours(Some(*first.from()), None),
-            );
-            let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
-            let start = corner.map_or(self.start, |corner| corner.segment.end);
-            let one = curved::reshaped(&separate.0, shapes.0, &start, arm)?;
-            let next = curved::reshaped(&separate.1, shapes.1, &one.end, arm)?;
-            let old = corner.and_then(|corner| corner.blend);
-            let new = corner
-                .filter(|_| old.is_some())
-                .and_then(|corner| Blend::between(&corner.segment, &one, 1.0, arm));
-            Some(((one, next), old, new))
-        });
-        if let Some((pieces, old, new)) = joined.flatten() {
-            self.set_pieces(before, pieces, true);
-            if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
-                self.set_blend(corner, new);
-            }
-            if self.plan(Feasibility::Open) {
-                return Some(Appended::Planned);
-            }
-            self.set_pieces(before, separate, false);
-            if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
-                self.set_blend(corner, old);
-            }
-        }
-        self.stop_after(before);
-        self.plan(Feasibility::Known);
-        Some(if is_ahead { Appended::Planned } else { Appended::Late })
-    }
-
-    fn set_pieces(&mut self, before: usize, pieces: (Segment, Segment), goes_on: bool) {
-        self.end = pieces.1.end;
-        if let Some(planned) = self.queue.get_mut(before) {
-            (planned.segment, planned.goes_on) = (pieces.0, goes_on);
-        }
-        if let Some(planned) = self.queue.back_mut() {
-            planned.segment = pieces.1;
-        }
-    }
-
-    /// No motion will follow: the last one stops at its end, and that is as wanted.
-    pub fn close(&mut self) {
-        if let Some(last) = self.queue.back_mut() {
-            last.stops = true;
+    /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the
+    /// limits allow.
+    pub fn set_override(&mut self, factor: f64) {
+        if factor != self.factor {
+            self.factor = factor;
+            self.plan();
         }
     }
 
@@ -242,16 +178,18 @@ impl Path {
     pub fn ahead(&self, mut seconds: f64) -> (Place, f64) {
         let mut place = self.place;
         while let Some(planned) = self.queue.get(place.index) {
-            let duration = match planned.blend {
-                Some(blend) if place.in_blend => 1.0 / blend.rate,
-                _ => planned.profile.duration(),
-            };
+            let profile = &planned.law(place.in_blend).profile;
+            let duration = profile.duration();
             if place.time + seconds < duration {
                 place.time += seconds;
                 return (place, 0.0);
             }
+            if profile.stops_short() {
+                place.time = duration;
+                return (place, 0.0);
+            }
             seconds = (place.time + seconds - duration).max(0.0);
-            place = if planned.blend.is_some() && !place.in_blend {
+            place = if planned.corner.is_some() && !place.in_blend {
                 Place { in_blend: true, time: 0.0, ..place }
             } else {
                 Place { index: place.index + 1, in_blend: false, time: 0.0 }
@@ -263,11 +201,12 @@ impl Path {
     /// The joints at a place that [`ahead`](Self::ahead) gave; `near` is a point of the path close by.
     pub fn joints(&self, place: Place, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
         let Some(planned) = self.queue.get(place.index) else { return Ok(self.end) };
-        match (planned.blend, self.queue.get(place.index + 1)) {
+        let way = planned.law(place.in_blend).way(place.time);
+        match (planned.blend(), self.queue.get(place.index + 1)) {
             (Some(blend), Some(next)) if place.in_blend => {
-                blend.joints(&planned.segment, &next.segment, place.time * blend.rate, arm, near)
+                blend.joints(&planned.segment, &next.segment, way, arm, near)
             }
-            _ => planned.segment.curve.joints(planned.from + planned.profile.at(place.time).0, arm, near),
+            _ => planned.segment.curve.joints(way, arm, near),
         }
     }
 
@@ -291,85 +230,95 @@ impl Path {
         if front.stops || self.place.in_blend {
             return None;
         }
-        let way = front.from + front.profile.at(time).0;
-        let in_zone = way >= front.segment.curve.length() - front.zone;
-        if time < front.profile.braking_start() && !in_zone {
+        let Law { profile, .. } = front.straight;
+        let in_zone = front.straight.way(time) >= front.segment.curve.length() - front.zone;
+        let brakes = !profile.stops_short() && time >= profile.braking_start();
+        if !brakes && !in_zone {
             return None;
         }
         front.stops = true;
         Some(self.left_behind)
     }
 
-    /// Makes the present way and speed the start of the straight part, so that it can be planned anew.
-    fn take_up_speed(&mut self) {
-        if self.place.in_blend || self.place.time == 0.0 {
-            return;
+    /// What is ahead, part by part, and how the arm moves now.
+    fn parts(&self) -> ([Part; PARTS], usize, Pace) {
+        let empty = Part {
+            length: 0.0,
+            limits: Limits { speed: 0.0, acceleration: 1.0, jerk: 1.0 },
+            programmed: 0.0,
+            ratio: 0.0,
+            is_corner: false,
+            profile: Profile::REST,
+        };
+        let (mut parts, mut count) = ([empty; PARTS], 0);
+        let pace = self
+            .queue
+            .front()
+            .map_or(Pace::REST, |front| front.law(self.place.in_blend).profile.at(self.place.time).1);
+        let mut add = |part: Part| {
+            if let Some(slot) = parts.get_mut(count) {
+                *slot = part;
+                count += 1;
+            }
+        };
+        for (index, planned) in self.queue.iter().enumerate() {
+            let time = if index == 0 { self.place.time } else { 0.0 };
+            let in_blend = index == 0 && self.place.in_blend;
+            let Planned { segment, straight, corner, goes_on, .. } = planned;
+            let (zone, ratio) = match corner {
+                Some(Corner { blend, .. }) => (blend.from_zone, 1.0 / (BORDER_SLOPE * blend.from_zone)),
+                None => (0.0, if *goes_on { 1.0 } else { 0.0 }),
+            };
+            if !in_blend {
+                let way = straight.from + if index == 0 { straight.profile.at(time).0 } else { 0.0 };
+                let length = (segment.curve.length() - zone - way).max(0.0);
+                let (limits, profile) = (segment.limits, straight.profile);
+                add(Part { length, limits, programmed: limits.speed, ratio, is_corner: false, profile });
+            }
+            if let Some(Corner { blend, law }) = corner {
+                let way = if in_blend { law.way(time) } else { 0.0 };
+                add(Part {
+                    length: (1.0 - way).max(0.0),
+                    limits: blend.limits,
+                    programmed: blend.programmed_rate,
+                    ratio: BORDER_SLOPE * blend.to_zone,
+                    is_corner: true,
+                    profile: law.profile,
+                });
+            }
         }
-        if let Some(front) = self.queue.front_mut() {
-            let (way, speed) = front.profile.at(self.place.time);
-            front.from += way;
-            front.profile = Profile::new(0.0, speed, speed, &front.segment.limits);
+        (parts, count, pace)
+    }
+
+    /// Whether the arm can go on into what is ahead.
+    pub(super) fn is_feasible(&self) -> bool {
+        let (parts, count, pace) = self.parts();
+        parts.get(..count).is_none_or(|parts| plan::is_feasible(parts, pace))
+    }
+
+    /// Plans what is ahead anew, from what the arm does now.
+    pub(super) fn plan(&mut self) {
+        let (mut parts, count, _) = self.parts();
+        let Some(parts) = parts.get_mut(..count) else { return };
+        let is_new = plan::plan(parts, self.place.time, self.factor);
+        let (in_blend, time) = (self.place.in_blend, self.place.time);
+        if is_new && let Some(front) = self.queue.front_mut() {
+            let law = front.law_mut(in_blend);
+            law.from = law.way(time);
             self.place.time = 0.0;
         }
-    }
-
-    fn set_blend(&mut self, index: usize, blend: Option<Blend>) {
-        if let Some(planned) = self.queue.get_mut(index) {
-            planned.blend = blend;
-        }
-        if let Some(next) = self.queue.get_mut(index + 1) {
-            next.from = blend.map_or(0.0, |blend| blend.to_zone);
-        }
-    }
-
-    fn stop_after(&mut self, index: usize) {
-        if let Some(planned) = self.queue.get_mut(index) {
-            planned.stops = true;
-        }
-    }
-
-    /// Chooses the speed at every junction that is ahead: backward from the stop at the end, then forward from the
-    /// present speed. Returns false, and changes nothing, if the arm is too fast for it already.
-    fn plan(&mut self, feasibility: Feasibility) -> bool {
-        let first = usize::from(self.place.in_blend);
-        let (mut exits, mut entry_limit) = ([0.0; CAPACITY], 0.0_f64);
-        for (index, planned) in self.queue.iter().enumerate().skip(first).rev() {
-            let without_corner =
-                if planned.goes_on { entry_limit.min(planned.segment.limits.speed) } else { 0.0 };
-            let exit = planned.blend.map_or(without_corner, |blend| {
-                BORDER_SLOPE
-                    * blend.from_zone
-                    * blend.max_rate.min(entry_limit / (BORDER_SLOPE * blend.to_zone))
-            });
-            if let Some(slot) = exits.get_mut(index) {
-                *slot = exit;
+        let mut parts = parts.iter();
+        for (index, planned) in self.queue.iter_mut().enumerate() {
+            if !(index == 0 && in_blend)
+                && let Some(part) = parts.next()
+            {
+                planned.straight.profile = part.profile;
             }
-            let limits = &planned.segment.limits;
-            entry_limit = reachable_speed(exit, planned.straight_length(), limits).min(limits.speed);
-        }
-        let mut speed = match self.queue.front() {
-            Some(Planned { blend: Some(blend), .. }) if self.place.in_blend => {
-                BORDER_SLOPE * blend.to_zone * blend.rate
+            if planned.corner.is_some()
+                && let Some(part) = parts.next()
+            {
+                planned.law_mut(true).profile = part.profile;
             }
-            Some(front) => front.profile.at(0.0).1,
-            None => return true,
-        };
-        if feasibility == Feasibility::Open && speed > entry_limit * ROUNDING {
-            return false;
         }
-        for (planned, exit) in self.queue.iter_mut().zip(exits).skip(first) {
-            let length = planned.straight_length();
-            let exit = exit.min(reachable_speed(speed, length, &planned.segment.limits));
-            planned.profile = Profile::new(length, speed, exit, &planned.segment.limits);
-            speed = match &mut planned.blend {
-                Some(blend) => {
-                    blend.rate = exit / (BORDER_SLOPE * blend.from_zone);
-                    BORDER_SLOPE * blend.to_zone * blend.rate
-                }
-                None if planned.goes_on => exit,
-                None => 0.0,
-            };
-        }
-        true
     }
 }

@@ -1,152 +1,491 @@
-//! The time law along one straight part of a path: from one speed to another over a given length, within limits.
+//! The time law along one part of a path: from one speed to another over a given length, within limits of speed,
+//! acceleration and jerk.
 //!
-//! Everything about how speed changes is behind [`Profile`] and [`reachable_speed`]; the look-ahead knows no more.
-//! The unit of length is the curve's own parameter: mm on a line, the share of the way point to point.
+//! [`Change`] goes from one speed to another in the shortest time: the acceleration ramps up, stays, ramps down.
+//! [`Profile`] is a change to a peak speed, a cruise and a change to the speed at the end. It ends without
+//! acceleration, so that parts can follow each other; it may start with one, so that a plan can be made anew at any
+//! moment. For these ends it is time-optimal.
+//!
+//! The unit of length is the part's own parameter: mm on a line, the share of the way point to point, the share of
+//! its time in a corner.
 
-/// The limits of one motion, constant along it.
+/// What rounding may add to a way before it counts as too long for its part, as a share of it.
+const ROUNDING: f64 = 1e-9;
+
+/// How near a law that is searched for comes to its length, as a share of it.
+const ACCURACY: f64 = 1e-13;
+
+/// Steps in which a speed is searched for; each at least halves what is left.
+const STEPS: usize = 80;
+
+/// The limits of one part of a path, constant along it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Limits {
     /// Highest speed, in units per second.
     pub speed: f64,
     /// Highest acceleration and deceleration, in units per second².
     pub acceleration: f64,
+    /// Highest jerk, in units per second³.
+    pub jerk: f64,
 }
 
-/// The highest speed that can be had `length` after (or before) a point that is passed at `speed`, the motion's own
-/// limit of speed aside.
-#[must_use]
-pub fn reachable_speed(speed: f64, length: f64, limits: &Limits) -> f64 {
-    (speed * speed + 2.0 * limits.acceleration * length).sqrt()
-}
-
-/// Speeding up, cruising, slowing down: acceleration-limited and time-optimal.
+/// How the arm moves along a part at one moment.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Profile {
-    length: f64,
-    from: f64,
-    peak: f64,
-    to: f64,
-    acceleration: f64,
-    /// Durations of the three phases, in s.
-    up: f64,
-    cruise: f64,
-    down: f64,
+pub struct Pace {
+    /// In units per second.
+    pub speed: f64,
+    /// In units per second².
+    pub acceleration: f64,
 }
 
-impl Profile {
-    /// Standing still at a point.
-    pub const REST: Self = Self {
-        length: 0.0,
-        from: 0.0,
-        peak: 0.0,
-        to: 0.0,
-        acceleration: 1.0,
-        up: 0.0,
-        cruise: 0.0,
-        down: 0.0,
-    };
+impl Pace {
+    /// Standing still.
+    pub const REST: Self = Self::steady(0.0);
 
-    /// From speed `from` to speed `to` over `length`. Both must be reachable from each other; what rounding takes
-    /// from that is made up by a deceleration that is as much higher.
+    /// At a constant speed.
     #[must_use]
-    pub fn new(length: f64, from: f64, to: f64, limits: &Limits) -> Self {
-        if length <= 0.0 {
-            return Self { from, peak: from.max(to), to, ..Self::REST };
-        }
-        let fastest = from.max(to);
-        let mut acceleration = limits.acceleration;
-        let meeting = acceleration * length + (from * from + to * to) / 2.0;
-        let peak = meeting.sqrt().min(limits.speed);
-        let (peak, cruise_length) = if peak > fastest {
-            (peak, (meeting - peak * peak) / acceleration)
+    pub const fn steady(speed: f64) -> Self {
+        Self { speed, acceleration: 0.0 }
+    }
+
+    /// The speed that is had when the acceleration is taken back as fast as possible.
+    #[must_use]
+    pub fn settled_speed(&self, limits: &Limits) -> f64 {
+        self.speed + self.acceleration * self.acceleration.abs() / (2.0 * limits.jerk)
+    }
+}
+
+/// The shortest change from one pace to a constant speed.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Change {
+    from: Pace,
+    to: f64,
+    /// Signed: positive to speed up.
+    jerk: f64,
+    /// Durations of the three phases, in s: jerk, none, jerk the other way.
+    phases: [f64; 3],
+}
+
+impl Change {
+    /// From a pace to a constant speed.
+    #[must_use]
+    pub fn new(from: Pace, to: f64, limits: &Limits) -> Self {
+        let settled = from.settled_speed(limits);
+        let sign = if to >= settled { 1.0 } else { -1.0 };
+        let (start, change) = (sign * from.acceleration, sign * (to - from.speed));
+        let most = limits.acceleration.max(start.abs());
+        // Up to the highest acceleration and back to none, if nothing is in between.
+        let highest = (limits.jerk * change + start * start / 2.0).max(0.0).sqrt().max(start);
+        let (highest, hold) = if highest > most {
+            let without_hold = (2.0 * most * most - start * start) / (2.0 * limits.jerk);
+            (most, (change - without_hold).max(0.0) / most)
         } else {
-            let needed = (from * from - to * to).abs() / (2.0 * length);
-            acceleration = acceleration.max(needed);
-            (fastest, length - (from * from - to * to).abs() / (2.0 * acceleration))
+            (highest, 0.0)
         };
-        Self {
-            length,
-            from,
-            peak,
-            to,
-            acceleration,
-            up: (peak - from) / acceleration,
-            cruise: if peak > 0.0 { cruise_length.max(0.0) / peak } else { 0.0 },
-            down: (peak - to) / acceleration,
-        }
+        let phases = [(highest - start) / limits.jerk, hold, highest / limits.jerk];
+        Self { from, to, jerk: sign * limits.jerk, phases }
     }
 
     /// How long it takes, in s.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.up + self.cruise + self.down
+        self.phases.iter().sum()
     }
 
-    /// When it starts to slow down, in s.
+    /// How far it goes.
+    #[must_use]
+    pub fn way(&self) -> f64 {
+        if self.from.acceleration == 0.0 {
+            // Both ramps are alike, and so the mean speed is in the middle.
+            return (self.from.speed + self.to) / 2.0 * self.duration();
+        }
+        let [up, hold, down] = self.phases;
+        let (first, pace) = after(self.from, self.jerk, up);
+        let (second, pace) = after(pace, 0.0, hold);
+        first + second + after(pace, -self.jerk, down).0
+    }
+
+    /// Way and pace `time` seconds after the start.
+    #[must_use]
+    pub fn at(&self, time: f64) -> (f64, Pace) {
+        let [up, hold, down] = self.phases;
+        if time <= up {
+            return after(self.from, self.jerk, time);
+        }
+        let (first, pace) = after(self.from, self.jerk, up);
+        if time <= up + hold {
+            let (second, pace) = after(pace, 0.0, time - up);
+            return (first + second, pace);
+        }
+        let left = self.duration() - time;
+        if left <= 0.0 {
+            return (self.way(), Pace::steady(self.to));
+        }
+        let (second, pace) = after(pace, 0.0, hold);
+        let (third, pace) = after(pace, -self.jerk, down - left);
+        (first + second + third, pace)
+    }
+}
+
+/// Way and pace after `time` seconds of constant jerk.
+fn after(from: Pace, jerk: f64, time: f64) -> (f64, Pace) {
+    let Pace { speed, acceleration } = from;
+    let way = ((jerk / 6.0 * time + acceleration / 2.0) * time + speed) * time;
+    let speed = (jerk / 2.0 * time + acceleration) * time + speed;
+    (way, Pace { speed, acceleration: acceleration + jerk * time })
+}
+
+/// Whether a change to `to` fits into `length`.
+#[must_use]
+pub(super) fn fits(from: Pace, to: f64, length: f64, limits: &Limits) -> bool {
+    Change::new(from, to, limits).way() <= length * (1.0 + ROUNDING)
+}
+
+/// The highest speed that can be had `length` after (or before) a point that is passed at a constant `speed`, the
+/// part's own limit of speed aside.
+#[must_use]
+pub fn reachable_speed(speed: f64, length: f64, limits: &Limits) -> f64 {
+    if length <= 0.0 {
+        return speed;
+    }
+    let Limits { acceleration, jerk, .. } = *limits;
+    // With phases of constant acceleration: a quadratic equation of the change.
+    let ramp = acceleration / jerk;
+    let half = speed + ramp * acceleration / 2.0;
+    let rest = 2.0 * acceleration * (speed * ramp - length);
+    let change = -rest / (half + (half * half - rest).max(0.0).sqrt());
+    if change >= acceleration * ramp {
+        return speed + change;
+    }
+    // Without: x³ + 2·speed·x = length·√jerk of its root x. From above, Newton's method comes down to it.
+    let known = length * jerk.sqrt();
+    let mut root = known.cbrt().min(if speed > 0.0 { known / (2.0 * speed) } else { f64::INFINITY });
+    for _ in 0..8 {
+        let square = root * root;
+        root -= ((square + 2.0 * speed) * root - known) / (3.0 * square + 2.0 * speed);
+    }
+    speed + root * root
+}
+
+/// The speed nearest to `wanted` that can be had at the end of `length`: `wanted` itself, or between it and the first
+/// of the `known` ones that can. None if none can.
+#[must_use]
+pub(super) fn nearest_exit(
+    from: Pace,
+    wanted: f64,
+    length: f64,
+    limits: &Limits,
+    known: &[f64],
+) -> Option<f64> {
+    if from.acceleration == 0.0 && wanted >= from.speed {
+        return Some(wanted.min(reachable_speed(from.speed, length, limits)));
+    }
+    if fits(from, wanted, length, limits) {
+        return Some(wanted);
+    }
+    let mut kept = *known.iter().find(|speed| fits(from, **speed, length, limits))?;
+    let mut broken = wanted;
+    for _ in 0..STEPS {
+        let middle = (kept + broken) / 2.0;
+        if middle == kept || middle == broken {
+            break;
+        }
+        if fits(from, middle, length, limits) { kept = middle } else { broken = middle }
+    }
+    Some(kept)
+}
+
+/// A change to the peak speed, a cruise, a change to the speed at the end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Profile {
+    length: f64,
+    up: Change,
+    /// How long the peak speed is held, in s.
+    cruise: f64,
+    down: Change,
+    /// What rounding left too long is spread evenly: the way of the law times this is the way.
+    scale: f64,
+    /// It stands still at its end, which is not the end of its part.
+    stops_short: bool,
+    /// The highest speed that it was made for.
+    limit: f64,
+}
+
+impl Profile {
+    /// Standing still at a point.
+    pub const REST: Self = {
+        let change = Change { from: Pace::REST, to: 0.0, jerk: 1.0, phases: [0.0; 3] };
+        Self {
+            length: 0.0,
+            up: change,
+            cruise: 0.0,
+            down: change,
+            scale: 1.0,
+            stops_short: false,
+            limit: 0.0,
+        }
+    };
+
+    /// From a pace to the constant speed `to` over `length`, which [`Change`] must fit into.
+    #[must_use]
+    pub fn new(length: f64, from: Pace, to: f64, limits: &Limits) -> Self {
+        let with_peak = |peak| {
+            let (up, down) = (Change::new(from, peak, limits), Change::new(Pace::steady(peak), to, limits));
+            (up.way() + down.way(), up, down)
+        };
+        let highest = limits.speed.max(to);
+        let mut best = with_peak(highest);
+        // Only the highest speed is held.
+        let mut cruise = if best.0 < length { (length - best.0) / highest } else { 0.0 };
+        if best.0 > length {
+            // Where the acceleration is taken back at once, the rest is longer the higher the peak. Below, the arm
+            // already slows down: the bracket holds nevertheless, from the end's speed on.
+            let settled = from.settled_speed(limits);
+            let starts_settled =
+                settled > to && settled < highest && with_peak(settled).0 <= length * (1.0 + ROUNDING);
+            let lowest = if starts_settled { settled } else { to };
+            let top = if !starts_settled && settled > to { settled.min(highest) } else { highest };
+            best = longest(length, lowest, top, with_peak);
+            cruise = 0.0;
+        }
+        let (way, up, down) = best;
+        let scale = if cruise == 0.0 && way > 0.0 { length / way } else { 1.0 };
+        Self { length, up, cruise, down, scale, stops_short: false, limit: limits.speed }
+    }
+
+    /// To rest as fast as possible, wherever that is.
+    #[must_use]
+    pub fn stop(from: Pace, limits: &Limits) -> Self {
+        let up = Change::new(from, 0.0, limits);
+        Self { length: up.way(), up, stops_short: true, ..Self::REST }
+    }
+
+    /// Whether what is left of it after `time` is the law for this task as well.
+    #[must_use]
+    pub(super) fn leads_on(&self, time: f64, length: f64, from: Pace, to: f64, limits: &Limits) -> bool {
+        let (way, pace) = self.at(time);
+        !self.stops_short
+            && self.limit == limits.speed
+            && self.down.to == to
+            && pace == from
+            && (self.length - way - length).abs() <= length * ROUNDING
+    }
+
+    /// Whether it stands still at its end, wherever in its part that is.
+    #[must_use]
+    pub const fn stops_short(&self) -> bool {
+        self.stops_short
+    }
+
+    /// How far it goes.
+    #[must_use]
+    pub const fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// How long it takes, in s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.braking_start() + self.down.duration()
+    }
+
+    /// When it starts to change from its peak speed to that at its end, in s.
     #[must_use]
     pub fn braking_start(&self) -> f64 {
-        self.up + self.cruise
+        self.up.duration() + self.cruise
     }
 
-    /// Way and speed `time` seconds after the start; the end's from the end on.
+    /// The speed at its end.
     #[must_use]
-    pub fn at(&self, time: f64) -> (f64, f64) {
-        let a = self.acceleration;
-        if time < self.up {
-            let speed = self.from + a * time;
-            ((self.from + speed) / 2.0 * time, speed)
-        } else if time < self.up + self.cruise {
-            ((self.from + self.peak) / 2.0 * self.up + self.peak * (time - self.up), self.peak)
+    pub const fn exit(&self) -> f64 {
+        self.down.to
+    }
+
+    /// Way and pace `time` seconds after the start; the end's from the end on.
+    #[must_use]
+    pub fn at(&self, time: f64) -> (f64, Pace) {
+        let (up, braking) = (self.up.duration(), self.braking_start());
+        if time <= up {
+            let (way, pace) = self.up.at(time);
+            (way * self.scale, pace)
+        } else if time < braking {
+            (self.up.way() + self.up.to * (time - up), Pace::steady(self.up.to))
         } else {
             // Counted back from the end, so that the end is met exactly.
-            let left = (self.duration() - time).max(0.0);
-            let speed = self.to + a * left;
-            (self.length - (self.to + speed) / 2.0 * left, speed)
+            let (way, pace) = self.down.at(time - braking);
+            (self.length - (self.down.way() - way) * self.scale, pace)
         }
     }
+}
+
+type Law = (f64, Change, Change);
+
+/// The law whose way is `length`, with a peak between `lowest`, whose law is not longer, and `highest`, whose is longer.
+fn longest(length: f64, lowest: f64, highest: f64, law: impl Fn(f64) -> Law) -> Law {
+    // The way grows with the root of what the peak is above the lowest one: over that root it is nearly straight.
+    let at = |root: f64| law(lowest + root * root);
+    let (mut inside, mut outside) = (0.0, (highest - lowest).max(0.0).sqrt());
+    let mut best = at(inside);
+    let (mut under, mut over) = (best.0 - length, at(outside).0 - length);
+    if under >= 0.0 {
+        return best;
+    }
+    // Ridders' method: it halves the bracket at least, and soon doubles the digits.
+    for _ in 0..STEPS {
+        let middle = (inside + outside) / 2.0;
+        let halfway = at(middle);
+        let off = halfway.0 - length;
+        let root = middle - (middle - inside) * off / (off * off - under * over).sqrt();
+        let next = at(root);
+        let next_off = next.0 - length;
+        for (law, off) in [(halfway, off), (next, next_off)] {
+            if off.abs() < (best.0 - length).abs() {
+                best = law;
+            }
+        }
+        if (best.0 - length).abs() <= length * ACCURACY || middle == inside || middle == outside {
+            break;
+        }
+        for (root, off) in [(middle, off), (root, next_off)] {
+            // Of two points on one side, the one that is nearer to the other side counts.
+            let (low, high) = (inside.min(outside), inside.max(outside));
+            if !(low..=high).contains(&root) {
+                continue;
+            }
+            if off < 0.0 {
+                (inside, under) = (root, off);
+            } else {
+                (outside, over) = (root, off);
+            }
+        }
+    }
+    best
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use rsruckig::prelude::{InputParameter, Ruckig, ThrowErrorHandler, Trajectory};
 
-    const LIMITS: Limits = Limits { speed: 400.0, acceleration: 5000.0 };
+    const LIMITS: Limits = Limits { speed: 400.0, acceleration: 5000.0, jerk: 100_000.0 };
 
-    #[test]
-    fn from_rest_to_rest_takes_length_over_speed_plus_speed_over_acceleration() {
-        let profile = Profile::new(200.0, 0.0, 0.0, &LIMITS);
-        assert!((profile.duration() - (200.0 / 400.0 + 400.0 / 5000.0)).abs() < 1e-12);
-        assert!((profile.at(0.08).1 - 400.0).abs() < 1e-9);
+    /// The optimum, by a solver of the field, in s.
+    fn optimum(length: f64, from: Pace, to: f64, limits: &Limits) -> f64 {
+        let mut solver = Ruckig::<1, ThrowErrorHandler>::new(None, 0.004);
+        let mut input = InputParameter::<1>::new(None);
+        input.current_velocity[0] = from.speed;
+        input.current_acceleration[0] = from.acceleration;
+        input.target_position[0] = length;
+        input.target_velocity[0] = to;
+        input.max_velocity[0] = limits.speed;
+        input.max_acceleration[0] = limits.acceleration;
+        input.max_jerk[0] = limits.jerk;
+        let mut trajectory = Trajectory::<1>::new(None);
+        solver.calculate(&input, &mut trajectory).unwrap();
+        trajectory.get_duration()
+    }
+
+    fn any_limits() -> impl Strategy<Value = Limits> {
+        (20.0..2_000.0_f64, 100.0..5_000.0_f64, 5_000.0..200_000.0_f64)
+            .prop_map(|(speed, acceleration, jerk)| Limits { speed, acceleration, jerk })
     }
 
     #[test]
-    fn a_short_way_never_comes_to_full_speed() {
-        let profile = Profile::new(8.0, 0.0, 0.0, &LIMITS);
-        assert!((profile.duration() - 2.0 * (8.0_f64 / 5000.0).sqrt()).abs() < 1e-12);
+    fn a_long_way_takes_length_over_speed_plus_the_ramps() {
+        let profile = Profile::new(200.0, Pace::REST, 0.0, &LIMITS);
+        assert!((profile.duration() - (200.0 / 400.0 + 400.0 / 5000.0 + 5000.0 / 100_000.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_short_way_is_four_ramps_of_jerk() {
+        let profile = Profile::new(0.1, Pace::REST, 0.0, &LIMITS);
+        assert!((profile.duration() - (32.0 * 0.1 / 100_000.0_f64).cbrt()).abs() < 1e-9);
+    }
+
+    /// A law from a pace, reached under the limits, to a speed that can be had: length, pace, speed.
+    fn any_task(limits: &Limits, [share, first, second, third]: [f64; 4]) -> (f64, Pace, f64) {
+        let from = first * limits.speed;
+        // An acceleration that can be taken back before speed 0 and before the highest speed.
+        let (room_down, room_up) = (from, limits.speed - from);
+        let room = if third < 0.0 { room_down } else { room_up };
+        let acceleration = third * limits.acceleration.min((2.0 * limits.jerk * room).sqrt());
+        let (pace, to) = (Pace { speed: from, acceleration }, second * limits.speed);
+        let least = Change::new(pace, to, limits).way();
+        (least + share * share * 500.0 + 1e-3, pace, to)
     }
 
     proptest! {
-        #[test]
-        fn way_and_speed_are_continuous_and_within_limits(
-            length in 0.01..500.0_f64,
-            from in 0.0..400.0_f64,
-            share in 0.0..1.0_f64,
-        ) {
-            let lowest = (from * from - 2.0 * LIMITS.acceleration * length).max(0.0).sqrt();
-            let to = lowest + share * (reachable_speed(from, length, &LIMITS).min(LIMITS.speed) - lowest);
-            let profile = Profile::new(length, from, to, &LIMITS);
-            let steps = 1000;
-            let dt = profile.duration() / f64::from(steps);
-            let (mut way, mut speed) = (0.0, from);
-            for step in 1..=steps {
-                let (next_way, next_speed) = profile.at(dt * f64::from(step));
-                prop_assert!(next_speed <= LIMITS.speed + 1e-6);
-                prop_assert!((next_speed - speed).abs() <= LIMITS.acceleration * dt * (1.0 + 1e-6) + 1e-9);
-                prop_assert!((next_way - way - (speed + next_speed) / 2.0 * dt).abs() <= LIMITS.acceleration * dt * dt);
-                (way, speed) = (next_way, next_speed);
+            #![proptest_config(ProptestConfig { cases: 2_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+            #[test]
+            fn no_law_is_slower_than_the_optimum_by_a_thousandth(
+                limits in any_limits(),
+                [share, first, second] in [0.0..1.0_f64, 0.0..1.0_f64, 0.0..1.0_f64],
+                is_rest_to_rest in any::<bool>(),
+            ) {
+                let (length, from, to) = any_task(&limits, [share, first, second, 0.0]);
+                let (length, from, to) = if is_rest_to_rest { (length, Pace::REST, 0.0) } else { (length, from, to) };
+                let (found, least) = (Profile::new(length, from, to, &limits).duration(), optimum(length, from, to, &limits));
+                // The solver misses some optima, so that a law may be faster; that it keeps the limits is the next test's.
+                prop_assert!(found <= least * 1.001 + 1e-6, "{found} s, {least} s is possible: {from:?} to {to} over {length}");
             }
-            prop_assert!((way - length).abs() < 1e-9 && (speed - to).abs() < 1e-9);
+
+            #[test]
+            fn a_law_from_any_pace_is_within_limits_and_continuous(
+                limits in any_limits(),
+                shares in [0.0..1.0_f64, 0.0..1.0_f64, 0.0..1.0_f64, -1.0..1.0_f64],
+            ) {
+                let (length, from, to) = any_task(&limits, shares);
+                let profile = Profile::new(length, from, to, &limits);
+                let steps = 1000;
+                let dt = profile.duration() / f64::from(steps);
+                let (mut way, mut pace) = profile.at(0.0);
+                prop_assert!(way == 0.0 && (pace.speed - from.speed).abs() < 1e-9);
+                for step in 1..=steps {
+                    let (next_way, next) = profile.at(dt * f64::from(step));
+                    prop_assert!(next.speed <= limits.speed * (1.0 + 1e-6) && next.speed >= -1e-6 * limits.speed, "{next:?}");
+                    prop_assert!(next.acceleration.abs() <= limits.acceleration * (1.0 + 1e-9));
+                    let jerk = (next.acceleration - pace.acceleration).abs() / dt;
+                    prop_assert!(jerk <= limits.jerk * (1.0 + 1e-6) + 1e-6, "{jerk}");
+                    let drift = next.speed - pace.speed - (pace.acceleration + next.acceleration) / 2.0 * dt;
+                    prop_assert!(drift.abs() <= limits.jerk * dt * dt);
+                    let drift = next_way - way - (pace.speed + next.speed) / 2.0 * dt;
+                    prop_assert!(drift.abs() <= limits.acceleration * dt * dt + 1e-9);
+                    (way, pace) = (next_way, next);
+                }
+                prop_assert!((way - length).abs() < 1e-9 * length.max(1.0) && (pace.speed - to).abs() < 1e-9);
+                prop_assert!(pace.acceleration.abs() < 1e-6);
+            }
+
+            #[test]
+            fn a_law_planned_anew_on_its_way_comes_to_the_same_end(
+                limits in any_limits(),
+                shares in [0.0..1.0_f64, 0.0..1.0_f64, 0.0..1.0_f64, -1.0..1.0_f64],
+                at in 0.0..1.0_f64,
+            ) {
+                let (length, from, to) = any_task(&limits, shares);
+                let law = Profile::new(length, from, to, &limits);
+                let (way, pace) = law.at(at * law.duration());
+                let left = law.duration() * (1.0 - at);
+                let exit = nearest_exit(pace, to, length - way, &limits, &[]);
+                // Where no single change leads to the end, the law that is driven goes on.
+                let Some(exit) = exit else { return Ok(()) };
+                let anew = Profile::new(length - way, pace, exit, &limits);
+    // While the arm brakes, releasing the brake in part would be best; ours releases it whole or not at all.
+                prop_assert!(anew.duration() <= 1.25 * left + 2e-3, "{} s, {left} s are left", anew.duration());
+                prop_assert!((anew.scale - 1.0).abs() < 1e-6, "{}", anew.scale);
+            }
+
+            #[test]
+            fn the_speed_that_is_reachable_is_reached_over_just_that_way(
+                limits in any_limits(),
+                speed in 0.0..1_000.0_f64,
+                length in 1e-3..500.0_f64,
+            ) {
+                let reached = reachable_speed(speed, length, &limits);
+                let way = Change::new(Pace::steady(speed), reached, &limits).way();
+                prop_assert!((way - length).abs() < 1e-7 * length, "{way} is not {length}");
+            }
         }
-    }
 }

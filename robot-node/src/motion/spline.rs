@@ -21,7 +21,7 @@
 
 use super::curve::Flange;
 use super::profile::Limits;
-use crate::arm::{Frame, Rotation, cross, distance, dot, length};
+use crate::arm::{Frame, Rotation, distance, dot, length};
 
 /// Parts into which the piece is cut to know its length.
 const PARTS: usize = 24;
@@ -175,41 +175,32 @@ impl Spline {
         Frame { position: [x, y, z], rotation: Rotation::from_quaternion(quaternion) }
     }
 
-    /// Its sharpest bend, in 1/mm.
-    #[must_use]
-    pub fn sharpest_curvature(&self) -> f64 {
-        let samples = 4 * PARTS;
-        (0..=samples).fold(0.0, |sharpest: f64, sample| {
-            sharpest.max(length(self.curvature(sample as f64 / samples as f64)))
-        })
-    }
-
-    /// The curvature vector in 1/mm at a share τ: where the tangent turns to.
-    fn curvature(&self, share: f64) -> [f64; 3] {
-        let [first, second] = [1, 2].map(|order| position(&self.derivative(order, share)));
-        let square = dot(first, first);
-        cross(cross(first, second), first).map(|part| part / (square * square))
-    }
-
     /// The share τ of the piece after `way`: from the part that it lies in, by Newton's method.
     fn share(&self, way: f64) -> f64 {
         let part = self.ways.partition_point(|end| *end < way).min(PARTS - 1);
         let start_way = if part == 0 { 0.0 } else { self.ways[part - 1] };
         let (start, width) = (part as f64 / PARTS as f64, self.ways[part] - start_way);
         let mut share = start + (way - start_way) / width.max(1e-12) / PARTS as f64;
-        for _ in 0..3 {
-            let speed = length(position(&self.derivative(1, share))).max(1e-9);
+        // Within a part the way grows nearly evenly: two steps are exact to the last digits.
+        for _ in 0..2 {
             let off = start_way + self.way_between(start, share) - way;
-            share = (share - off / speed).clamp(start, start + 1.0 / PARTS as f64);
+            share = (share - off / self.speed(share).max(1e-9)).clamp(start, start + 1.0 / PARTS as f64);
         }
         share
     }
 
     /// The way in mm from one share to another.
     fn way_between(&self, from: f64, to: f64) -> f64 {
-        let speed = |share| length(position(&self.derivative(1, share)));
-        let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * speed(from + at * (to - from))).sum();
+        let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * self.speed(from + at * (to - from))).sum();
         sum * (to - from)
+    }
+
+    /// How fast the way grows with the share, in mm.
+    fn speed(&self, share: f64) -> f64 {
+        let [_, b, c, d, e, f] = &self.factors;
+        length(core::array::from_fn(|i| {
+            (((5.0 * f[i] * share + 4.0 * e[i]) * share + 3.0 * d[i]) * share + 2.0 * c[i]) * share + b[i]
+        }))
     }
 
     /// The pose's derivative by τ of this order, 0 to 2.
@@ -235,10 +226,6 @@ fn pose(frame: &Frame, near: Option<&Pose>) -> Pose {
     if along < 0.0 { [x, y, z, -a, -b, -c, -d] } else { pose }
 }
 
-fn position(&[x, y, z, ..]: &Pose) -> [f64; 3] {
-    [x, y, z]
-}
-
 fn difference(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
     core::array::from_fn(|i| to[i] - from[i])
 }
@@ -246,9 +233,10 @@ fn difference(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arm::cross;
     use proptest::prelude::*;
 
-    const PROGRAMMED: Limits = Limits { speed: 250.0, acceleration: 5000.0 };
+    const PROGRAMMED: Limits = Limits { speed: 250.0, acceleration: 5000.0, jerk: 100_000.0 };
 
     fn pieces(targets: &[[f64; 6]]) -> Vec<Spline> {
         let frames: Vec<Frame> = targets.iter().map(|target| Frame::from_mm_deg(*target)).collect();
@@ -275,6 +263,17 @@ mod tests {
                 })
                 .collect()
         })
+    }
+
+    fn position(&[x, y, z, ..]: &Pose) -> [f64; 3] {
+        [x, y, z]
+    }
+
+    /// The curvature vector in 1/mm at a share τ: where the tangent turns to.
+    fn curvature(piece: &Spline, share: f64) -> [f64; 3] {
+        let [first, second] = [1, 2].map(|order| position(&piece.derivative(order, share)));
+        let square = dot(first, first);
+        cross(cross(first, second), first).map(|part| part / (square * square))
     }
 
     fn apart(one: [f64; 3], other: [f64; 3]) -> f64 {
@@ -321,7 +320,7 @@ mod tests {
                     first.map(|part| part / length(first))
                 });
                 prop_assert!(apart(one_tangent, other_tangent) < 1e-9);
-                let (bend, other_bend) = (one.curvature(1.0), other.curvature(0.0));
+                let (bend, other_bend) = (curvature(one, 1.0), curvature(other, 0.0));
                 prop_assert!(apart(bend, other_bend) < 1e-9 + 1e-6 * length(bend));
                 // And numerically, on the path itself, by the way.
                 let h = 0.02;

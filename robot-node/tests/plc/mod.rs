@@ -105,7 +105,7 @@ impl Cell {
 
     pub fn with(config: RobotConfig, program: Vec<Motion>, seed: u64) -> Self {
         let bus = Direct::new(Instant::from_micros(700), Duration::from_millis(1), Duration::from_millis(20));
-        let robot = RobotNode::new(config, vec![(1, program)], bus, seed, Instant::from_micros(2_200));
+        let robot = RobotNode::new(config, vec![(1, program.into())], bus, seed, Instant::from_micros(2_200));
         let link = Impairment { delay: Duration::from_micros(25), ..Impairment::default() };
         let pair = PairConfig { seed, clocks: [Clock::default(); 2], links: [link; 2], addresses: [None; 2] };
         let mut cell = Self { pair: Pair::new(Plc::new(), robot, pair), events: Vec::new() };

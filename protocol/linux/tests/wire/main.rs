@@ -4,6 +4,7 @@
 
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
+mod ethernet_ip;
 mod machines;
 mod streams;
 
@@ -58,14 +59,25 @@ impl Bed {
         end: usize,
         machine: impl FnOnce(&Interface) -> M + Send,
     ) -> CyclicThread<M, Watch> {
+        self.start_on(end, machine, |interface| {
+            vec![
+                Wire::ethernet(interface, PROFINET).unwrap(),
+                Wire::udp(interface, Udp { port: machines::UDP_PORT }).unwrap(),
+            ]
+        })
+    }
+
+    fn start_on<M: Machine<Event = LinkEvent> + Send + 'static>(
+        &self,
+        end: usize,
+        machine: impl FnOnce(&Interface) -> M + Send,
+        wires: impl FnOnce(&Interface) -> Vec<Wire> + Send,
+    ) -> CyclicThread<M, Watch> {
         let (namespace, name) = &self.ends[end];
         namespace
             .run(|| {
                 let interface = Interface::open(name).unwrap();
-                let wires = vec![
-                    Wire::ethernet(&interface, PROFINET).unwrap(),
-                    Wire::udp(&interface, Udp { port: machines::UDP_PORT }).unwrap(),
-                ];
+                let wires = wires(&interface);
                 let machine = machine(&interface);
                 let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
                 let driver = Driver::new(machine, interface, wires, waker.clone()).unwrap();

@@ -82,6 +82,15 @@ pub(super) fn answer_datagram(state: &mut State, datagram: &[u8], buf: &mut [u8]
     }
 }
 
+/// The answer to a ListIdentity. Returns its length.
+pub(super) fn list_identity(state: &State, header: &Header, buf: &mut [u8]) -> Option<usize> {
+    let body = |writer: &mut Writer<'_>| {
+        writer.u16(1);
+        write_identity_item(&state.device, writer);
+    };
+    header.reply(Status::Success).emit(buf, body).ok()
+}
+
 /// The commands that need no session.
 fn list(state: &State, header: &Header, buf: &mut [u8]) -> Answer {
     match header.command {
@@ -94,10 +103,7 @@ fn list(state: &State, header: &Header, buf: &mut [u8]) -> Answer {
                 writer.bytes(SERVICE_NAME);
             });
         }),
-        Command::ListIdentity => reply(header, Status::Success, buf, |writer| {
-            writer.u16(1);
-            write_identity_item(&state.device, writer);
-        }),
+        Command::ListIdentity => list_identity(state, header, buf).map_or(Answer::None, Answer::Reply),
         // There are no interfaces but CIP's own.
         Command::ListInterfaces => reply(header, Status::Success, buf, |writer| writer.u16(0)),
         _ => reply(header, Status::InvalidCommand, buf, |_| {}),

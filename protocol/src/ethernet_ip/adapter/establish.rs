@@ -125,6 +125,7 @@ impl State {
                 context.socket_t_o.map(|socket| socket.port()).filter(|port| *port != 0).unwrap_or(IO_PORT),
             ),
             parameters: t_o,
+            dscp: self.device.qos.cyclic(t_o.priority),
             data_len: points.produced.size,
             cycle: Cycle::new(context.now + micros(t_o_rpi_us), micros(t_o_rpi_us)),
             trigger,

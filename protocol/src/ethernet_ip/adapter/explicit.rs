@@ -35,6 +35,8 @@ struct Slot {
 #[derive(Debug)]
 pub(super) struct ExplicitConnections {
     slots: Box<[Slot]>,
+    /// How many of them hold a connection: most of the time none.
+    open: usize,
 }
 
 impl ExplicitConnections {
@@ -44,15 +46,15 @@ impl ExplicitConnections {
             last: None,
             reply: vec![0; usize::from(MAX_SIZE)].into_boxed_slice(),
         };
-        Self { slots: core::iter::repeat_with(slot).take(room).collect() }
+        Self { slots: core::iter::repeat_with(slot).take(room).collect(), open: 0 }
     }
 
     fn open(&self) -> impl Iterator<Item = &ExplicitConnection> {
         self.slots.iter().filter_map(|slot| slot.connection.as_ref())
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.open().count()
+    pub(super) const fn len(&self) -> usize {
+        self.open
     }
 
     pub(super) fn is_full(&self) -> bool {
@@ -71,6 +73,7 @@ impl ExplicitConnections {
         if let Some(slot) = self.slots.iter_mut().find(|slot| slot.connection.is_none()) {
             slot.connection = Some(connection);
             slot.last = None;
+            self.open += 1;
         }
     }
 
@@ -92,6 +95,9 @@ impl ExplicitConnections {
     }
 
     fn keep(&mut self, wanted: impl Fn(&ExplicitConnection) -> bool) -> usize {
+        if self.open == 0 {
+            return 0;
+        }
         let mut removed = 0;
         for slot in &mut self.slots {
             if slot.connection.as_ref().is_some_and(|connection| !wanted(connection)) {
@@ -99,10 +105,14 @@ impl ExplicitConnections {
                 removed += 1;
             }
         }
+        self.open -= removed;
         removed
     }
 
     pub(super) fn next_timeout(&self) -> Option<Instant> {
+        if self.open == 0 {
+            return None;
+        }
         self.open().map(|connection| connection.watchdog.deadline()).min()
     }
 

@@ -4,9 +4,7 @@ use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::ethernet_ip::class1::{Frame, RUN_IDLE_LEN};
-use crate::ethernet_ip::connection::{
-    Inhibit, Parameters, Priority, SequenceCheck, Triad, Trigger, Watchdog,
-};
+use crate::ethernet_ip::connection::{Inhibit, Parameters, SequenceCheck, Triad, Trigger, Watchdog};
 use crate::ethernet_ip::description::Description;
 use crate::image::Image;
 use crate::{Cycle, Instant};
@@ -48,6 +46,8 @@ pub(super) struct Producer {
     pub(super) id: u32,
     pub(super) to: SocketAddrV4,
     pub(super) parameters: Parameters,
+    /// What the QoS object said of this priority when the connection was opened.
+    pub(super) dscp: u8,
     /// Bytes of data in a frame.
     pub(super) data_len: u16,
     pub(super) cycle: Cycle,
@@ -68,6 +68,7 @@ pub(super) struct Due {
     pub(super) sequence: u32,
     pub(super) count: u16,
     pub(super) size: u16,
+    pub(super) dscp: u8,
 }
 
 /// What became of a frame.
@@ -114,8 +115,8 @@ impl Producer {
         self.inhibit.produced(now);
         self.sequence = self.sequence.wrapping_add(1);
         self.count = self.count.wrapping_add(1);
-        let Self { id, to, sequence, count, data_len: size, .. } = *self;
-        Some(Due { id, to, sequence, count, size })
+        let Self { id, to, sequence, count, data_len: size, dscp, .. } = *self;
+        Some(Due { id, to, sequence, count, size, dscp })
     }
 }
 
@@ -152,12 +153,6 @@ impl IoConnections {
     pub(super) fn multicast(&self) -> Option<&Producer> {
         let producers = self.open.iter().map(|connection| &connection.producer);
         producers.into_iter().find(|producer| producer.to.ip().is_multicast() && producer.sends)
-    }
-
-    /// The priority that the owner wants for T→O data, or else whoever takes it.
-    pub(super) fn priority(&self) -> Option<Priority> {
-        let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
-        owner.or(self.open.first()).map(|connection| connection.producer.parameters.priority)
     }
 
     pub(super) fn add(&mut self, connection: IoConnection) {

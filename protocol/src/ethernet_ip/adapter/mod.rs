@@ -3,6 +3,7 @@
 //! Requests are taken out of their TCP streams one at a time, when the driver asks for the next frame to send: a
 //! flood of requests needs no queue, and cyclic frames always go before replies.
 
+mod delayed;
 mod encapsulated;
 mod establish;
 mod explicit;
@@ -15,12 +16,12 @@ use alloc::boxed::Box;
 use alloc::vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use self::encapsulated::{Answer, answer_datagram};
+use self::delayed::Delayed;
+use self::encapsulated::{Answer, answer_datagram, list_identity};
 use self::sessions::Sessions;
 use self::state::State;
-use super::connection::Priority;
 use super::description::Description;
-use super::encapsulation::MAX_MESSAGE_LEN;
+use super::encapsulation::{Command, HEADER_LEN, Header, MAX_MESSAGE_LEN};
 use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use crate::fieldbus::{Counters, DownCause, Fieldbus, LinkEvent};
@@ -56,6 +57,8 @@ pub struct Adapter {
     datagram: Box<[u8]>,
     /// A UDP request that waits for its answer: who sent it, and its length.
     waiting: Option<(SocketAddrV4, usize)>,
+    /// ListIdentity requests that went to every device.
+    delayed: Delayed,
 }
 
 impl Adapter {
@@ -69,6 +72,7 @@ impl Adapter {
             sessions: Sessions::new(description.sessions.into(), first_id),
             datagram: vec![0; MAX_MESSAGE_LEN].into_boxed_slice(),
             waiting: None,
+            delayed: Delayed::new(u64::from(serial_number) << 32 | u64::from(first_id)),
         }
     }
 
@@ -103,6 +107,20 @@ impl Machine for Adapter {
         }
     }
 
+    /// What devices answer at once to one client alone, they answer one after the other where all are asked.
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        match (from, Header::parse(frame)) {
+            (Source { port: Port::Udp(ENCAPSULATION_PORT), peer: Some(peer) }, Ok(header))
+                if header.command == Command::ListIdentity
+                    && header.options == 0
+                    && frame.len() == HEADER_LEN + usize::from(header.length) =>
+            {
+                self.delayed.ask(now, peer, header);
+            }
+            _ => self.handle_frame(now, from, frame),
+        }
+    }
+
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         match change {
             StreamChange::Opened(peer) => self.sessions.open(now, stream, peer),
@@ -119,12 +137,11 @@ impl Machine for Adapter {
         self.sessions.poll_close().map(StreamRequest::Close)
     }
 
-    /// A setting of the QoS object, which a scanner may change at any time.
+    /// What the QoS object said when the connection was opened, and what it says now of explicit messages.
     fn dscp(&self, port: Port) -> u8 {
-        let qos = &self.state.device.qos;
         match port {
-            Port::Udp(IO_PORT) => qos.cyclic(self.state.io.priority().unwrap_or(Priority::Scheduled)),
-            _ => qos.explicit(),
+            Port::Udp(IO_PORT) => self.state.cyclic_dscp,
+            _ => self.state.device.qos.explicit(),
         }
     }
 
@@ -141,6 +158,11 @@ impl Machine for Adapter {
         if let Some((peer, len)) = self.waiting.take() {
             let request = self.datagram.get(..len).unwrap_or_default();
             if let Some(len) = answer_datagram(&mut self.state, request, buf) {
+                return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
+            }
+        }
+        while let Some((peer, header)) = self.delayed.next_due(now) {
+            if let Some(len) = list_identity(&self.state, &header, buf) {
                 return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
             }
         }
@@ -163,7 +185,7 @@ impl Machine for Adapter {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let sessions = self.sessions.next_inactivity(self.state.device.network.inactivity());
-        [self.state.next_timeout(), sessions].into_iter().flatten().min()
+        Instant::earlier(Instant::earlier(self.state.next_timeout(), sessions), self.delayed.next_timeout())
     }
 }
 

@@ -34,6 +34,10 @@ pub(super) struct Sessions {
     closing: VecDeque<StreamId>,
     next_handle: u32,
     turn: usize,
+    /// Some slot is pending.
+    pending: bool,
+    /// When the connection that is silent longest was heard last.
+    oldest: Option<Instant>,
 }
 
 impl Sessions {
@@ -43,6 +47,8 @@ impl Sessions {
             closing: VecDeque::with_capacity(2 * room + 1),
             next_handle: first_handle,
             turn: 0,
+            pending: false,
+            oldest: None,
         }
     }
 
@@ -81,12 +87,14 @@ impl Sessions {
         }
         slot.reassembly.clear();
         slot.pending = false;
+        self.find_oldest();
     }
 
     /// A connection is gone.
     pub(super) fn closed(&mut self, stream: StreamId) {
         if let Some(slot) = self.slot(stream) {
             slot.session = None;
+            self.find_oldest();
         }
     }
 
@@ -107,6 +115,8 @@ impl Sessions {
         if let Some(session) = &mut slot.session {
             session.last_heard = now;
         }
+        self.pending = true;
+        self.find_oldest();
         if !taken {
             self.end(stream);
         }
@@ -119,6 +129,9 @@ impl Sessions {
         state: &mut State,
         buf: &mut [u8],
     ) -> Option<(StreamId, Answer)> {
+        if !self.pending {
+            return None;
+        }
         let room = self.slots.len();
         for step in 0..room {
             let index = (self.turn + step) % room;
@@ -133,12 +146,16 @@ impl Sessions {
                 None => *pending = false,
             }
         }
+        self.pending = false;
         None
     }
 
     /// Ends connections that have been silent for too long (volume 2, 5-4.3.13).
     pub(super) fn check_inactivity(&mut self, now: Instant, limit: Option<Duration>) {
-        let Some(limit) = limit else { return };
+        let (Some(limit), Some(oldest)) = (limit, self.oldest) else { return };
+        if now.since(oldest) < limit {
+            return;
+        }
         for slot in &mut self.slots {
             if slot.session.as_ref().is_some_and(|session| now.since(session.last_heard) >= limit)
                 && let Some(session) = slot.session.take()
@@ -146,11 +163,15 @@ impl Sessions {
                 self.closing.push_back(session.stream);
             }
         }
+        self.find_oldest();
     }
 
     pub(super) fn next_inactivity(&self, limit: Option<Duration>) -> Option<Instant> {
-        let limit = limit?;
-        self.open_sessions().map(|session| session.last_heard + limit).min()
+        Some(self.oldest? + limit?)
+    }
+
+    fn find_oldest(&mut self) {
+        self.oldest = self.open_sessions().map(|session| session.last_heard).min();
     }
 
     fn slot(&mut self, stream: StreamId) -> Option<&mut Slot> {

@@ -31,6 +31,8 @@ pub(super) struct State {
     pub(super) scratch: Box<[u8]>,
     /// Takes no connections any more.
     pub(super) closed: bool,
+    /// The DSCP of the cyclic frame that was handed out last.
+    pub(super) cyclic_dscp: u8,
     up: bool,
     next_id: u32,
 }
@@ -60,6 +62,7 @@ impl State {
             events: VecDeque::with_capacity(EVENTS),
             scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
             closed: false,
+            cyclic_dscp: 0,
             up: false,
             next_id: first_id,
         }
@@ -104,6 +107,7 @@ impl State {
         let data = self.device.produced.get(..usize::from(due.size))?;
         let len = class1::emit(buf, (due.id, due.sequence, due.count), None, data).ok()?;
         self.counters.sent += 1;
+        self.cyclic_dscp = due.dscp;
         Some(Transmit { port: Port::Udp(IO_PORT), to: Some(due.to), len })
     }
 
@@ -157,6 +161,6 @@ impl State {
     }
 
     pub(super) fn next_timeout(&self) -> Option<Instant> {
-        [self.io.next_timeout(), self.explicit.next_timeout()].into_iter().flatten().min()
+        Instant::earlier(self.io.next_timeout(), self.explicit.next_timeout())
     }
 }

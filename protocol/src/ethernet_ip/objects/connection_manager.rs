@@ -50,6 +50,11 @@ pub(super) struct ConnectionManager;
 impl Object for ConnectionManager {
     const REVISION: u16 = 1;
     const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8];
+    const SETS_LISTS: bool = true;
+
+    fn listed_len(attribute: u16) -> Option<usize> {
+        Self::ATTRIBUTES.contains(&attribute).then_some(2)
+    }
 
     fn get(
         device: &Device,

@@ -14,7 +14,10 @@ pub(super) struct EthernetLink;
 
 impl Object for EthernetLink {
     const REVISION: u16 = 4;
-    const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+    /// Without 4 and 5, the counters of the interface and of its medium: those are the operating system's, which
+    /// counts what other programs send as well, and zeros would say that nothing was ever sent.
+    const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 6, 7, 8, 9, 10, 11];
+    const ALL: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 
     fn get(
         device: &Device,
@@ -26,7 +29,7 @@ impl Object for EthernetLink {
             1 => writer.u32(SPEED_MBIT_S.into()),
             2 => writer.u32(FLAGS),
             3 => writer.bytes(&device.network.mac),
-            // Interface and media counters: the operating system's, not ours, and so never counted here.
+            // What Get_Attributes_All has in place of the attributes that are not there.
             4 => writer.zeros(11 * 4),
             5 => writer.zeros(12 * 4),
             // Interface control: negotiation on, no forced speed.

@@ -1,20 +1,8 @@
 //! Message Router, class 02, and its Multiple_Service_Packet (volume 1, 5-3 and appendix ).
 
-use super::super::cip::{General, Violation, class, refuse, service};
+use super::super::cip::{General, Violation, refuse, service};
 use super::super::{Reader, Writer};
-use super::{Device, Object};
-
-/// Every class that this device has.
-const CLASSES: [u16; 8] = [
-    class::IDENTITY as u16,
-    class::MESSAGE_ROUTER as u16,
-    class::ASSEMBLY as u16,
-    class::CONNECTION_MANAGER as u16,
-    class::QOS as u16,
-    class::PORT as u16,
-    class::TCP_IP_INTERFACE as u16,
-    class::ETHERNET_LINK as u16,
-];
+use super::{CLASSES, Device, Object};
 
 pub(super) struct MessageRouter;
 
@@ -32,7 +20,7 @@ impl Object for MessageRouter {
         match attribute {
             1 => {
                 writer.u16(CLASSES.len() as u16);
-                CLASSES.iter().for_each(|class| writer.u16(*class));
+                CLASSES.iter().for_each(|(class, ..)| writer.u16(*class as u16));
             }
             2 => writer.u16(device.description.explicit.into()),
             _ => return Err(Violation::UnknownAttribute),

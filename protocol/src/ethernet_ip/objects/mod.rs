@@ -12,7 +12,7 @@ mod tcp_ip;
 pub(super) use connection_manager::ManagerCounters;
 pub(super) use identity::{IoState, write_identity_item};
 pub(super) use message_router::multiple_service;
-pub(super) use port::PORT_NUMBER;
+pub use port::PORT_NUMBER;
 pub(super) use qos::Qos;
 pub(super) use tcp_ip::Network;
 
@@ -20,6 +20,18 @@ use super::cip::{General, Target, Violation, class, service};
 use super::description::Description;
 use super::{Reader, Writer};
 use crate::image::{IMAGE_LEN, Image};
+
+/// Every class of objects that a device of ours has: its code, its revision and its name.
+pub const CLASSES: [(u32, u16, &str); 8] = [
+    (class::IDENTITY, identity::Identity::REVISION, "Identity"),
+    (class::MESSAGE_ROUTER, message_router::MessageRouter::REVISION, "Message Router"),
+    (class::ASSEMBLY, assembly::Assembly::REVISION, "Assembly"),
+    (class::CONNECTION_MANAGER, connection_manager::ConnectionManager::REVISION, "Connection Manager"),
+    (class::QOS, qos::QosObject::REVISION, "QoS"),
+    (class::PORT, port::Port::REVISION, "Port"),
+    (class::TCP_IP_INTERFACE, tcp_ip::TcpIpInterface::REVISION, "TCP/IP Interface"),
+    (class::ETHERNET_LINK, ethernet_link::EthernetLink::REVISION, "Ethernet Link"),
+];
 
 /// What the objects hold.
 #[derive(Debug)]
@@ -55,12 +67,17 @@ impl Device {
 trait Object {
     /// Class attribute 1.
     const REVISION: u16;
-    /// Attributes of an instance, in the order in which Get_Attributes_All has them.
+    /// Attributes of an instance.
     const ATTRIBUTES: &'static [u16];
+    /// What Get_Attributes_All has, in its order. An attribute in it that the instance does not have is zero there.
+    const ALL: &'static [u16] = Self::ATTRIBUTES;
     /// Attributes of the class, in the order in which its Get_Attributes_All has them.
     const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 3];
     /// Whether the instances have Get_Attributes_All.
     const HAS_ALL: bool = true;
+    /// Whether the instances have Set_Attribute_List. Of our classes the standard has it for the Connection Manager
+    /// alone (volume 1, 3-5.4); the others take one attribute at a time.
+    const SETS_LISTS: bool = false;
 
     /// The highest instance.
     fn max_instance(_device: &Device) -> u32 {
@@ -83,6 +100,11 @@ trait Object {
     /// Sets an attribute of an instance that is there, and that has it.
     fn set(_device: &mut Device, _instance: u32, _attribute: u16, _data: &[u8]) -> Result<(), Violation> {
         Err(Violation::NotSettable)
+    }
+
+    /// Bytes of an attribute, for Set_Attribute_List, which does not tell them; none where it cannot be set.
+    fn listed_len(_attribute: u16) -> Option<usize> {
+        None
     }
 
     /// Writes an attribute of the class.
@@ -157,7 +179,7 @@ fn serve_class<O: Object>(
             Ok(General::Success)
         }
         service::GET_ATTRIBUTES_ALL if O::HAS_ALL => {
-            O::ATTRIBUTES.iter().try_for_each(|id| O::get(device, instance, *id, writer))?;
+            O::ALL.iter().try_for_each(|id| O::get(device, instance, *id, writer))?;
             Ok(General::Success)
         }
         service::GET_ATTRIBUTE_SINGLE => {
@@ -173,6 +195,9 @@ fn serve_class<O: Object>(
             }
             O::set(device, instance, attribute, data)?;
             Ok(General::Success)
+        }
+        service::SET_ATTRIBUTE_LIST if instance != 0 && O::SETS_LISTS => {
+            set_list::<O>(device, instance, data, writer)
         }
         service => O::own_service(device, instance, service, data, writer),
     }
@@ -218,6 +243,45 @@ fn get_list<O: Object>(
         }
     }
     Ok(general)
+}
+
+/// Set_Attribute_List: each attribute has a status of its own (volume 1, A-4.4). Behind an attribute whose length is
+/// not known nothing can be read any more: the reply ends with its status.
+fn set_list<O: Object>(
+    device: &mut Device,
+    instance: u32,
+    data: &[u8],
+    writer: &mut Writer<'_>,
+) -> Result<General, Violation> {
+    let mut reader = Reader::new(data);
+    let count = reader.u16().map_err(|_| Violation::TooShort)?;
+    let (mut general, mut answered) = (General::Success, 0);
+    let count_at = writer.len();
+    writer.u16(0);
+    while answered < count {
+        let id = reader.u16().map_err(|_| Violation::TooShort)?;
+        let len = O::listed_len(id);
+        let set = match len {
+            Some(len) => {
+                let value = reader.bytes(len).map_err(|_| Violation::TooShort)?;
+                O::set(device, instance, id, value)
+            }
+            None if O::ATTRIBUTES.contains(&id) => Err(Violation::NotSettable),
+            None => Err(Violation::UnknownAttribute),
+        };
+        answered += 1;
+        writer.u16(id);
+        writer.u16(set.map_or_else(|violation| u8::from(violation.status().general).into(), |()| 0));
+        if set.is_err() {
+            general = General::AttributeListError;
+        }
+        if len.is_none() {
+            writer.patch_u16(count_at, answered);
+            return Ok(general);
+        }
+    }
+    writer.patch_u16(count_at, answered);
+    if reader.is_empty() { Ok(general) } else { Err(Violation::TooLong) }
 }
 
 /// The one number that a settable attribute takes.

@@ -10,7 +10,7 @@ use core::net::Ipv4Addr;
 const ETHERNET_IP: u16 = 4;
 
 /// Number of the port. 1 is for a backplane, which this device does not have.
-pub(in super::super) const PORT_NUMBER: u16 = 2;
+pub const PORT_NUMBER: u16 = 2;
 
 pub(super) struct Port;
 

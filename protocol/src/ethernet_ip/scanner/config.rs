@@ -19,12 +19,16 @@ pub struct ScannerConfig {
     pub route: Vec<u8>,
     /// The device that the adapter must be; none for any.
     pub key: Option<ElectronicKey>,
+    /// What the EDS file of that device says, for refusals to quote; none where there is none.
+    pub described: Option<&'static Description>,
     /// Configuration assembly; none where the adapter has none.
     pub configuration: Option<u32>,
     /// O→T assembly.
     pub consumed: u32,
     /// T→O assembly.
     pub produced: u32,
+    /// Whether T→O data goes to a multicast group, which other scanners may join as well, and not to this one alone.
+    pub multicast: bool,
     /// Bytes of data O→T, without sequence count and header.
     pub o_t_size: u16,
     /// Bytes of data T→O, without sequence count and header.
@@ -56,7 +60,7 @@ impl ScannerConfig {
     ///
     /// The timeout is 128 intervals (code 5), requests may take 1 s, and the next attempt comes after 1 s.
     #[must_use]
-    pub fn exclusive_owner(target: Ipv4Addr, device: &Description, rpi_us: u32) -> Self {
+    pub fn exclusive_owner(target: Ipv4Addr, device: &'static Description, rpi_us: u32) -> Self {
         let role = |role| device.role(role).map_or((0, 0), |assembly| (assembly.instance, assembly.size));
         let (consumed, o_t_size) = role(Role::Consumed);
         let (produced, t_o_size) = role(Role::Produced);
@@ -64,9 +68,11 @@ impl ScannerConfig {
             target,
             route: Vec::new(),
             key: Some(device.key()),
+            described: Some(device),
             configuration: device.role(Role::Configuration).map(|assembly| assembly.instance),
             consumed,
             produced,
+            multicast: false,
             o_t_size,
             t_o_size,
             o_t_run_idle: true,
@@ -83,11 +89,11 @@ impl ScannerConfig {
     }
 
     /// The parameters of one direction.
-    fn parameters(size: u16, run_idle: bool) -> Parameters {
+    fn parameters(kind: ConnectionType, size: u16, run_idle: bool) -> Parameters {
         let header = if run_idle { RUN_IDLE_LEN } else { 0 };
         Parameters {
             redundant_owner: false,
-            kind: ConnectionType::PointToPoint,
+            kind,
             priority: Priority::Scheduled,
             variable: false,
             size: size.saturating_add(SEQUENCE_LEN).saturating_add(header),
@@ -97,13 +103,14 @@ impl ScannerConfig {
     /// The parameters O→T.
     #[must_use]
     pub fn o_t(&self) -> Parameters {
-        Self::parameters(self.o_t_size, self.o_t_run_idle)
+        Self::parameters(ConnectionType::PointToPoint, self.o_t_size, self.o_t_run_idle)
     }
 
     /// The parameters T→O.
     #[must_use]
     pub fn t_o(&self) -> Parameters {
-        Self::parameters(self.t_o_size, self.t_o_run_idle)
+        let kind = if self.multicast { ConnectionType::Multicast } else { ConnectionType::PointToPoint };
+        Self::parameters(kind, self.t_o_size, self.t_o_run_idle)
     }
 
     /// Whether the sizes need a Large_Forward_Open.

@@ -97,13 +97,23 @@ pub(super) const fn number_of(header: &Header) -> u32 {
     u32::from_le_bytes([a, b, c, d])
 }
 
-/// The CIP reply in the data of a SendRRData, and where O→T data is to go, if the adapter says so.
-pub(super) fn read_reply(data: &[u8]) -> Option<(Reply<'_>, Option<SocketAddrV4>)> {
+/// Where data goes, as far as the adapter says so.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(super) struct Sockets {
+    /// O→T.
+    pub(super) o_t: Option<SocketAddrV4>,
+    /// T→O, which it has to say of a multicast.
+    pub(super) t_o: Option<SocketAddrV4>,
+}
+
+/// The CIP reply in the data of a SendRRData, and where data is to go.
+pub(super) fn read_reply(data: &[u8]) -> Option<(Reply<'_>, Sockets)> {
     let mut reader = Reader::new(data);
     reader.skip(6).ok()?;
     let packet = Packet::parse(reader).ok()?;
     let Some(Item::UnconnectedData(reply)) = packet.data else { return None };
-    Some((Reply::parse(reply).ok()?, packet.socket_o_t))
+    let sockets = Sockets { o_t: packet.socket_o_t, t_o: packet.socket_t_o };
+    Some((Reply::parse(reply).ok()?, sockets))
 }
 
 /// The identity in the reply to Get_Attributes_All.

@@ -1,8 +1,6 @@
 //! From a TCP connection to a connection that carries images: what is said, and what follows from each answer.
 
-use core::net::SocketAddrV4;
-
-use super::dialogue::{self, Say};
+use super::dialogue::{self, Say, Sockets};
 use super::io::Io;
 use super::{Asked, KEEP_ALIVE, Refusal, Scanner, Step};
 use crate::Instant;
@@ -15,6 +13,8 @@ impl Scanner {
     fn asked(&self) -> Asked {
         let config = &self.config;
         Asked {
+            target: config.target,
+            described: config.described,
             key: config.key,
             consumed: (config.consumed, config.o_t().size),
             produced: (config.produced, config.t_o().size),
@@ -24,7 +24,7 @@ impl Scanner {
     }
 
     fn refused(&mut self, now: Instant, reply: &Reply<'_>) {
-        let refusal = Refusal::of_reply(self.config.target, reply, self.asked(), self.found);
+        let refusal = Refusal::of_reply(reply, self.asked(), self.found);
         self.refusal = Some(refusal);
         // There is nothing to close.
         self.step = Step::Idle;
@@ -52,7 +52,7 @@ impl Scanner {
                     return self.fail(now, Down { cause: DownCause::Refused, code, text });
                 }
                 match dialogue::read_reply(data) {
-                    Some((reply, socket_o_t)) => self.hear_reply(now, &reply, socket_o_t),
+                    Some((reply, sockets)) => self.hear_reply(now, &reply, sockets),
                     None => self.counters.malformed += 1,
                 }
             }
@@ -60,7 +60,7 @@ impl Scanner {
         }
     }
 
-    fn hear_reply(&mut self, now: Instant, reply: &Reply<'_>, socket_o_t: Option<SocketAddrV4>) {
+    fn hear_reply(&mut self, now: Instant, reply: &Reply<'_>, sockets: Sockets) {
         match (self.step, reply.service) {
             (Step::Identifying, service::GET_ATTRIBUTES_ALL) => {
                 // An adapter that does not tell all its attributes may still be the right one.
@@ -81,11 +81,16 @@ impl Scanner {
                 }
                 match Opened::parse(reply.data) {
                     Ok(opened) if opened.triad == self.triad && opened.o_t_api_us > 0 => {
+                        let Some(io) = Io::new(now, &self.config, &opened, sockets) else {
+                            let text =
+                                "the adapter opened a multicast connection but named no multicast group";
+                            return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
+                        };
                         self.refusal = None;
                         self.step = Step::Running;
                         self.deadline = None;
                         self.keep_alive_at = Some(now + KEEP_ALIVE);
-                        self.io = Some(Io::new(now, &self.config, &opened, socket_o_t));
+                        self.io = Some(io);
                     }
                     _ => self.counters.malformed += 1,
                 }

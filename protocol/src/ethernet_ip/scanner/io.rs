@@ -3,6 +3,7 @@
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::ScannerConfig;
+use super::dialogue::Sockets;
 use crate::ethernet_ip::IO_PORT;
 use crate::ethernet_ip::class1::{self, Frame};
 use crate::ethernet_ip::connection::{Opened, SequenceCheck, Watchdog};
@@ -25,22 +26,25 @@ pub(super) struct Io {
     t_o_len: usize,
     t_o_run_idle: bool,
     o_t_run_idle: bool,
+    /// The multicast group that T→O frames go to.
+    pub(super) group: Option<Ipv4Addr>,
     /// The adapter's data is there and good.
     pub(super) good: bool,
 }
 
 impl Io {
+    /// What follows from the adapter's reply; none where it should have named a multicast group and did not.
     pub(super) fn new(
         now: Instant,
         config: &ScannerConfig,
         opened: &Opened,
-        socket_o_t: Option<SocketAddrV4>,
-    ) -> Self {
+        sockets: Sockets,
+    ) -> Option<Self> {
         let micros = |micros: u32| Duration::from_micros(micros.into());
         let header = if config.t_o_run_idle { class1::RUN_IDLE_LEN } else { 0 };
         // The adapter may want the data at another address or port than its own.
         let own = SocketAddrV4::new(config.target, IO_PORT);
-        let to = socket_o_t.map_or(own, |socket| {
+        let to = sockets.o_t.map_or(own, |socket| {
             let (ip, port) = (*socket.ip(), socket.port());
             let known = |ip: &Ipv4Addr| !ip.is_unspecified();
             SocketAddrV4::new(
@@ -48,7 +52,11 @@ impl Io {
                 if port == 0 { IO_PORT } else { port },
             )
         });
-        Self {
+        let group = sockets.t_o.map(|socket| *socket.ip()).filter(Ipv4Addr::is_multicast);
+        if config.multicast && group.is_none() {
+            return None;
+        }
+        Some(Self {
             o_t_id: opened.o_t_id,
             t_o_id: opened.t_o_id,
             to,
@@ -60,8 +68,9 @@ impl Io {
             t_o_len: usize::from(config.t_o_size) + usize::from(header),
             t_o_run_idle: config.t_o_run_idle,
             o_t_run_idle: config.o_t_run_idle,
+            group: group.filter(|_| config.multicast),
             good: false,
-        }
+        })
     }
 
     pub(super) fn next_timeout(&self) -> Instant {

@@ -16,7 +16,8 @@ use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::net::SocketAddrV4;
+use core::fmt;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use self::dialogue::Say;
 use self::io::Io;
@@ -290,6 +291,10 @@ impl Machine for Scanner {
         }
     }
 
+    fn group(&self, port: Port) -> Option<Ipv4Addr> {
+        self.io.as_ref().filter(|_| port == Port::Udp(IO_PORT)).and_then(|io| io.group)
+    }
+
     fn handle_timeout(&mut self, now: Instant) {
         if self.io.as_ref().is_some_and(|io| io.expired(now)) {
             let text = "the adapter sent nothing for as long as the timeout allows";
@@ -328,7 +333,7 @@ impl Machine for Scanner {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let io = self.io.as_ref().map(Io::next_timeout);
-        [self.deadline, self.keep_alive_at, io].into_iter().flatten().min()
+        Instant::earlier(Instant::earlier(self.deadline, self.keep_alive_at), io)
     }
 }
 
@@ -369,6 +374,10 @@ impl Fieldbus for Scanner {
                 self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
             }
         }
+    }
+
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
     }
 
     fn counters(&self) -> Counters {

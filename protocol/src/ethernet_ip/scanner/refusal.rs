@@ -5,15 +5,13 @@ use core::net::Ipv4Addr;
 
 use crate::ethernet_ip::Reader;
 use crate::ethernet_ip::cip::{ElectronicKey, Extended, General, Reply, Revision};
-use crate::ethernet_ip::description::Identity;
+use crate::ethernet_ip::description::{Assembly, Description, Identity, Role};
 use crate::fieldbus::{Down, DownCause};
 use crate::wire::Truncated;
 
 /// A refused request, with what was asked and what is there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Refusal {
-    /// The adapter.
-    pub target: Ipv4Addr,
     /// General status of its reply; [`General::KeyFailure`] where this side found the device to be another one.
     pub general: General,
     /// Extended status of its reply.
@@ -31,6 +29,10 @@ pub struct Refusal {
 /// What a Forward_Open asked for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Asked {
+    /// The adapter.
+    pub target: Ipv4Addr,
+    /// What the EDS file of the device that is wanted says.
+    pub described: Option<&'static Description>,
     /// The device that is wanted.
     pub key: Option<ElectronicKey>,
     /// O→T assembly, and connection size in bytes.
@@ -44,12 +46,7 @@ pub struct Asked {
 }
 
 impl Refusal {
-    pub(super) fn of_reply(
-        target: Ipv4Addr,
-        reply: &Reply<'_>,
-        asked: Asked,
-        found: Option<Identity>,
-    ) -> Self {
+    pub(super) fn of_reply(reply: &Reply<'_>, asked: Asked, found: Option<Identity>) -> Self {
         let extended = reply.word(0).map(Extended::from);
         let (mut size, mut intervals_us) = (None, None);
         match extended {
@@ -62,7 +59,7 @@ impl Refusal {
             Some(Extended::RpiNotAcceptable) => intervals_us = read_intervals(reply.additional).ok(),
             _ => {}
         }
-        Self { target, general: reply.general, extended, size, intervals_us, asked, found }
+        Self { general: reply.general, extended, size, intervals_us, asked, found }
     }
 
     /// What the status says.
@@ -85,7 +82,7 @@ impl Refusal {
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the adapter {} refused the connection: {}", self.target, self.words())?;
+        write!(f, "the adapter {} refused the connection: {}", self.asked.target, self.words())?;
         write!(f, " (general status 0x{:02X}", u8::from(self.general))?;
         if let Some(extended) = self.extended {
             write!(f, ", extended status 0x{:04X}", u16::from(extended))?;
@@ -95,17 +92,13 @@ impl fmt::Display for Refusal {
         if let Some(size) = self.size {
             write!(f, "; the device has {size} bytes there")?;
         }
-        match self.intervals_us {
-            Some((o_t, t_o)) => write!(f, "; the device would take {o_t} µs O→T and {t_o} µs T→O")?,
-            None if self.extended == Some(Extended::RpiNotSupported) => {
-                f.write_str("; the device's EDS file has its shortest and longest interval")?;
-            }
-            None => {}
+        if let Some((o_t, t_o)) = self.intervals_us {
+            write!(f, "; the device would take {o_t} µs O→T and {t_o} µs T→O")?;
         }
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
         }
-        Ok(())
+        self.write_described(f)
     }
 }
 
@@ -125,8 +118,61 @@ impl Refusal {
         )
     }
 
+    /// What the device has instead, where its reply has no field for it but its EDS file tells.
+    fn write_described(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_described =
+            |device: &&Description| self.found.is_some_and(|found| device.key().check(&found.key).is_ok());
+        let Some(device) = self.asked.described.filter(is_described) else {
+            return match self.extended {
+                Some(Extended::RpiNotSupported) => {
+                    f.write_str("; the device's EDS file has its shortest and longest interval")
+                }
+                _ => Ok(()),
+            };
+        };
+        match self.extended {
+            Some(Extended::RpiNotSupported) => {
+                let Description { min_rpi_us, max_rpi_us, .. } = device;
+                write!(f, "; by its EDS file the device serves {min_rpi_us} to {max_rpi_us} µs")
+            }
+            Some(Extended::OwnershipConflict) => {
+                let owners = device.exclusive_owners;
+                write!(
+                    f,
+                    "; by its EDS file the device has outputs for {owners} owner: stop the other scanner, or "
+                )?;
+                f.write_str("wait for its timeout")
+            }
+            Some(Extended::OutOfConnections | Extended::TargetOutOfConnections) => {
+                let Description { exclusive_owners, input_only, listen_only, explicit, .. } = device;
+                write!(f, "; by its EDS file the device has connections for {exclusive_owners} owner, ")?;
+                write!(f, "{input_only} input-only, {listen_only} listen-only and {explicit} of class 3")
+            }
+            Some(
+                Extended::InvalidApplicationPath
+                | Extended::InvalidConfigurationPathCombination
+                | Extended::InvalidConfigurationPath
+                | Extended::InvalidConsumingPath
+                | Extended::InvalidProducingPath
+                | Extended::InconsistentPathCombination,
+            ) => {
+                f.write_str("; by its EDS file the device has the assemblies")?;
+                for (index, assembly) in device.assemblies.iter().enumerate() {
+                    let Assembly { instance, size, role, .. } = assembly;
+                    let comma = if index == 0 { "" } else { "," };
+                    write!(f, "{comma} {instance} {}", role.words())?;
+                    if matches!(role, Role::Consumed | Role::Produced) {
+                        write!(f, " ({size} bytes)")?;
+                    }
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn write_asked(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Asked { key, consumed, produced, configuration, rpi_us } = self.asked;
+        let Asked { key, consumed, produced, configuration, rpi_us, .. } = self.asked;
         match self.extended {
             _ if self.is_about_key() => write_key(f, key),
             Some(Extended::InvalidOtSize) => {

@@ -103,12 +103,15 @@ impl Alarms {
 
     /// Repeats what was not acknowledged. Returns whether the device had to be given up.
     pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
-        [&mut self.high, &mut self.low].into_iter().any(|endpoint| endpoint.handle_timeout(now))
+        self.high.handle_timeout(now) || self.low.handle_timeout(now)
     }
 
     /// Writes the next PDU.
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         let Self { route, references, high, low } = self;
+        if !high.has_to_send() && !low.has_to_send() {
+            return None;
+        }
         [high, low].into_iter().find_map(|endpoint| {
             let (rta, alarm) = endpoint.poll_transmit(now, *references)?;
             emit(*route, endpoint.priority, buf, |writer| {
@@ -123,10 +126,7 @@ impl Alarms {
 
     /// When something has to be repeated.
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
-        [&self.high, &self.low]
-            .into_iter()
-            .filter_map(|endpoint| endpoint.outstanding.map(|outstanding| outstanding.repeat_at))
-            .min()
+        Instant::earlier(self.high.repeat_at(), self.low.repeat_at())
     }
 
     /// The error PDU that tells the device that the AR has ended.
@@ -204,6 +204,14 @@ impl Endpoint {
             });
         }
         Outcome::Taken
+    }
+
+    fn repeat_at(&self) -> Option<Instant> {
+        self.outstanding.as_ref().map(|outstanding| outstanding.repeat_at)
+    }
+
+    fn has_to_send(&self) -> bool {
+        self.ack_due || self.outstanding.as_ref().is_some_and(|outstanding| outstanding.due)
     }
 
     fn acknowledged(&mut self, ack_sequence: u16) -> bool {

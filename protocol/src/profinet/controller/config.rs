@@ -18,6 +18,10 @@ use crate::profinet::{LT_UDP, Uuid, is_station_name, rpc};
 /// CMInitiatorActivityTimeoutFactor, in 100 ms: the device gives a connection up that stands still for so long.
 const ACTIVITY_TIMEOUT: u16 = 200;
 
+/// LocalAlarmReference: the number of the AR's alarm endpoint. There is one AR; a Siemens controller counts from 0 too,
+/// and keeps the number from one connection to the next.
+const ALARM_REFERENCE: u16 = 0;
+
 /// Everything that a [`Controller`](super::Controller) is told.
 #[derive(Clone, Debug)]
 pub struct ControllerConfig {
@@ -202,7 +206,7 @@ impl Plan {
                 },
                 rta_timeout: 1,
                 rta_retries: 3,
-                local_reference: 0,
+                local_reference: ALARM_REFERENCE,
                 max_data_length: 256,
                 tag_high: Tag::RT.0,
                 tag_low: Tag::ALARM_LOW.0,

@@ -390,14 +390,17 @@ impl Machine for Controller {
             Phase::Pausing { until } | Phase::Readying { until } | Phase::Releasing { until } => Some(until),
             _ => None,
         };
-        let of_link = self.link.as_ref().map(|link| {
-            let watched = (self.phase == Phase::Exchanging).then(|| link.receiver.poll_timeout());
-            let sender = link.sender.poll_timeout();
-            watched.into_iter().chain(link.alarms.poll_timeout()).fold(sender, Instant::min)
-        });
-        let of_calls = [self.discovery.poll_timeout(), self.caller.poll_timeout()];
-        let waits = [of_phase, of_link, self.silent_at, self.station.poll_timeout()];
-        waits.into_iter().chain(of_calls).flatten().min()
+        let mut next = Instant::earlier(of_phase, self.silent_at);
+        if let Some(link) = &self.link {
+            next = Instant::earlier(next, Some(link.sender.poll_timeout()));
+            next = Instant::earlier(next, link.alarms.poll_timeout());
+            if self.phase == Phase::Exchanging {
+                next = Instant::earlier(next, Some(link.receiver.poll_timeout()));
+            }
+        }
+        next = Instant::earlier(next, self.station.poll_timeout());
+        next = Instant::earlier(next, self.discovery.poll_timeout());
+        Instant::earlier(next, self.caller.poll_timeout())
     }
 }
 

@@ -54,12 +54,10 @@ impl Controller {
     fn connect(&mut self, now: Instant) {
         let activity = random_uuid(&mut self.random);
         self.caller.begin(activity);
+        // A controller that starts anew keeps its AR, and so its ARUUID and its alarm endpoint; the session key alone
+        // tells one connection of the AR from the next (IEC 61158-6-10, CMInitiator).
         let request = &mut self.plan.connect;
         request.ar.session = request.ar.session.wrapping_add(1);
-        if let Some(alarm_cr) = &mut request.alarm_cr {
-            // PDUs of an earlier session then name another endpoint.
-            alarm_cr.local_reference = request.ar.session;
-        }
         let request = &self.plan.connect;
         let called = self.caller.call(now, Operation::Connect, |body| {
             RequestArgs::emit(LONGEST_ANSWER, body, |writer| request.emit(writer))

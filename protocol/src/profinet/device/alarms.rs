@@ -79,6 +79,9 @@ impl AlarmEndpoint {
 
     /// Writes the next PDU.
     pub(super) fn poll_transmit(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        if !self.high.has_to_send() && !self.low.has_to_send() {
+            return None;
+        }
         let (own, peer, route) = (self.own_reference, self.peer_reference, self.route);
         for (priority, channel) in [(Priority::High, &mut self.high), (Priority::Low, &mut self.low)] {
             let rta = |pdu_type, flags, channel: &Channel| Rta {
@@ -118,6 +121,10 @@ impl AlarmEndpoint {
 }
 
 impl Channel {
+    const fn has_to_send(&self) -> bool {
+        self.acknowledge || self.refuse.is_some()
+    }
+
     fn handle_data(&mut self, priority: Priority, rta: &Rta, variable: &[u8]) -> AlarmReceived {
         if rta.send_sequence == self.acknowledged {
             // Our acknowledgement was lost.

@@ -17,6 +17,8 @@ const CALLERS: usize = 4;
 pub(super) struct Answers {
     callers: [Answer; CALLERS],
     uses: u64,
+    /// Datagrams may wait to be sent.
+    pending: bool,
 }
 
 #[derive(Debug)]
@@ -40,7 +42,7 @@ pub(super) enum Known {
 impl Answers {
     pub(super) fn new() -> Self {
         let answer = |_| Answer { message: Message::new(), to: None, last_use: 0 };
-        Self { callers: core::array::from_fn(answer), uses: 0 }
+        Self { callers: core::array::from_fn(answer), uses: 0, pending: false }
     }
 
     /// Looks a request up; one that was answered is answered again, to whichever port it came from.
@@ -54,6 +56,7 @@ impl Answers {
             0 if last.operation == request.operation && last.interface == request.interface => {
                 answer.to = Some(from);
                 answer.message.repeat();
+                self.pending = true;
                 Known::Answered
             }
             // A caller that does not count its calls is served all the same.
@@ -71,6 +74,7 @@ impl Answers {
         callers.find(answered).is_some_and(|answer| {
             answer.to = Some(from);
             answer.message.repeat();
+            self.pending = true;
             true
         })
     }
@@ -95,6 +99,7 @@ impl Answers {
         body: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
     ) -> Result<(), Overflow> {
         self.uses += 1;
+        self.pending = true;
         let own = self.callers.iter().position(|answer| answer.is_of(request));
         let oldest = || {
             let places = self.callers.iter().enumerate();
@@ -109,11 +114,16 @@ impl Answers {
 
     /// Writes the next datagram.
     pub(super) fn poll_transmit(&mut self, buf: &mut [u8]) -> Option<Transmit> {
-        self.callers.iter_mut().find_map(|answer| {
+        if !self.pending {
+            return None;
+        }
+        let next = self.callers.iter_mut().find_map(|answer| {
             let to = answer.to?;
             let len = answer.message.poll(buf)?;
             Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
-        })
+        });
+        self.pending = next.is_some();
+        next
     }
 }
 

@@ -375,7 +375,7 @@ impl Machine for Device {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let relation = self.core.relation.as_ref().map(Relation::poll_timeout);
-        [relation, self.core.station.poll_timeout()].into_iter().flatten().min()
+        Instant::earlier(relation, self.core.station.poll_timeout())
     }
 }
 

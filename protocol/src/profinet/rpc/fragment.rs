@@ -65,7 +65,7 @@ impl Message {
 
     /// Writes the next datagram and returns its length; none once all are written.
     pub fn poll(&mut self, datagram: &mut [u8]) -> Option<usize> {
-        let (header, fragment) = (self.header.as_ref()?, self.next?);
+        let (fragment, header) = (self.next?, self.header.as_ref()?);
         let body = self.body.get(..self.len)?;
         let mut header = *header;
         if self.len <= FRAGMENT_LEN {

@@ -4,7 +4,7 @@ mod peer;
 
 use super::*;
 use crate::profinet::alarm::{Alarm, AlarmHead, Notification, PduType, Priority, Rta};
-use crate::profinet::connect::ModuleState;
+use crate::profinet::connect::{ConnectRequest, ModuleState};
 use crate::profinet::description;
 use crate::profinet::ethernet::Mac;
 use crate::wire::{FRAME_CAPACITY, Writer};
@@ -202,13 +202,18 @@ fn a_device_that_connects_but_sends_no_data_is_told_apart() {
 fn the_watchdog_ends_the_ar_tells_the_device_and_the_controller_reconnects() {
     let mut cell = Cell::new(Transport::Rt1, Script::default());
     assert_eq!(cell.run(50), [LinkEvent::Up]);
+    let first = cell.peer.connect.clone().unwrap();
     cell.peer.script.no_cyclic = true;
     assert_eq!(cell.downs(30), [(DownCause::Watchdog, 0xCF81_FD05, words::WATCHDOG)]);
     assert_eq!(cell.controller.input(), None);
     assert_eq!(cell.peer.partings, [Status(0xCF81_FD05)]);
     cell.peer.script.no_cyclic = false;
     assert_eq!(cell.run(200), [LinkEvent::Up]);
-    assert_eq!(cell.peer.connect.as_ref().unwrap().ar.session, 2);
+    let second = cell.peer.connect.as_ref().unwrap();
+    assert_eq!((first.ar.session, second.ar.session), (1, 2), "another connection ...");
+    assert_eq!(first.ar.uuid, second.ar.uuid, "... of the same AR ...");
+    let endpoint = |request: &ConnectRequest| request.alarm_cr.map(|alarm_cr| alarm_cr.local_reference);
+    assert_eq!(endpoint(&first), endpoint(second), "... which keeps its alarm endpoint");
 }
 
 #[test]
@@ -217,7 +222,7 @@ fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
         let mut cell = Cell::new(transport, Script::default());
         cell.run(50);
         let rta = Rta {
-            destination: 1,
+            destination: 0,
             source: 9,
             pdu_type: PduType::Error,
             flags: Rta::WINDOW_1,
@@ -229,9 +234,9 @@ fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
             w.u16(FRAME_ID_LOW);
             rta.emit_error(status, w);
         };
-        let stale = cell.peer.rt(|w| pdu(w, Rta { destination: 0, ..rta }));
+        let stale = cell.peer.rt(|w| pdu(w, Rta { destination: 1, ..rta }));
         cell.deliver(stale);
-        assert_eq!(cell.events, [], "an error PDU of another session ends nothing");
+        assert_eq!(cell.events, [], "an error PDU for another endpoint ends nothing");
         let frame = cell.peer.rt(|w| pdu(w, rta));
         cell.deliver(frame);
         assert_eq!(cell.downs(0), [(DownCause::ClosedByPeer, status.0, status.text())]);
@@ -244,7 +249,7 @@ fn an_alarm_is_acknowledged_and_data_go_on() {
     let mut cell = Cell::new(Transport::Udp, Script::default());
     cell.run(50);
     let rta = Rta {
-        destination: 1,
+        destination: 0,
         source: 9,
         pdu_type: PduType::Data,
         flags: Rta::WINDOW_1_TACK,

@@ -327,6 +327,7 @@ const P_NET: Description = Description {
     serial_number: "007",
     hardware_revision: 3,
     software_revision: [0, 2, 0],
+    min_device_interval: 32,
     modules: &[
         Module {
             slot: 0,

@@ -4,18 +4,20 @@
 //! take at once. A peer that does not read fills its room, and its connection ends; nobody waits for it. A connection
 //! that the machine ends lingers until the peer has seen the end, so that what was said last arrives.
 
+mod place;
+
 use std::collections::VecDeque;
 use std::io;
-use std::net::{Ipv4Addr, Shutdown, SocketAddr, SocketAddrV4};
-use std::os::fd::{AsFd, BorrowedFd};
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::os::fd::AsFd;
 use std::time::Duration;
 
-use protocol::wire::FRAME_CAPACITY;
 use protocol::{Instant, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
-use rustix::io::Errno;
-use rustix::net::{RecvFlags, SendFlags, recv, send};
 use socket2::{Domain, Protocol, Socket, Type};
+
+pub(crate) use place::News;
+use place::{Connection, Overflow, Place, State};
 
 use crate::dscp::Marking;
 use crate::wait::WaitSet;
@@ -23,9 +25,6 @@ use crate::{Interface, PortError};
 
 /// Connections at a time. Clients beyond that are accepted and sent away at once.
 pub(crate) const CONNECTIONS: usize = 32;
-
-/// Bytes that wait for a peer at most, besides those that the kernel took.
-const ROOM: usize = 4 * FRAME_CAPACITY;
 
 /// Bytes that the kernel takes for a peer that does not read; it doubles the figure for its own needs.
 const KERNEL_ROOM: usize = 32 << 10;
@@ -39,20 +38,8 @@ const ACCEPTS: usize = 4;
 /// Clients that wait in the kernel to be accepted.
 const BACKLOG: i32 = 64;
 
-/// How long an ended connection waits for its peer to have seen everything.
-const LINGER: Duration = Duration::from_secs(1);
-
 /// How long no clients are accepted after the kernel could not: it has no more sockets.
 const REST: Duration = Duration::from_millis(100);
-
-/// What became of a connection.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum News {
-    /// It opened or closed.
-    Change(StreamId, StreamChange),
-    /// So many bytes came, at the start of the buffer.
-    Piece(StreamId, usize),
-}
 
 /// What happened to connections since the start.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -65,40 +52,6 @@ pub struct StreamStatistics {
     pub overflowed: u64,
     /// Clients that the kernel could not hand over.
     pub accept_errors: u64,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum State {
-    /// The peer has not answered yet.
-    Connecting,
-    Open,
-    /// Lost while sending; the machine does not know yet.
-    Lost,
-    /// Ended. What waits is still sent, up to this instant; and then the peer's end is waited for, unless it was seen.
-    Ending {
-        until: Instant,
-        peer_ended: bool,
-    },
-}
-
-#[derive(Debug)]
-struct Connection {
-    id: StreamId,
-    socket: Socket,
-    peer: SocketAddrV4,
-    state: State,
-    marking: Marking,
-}
-
-/// A place for a connection.
-#[derive(Debug)]
-struct Place {
-    connection: Option<Connection>,
-    /// What the last wait brought, until it is seen to.
-    ready: PollFlags,
-    /// Bytes that wait are at the start.
-    room: Box<[u8; ROOM]>,
-    waiting: usize,
 }
 
 /// All connections of a machine.
@@ -323,205 +276,4 @@ fn listen(interface: &Interface, port: u16) -> io::Result<Socket> {
 fn prepare(socket: &Socket) -> io::Result<()> {
     socket.set_tcp_nodelay(true)?;
     socket.set_send_buffer_size(KERNEL_ROOM)
-}
-
-/// A peer has more to read than there is room for.
-#[derive(PartialEq, Eq)]
-struct Overflow;
-
-impl Place {
-    fn vacant() -> Self {
-        Self { connection: None, ready: PollFlags::empty(), room: Box::new([0; ROOM]), waiting: 0 }
-    }
-
-    fn occupy(&mut self, connection: Connection) {
-        self.vacate();
-        self.connection = Some(connection);
-    }
-
-    fn vacate(&mut self) {
-        self.connection = None;
-        self.ready = PollFlags::empty();
-        self.waiting = 0;
-    }
-
-    fn awaits(&self) -> Option<(BorrowedFd<'_>, PollFlags)> {
-        let connection = self.connection.as_ref()?;
-        let to_send = if self.waiting > 0 { PollFlags::OUT } else { PollFlags::empty() };
-        let events = match connection.state {
-            State::Connecting => PollFlags::OUT,
-            State::Open | State::Ending { peer_ended: false, .. } => PollFlags::IN | to_send,
-            State::Ending { peer_ended: true, .. } => to_send,
-            State::Lost => return None,
-        };
-        Some((connection.socket.as_fd(), events))
-    }
-
-    fn ending_until(&self) -> Option<Instant> {
-        match self.connection.as_ref()?.state {
-            State::Ending { until, .. } => Some(until),
-            _ => None,
-        }
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        match self.connection.as_ref()?.state {
-            State::Lost => Some(Instant::ZERO),
-            State::Ending { until, .. } => Some(until),
-            State::Connecting | State::Open => None,
-        }
-    }
-
-    /// Sees to this connection once.
-    fn attend(&mut self, now: Instant, buf: &mut [u8]) -> Option<News> {
-        let ready = std::mem::replace(&mut self.ready, PollFlags::empty());
-        let Connection { id, state, .. } = *self.connection.as_ref()?;
-        let gone = Some(News::Change(id, StreamChange::Closed));
-        match state {
-            State::Lost => {
-                self.vacate();
-                gone
-            }
-            State::Connecting => (!ready.is_empty()).then(|| News::Change(id, self.connected())),
-            State::Open => {
-                if ready.contains(PollFlags::OUT) && self.flush().is_err() {
-                    self.vacate();
-                    return gone;
-                }
-                if !ready.intersects(PollFlags::IN | PollFlags::HUP | PollFlags::ERR) {
-                    return None;
-                }
-                match self.receive(buf) {
-                    Ok(0) => {
-                        // The peer says no more, but may still read what it asked for before.
-                        self.end(now, true);
-                        gone
-                    }
-                    Ok(len) => Some(News::Piece(id, len)),
-                    Err(Errno::AGAIN | Errno::INTR) => None,
-                    Err(_) => {
-                        self.vacate();
-                        gone
-                    }
-                }
-            }
-            State::Ending { until, .. } => {
-                let broken = now >= until || ready.contains(PollFlags::ERR);
-                if broken || !ready.is_empty() && self.linger(ready, buf).is_err() {
-                    self.vacate();
-                }
-                None
-            }
-        }
-    }
-
-    /// What came of connecting.
-    fn connected(&mut self) -> StreamChange {
-        match &mut self.connection {
-            Some(connection) if matches!(connection.socket.take_error(), Ok(None)) => {
-                connection.state = State::Open;
-                StreamChange::Opened(connection.peer)
-            }
-            _ => {
-                self.vacate();
-                StreamChange::Closed
-            }
-        }
-    }
-
-    fn close(&mut self, now: Instant) {
-        match self.connection.as_ref().map(|connection| connection.state) {
-            Some(State::Open) => self.end(now, false),
-            Some(State::Connecting | State::Lost) => self.vacate(),
-            Some(State::Ending { .. }) | None => {}
-        }
-    }
-
-    /// Says to the peer that nothing more comes, behind what waits.
-    fn end(&mut self, now: Instant, peer_ended: bool) {
-        if let Some(connection) = &mut self.connection {
-            connection.state = State::Ending { until: now + LINGER, peer_ended };
-        }
-        if self.flush().is_err() {
-            self.vacate();
-        }
-    }
-
-    /// Sends what waits of an ended connection and passes over what the peer still says.
-    fn linger(&mut self, ready: PollFlags, buf: &mut [u8]) -> Result<(), Errno> {
-        if ready.contains(PollFlags::OUT) {
-            self.flush()?;
-        }
-        if !ready.intersects(PollFlags::IN | PollFlags::HUP) {
-            return Ok(());
-        }
-        match self.receive(buf) {
-            Ok(0) => {
-                if let Some(Connection { state: State::Ending { peer_ended, .. }, .. }) = &mut self.connection
-                {
-                    *peer_ended = true;
-                }
-                self.flush()
-            }
-            Ok(_) | Err(Errno::AGAIN | Errno::INTR) => Ok(()),
-            Err(error) => Err(error),
-        }
-    }
-
-    fn receive(&self, buf: &mut [u8]) -> Result<usize, Errno> {
-        let connection = self.connection.as_ref().ok_or(Errno::NOTCONN)?;
-        let (len, _) = recv(&connection.socket, buf, RecvFlags::DONTWAIT)?;
-        Ok(len)
-    }
-
-    /// Sends what waits; an ended connection of which everything is sent goes on to its end.
-    fn flush(&mut self) -> Result<(), Errno> {
-        let Some(connection) = &self.connection else { return Ok(()) };
-        if self.waiting > 0 {
-            let sent = some_of(&connection.socket, self.room.get(..self.waiting).unwrap_or_default())?;
-            self.room.copy_within(sent..self.waiting, 0);
-            self.waiting -= sent;
-        }
-        if let State::Ending { peer_ended, .. } = connection.state
-            && self.waiting == 0
-        {
-            if peer_ended {
-                self.vacate();
-            } else {
-                connection.socket.shutdown(Shutdown::Write).map_err(|_| Errno::NOTCONN)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn send(&mut self, dscp: u8, bytes: &[u8]) -> Result<(), Overflow> {
-        let Some(connection) = self.connection.as_mut().filter(|connection| connection.state == State::Open)
-        else {
-            return Ok(());
-        };
-        connection.marking.follow(connection.socket.as_fd(), dscp);
-        let sent = if self.waiting == 0 { some_of(&connection.socket, bytes) } else { Ok(0) };
-        let Ok(sent) = sent else {
-            connection.state = State::Lost;
-            return Ok(());
-        };
-        let rest = bytes.get(sent..).unwrap_or_default();
-        let Some(room) = self.room.get_mut(self.waiting..self.waiting + rest.len()) else {
-            connection.state = State::Lost;
-            // The kernel is to forget it as well, and not to hold what nobody reads.
-            let _ = connection.socket.set_linger(Some(Duration::ZERO));
-            return Err(Overflow);
-        };
-        room.copy_from_slice(rest);
-        self.waiting += rest.len();
-        Ok(())
-    }
-}
-
-/// Sends as much as the kernel takes now.
-fn some_of(socket: &Socket, bytes: &[u8]) -> Result<usize, Errno> {
-    match send(socket, bytes, SendFlags::DONTWAIT | SendFlags::NOSIGNAL) {
-        Err(Errno::AGAIN | Errno::INTR) => Ok(0),
-        result => result,
-    }
 }

@@ -1,0 +1,361 @@
+//! Captures of a virtual cable: what passes each end, as the packets that a network would carry.
+//!
+//! A machine's frame is the payload of a datagram or a piece of a stream. Here it gets the headers that the kernel puts
+//! around it in real mode (RFC 791, 768, 9293), with right checksums and with sequence numbers that count, so that
+//! dissectors find the same conversation. TCP's acknowledgements without payload follow at once, take the cable's delay
+//! and no fault. There is no ARP: the stations know each other. Times count from 1970-01-01 in true time, so that a
+//! seed gives the same bytes everywhere.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+use std::io;
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use protocol::Instant;
+use protocol::profinet::ethernet::Mac;
+use protocol::virtual_time::{Carrier, Segment, Side, Tapped};
+use protocol_linux::capture::{CaptureFile, Keep, Packet};
+
+use packet::{Ip, Tcp};
+
+mod packet;
+
+/// What passes the PLC's interface, in the run directory.
+pub const PLC_FILE: &str = "plc.pcapng";
+/// What passes the robot's interface, in the run directory.
+pub const ROBOT_FILE: &str = "robot.pcapng";
+
+/// What a capture needs to know of a virtual cable.
+#[derive(Clone, Debug)]
+pub struct CableConfig {
+    /// MAC addresses of the PLC and of the robot.
+    pub macs: [Mac; 2],
+    /// What an acknowledgement takes from end to end.
+    pub delay: Duration,
+    /// A comment on both interfaces: the faults that are put in.
+    pub about: String,
+}
+
+/// Both captures of a virtual cable.
+#[derive(Debug)]
+pub struct VirtualCapture {
+    config: CableConfig,
+    ends: [End; 2],
+    connections: BTreeMap<(SocketAddrV4, SocketAddrV4), Connection>,
+    cut: bool,
+    next_number: u64,
+    /// The first reason why a packet could not be written.
+    broken: Option<(PathBuf, io::Error)>,
+}
+
+#[derive(Debug)]
+struct End {
+    file: CaptureFile,
+    /// What passed, or is going to, in order of time: a segment that is sent again is announced before.
+    waiting: BinaryHeap<Reverse<Passed>>,
+    /// A comment for the next packet.
+    note: Option<String>,
+}
+
+#[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct Passed {
+    at: Instant,
+    number: u64,
+    sent: bool,
+    comment: Option<String>,
+    packet: Vec<u8>,
+}
+
+/// One direction of a TCP connection, as its sender sees it.
+#[derive(Clone, Default, Debug)]
+struct Connection {
+    /// The sequence number of what it sends next, counted from its SYN.
+    next: u32,
+    /// Bytes that the sender has from its peer.
+    received: u32,
+    /// Whether it has the peer's SYN, and its FIN.
+    synchronised: bool,
+    peer_closed: bool,
+    /// What the sender says at one instant leaves together, as far as a segment holds it.
+    leaving: Option<Leaving>,
+    /// Segments under way, in the order in which they left.
+    under_way: Vec<Sent>,
+}
+
+/// From where to where.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    from: Side,
+    source: SocketAddrV4,
+    to: SocketAddrV4,
+    dscp: u8,
+}
+
+#[derive(Clone, Debug)]
+struct Leaving {
+    at: Instant,
+    way: Way,
+    tcp: Tcp,
+    gets_through: bool,
+    comment: Option<String>,
+    bytes: Vec<u8>,
+}
+
+#[derive(Clone, Debug)]
+struct Sent {
+    /// The sequence number behind its last byte.
+    end: u32,
+    flags: u8,
+    packet: Vec<u8>,
+}
+
+impl VirtualCapture {
+    /// Two new captures in `directory`.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be made.
+    pub fn create(directory: &Path, config: CableConfig, keep: Keep) -> io::Result<Self> {
+        let end = |file, interface| {
+            let file = CaptureFile::create(&directory.join(file), interface, &config.about, keep)?;
+            io::Result::Ok(End { file, waiting: BinaryHeap::new(), note: None })
+        };
+        let ends = [end(PLC_FILE, "plc0")?, end(ROBOT_FILE, "robot0")?];
+        Ok(Self { config, ends, connections: BTreeMap::new(), cut: false, next_number: 0, broken: None })
+    }
+
+    /// The cable is cut or mended: said at both ends beside the next packet there.
+    pub fn set_cut(&mut self, cut: bool, lost_in_flight: u64) {
+        self.cut = cut;
+        let text = match (cut, lost_in_flight) {
+            (true, 0) => "fault: the cable is cut from here on".to_owned(),
+            (true, lost) => format!("fault: the cable is cut from here on; {lost} frames under way are lost"),
+            (false, _) => "the cable is mended".to_owned(),
+        };
+        self.note(&text);
+    }
+
+    /// Says something at both ends beside the next packet there.
+    pub fn note(&mut self, text: &str) {
+        for end in &mut self.ends {
+            let before = end.note.take().map_or_else(String::new, |before| before + "; ");
+            end.note = Some(before + text);
+        }
+    }
+
+    /// Takes up what passes an end of the cable.
+    pub fn see(&mut self, tapped: &Tapped<'_>) {
+        self.seal_before(tapped.at);
+        let leaves = tapped.end == tapped.from;
+        let comment = (!tapped.fate.is_clean()).then(|| tapped.fate.to_string());
+        match tapped.carrier {
+            Carrier::Ethernet => self.pass(tapped.at, tapped.end, leaves, comment, tapped.frame.to_vec()),
+            Carrier::Udp { source, to } => {
+                let datagram = packet::udp(source, to, tapped.frame);
+                let ip = self.ip(tapped.from, *source.ip(), *to.ip(), tapped.dscp, packet::UDP);
+                let mut comment = comment;
+                for packet in ip.packets(&datagram) {
+                    self.pass(tapped.at, tapped.end, leaves, comment.take(), packet);
+                }
+            }
+            Carrier::Tcp { source, to, segment } => self.segment(tapped, source, to, segment, comment),
+        }
+        if !matches!((leaves, tapped.carrier), (true, Carrier::Tcp { .. })) {
+            self.write(tapped.at);
+        }
+    }
+
+    /// Writes all that passed. Nothing can be written any more afterwards but what follows.
+    ///
+    /// # Errors
+    ///
+    /// A file could not be written, now or before.
+    pub fn finish(mut self) -> Result<(), (PathBuf, io::Error)> {
+        let end = Instant::from_nanos(u64::MAX);
+        self.seal_before(end);
+        self.write(end);
+        if let Some(broken) = self.broken {
+            return Err(broken);
+        }
+        for end in self.ends {
+            let path = end.file.path().to_owned();
+            end.file.finish().map_err(|error| (path, error))?;
+        }
+        Ok(())
+    }
+
+    fn segment(
+        &mut self,
+        tapped: &Tapped<'_>,
+        source: SocketAddrV4,
+        to: SocketAddrV4,
+        segment: Segment,
+        comment: Option<String>,
+    ) {
+        let leaves = tapped.end == tapped.from;
+        let (sequence, flags) = match segment {
+            Segment::Connect => (0, packet::SYN),
+            Segment::Accept => (0, packet::SYN | packet::ACK),
+            Segment::Refuse => (0, packet::RST | packet::ACK),
+            Segment::Data { offset } => (offset.wrapping_add(1), packet::PSH | packet::ACK),
+            Segment::Close { offset } => (offset.wrapping_add(1), packet::FIN | packet::ACK),
+        };
+        if leaves {
+            if segment == Segment::Connect {
+                self.connections.insert((source, to), Connection::default());
+                self.connections.insert((to, source), Connection::default());
+            }
+            let way = Way { from: tapped.from, source, to, dscp: tapped.dscp };
+            let connection = self.connections.entry((source, to)).or_default();
+            let more = connection.leaving.as_mut().filter(|leaving| leaving.goes_on(tapped, sequence, flags));
+            if let Some(leaving) = more {
+                leaving.bytes.extend_from_slice(tapped.frame);
+            } else {
+                self.seal((source, to));
+                let connection = self.connections.entry((source, to)).or_default();
+                connection.leaving = Some(Leaving {
+                    at: tapped.at,
+                    way,
+                    tcp: Tcp { sequence, acknowledged: connection.acknowledged(), flags },
+                    gets_through: !(tapped.fate.lost || tapped.fate.cut),
+                    comment,
+                    bytes: tapped.frame.to_vec(),
+                });
+            }
+            let connection = self.connections.entry((source, to)).or_default();
+            let takes_one = u32::from(flags & (packet::SYN | packet::FIN) != 0);
+            let next = sequence.wrapping_add(tapped.frame.len() as u32).wrapping_add(takes_one);
+            // What is sent again takes nothing new.
+            if next.wrapping_sub(connection.next) < u32::MAX / 2 {
+                connection.next = next;
+            }
+            return;
+        }
+        self.seal((source, to));
+        let reached = sequence.wrapping_add(tapped.frame.len() as u32);
+        let connection = self.connections.entry((source, to)).or_default();
+        // A driver reads a segment in pieces; it is there with the last of them.
+        let Some(index) =
+            connection.under_way.iter().position(|sent| sent.end == reached && sent.flags == flags)
+        else {
+            return;
+        };
+        let Some(Sent { packet, .. }) = connection.under_way.drain(..=index).next_back() else { return };
+        self.pass(tapped.at, tapped.end, false, comment, packet);
+        self.acknowledge(tapped, source, to, segment);
+    }
+
+    /// The receiver's answer to a segment that is there.
+    fn acknowledge(&mut self, tapped: &Tapped<'_>, source: SocketAddrV4, to: SocketAddrV4, segment: Segment) {
+        let answering = self.connections.entry((to, source)).or_default();
+        match segment {
+            Segment::Connect | Segment::Refuse => {
+                answering.synchronised = true;
+                return;
+            }
+            Segment::Accept => answering.synchronised = true,
+            Segment::Data { offset } => {
+                answering.received = offset.wrapping_add(tapped.frame.len() as u32);
+            }
+            Segment::Close { .. } => answering.peer_closed = true,
+        }
+        let tcp =
+            Tcp { sequence: answering.next, acknowledged: answering.acknowledged(), flags: packet::ACK };
+        let way = Way { from: tapped.end, source: to, to: source, dscp: tapped.dscp };
+        let packet = self.tcp(way, tcp, &[]);
+        self.pass(tapped.at, tapped.end, true, None, packet.clone());
+        if !self.cut {
+            self.pass(tapped.at + self.config.delay, tapped.end.other(), false, None, packet);
+        }
+    }
+
+    /// The segment that a sender was still filling leaves as it is.
+    fn seal(&mut self, key: (SocketAddrV4, SocketAddrV4)) {
+        let leaving = self.connections.get_mut(&key).and_then(|connection| connection.leaving.take());
+        let Some(Leaving { at, way, tcp, gets_through, comment, bytes }) = leaving else { return };
+        let packet = self.tcp(way, tcp, &bytes);
+        if gets_through && let Some(connection) = self.connections.get_mut(&key) {
+            let end = tcp.sequence.wrapping_add(bytes.len() as u32);
+            connection.under_way.push(Sent { end, flags: tcp.flags, packet: packet.clone() });
+        }
+        self.pass(at, way.from, true, comment, packet);
+    }
+
+    /// Seals what cannot grow any more.
+    fn seal_before(&mut self, now: Instant) {
+        let over: Vec<_> = self
+            .connections
+            .iter()
+            .filter(|(_, connection)| connection.leaving.as_ref().is_some_and(|leaving| leaving.at < now))
+            .map(|(key, _)| *key)
+            .collect();
+        over.into_iter().for_each(|key| self.seal(key));
+    }
+
+    fn tcp(&self, way: Way, tcp: Tcp, payload: &[u8]) -> Vec<u8> {
+        let Way { from, source, to, dscp } = way;
+        let ip = self.ip(from, *source.ip(), *to.ip(), dscp, packet::TCP);
+        ip.packets(&tcp.segment(source, to, payload)).next().unwrap_or_default()
+    }
+
+    fn ip(&self, from: Side, source: Ipv4Addr, to: Ipv4Addr, dscp: u8, protocol: u8) -> Ip {
+        let [plc, robot] = self.config.macs;
+        let (own, peer) = if from == Side::A { (plc, robot) } else { (robot, plc) };
+        Ip { source_mac: own, peer_mac: peer, source, to, dscp, protocol }
+    }
+
+    fn pass(&mut self, at: Instant, end: Side, sent: bool, comment: Option<String>, packet: Vec<u8>) {
+        self.next_number += 1;
+        let number = self.next_number;
+        self.end(end).waiting.push(Reverse(Passed { at, number, sent, comment, packet }));
+    }
+
+    /// Writes what passed up to `until`.
+    fn write(&mut self, until: Instant) {
+        for end in &mut self.ends {
+            while end.waiting.peek().is_some_and(|Reverse(passed)| passed.at <= until) {
+                let Some(Reverse(passed)) = end.waiting.pop() else { break };
+                let comment = match (end.note.take(), passed.comment) {
+                    (Some(note), Some(comment)) => Some(format!("{note}; {comment}")),
+                    (note, comment) => note.or(comment),
+                };
+                let written = end.file.write(&Packet {
+                    since_1970: Duration::from_nanos(passed.at.as_nanos()),
+                    sent: Some(passed.sent),
+                    data: &passed.packet,
+                    comment: comment.as_deref(),
+                });
+                if let Err(error) = written {
+                    self.broken.get_or_insert_with(|| (end.file.path().to_owned(), error));
+                }
+            }
+        }
+    }
+
+    const fn end(&mut self, side: Side) -> &mut End {
+        let [plc, robot] = &mut self.ends;
+        match side {
+            Side::A => plc,
+            Side::B => robot,
+        }
+    }
+}
+
+impl Leaving {
+    /// Whether a piece leaves as a part of this segment.
+    fn goes_on(&self, piece: &Tapped<'_>, sequence: u32, flags: u8) -> bool {
+        let clean = self.comment.is_none() && piece.fate.is_clean();
+        let follows = sequence == self.tcp.sequence.wrapping_add(self.bytes.len() as u32);
+        let fits = self.bytes.len() + piece.frame.len() <= usize::from(packet::MAXIMUM_SEGMENT);
+        clean && fits && follows && self.at == piece.at && flags == self.tcp.flags && flags & packet::PSH != 0
+    }
+}
+
+impl Connection {
+    /// The next byte that it expects, counted from the peer's SYN.
+    fn acknowledged(&self) -> u32 {
+        u32::from(self.synchronised).wrapping_add(self.received).wrapping_add(u32::from(self.peer_closed))
+    }
+}

@@ -1,0 +1,249 @@
+//! Faults that the user puts into the cable: `--fault`, and what came of them.
+
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use protocol::virtual_time::{Impairment, LinkCounters, Side};
+use serde::{Deserialize, Serialize};
+
+/// One fault, as it is written: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Fault {
+    /// As the user wrote it.
+    text: String,
+    /// The sender whose frames it concerns; none for both.
+    from: Option<Side>,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Kind {
+    Delay(Duration),
+    Jitter(Duration),
+    Loss(u32),
+    Duplicate(u32),
+    Reorder(u32, Duration),
+    Corrupt(u32),
+    Cut(Duration, Duration),
+    Kill(Side, Duration),
+}
+
+/// Why a fault is none.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum FaultError {
+    /// It has no such form.
+    #[error(
+        "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, delay=100us, jitter=50us, \
+         cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first six also for one direction, as to-robot:loss=0.001"
+    )]
+    Form(String),
+    /// A share is none.
+    #[error("`{0}` is no share of the frames; write a number from 0 to 1, such as 0.001, or 0.1%")]
+    Share(String),
+    /// A time is none.
+    #[error("`{0}` is no time; write a number with its unit, such as 100us, 2.5ms or 2s")]
+    Time(String),
+    /// A cut ends before it begins.
+    #[error("`{0}` ends before it begins")]
+    Backwards(String),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl FromStr for Fault {
+    type Err = FaultError;
+
+    fn from_str(text: &str) -> Result<Self, FaultError> {
+        let form = || FaultError::Form(text.to_owned());
+        let (from, rest) = match text.split_once(':') {
+            None => (None, text),
+            Some(("to-robot", rest)) => (Some(Side::A), rest),
+            Some(("to-plc", rest)) => (Some(Side::B), rest),
+            Some(_) => return Err(form()),
+        };
+        let (key, value) = rest.split_once('=').ok_or_else(form)?;
+        let kind = match key {
+            "delay" => Kind::Delay(time(value)?),
+            "jitter" => Kind::Jitter(time(value)?),
+            "loss" => Kind::Loss(share(value)?),
+            "duplicate" => Kind::Duplicate(share(value)?),
+            "corrupt" => Kind::Corrupt(share(value)?),
+            "reorder" => {
+                let (part, by) = value.split_once('@').ok_or_else(form)?;
+                Kind::Reorder(share(part)?, time(by)?)
+            }
+            "cut-at" if from.is_none() => {
+                let (start, end) = value.split_once("..").ok_or_else(form)?;
+                let (start, end) = (time(start)?, time(end)?);
+                if end <= start {
+                    return Err(FaultError::Backwards(text.to_owned()));
+                }
+                Kind::Cut(start, end)
+            }
+            "kill-robot-at" if from.is_none() => Kind::Kill(Side::B, time(value)?),
+            "kill-plc-at" if from.is_none() => Kind::Kill(Side::A, time(value)?),
+            _ => return Err(form()),
+        };
+        Ok(Self { text: text.to_owned(), from, kind })
+    }
+}
+
+/// A share of the frames in parts per million.
+fn share(text: &str) -> Result<u32, FaultError> {
+    let (number, scale) = text.strip_suffix('%').map_or((text, 1e6), |number| (number, 1e4));
+    let share = number.trim().parse::<f64>().ok().map(|share| share * scale);
+    let ppm = share.filter(|ppm| (0.0..=1e6).contains(ppm));
+    ppm.map(|ppm| ppm.round() as u32).ok_or_else(|| FaultError::Share(text.to_owned()))
+}
+
+fn time(text: &str) -> Result<Duration, FaultError> {
+    let units = [("ns", 1e-9), ("us", 1e-6), ("µs", 1e-6), ("ms", 1e-3), ("s", 1.0)];
+    let seconds = units
+        .iter()
+        .find_map(|(unit, scale)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * scale));
+    // Nanoseconds are exact to weeks, which is more than a run takes.
+    let seconds = seconds.filter(|seconds| (0.0..=86_400.0).contains(seconds));
+    let nanos = seconds.map(|seconds| (seconds * 1e9).round() as u64);
+    nanos.map(Duration::from_nanos).ok_or_else(|| FaultError::Time(text.to_owned()))
+}
+
+/// A change of the cable or of a node at a moment of the run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Change {
+    /// The cable is cut.
+    Cut,
+    /// It is mended.
+    Mend,
+    /// A node is killed.
+    Kill(Side),
+}
+
+/// What the faults make of the cable's links, towards the robot and towards the PLC.
+#[must_use]
+pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
+    let mut links = [cable; 2];
+    for fault in faults {
+        for (link, side) in links.iter_mut().zip([Side::A, Side::B]) {
+            if fault.from.is_none_or(|from| from == side) {
+                match fault.kind {
+                    Kind::Delay(more) => link.delay += more,
+                    Kind::Jitter(jitter) => link.jitter = jitter,
+                    Kind::Loss(ppm) => link.loss_ppm = ppm,
+                    Kind::Duplicate(ppm) => link.duplicate_ppm = ppm,
+                    Kind::Corrupt(ppm) => link.corrupt_ppm = ppm,
+                    Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
+                    Kind::Cut(..) | Kind::Kill(..) => {}
+                }
+            }
+        }
+    }
+    links
+}
+
+/// What changes when, counted from the moment that the PLC found the robot ready; in order.
+#[must_use]
+pub fn schedule(faults: &[Fault]) -> Vec<(Duration, Change)> {
+    let mut changes: Vec<_> = faults
+        .iter()
+        .flat_map(|fault| match fault.kind {
+            Kind::Cut(start, end) => vec![(start, Change::Cut), (end, Change::Mend)],
+            Kind::Kill(side, at) => vec![(at, Change::Kill(side))],
+            _ => Vec::new(),
+        })
+        .collect();
+    changes.sort_by_key(|(at, _)| *at);
+    changes
+}
+
+/// What was asked for, and what the cable did, both directions together.
+#[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct FaultReport {
+    /// Each `--fault` as it was written.
+    pub asked: Vec<String>,
+    /// Frames that vanished, by loss or a cut; of TCP, segments that were sent again.
+    pub lost: u64,
+    /// Frames that arrived twice.
+    pub duplicated: u64,
+    /// Frames that were held back.
+    pub reordered: u64,
+    /// Frames in which a bit flipped.
+    pub corrupted: u64,
+}
+
+impl FaultReport {
+    /// What `links` did so far.
+    #[must_use]
+    pub fn new(faults: &[Fault], links: [LinkCounters; 2]) -> Self {
+        let mut report = Self { asked: faults.iter().map(ToString::to_string).collect(), ..Self::default() };
+        for link in links {
+            report.lost += link.lost;
+            report.duplicated += link.duplicated;
+            report.reordered += link.reordered;
+            report.corrupted += link.corrupted;
+        }
+        report
+    }
+}
+
+impl fmt::Display for FaultReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { asked, lost, duplicated, reordered, corrupted } = self;
+        write!(
+            f,
+            "Faults put in ({}): {lost} frames lost, {duplicated} twice, {reordered} held back, {corrupted} corrupted.",
+            asked.join(", ")
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults(texts: &[&str]) -> Vec<Fault> {
+        texts.iter().map(|text| text.parse().unwrap()).collect()
+    }
+
+    #[test]
+    fn faults_add_up_and_may_be_for_one_direction() {
+        let cable = Impairment { delay: Duration::from_micros(2), ..Impairment::default() };
+        let [to_robot, to_plc] =
+            links(&faults(&["loss=0.1%", "to-robot:delay=0.1ms", "to-plc:reorder=0.5@2ms"]), cable);
+        let lossy = Impairment { loss_ppm: 1_000, ..cable };
+        assert_eq!(to_robot, Impairment { delay: Duration::from_micros(102), ..lossy });
+        let by = Duration::from_millis(2);
+        assert_eq!(to_plc, Impairment { reorder_ppm: 500_000, reorder_by: by, ..lossy });
+    }
+
+    #[test]
+    fn cuts_and_kills_come_in_order() {
+        let changes = schedule(&faults(&["kill-robot-at=5s", "cut-at=2s..2.1s", "loss=0.1"]));
+        let ms = Duration::from_millis;
+        assert_eq!(
+            changes,
+            [(ms(2_000), Change::Cut), (ms(2_100), Change::Mend), (ms(5_000), Change::Kill(Side::B))]
+        );
+    }
+
+    #[test]
+    fn what_is_no_fault_is_told_with_what_would_be_one() {
+        let said = |text: &str| text.parse::<Fault>().unwrap_err().to_string();
+        assert!(said("lag=2ms").starts_with("`lag=2ms` is no fault; write loss=0.001"));
+        assert!(said("to-robot:cut-at=1s..2s").contains("is no fault"));
+        assert_eq!(
+            said("loss=2"),
+            "`2` is no share of the frames; write a number from 0 to 1, such as 0.001, or 0.1%"
+        );
+        assert_eq!(
+            said("delay=3"),
+            "`3` is no time; write a number with its unit, such as 100us, 2.5ms or 2s"
+        );
+        assert_eq!(said("cut-at=2s..1s"), "`cut-at=2s..1s` ends before it begins");
+    }
+}

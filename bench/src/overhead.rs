@@ -1,0 +1,229 @@
+//! What recording costs: `bench overhead` runs the sequence in real mode with captures and traces switched on and off in
+//! turn, within one run, and compares how late the cycles were.
+//!
+//! A repetition's figure is the 99th percentile of the lateness of its cycles. Recorded and unrecorded repetitions come
+//! in pairs, in an order that the seed draws, so that a drift of the host hits both alike.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use clap::Args;
+use plc_node::ExecutionType;
+use protocol_linux::capture::Keep;
+use protocol_linux::report::LatenessReport;
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use crate::exit::{Exit, Failure};
+use crate::plan::Plan;
+use crate::ratio::{Ratio, RatioVerdict};
+use crate::rig::{Rig, RigConfig, RigError};
+
+/// Recording may cost this much of the p99 cycle lateness.
+const LIMIT: f64 = 1.05;
+
+/// Options of the measurement.
+#[derive(Args, Debug)]
+pub struct OverheadOptions {
+    /// A built-in setup's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
+    pub setup: String,
+    /// Pairs of repetitions, one recorded and one not.
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(5..=100_000))]
+    pub reps: u32,
+    /// Execution type to run.
+    #[arg(long = "type", value_name = "TYPE", default_value = "cm")]
+    pub execution_type: ExecutionType,
+    /// Seed of the order within the pairs, of the pauses and of the intervals.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Keep what was recorded in this directory; otherwise it is removed.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// The p99 lateness of each repetition in µs, of one node.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Lateness {
+    /// Of those that were recorded.
+    pub recorded_us: Vec<f64>,
+    /// Of the others.
+    pub unrecorded_us: Vec<f64>,
+}
+
+/// What recording costs a node.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Cost {
+    node: &'static str,
+    lateness: Lateness,
+    ratio: Option<Ratio>,
+}
+
+impl Cost {
+    /// Compares the repetitions of a node.
+    #[must_use]
+    pub fn new(node: &'static str, lateness: Lateness, seed: u64) -> Self {
+        let ratio = Ratio::of(&lateness.recorded_us, &lateness.unrecorded_us, seed);
+        Self { node, lateness, ratio }
+    }
+
+    /// Whether recording keeps its limit.
+    #[must_use]
+    pub fn verdict(&self) -> RatioVerdict {
+        self.ratio.map_or(RatioVerdict::Inconclusive, |ratio| ratio.against(LIMIT))
+    }
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len().max(1) as f64;
+        let (with, without) = (mean(&self.lateness.recorded_us), mean(&self.lateness.unrecorded_us));
+        write!(f, "{:5}  p99 {with:7.1} µs recorded, {without:7.1} µs not", self.node)?;
+        if let Some(Ratio { ratio, low, high }) = self.ratio {
+            let percent = |ratio: f64| (ratio - 1.0) * 100.0;
+            write!(f, ": {:+.1} %, 95 % of {:+.1} … {:+.1} %", percent(ratio), percent(low), percent(high))?;
+        }
+        let verdict = match self.verdict() {
+            RatioVerdict::Within => "pass",
+            RatioVerdict::Beyond => "fail",
+            RatioVerdict::Inconclusive => "inconclusive, more --reps narrow the interval",
+        };
+        write!(f, "; {verdict}")
+    }
+}
+
+/// Measures and prints what recording costs.
+///
+/// # Errors
+///
+/// The setup or the machine does not allow it, or a repetition fails.
+pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
+    let (setup, found) = planning::setup_with_application(&options.setup)?;
+    found.plan(&setup)?;
+    let kept = options.out.clone();
+    let directory = kept
+        .clone()
+        .unwrap_or_else(|| std::env::temp_dir().join(format!("bench-overhead-{}", std::process::id())));
+    std::fs::create_dir_all(&directory)
+        .with_context(|| format!("cannot make {}; choose another by --out", directory.display()))?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the bench's event loop")?;
+    let measured = runtime.block_on(measure(options, &directory));
+    if kept.is_none() {
+        let removed = std::fs::remove_dir_all(&directory);
+        removed.with_context(|| format!("cannot remove {}", directory.display()))?;
+    }
+    let costs = measured?;
+    println!(
+        "Setup {}, {} pairs of {}, limit {:+.0} % of the p99 cycle lateness:",
+        setup.name,
+        options.reps,
+        options.execution_type,
+        (LIMIT - 1.0) * 100.0
+    );
+    costs.iter().for_each(|cost| println!("  {cost}"));
+    let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
+    Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
+}
+
+async fn measure(options: &OverheadOptions, directory: &Path) -> Result<[Cost; 2], Failure> {
+    let config = RigConfig {
+        seed: options.seed,
+        capture: Some((directory.to_owned(), Keep::All)),
+        trace: Some(directory.to_owned()),
+        ..RigConfig::new(&options.setup)
+    };
+    let unusable = |error: RigError| Failure::new(error.exit(), error);
+    let mut rig = Rig::start(&config).await.map_err(unusable)?;
+    let mut random = Pcg64Mcg::seed_from_u64(options.seed);
+    let mut lateness = [Lateness::default(), Lateness::default()];
+    let mut before = [rig.reports().plc.cycle.clone(), rig.reports().robot.cycle.clone()];
+    let mut recorded_first = false;
+    // The first run of all warms the nodes up: it belongs to no pair.
+    let plan = Plan::new(&[options.execution_type], options.reps * 2 + 1, options.seed);
+    for (index, step) in plan.steps().enumerate() {
+        let in_pair = index.checked_sub(1);
+        if in_pair.is_some_and(|index| index % 2 == 0) {
+            recorded_first = random.next_u32().is_multiple_of(2);
+        }
+        let recorded = in_pair.is_some_and(|index| (index % 2 == 0) == recorded_first);
+        rig.pause_capture(!recorded);
+        rig.record(recorded).await;
+        tokio::time::sleep(step.pause).await;
+        let executed = rig.execute(step.execution_type).await;
+        executed.map_err(|error| Failure::new(Exit::RunFailed, error))?;
+        let after = [rig.reports().plc.cycle.clone(), rig.reports().robot.cycle.clone()];
+        if in_pair.is_some() {
+            for (lateness, (before, after)) in lateness.iter_mut().zip(before.iter().zip(&after)) {
+                let of = if recorded { &mut lateness.recorded_us } else { &mut lateness.unrecorded_us };
+                of.extend(p99_us(before, after));
+            }
+            eprintln!("{} of {}", index, options.reps * 2);
+        }
+        before = after;
+    }
+    rig.stop().await.map_err(unusable)?;
+    let [plc, robot] = lateness;
+    Ok([Cost::new("PLC", plc, options.seed), Cost::new("robot", robot, options.seed)])
+}
+
+/// The 99th percentile of the runs between two reports, in µs; within its bucket, runs are taken as evenly spread.
+fn p99_us(before: &LatenessReport, after: &LatenessReport) -> Option<f64> {
+    let count_before =
+        |upper: f64| before.buckets.iter().find(|(other, _)| *other == upper).map_or(0, |(_, count)| *count);
+    let runs: Vec<(f64, f64)> = after
+        .buckets
+        .iter()
+        .map(|(upper, count)| (*upper, f64::from(count.saturating_sub(count_before(*upper)))))
+        .collect();
+    let wanted = runs.iter().map(|(_, count)| count).sum::<f64>() * 0.99;
+    let mut seen = 0.0;
+    for (upper, count) in runs {
+        if count > 0.0 && seen + count >= wanted {
+            // A bucket is a sixteenth of its lower end wide.
+            let lower = upper * 16.0 / 17.0;
+            return Some(lower + (upper - lower) * (wanted - seen) / count);
+        }
+        seen += count;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(buckets: &[(f64, u32)]) -> LatenessReport {
+        LatenessReport { buckets: buckets.to_vec(), ..LatenessReport::default() }
+    }
+
+    #[test]
+    fn the_percentile_is_that_of_the_runs_between_two_reports() {
+        let before = report(&[(10.0, 1_000), (500.0, 900)]);
+        let after = report(&[(10.0, 1_980), (34.0, 20), (500.0, 900)]);
+        // 990 of the 1000 new runs: all of the first bucket's 980 and half of the second, which spans 32 to 34.
+        assert_eq!(p99_us(&before, &after), Some(33.0));
+        assert_eq!(p99_us(&after, &after), None);
+    }
+
+    #[test]
+    fn a_cost_is_told_with_its_interval_and_its_verdict() {
+        let times = |of: f64| (0..25).map(|index| of + f64::from(index % 5)).collect::<Vec<_>>();
+        let cost = |with| {
+            let lateness = Lateness { recorded_us: times(with), unrecorded_us: times(100.0) };
+            Cost::new("PLC", lateness, 1)
+        };
+        assert_eq!(cost(100.0).verdict(), RatioVerdict::Within);
+        assert_eq!(cost(120.0).verdict(), RatioVerdict::Beyond);
+        assert_eq!(cost(105.0).verdict(), RatioVerdict::Inconclusive);
+        let said = cost(120.0).to_string();
+        assert!(
+            said.starts_with("PLC    p99   122.0 µs recorded,   102.0 µs not: +19.6 %, 95 % of"),
+            "{said}"
+        );
+        assert!(said.ends_with("; fail"), "{said}");
+    }
+}

@@ -1,0 +1,57 @@
+//! A node as the rig speaks with it, whoever started it.
+
+use protocol_linux::message::Instruction;
+use serde::Serialize;
+
+use super::RigError;
+use super::attached::AttachedNode;
+use super::node::NodeProcess;
+
+#[derive(Debug)]
+pub(super) enum Party {
+    /// Started by the rig.
+    Process(NodeProcess),
+    /// Found running.
+    Attached(AttachedNode),
+}
+
+impl Party {
+    /// Tells the node something. If it cannot hear, that is told by [`super::node::Said::Ended`].
+    pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
+        match self {
+            Self::Process(node) => node.tell(instruction).await,
+            Self::Attached(node) => node.tell(instruction).await,
+        }
+    }
+
+    pub(super) const fn has_ended(&self) -> bool {
+        match self {
+            Self::Process(node) => node.has_ended(),
+            Self::Attached(node) => node.has_ended(),
+        }
+    }
+
+    /// What the node last wrote on standard error, where the rig hears that.
+    pub(super) fn last_words(&self) -> Vec<String> {
+        match self {
+            Self::Process(node) => node.last_words(),
+            Self::Attached(_) => Vec::new(),
+        }
+    }
+
+    /// How it ended.
+    pub(super) async fn obituary(&mut self) -> RigError {
+        match self {
+            Self::Process(node) => node.obituary().await,
+            Self::Attached(node) => node.obituary(),
+        }
+    }
+
+    /// The process number, while it runs, of one that the rig started.
+    pub(super) fn id(&self) -> Option<u32> {
+        match self {
+            Self::Process(node) => node.id(),
+            Self::Attached(_) => None,
+        }
+    }
+}

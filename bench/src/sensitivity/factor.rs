@@ -1,0 +1,145 @@
+//! What a study varies.
+
+use std::fmt;
+
+use planning::{Application, Plan};
+use serde::{Deserialize, Serialize};
+use setup::Setup;
+
+/// A number that the paper does not give.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Factor {
+    /// N: the same way in other motions. Below 1 those that go straight on are joined; from 2 on each straight one is in so
+    /// many pieces.
+    Motions,
+    /// The length of every way.
+    Length,
+    /// The programmed acceleration.
+    Acceleration,
+    /// The approximation distance.
+    Approximation,
+    /// h: what a skill call costs besides its motion.
+    Overhead,
+}
+
+impl Factor {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Motions, Self::Length, Self::Acceleration, Self::Approximation, Self::Overhead];
+
+    /// By what it is multiplied where nothing else is asked for. Half and double where the arm allows it: its stroke ends
+    /// soon above the application as it is.
+    const fn usual(self) -> &'static [f64] {
+        match self {
+            Self::Motions => &[0.5, 2.0, 3.0],
+            Self::Length => &[0.5, 0.75, 1.1],
+            Self::Acceleration => &[0.5, 2.0],
+            Self::Approximation => &[0.0, 0.5, 2.0],
+            Self::Overhead => &[0.0, 0.5, 2.0],
+        }
+    }
+}
+
+impl fmt::Display for Factor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Motions => "motions",
+            Self::Length => "path length",
+            Self::Acceleration => "acceleration",
+            Self::Approximation => "blending",
+            Self::Overhead => "h",
+        })
+    }
+}
+
+/// The setup as it is but for one number.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Case {
+    /// What is varied; none for the setup as it is.
+    pub factor: Option<Factor>,
+    /// By what it is multiplied.
+    pub times: f64,
+}
+
+impl Case {
+    /// The setup as it is, then every number by every factor but 1. What a setup does not have is not varied.
+    #[must_use]
+    pub fn all(setup: &Setup, factors: Option<&[f64]>) -> Vec<Self> {
+        let has = |factor: Factor| match factor {
+            Factor::Motions | Factor::Length | Factor::Acceleration => true,
+            Factor::Approximation => setup.motions.approximation_mm.value > 0.0,
+            Factor::Overhead => setup.robot.skill_overhead_us.value > 0,
+        };
+        let of = |factor: Factor| {
+            // A plan is joined or divided as a whole, whatever else is multiplied by.
+            let asked = factors.filter(|_| factor != Factor::Motions);
+            let times = asked.unwrap_or(factor.usual()).iter().filter(|times| **times != 1.0);
+            times.map(move |times| Self { factor: Some(factor), times: *times }).collect::<Vec<_>>()
+        };
+        std::iter::once(Self { factor: None, times: 1.0 })
+            .chain(Factor::ALL.into_iter().filter(|factor| has(*factor)).flat_map(of))
+            .collect()
+    }
+
+    /// The setup and the plan of this case.
+    ///
+    /// # Errors
+    ///
+    /// In words, why there is none.
+    pub fn make(&self, setup: &Setup, application: &Application) -> Result<(Setup, Plan), String> {
+        let Self { factor, times } = *self;
+        let mut setup = setup.clone();
+        let mut application = application.clone();
+        match factor {
+            None | Some(Factor::Motions) => {}
+            Some(Factor::Length) => application = application.scaled(times),
+            Some(Factor::Acceleration) => {
+                let percent = setup.motions.acceleration_percent.value * times;
+                setup = setup.with_acceleration(percent);
+            }
+            Some(Factor::Approximation) => {
+                application.zones.approximation_mm = application.zones.approximation_mm.map(|mm| mm * times);
+                let mm = setup.motions.approximation_mm.value * times;
+                setup = setup.with_approximation(mm);
+            }
+            Some(Factor::Overhead) => {
+                let overhead_us = f64::from(setup.robot.skill_overhead_us.value) * times;
+                setup = setup.with_skill_overhead(overhead_us.round() as u32);
+            }
+        }
+        setup::check(&setup).map_err(|error| error.to_string())?;
+        let plan = planning::plan(&application, &setup).map_err(|error| error.to_string())?;
+        let approximation_mm = setup.motions.approximation_mm.value;
+        let plan = match factor {
+            Some(Factor::Motions) if times < 1.0 => plan.joined(),
+            Some(Factor::Motions) => plan.divided(times.round() as u32, approximation_mm),
+            _ => plan,
+        };
+        Ok((setup, plan))
+    }
+
+    /// What the number then is, with its unit.
+    #[must_use]
+    pub fn value(&self, setup: &Setup, application: &Application) -> String {
+        let made = self.make(setup, application).ok();
+        let motions = &setup.motions;
+        match self.factor {
+            None => made.map_or_else(String::new, |(_, plan)| format!("{} motions", plan.motions.len())),
+            Some(Factor::Motions) => {
+                made.map_or_else(String::new, |(_, plan)| plan.motions.len().to_string())
+            }
+            Some(Factor::Length) => {
+                made.map_or_else(String::new, |(_, plan)| format!("{:.0} mm", plan.length_mm()))
+            }
+            Some(Factor::Acceleration) => {
+                let share = motions.acceleration_percent.value / 100.0 * self.times;
+                format!("{:.2} m/s²", share * setup.robot.path_acceleration_mm_s2.value / 1e3)
+            }
+            Some(Factor::Approximation) => format!("{} mm", motions.approximation_mm.value * self.times),
+            Some(Factor::Overhead) => {
+                format!("{:.1} ms", f64::from(setup.robot.skill_overhead_us.value) * self.times / 1e3)
+            }
+        }
+    }
+}

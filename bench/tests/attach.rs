@@ -1,0 +1,264 @@
+//! The bench on nodes that it did not start, as in containers or on other machines: they outlive it, whatever it does.
+//!
+//! ```text
+//!   bench ── c0 ═ plc ── PLC's network ── plc0 ═ robot0 ── robot's network ── robot ═ c1 ── bench
+//! ```
+//!
+//! These tests make networks: they need root, or user namespaces and `unshare` (util-linux), and fail without.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::net::Ipv4Addr;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use protocol_linux::Interface;
+use protocol_linux::namespace::NetworkNamespace;
+use protocol_linux::veth;
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Real time wants the host for itself: one test at a time.
+static HOST: Mutex<()> = Mutex::new(());
+
+/// Set in the copy of this program that `unshare` made root of a user namespace.
+const INSIDE: &str = "SKILLBENCH_TEST_INSIDE";
+
+const PLC: &str = "plc=10.77.0.1:7700";
+const BOTH: &str = "plc=10.77.0.1:7700,robot=10.77.1.1:7700";
+
+/// Both nodes of Setup A on their cable, and the network of whoever controls them.
+struct Cell {
+    control: NetworkNamespace,
+    nodes: [Child; 2],
+    place: tempfile::TempDir,
+    _host: MutexGuard<'static, ()>,
+}
+
+impl Cell {
+    fn start() -> Self {
+        let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+        let [plc, robot, control] = [(); 3].map(|()| NetworkNamespace::new().unwrap());
+        cable((&plc, "plc0", None), (&robot, "robot0", None));
+        cable((&plc, "plc", Some([10, 77, 0, 1])), (&control, "c0", Some([10, 77, 0, 2])));
+        cable((&robot, "robot", Some([10, 77, 1, 1])), (&control, "c1", Some([10, 77, 1, 2])));
+        let node = |network: &NetworkNamespace, name, interface, address| {
+            let mut command = bench();
+            command.args([name, "run", "--setup", "A", "--interface", interface, "--control", address]);
+            network.confine(&mut command).unwrap();
+            command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap()
+        };
+        let nodes = [
+            node(&plc, "__plc-node", "plc0", "10.77.0.1:7700"),
+            node(&robot, "__robot-node", "robot0", "10.77.1.1:7700"),
+        ];
+        Self { control, nodes, place: tempfile::tempdir().unwrap(), _host: host }
+    }
+
+    /// A bench with one CM that is attached like this, beside whatever else `args` say.
+    fn bench(&self, run: &str, attach: &str, args: &[&str]) -> Child {
+        let mut command = bench();
+        command
+            .args(["--types", "cm", "--attach", attach, "--out"])
+            .arg(self.place.path().join(run))
+            .args(args);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        self.control.confine(&mut command).unwrap();
+        command.spawn().unwrap()
+    }
+
+    fn measure(&self, run: &str, attach: &str, args: &[&str]) -> Output {
+        self.bench(run, attach, args).wait_with_output().unwrap()
+    }
+
+    /// A bench on a run that would take hours, of which the first repetition is done.
+    fn long_run(&self, run: &str) -> Child {
+        let mut bench = self.bench(run, BOTH, &["--reps", "1000"]);
+        let samples = self.place.path().join(run).join("samples.csv");
+        while fs::read_to_string(&samples).map_or(0, |samples| samples.lines().count()) < 2 {
+            if bench.try_wait().unwrap().is_some() {
+                let output = bench.wait_with_output().unwrap();
+                panic!("the bench ended before a repetition was saved: {}", text(&output.stderr));
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+        bench
+    }
+
+    fn nodes_run(&mut self) -> bool {
+        self.nodes.iter_mut().all(|node| node.try_wait().unwrap().is_none())
+    }
+}
+
+impl Drop for Cell {
+    fn drop(&mut self) {
+        for node in &mut self.nodes {
+            let _ = kill_process(Pid::from_child(node), Signal::TERM);
+            let _ = node.wait();
+        }
+    }
+}
+
+type End<'a> = (&'a NetworkNamespace, &'a str, Option<[u8; 4]>);
+
+fn cable(a: End<'_>, b: End<'_>) {
+    veth::connect(a.0, a.1, b.0, b.1).unwrap();
+    for (network, name, address) in [a, b] {
+        let prepare = || {
+            let interface = Interface::open(name).unwrap();
+            interface.set_up().unwrap();
+            if let Some(address) = address {
+                interface.set_address(Ipv4Addr::from(address), Ipv4Addr::new(255, 255, 255, 0)).unwrap();
+            }
+        };
+        network.run(prepare).unwrap();
+    }
+}
+
+fn bench() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_bench"))
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn results(place: &Path, run: &str) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(place.join(run).join("results.json")).unwrap()).unwrap()
+}
+
+/// Runs the test `name` where networks may be made: here as root, otherwise in a copy of this program.
+fn with_networks(name: &str, test: impl FnOnce(Cell)) {
+    if rustix::process::geteuid().is_root() {
+        return test(Cell::start());
+    }
+    assert!(std::env::var_os(INSIDE).is_none(), "unshare did not make this user root of a namespace");
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    let output = Command::new("unshare")
+        .args(["--user", "--map-root-user", "--net"])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--exact", name, "--nocapture"])
+        .env(INSIDE, "1")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+#[test]
+fn one_bench_after_the_other_measures_on_nodes_that_run_on() {
+    with_networks("one_bench_after_the_other_measures_on_nodes_that_run_on", |mut cell| {
+        let outputs = ["first", "second"].map(|run| cell.measure(run, BOTH, &["--reps", "1", "--quiet"]));
+        for output in outputs {
+            assert!(output.status.success(), "{}", text(&output.stderr));
+        }
+        assert!(cell.nodes_run());
+        let [first, second] = ["first", "second"].map(|run| results(cell.place.path(), run));
+        for results in [&first, &second] {
+            assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
+            assert_eq!(results["connected_after_ms"], serde_json::Value::Null);
+        }
+        // What the nodes count since their start is told apart: each run is about as long as the other.
+        let frames = |results: &serde_json::Value| results["bus"]["frames_sent"].as_u64().unwrap();
+        let scans = |results: &serde_json::Value| {
+            let buckets = results["cycle"]["plc"]["buckets"].as_array().unwrap().iter();
+            buckets.map(|bucket| bucket[1].as_u64().unwrap()).sum::<u64>()
+        };
+        assert!(frames(&second) < frames(&first) * 3 / 2, "{} and {}", frames(&first), frames(&second));
+        assert!(scans(&second) < scans(&first) * 3 / 2, "{} and {}", scans(&first), scans(&second));
+    });
+}
+
+#[test]
+fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
+    with_networks("the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours", |cell| {
+        let output = cell.measure("run", PLC, &["--reps", "1"]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let table = text(&output.stdout);
+        assert!(table.contains("robot not reported."), "{table}");
+    });
+}
+
+#[test]
+fn a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use() {
+    with_networks(
+        "a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use",
+        |mut cell| {
+            for (signal, code) in [(Signal::KILL, None), (Signal::TERM, Some(130))] {
+                let run = format!("ended-by-{}", signal.as_raw());
+                let bench = cell.long_run(&run);
+                kill_process(Pid::from_child(&bench), signal).unwrap();
+                assert_eq!(bench.wait_with_output().unwrap().status.code(), code);
+            }
+            let output = cell.measure("after", BOTH, &["--reps", "1"]);
+            assert!(output.status.success(), "{}", text(&output.stderr));
+            assert!(cell.nodes_run());
+        },
+    );
+}
+
+#[test]
+fn a_second_bench_is_refused_and_does_not_disturb_the_first() {
+    with_networks("a_second_bench_is_refused_and_does_not_disturb_the_first", |cell| {
+        let mut first = cell.long_run("first");
+        let second = cell.measure("second", BOTH, &[]);
+        let error = text(&second.stderr);
+        assert_eq!(second.status.code(), Some(5), "{error}");
+        assert!(error.contains("the plc-node is controlled by 10.77.0.2:"), "{error}");
+        assert!(first.try_wait().unwrap().is_none());
+        first.kill().unwrap();
+        first.wait().unwrap();
+    });
+}
+
+#[test]
+fn a_node_that_goes_away_fails_the_run() {
+    with_networks("a_node_that_goes_away_fails_the_run", |cell| {
+        let first = cell.long_run("run");
+        kill_process(Pid::from_child(&cell.nodes[1]), Signal::KILL).unwrap();
+        let output = first.wait_with_output().unwrap();
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(4), "{error}");
+        assert!(error.contains("the robot-node at 10.77.1.1:7700 went away"), "{error}");
+    });
+}
+
+#[test]
+fn what_runs_there_has_to_be_what_is_asked_for() {
+    with_networks("what_runs_there_has_to_be_what_is_asked_for", |cell| {
+        let other_setup = cell.measure("setup", BOTH, &["--setup", "B"]);
+        let error = text(&other_setup.stderr);
+        assert_eq!(other_setup.status.code(), Some(2), "{error}");
+        assert!(error.contains("plc-node of setup A, but plc-node of setup B is wanted"), "{error}");
+
+        let swapped = cell.measure("swapped", "plc=10.77.1.1:7700", &[]);
+        let error = text(&swapped.stderr);
+        assert_eq!(swapped.status.code(), Some(2), "{error}");
+        assert!(error.contains("robot-node of setup A, but plc-node of setup A is wanted"), "{error}");
+    });
+}
+
+#[test]
+fn a_node_that_is_not_there_is_waited_for_and_then_named() {
+    let place = tempfile::tempdir().unwrap();
+    // A port that was free a moment ago.
+    let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let output =
+        bench().args(["--attach", &format!("plc={address}"), "--out"]).arg(place.path()).output().unwrap();
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{error}");
+    assert!(error.contains(&format!("no plc-node answers at {address} within 10 s")), "{error}");
+}
+
+#[test]
+fn what_cannot_be_asked_of_running_nodes_is_refused() {
+    let refused =
+        [["--mode", "virtual"], ["--capture", "always"], ["--cyclic", "rt1"], ["--attach", "robot=a:1"]];
+    for option in refused {
+        let attach: &[_] = if option[0] == "--attach" { &[] } else { &["--attach", "plc=127.0.0.1:7700"] };
+        let output = bench().args(attach).args(option).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{option:?}: {}", text(&output.stderr));
+    }
+}

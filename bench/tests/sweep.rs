@@ -1,0 +1,54 @@
+//! The starvation sweep on a few points: what it says, and that the round trip says the same beforehand.
+
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
+use bench::sweep::{Grid, Predicted, SCHEMA_VERSION, Sweep, csv, render};
+
+fn sweep(name: &str, grid: &Grid) -> Sweep {
+    let (setup, found) = planning::setup_with_application(name).unwrap();
+    Sweep {
+        schema_version: SCHEMA_VERSION,
+        setup: setup.name.clone(),
+        title: setup.title.clone(),
+        bus_cycle_ms: f64::from(setup.bus.cycle_us.value) / 1e3,
+        queue_depth: setup.plc.slots_in_use(),
+        motions: grid.motions,
+        reps: grid.reps,
+        seed: grid.seed,
+        points: grid.run(&setup, &found.application, true).unwrap(),
+    }
+}
+
+fn grid() -> Grid {
+    Grid {
+        depths: vec![1, 2, 5],
+        bus_cycles_us: vec![1_000, 16_000, 64_000],
+        lengths_mm: vec![1.0, 20.0],
+        motions: 12,
+        reps: 1,
+        seed: 1,
+    }
+}
+
+#[test]
+fn the_sweep_of_setup_a_shows_where_each_depth_starves() {
+    let sweep = sweep("A", &grid());
+    insta::assert_snapshot!(render(&sweep));
+    assert_eq!(csv(&sweep).lines().count(), 1 + 3 * 3 * 2);
+}
+
+#[test]
+fn no_blend_is_lost_where_the_slots_cover_the_round_trip_and_some_are_where_they_cannot() {
+    for name in ["A", "B"] {
+        let sweep = sweep(name, &grid());
+        for point in &sweep.points {
+            match point.predicted {
+                Predicted::KeepsUp => assert_eq!(point.blends_suppressed, 0.0, "{name}: {point:?}"),
+                Predicted::Starves => assert!(point.blends_suppressed > 0.0, "{name}: {point:?}"),
+                Predicted::Open => {}
+            }
+        }
+        let predicted = |predicted| sweep.points.iter().filter(|point| point.predicted == predicted).count();
+        assert!(predicted(Predicted::KeepsUp) > 0 && predicted(Predicted::Starves) > 0, "{name} has both");
+    }
+}

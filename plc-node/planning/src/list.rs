@@ -1,0 +1,278 @@
+//! Motion lists as text, for sequences that are too long to be planned or kept in memory: one motion a line.
+//!
+//! ```text
+//! # comments and empty lines are skipped
+//! kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base
+//! lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1
+//! ptp-joint,-60,90,150,0,0,0,0,0,0,2232,5000,0,0,1
+//! ```
+//!
+//! The columns are the fields of [`image::Motion`](protocol::image::Motion) in the units of the wire, so that a list
+//! says exactly what the robot gets: mm and degrees, or joints; velocity in 0.1 mm/s, acceleration in mm/s², for a PTP
+//! both in 0.01 % of the rated values; the approximation distance in 0.01 mm. The first line that is no comment names
+//! the columns.
+
+use std::io::{self, BufRead, Read, Write};
+
+use protocol::image::{Motion, MotionKind};
+
+/// What every list starts with: the columns in their order.
+pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base";
+
+/// The longest line in bytes; the numbers of a motion take half of it.
+const LONGEST_LINE: u64 = 1024;
+
+const KINDS: [(&str, MotionKind); 6] = [
+    ("lin", MotionKind::LinCartesian),
+    ("ptp", MotionKind::PtpCartesian),
+    ("ptp-joint", MotionKind::PtpJoint),
+    ("circ", MotionKind::Circular),
+    ("spline", MotionKind::Spline),
+    ("lin-force", MotionKind::LinForceCartesian),
+];
+
+/// Why a motion list cannot be read on.
+#[derive(Debug, thiserror::Error)]
+pub enum ListError {
+    /// The file cannot be read.
+    #[error("cannot read {origin} after line {line}")]
+    Read {
+        /// The file.
+        origin: String,
+        /// The last line that was read, from 1.
+        line: u64,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A line is no motion.
+    #[error("{origin}:{line}: {problem}")]
+    Line {
+        /// The file.
+        origin: String,
+        /// The line, from 1.
+        line: u64,
+        /// What was found and what was expected.
+        problem: String,
+    },
+}
+
+/// The motions of a list, read as they are asked for; it holds one line.
+///
+/// Nothing comes after an error.
+#[derive(Debug)]
+pub struct MotionLines<R> {
+    reader: R,
+    origin: String,
+    line: u64,
+    text: String,
+    header_seen: bool,
+    ended: bool,
+}
+
+impl<R: BufRead> MotionLines<R> {
+    /// A list that messages call `origin`.
+    pub fn new(reader: R, origin: impl Into<String>) -> Self {
+        let origin = origin.into();
+        Self { reader, origin, line: 0, text: String::new(), header_seen: false, ended: false }
+    }
+
+    /// Reads to the next line that says something; false at the end.
+    fn advance(&mut self) -> Result<bool, ListError> {
+        loop {
+            self.text.clear();
+            let read = self.reader.by_ref().take(LONGEST_LINE).read_line(&mut self.text);
+            let read = read.map_err(|source| ListError::Read {
+                origin: self.origin.clone(),
+                line: self.line,
+                source,
+            })?;
+            if read == 0 {
+                return Ok(false);
+            }
+            self.line += 1;
+            if read as u64 == LONGEST_LINE && !self.text.ends_with('\n') {
+                return Err(self.wrong(format!("the line is longer than {LONGEST_LINE} bytes")));
+            }
+            let text = self.text.trim();
+            if !text.is_empty() && !text.starts_with('#') {
+                return Ok(true);
+            }
+        }
+    }
+
+    fn read(&mut self) -> Result<Option<Motion>, ListError> {
+        if !self.header_seen {
+            if !self.advance()? {
+                return Err(self.wrong(format!("the list is empty; it starts with the line `{COLUMNS}`")));
+            }
+            if self.text.trim() != COLUMNS {
+                let found = self.text.trim();
+                return Err(self.wrong(format!("found `{found}`; a list starts with the line `{COLUMNS}`")));
+            }
+            self.header_seen = true;
+        }
+        if !self.advance()? {
+            return Ok(None);
+        }
+        parse(self.text.trim()).map(Some).map_err(|problem| self.wrong(problem))
+    }
+
+    fn wrong(&self, problem: String) -> ListError {
+        ListError::Line { origin: self.origin.clone(), line: self.line.max(1), problem }
+    }
+}
+
+impl<R: BufRead> Iterator for MotionLines<R> {
+    type Item = Result<Motion, ListError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        let next = self.read().transpose();
+        self.ended = !matches!(next, Some(Ok(_)));
+        next
+    }
+}
+
+fn parse(text: &str) -> Result<Motion, String> {
+    let mut columns = COLUMNS.split(',').zip(text.split(','));
+    let of = COLUMNS.split(',').count();
+    let found = text.split(',').count();
+    if found != of {
+        return Err(format!("found {found} columns; a motion has {of}: {COLUMNS}"));
+    }
+    let mut column = || columns.next().map(|(name, text)| (name, text.trim())).unwrap_or_default();
+    let (_, kind) = column();
+    let known = KINDS.iter().find(|(name, _)| *name == kind);
+    let kind = known.map(|(_, kind)| *kind).ok_or_else(|| {
+        let names = KINDS.map(|(name, _)| name).join(", ");
+        format!("kind: found `{kind}`; expected one of {names}")
+    })?;
+    let mut motion = Motion { kind, ..Motion::EMPTY };
+    for coordinate in motion.target.iter_mut().chain(&mut motion.auxiliary) {
+        let (name, text) = column();
+        let number = text.parse().ok().filter(|number: &f32| number.is_finite());
+        *coordinate = number.ok_or_else(|| format!("{name}: found `{text}`; expected a number"))?;
+    }
+    let mut whole = |highest: u16| {
+        let (name, text) = column();
+        let number = text.parse().ok().filter(|number: &u16| *number <= highest);
+        number.ok_or_else(|| format!("{name}: found `{text}`; expected a whole number from 0 to {highest}"))
+    };
+    (motion.velocity, motion.acceleration) = (whole(u16::MAX)?, whole(u16::MAX)?);
+    motion.approximation = whole(u16::MAX)?;
+    (motion.tool, motion.base) = (whole(15)? as u8, whole(15)? as u8);
+    Ok(motion)
+}
+
+/// Writes the line that names the columns.
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_header(writer: &mut impl Write) -> io::Result<()> {
+    writeln!(writer, "{COLUMNS}")
+}
+
+/// Writes a motion as one line, from which [`MotionLines`] reads the very same motion.
+///
+/// # Errors
+/// Those of the writer, and [`io::ErrorKind::InvalidInput`] for a motion of no known kind.
+pub fn write_motion(writer: &mut impl Write, motion: &Motion) -> io::Result<()> {
+    let kind = KINDS.iter().find(|(_, kind)| *kind == motion.kind);
+    let (name, _) = kind.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+    write!(writer, "{name}")?;
+    for coordinate in motion.target.iter().chain(&motion.auxiliary) {
+        write!(writer, ",{coordinate}")?;
+    }
+    let Motion { velocity, acceleration, approximation, tool, base, .. } = motion;
+    writeln!(writer, ",{velocity},{acceleration},{approximation},{tool},{base}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn refused(lines: &str) -> String {
+        MotionLines::new(lines.as_bytes(), "dots.csv").find_map(Result::err).unwrap().to_string()
+    }
+
+    fn any_motion() -> impl Strategy<Value = Motion> {
+        let coordinate = || -1e6..1e6_f32;
+        let numbers = (any::<u16>(), any::<u16>(), any::<u16>(), 0..16_u8, 0..16_u8);
+        (
+            0..KINDS.len(),
+            proptest::array::uniform6(coordinate()),
+            proptest::array::uniform3(coordinate()),
+            numbers,
+        )
+            .prop_map(
+                |(kind, target, auxiliary, (velocity, acceleration, approximation, tool, base))| Motion {
+                    kind: KINDS[kind].1,
+                    target,
+                    auxiliary,
+                    velocity,
+                    acceleration,
+                    approximation,
+                    tool,
+                    base,
+                },
+            )
+    }
+
+    proptest! {
+        #[test]
+        fn a_list_gives_back_the_very_motions_that_were_written(
+            motions in proptest::collection::vec(any_motion(), 0..20),
+        ) {
+            let mut text = b"# made by a test\n\n".to_vec();
+            write_header(&mut text).unwrap();
+            motions.iter().for_each(|motion| write_motion(&mut text, motion).unwrap());
+            let read: Result<Vec<_>, _> = MotionLines::new(&text[..], "test").collect();
+            prop_assert_eq!(read.unwrap(), motions);
+        }
+
+        #[test]
+        fn no_text_makes_it_panic(text in ".{0,200}") {
+            let list = format!("{COLUMNS}\n{text}\n");
+            let _ = MotionLines::new(list.as_bytes(), "test").count();
+            let _ = MotionLines::new(text.as_bytes(), "test").count();
+        }
+    }
+
+    #[test]
+    fn what_is_no_motion_is_refused_with_line_column_and_expectation() {
+        let line = "lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1";
+        let with = |from: &str, to: &str| refused(&format!("{COLUMNS}\n{}\n", line.replacen(from, to, 1)));
+        assert_eq!(
+            with("lin", "line"),
+            "dots.csv:2: kind: found `line`; expected one of lin, ptp, ptp-joint, circ, spline, lin-force"
+        );
+        assert_eq!(with("30", "NaN"), "dots.csv:2: z: found `NaN`; expected a number");
+        assert_eq!(
+            with("4463", "446.3"),
+            "dots.csv:2: velocity: found `446.3`; expected a whole number from 0 to 65535"
+        );
+        assert_eq!(
+            with("1000,0,1", "1000,0,16"),
+            "dots.csv:2: base: found `16`; expected a whole number from 0 to 15"
+        );
+        assert_eq!(
+            with("1000,0,1", "1000"),
+            format!("dots.csv:2: found 13 columns; a motion has 15: {COLUMNS}")
+        );
+        assert_eq!(
+            refused("x,y\n"),
+            format!("dots.csv:1: found `x,y`; a list starts with the line `{COLUMNS}`")
+        );
+        assert_eq!(
+            refused(""),
+            format!("dots.csv:1: the list is empty; it starts with the line `{COLUMNS}`")
+        );
+        assert_eq!(
+            refused(&format!("# {}", "x".repeat(2_000))),
+            "dots.csv:1: the line is longer than 1024 bytes"
+        );
+    }
+}

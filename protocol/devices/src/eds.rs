@@ -1,0 +1,238 @@
+//! An EDS file from the description of an adapter (volume 1, chapter 7; volume 2, chapter 7).
+//!
+//! A section is a name in brackets; an entry is a keyword, `=`, fields between commas, `;`. A field may be empty. `$`
+//! begins a comment.
+
+use std::fmt::{self, Write};
+
+use protocol::ethernet_ip::cip::class;
+use protocol::ethernet_ip::description::{Assembly, CLASSES, Description, PORT_NUMBER, Role};
+
+use crate::Date;
+
+/// Packet interval that an engineering system proposes, in µs.
+const PROPOSED_RPI_US: u32 = 1_000;
+
+/// Trigger and transport: class 1; cyclic, change of state, application.
+const CLASS_1_ANY_TRIGGER: u32 = 1 << 1 | 0b111 << 16;
+
+/// The same: what the originator may do with the outputs.
+const LISTEN_ONLY: u32 = 1 << 24;
+const INPUT_ONLY: u32 = 1 << 25;
+const EXCLUSIVE_OWNER: u32 = 1 << 26;
+
+/// Connection parameters: both ways of fixed size; O→T point to point; T→O multicast or point to point; priorities low,
+/// high and scheduled both ways.
+const FIXED_AND_SHARED: u32 = 1 | 1 << 2 | 1 << 18 | 0b11 << 21 | 0b111 << 24 | 0b111 << 28;
+
+/// The same: O→T data has a run/idle header of 32 bits before it.
+const O_T_RUN_IDLE: u32 = 4 << 8;
+
+/// The same: O→T is a heartbeat.
+const O_T_HEARTBEAT: u32 = 3 << 8;
+
+/// The file.
+#[must_use]
+pub fn write(device: &Description, changed: Date) -> String {
+    let mut text = String::new();
+    // A String takes everything.
+    let _ = write_all(&mut text, device, changed);
+    text
+}
+
+fn write_all(text: &mut String, device: &Description, changed: Date) -> fmt::Result {
+    writeln!(
+        text,
+        "$ {}: Electronic Data Sheet. Made from the adapter's own description.",
+        device.product_name
+    )?;
+    write_file(text, device, changed)?;
+    write_device(text, device)?;
+    section(text, "Device Classification")?;
+    entry(text, "Class1", "EtherNetIP")?;
+    write_params(text, device)?;
+    write_assemblies(text, device)?;
+    write_connections(text, device)?;
+    write_capacity(text, device)?;
+    section(text, "Port")?;
+    write_class(text, device, class::PORT)?;
+    entry(text, "Port1", format_args!("TCP, \"EtherNet/IP\", \"20 F5 24 01\", {PORT_NUMBER}"))?;
+    for code in
+        [class::IDENTITY, class::MESSAGE_ROUTER, class::TCP_IP_INTERFACE, class::ETHERNET_LINK, class::QOS]
+    {
+        let name = CLASSES.iter().find(|known| known.0 == code).map_or("", |known| known.2);
+        section(text, &format!("{name} Class"))?;
+        write_class(text, device, code)?;
+    }
+    Ok(())
+}
+
+/// What the section of a class of objects says of it.
+fn write_class(text: &mut String, device: &Description, code: u32) -> fmt::Result {
+    let Some((_, revision, name)) = CLASSES.iter().find(|known| known.0 == code) else { return Ok(()) };
+    let (instances, highest) = match code {
+        class::ASSEMBLY => {
+            let instances = device.assemblies.iter().map(|assembly| assembly.instance);
+            (instances.len(), instances.max().unwrap_or(0))
+        }
+        _ => (1, 1),
+    };
+    entry(text, "Revision", revision)?;
+    entry(text, "Object_Name", format_args!("\"{name} Object\""))?;
+    entry(text, "Object_Class_Code", format_args!("0x{code:02X}"))?;
+    entry(text, "MaxInst", highest)?;
+    entry(text, "Number_Of_Static_Instances", instances)?;
+    entry(text, "Max_Number_Of_Dynamic_Instances", 0)
+}
+
+fn section(text: &mut String, name: &str) -> fmt::Result {
+    writeln!(text, "\n[{name}]")
+}
+
+fn entry(text: &mut String, keyword: &str, value: impl fmt::Display) -> fmt::Result {
+    writeln!(text, "    {keyword} = {value};")
+}
+
+/// An entry with a field and its meaning on each line.
+fn table(text: &mut String, keyword: &str, fields: &[(String, &str)]) -> fmt::Result {
+    writeln!(text, "    {keyword} =")?;
+    for (index, (field, meaning)) in fields.iter().enumerate() {
+        let end = if index + 1 == fields.len() { ';' } else { ',' };
+        let field = format!("{field}{end}");
+        writeln!(text, "        {field:<28} $ {meaning}")?;
+    }
+    Ok(())
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{text}\"")
+}
+
+fn write_file(text: &mut String, device: &Description, Date { year, month, day }: Date) -> fmt::Result {
+    section(text, "File")?;
+    entry(text, "DescText", format_args!("\"{} as EtherNet/IP adapter\"", device.product_name))?;
+    for (date, time) in [("CreateDate", "CreateTime"), ("ModDate", "ModTime")] {
+        entry(text, date, format_args!("{month:02}-{day:02}-{year:04}"))?;
+        entry(text, time, "00:00:00")?;
+    }
+    entry(text, "Revision", "1.0")
+}
+
+fn write_device(text: &mut String, device: &Description) -> fmt::Result {
+    section(text, "Device")?;
+    entry(text, "VendCode", device.vendor)?;
+    entry(text, "VendName", quoted(device.vendor_name))?;
+    entry(text, "ProdType", device.device_type)?;
+    entry(text, "ProdTypeStr", "\"Generic Device (keyable)\"")?;
+    entry(text, "ProdCode", device.product_code)?;
+    entry(text, "MajRev", device.revision.major)?;
+    entry(text, "MinRev", device.revision.minor)?;
+    entry(text, "ProdName", quoted(device.product_name))?;
+    entry(text, "Catalog", quoted(device.product_name))
+}
+
+fn write_params(text: &mut String, device: &Description) -> fmt::Result {
+    section(text, "Params")?;
+    let limits = format!("{}, {}, {PROPOSED_RPI_US}", device.min_rpi_us, device.max_rpi_us);
+    let field = |value: &str| value.to_owned();
+    table(
+        text,
+        "Param1",
+        &[
+            (field("0"), "reserved"),
+            (field(","), "link path size, link path: none"),
+            (field("0x0000"), "descriptor"),
+            (field("0xC8"), "data type: UDINT"),
+            (field("4"), "bytes"),
+            (quoted("RPI"), "name"),
+            (quoted("us"), "unit"),
+            (quoted("Requested packet interval"), "help"),
+            (limits, "least, most, proposed"),
+            (field(",,,"), "scaling: none"),
+            (field(",,,"), "links of the scaling: none"),
+            (field("0"), "decimal places"),
+        ],
+    )
+}
+
+fn write_assemblies(text: &mut String, device: &Description) -> fmt::Result {
+    section(text, "Assembly")?;
+    write_class(text, device, class::ASSEMBLY)?;
+    for Assembly { instance, size, name, .. } in device.assemblies {
+        let mut fields = vec![
+            (quoted(name), "name"),
+            (quoted(&format!("20 04 {} 30 03", hex("24", *instance))), "path of its data"),
+            (size.to_string(), "bytes"),
+            ("0x0000".to_owned(), "descriptor"),
+            (",".to_owned(), "reserved"),
+        ];
+        if *size > 0 {
+            fields.push((format!("{},", 8 * u32::from(*size)), "one member: its bits, no parameter"));
+        }
+        table(text, &format!("Assem{instance}"), &fields)?;
+    }
+    Ok(())
+}
+
+/// A segment of 8 bits, as hexadecimal text. The robot's numbers fit.
+fn hex(segment: &str, instance: u32) -> String {
+    format!("{segment} {instance:02X}")
+}
+
+fn write_connections(text: &mut String, device: &Description) -> fmt::Result {
+    section(text, "Connection Manager")?;
+    write_class(text, device, class::CONNECTION_MANAGER)?;
+    let Some(produced) = device.role(Role::Produced) else { return Ok(()) };
+    let kinds = [
+        (Role::Consumed, "Exclusive Owner", EXCLUSIVE_OWNER, O_T_RUN_IDLE),
+        (Role::InputOnlyHeartbeat, "Input Only", INPUT_ONLY, O_T_HEARTBEAT),
+        (Role::ListenOnlyHeartbeat, "Listen Only", LISTEN_ONLY, O_T_HEARTBEAT),
+    ];
+    let mut number = 0;
+    for (role, name, kind, format) in kinds {
+        let Some(consumed) = device.role(role) else { continue };
+        number += 1;
+        let mut path = "20 04".to_owned();
+        let configuration = device.role(Role::Configuration);
+        if let Some(configuration) = configuration {
+            write!(path, " {}", hex("24", configuration.instance))?;
+        }
+        write!(path, " {} {}", hex("2C", consumed.instance), hex("2C", produced.instance))?;
+        let assembly = |assembly: &Assembly| format!("Assem{}", assembly.instance);
+        let configuration = configuration.map_or_else(
+            || ",".to_owned(),
+            |configuration| format!("{}, {}", configuration.size, assembly(configuration)),
+        );
+        table(
+            text,
+            &format!("Connection{number}"),
+            &[
+                (format!("0x{:08X}", CLASS_1_ANY_TRIGGER | kind), "trigger and transport"),
+                (format!("0x{:08X}", FIXED_AND_SHARED | format), "connection parameters"),
+                (format!("Param1, {}, {}", consumed.size, assembly(consumed)), "O=>T RPI, bytes, format"),
+                (format!("Param1, {}, {}", produced.size, assembly(produced)), "T=>O RPI, bytes, format"),
+                (",".to_owned(), "configuration of a proxy: none"),
+                (configuration, "configuration: bytes, format"),
+                (quoted(name), "name"),
+                (quoted(""), "help"),
+                (quoted(&path), "path"),
+            ],
+        )?;
+    }
+    Ok(())
+}
+
+fn write_capacity(text: &mut String, device: &Description) -> fmt::Result {
+    let Description { exclusive_owners, input_only, listen_only, explicit, .. } = device;
+    let io = u16::from(*exclusive_owners) + u16::from(*input_only) + u16::from(*listen_only);
+    let largest = device.assemblies.iter().map(Assembly::connection_size).max().unwrap_or(0);
+    section(text, "Capacity")?;
+    entry(text, "MaxMsgConnections", explicit)?;
+    entry(text, "MaxIOProducers", io)?;
+    entry(text, "MaxIOConsumers", io)?;
+    entry(text, "MaxIOProduceConsume", io)?;
+    entry(text, "MaxIOMcastProducers", 1)?;
+    entry(text, "MaxConsumersPerMcast", io)?;
+    // Of one connection, at the shortest interval.
+    entry(text, "TSpec1", format_args!("TxRx, {largest}, {}", 1_000_000 / device.min_rpi_us.max(1)))
+}

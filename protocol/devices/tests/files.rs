@@ -1,0 +1,31 @@
+//! The files beside this crate are those that it makes.
+
+use std::path::Path;
+
+#[test]
+fn the_files_are_those_that_the_descriptions_give() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let rewrite = std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always");
+    for (name, text) in devices::files() {
+        let path = folder.join(&name);
+        if rewrite {
+            std::fs::write(&path, &text).unwrap();
+        }
+        let there = std::fs::read_to_string(&path).unwrap_or_default();
+        assert!(
+            there == text,
+            "{name} is not what the description gives: run this test with INSTA_UPDATE=always, and set CHANGED to today"
+        );
+    }
+}
+
+#[test]
+fn no_file_of_an_earlier_date_is_left_behind() {
+    let names = devices::files().map(|(name, _)| name);
+    let folder = std::fs::read_dir(env!("CARGO_MANIFEST_DIR")).unwrap();
+    for entry in folder {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let is_description = name.ends_with(".eds") || name.ends_with(".xml");
+        assert!(!is_description || names.contains(&name), "{name} is made by nothing");
+    }
+}

@@ -1,0 +1,219 @@
+//! The GSDML file, read back and held against a controller and a device that run.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::cell::Cell;
+use std::collections::BTreeSet;
+use std::net::Ipv4Addr;
+use std::rc::Rc;
+use std::time::Duration;
+
+use protocol::Instant;
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::IMAGE_LEN;
+use protocol::profinet::description::{Description, Identity, ROBOT};
+use protocol::profinet::ethernet::Mac;
+use protocol::profinet::rt::{Transport, UDP_PORT};
+use protocol::profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
+use protocol::virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
+use roxmltree::{Document, Node};
+
+fn text() -> String {
+    let [_, (_, text)] = devices::files();
+    text
+}
+
+/// The only element of this name.
+fn one<'a>(document: &'a Document<'_>, name: &str) -> Node<'a, 'a> {
+    let named: Vec<_> = document.descendants().filter(|node| node.has_tag_name((NAMESPACE, name))).collect();
+    assert_eq!(named.len(), 1, "elements {name}");
+    named[0]
+}
+
+const NAMESPACE: &str = "http://www.profibus.com/GSDML/2003/11/DeviceProfile";
+
+fn number(node: Node<'_, '_>, attribute: &str) -> u32 {
+    let text = node.attribute(attribute).unwrap();
+    text.strip_prefix("0x").map_or_else(|| text.parse(), |text| u32::from_str_radix(text, 16)).unwrap()
+}
+
+#[test]
+fn the_name_of_the_file_has_the_parts_that_engineering_systems_look_for() {
+    let [_, (name, _)] = devices::files();
+    let parts: Vec<_> = name.strip_suffix(".xml").unwrap().split('-').collect();
+    let [gsdml, version, vendor, _, date] = parts[..] else { unreachable!("{name}") };
+    assert_eq!((gsdml, version, date.len()), ("GSDML", "V2.4", 8));
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let named: Vec<_> =
+        document.descendants().filter(|node| node.has_tag_name((NAMESPACE, "VendorName"))).collect();
+    assert!(named.iter().all(|node| node.attribute("Value") == Some(vendor)) && named.len() == 2);
+    assert!(text.contains("GSDML-DeviceProfile-V2.4.xsd"), "the schema of the version in the name");
+}
+
+#[test]
+fn the_device_is_who_it_says_it_is_over_the_wire() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let identity = one(&document, "DeviceIdentity");
+    let Identity { vendor, device } = ROBOT.identity;
+    assert_eq!((number(identity, "VendorID"), number(identity, "DeviceID")), (vendor.into(), device.into()));
+    let access_point = one(&document, "DeviceAccessPointItem");
+    let value = |name| one(&document, name).attribute("Value").unwrap().to_owned();
+    assert_eq!(access_point.attribute("DNS_CompatibleName"), Some(ROBOT.order_id));
+    assert!(protocol::profinet::is_station_name(ROBOT.order_id.as_bytes()));
+    assert_eq!(value("OrderNumber"), ROBOT.order_id);
+    assert_eq!(value("HardwareRelease"), ROBOT.hardware_revision.to_string());
+    let [major, minor, patch] = ROBOT.software_revision;
+    assert_eq!(value("SoftwareRelease"), format!("V{major}.{minor}.{patch}"));
+    for required in ["CheckDeviceID_Allowed", "NameOfStationNotTransferable", "PNIO_Version"] {
+        assert!(access_point.has_attribute(required), "{required}");
+    }
+    assert!(one(&document, "InterfaceSubmoduleItem").has_attribute("SupportedProtocols"));
+}
+
+#[test]
+fn every_module_and_submodule_has_its_place_number_and_lengths() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let mut found = BTreeSet::new();
+    let modules = document.descendants().filter(|node| {
+        node.has_tag_name((NAMESPACE, "DeviceAccessPointItem"))
+            || node.has_tag_name((NAMESPACE, "ModuleItem"))
+    });
+    for module in modules {
+        let id = module.attribute("ID").unwrap();
+        let reference = document.descendants().find(|node| node.attribute("ModuleItemTarget") == Some(id));
+        let slot = number(reference.unwrap_or(module), "FixedInSlots");
+        for item in module.descendants().filter(|node| node.has_attribute("SubmoduleIdentNumber")) {
+            let subslot =
+                if item.has_attribute("SubslotNumber") { "SubslotNumber" } else { "FixedInSubslots" };
+            let len = |direction| {
+                let data = item.descendants().filter(|node| node.has_tag_name((NAMESPACE, direction)));
+                data.flat_map(|node| node.children())
+                    .filter(Node::is_element)
+                    .map(|i| number(i, "Length"))
+                    .sum::<u32>()
+            };
+            let numbers = [number(module, "ModuleIdentNumber"), number(item, "SubmoduleIdentNumber")];
+            found.insert((slot, number(item, subslot), numbers, [len("Input"), len("Output")]));
+        }
+    }
+    let described = ROBOT.modules.iter().flat_map(|module| {
+        module.submodules.iter().map(|submodule| {
+            let lengths = [submodule.input_len.into(), submodule.output_len.into()];
+            (module.slot.into(), submodule.subslot.into(), [module.ident, submodule.ident], lengths)
+        })
+    });
+    assert_eq!(found, described.collect());
+}
+
+#[test]
+fn every_text_that_is_referred_to_is_there_once_and_every_identifier_too() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let mut ids = BTreeSet::new();
+    for id in document.descendants().filter_map(|node| node.attribute("ID")) {
+        assert!(ids.insert(id), "{id} is there twice");
+    }
+    let is_text = |node: &Node<'_, '_>| node.has_tag_name((NAMESPACE, "Text"));
+    let texts: Vec<_> =
+        document.descendants().filter(is_text).filter_map(|node| node.attribute("TextId")).collect();
+    let known: BTreeSet<_> = texts.iter().copied().collect();
+    assert_eq!(known.len(), texts.len());
+    let used =
+        document.descendants().filter(|node| !is_text(node)).filter_map(|node| node.attribute("TextId"));
+    assert_eq!(known, used.collect());
+}
+
+type Bus = Pair<Controller, Device>;
+
+/// Our controller and our device at this cycle.
+fn bus(cycle: Duration, description: Description) -> Bus {
+    let [plc, robot] = [Ipv4Addr::new(192, 168, 64, 1), Ipv4Addr::new(192, 168, 64, 2)];
+    let mask = Ipv4Addr::new(255, 255, 255, 0);
+    let start = Instant::from_millis(1);
+    let controller = ControllerConfig {
+        mac: Mac([2, 0, 0, 0, 0, 1]),
+        station_name: "plc".into(),
+        address: plc,
+        mask,
+        device_station_name: "robot".into(),
+        device_address: robot,
+        description,
+        parameters: vec![Parameter::interface_adjust()],
+        transport: Transport::Rt1,
+        cycle,
+        watchdog_cycles: 3,
+        seed: 1,
+    };
+    let device = DeviceConfig {
+        mac: Mac([2, 0, 0, 0, 0, 2]),
+        station_name: b"robot".to_vec(),
+        address: Some(robot),
+        mask,
+        description: ROBOT,
+    };
+    let links = [Impairment { delay: Duration::from_micros(5), ..Impairment::default() }; 2];
+    let addresses = [Some(plc), Some(robot)];
+    let mut device = Device::new(device, start);
+    device.set_output(&[7; IMAGE_LEN]);
+    let pair = PairConfig { seed: 1, clocks: [Clock::default(); 2], links, addresses };
+    Bus::new(Controller::new(controller, start).unwrap(), device, pair)
+}
+
+fn comes_up(bus: &mut Bus) -> bool {
+    while let Some(event) = bus.next_event(Instant::from_millis(10_000)) {
+        if event == Event::A(LinkEvent::Up) {
+            return true;
+        }
+    }
+    false
+}
+
+#[test]
+fn data_are_exchanged_at_every_send_clock_and_the_shortest_interval_is_among_them() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let timing = one(&document, "TimingProperties");
+    let numbers = |attribute| {
+        let list = timing.attribute(attribute).unwrap().split(' ');
+        list.map(|number| number.parse::<u32>().unwrap()).collect::<Vec<_>>()
+    };
+    let clocks = numbers("SendClock");
+    assert!(clocks.contains(&32), "1 ms is what every device has to have");
+    for clock in &clocks {
+        // Our controller's send clock is 1 ms where the cycle is longer.
+        assert!(comes_up(&mut bus(Duration::from_nanos(31_250) * *clock, ROBOT)), "{clock} × 31.25 µs");
+    }
+    for ratio in numbers("ReductionRatio") {
+        assert!(comes_up(&mut bus(Duration::from_millis(ratio.into()), ROBOT)), "1 ms × {ratio}");
+    }
+    let least = number(one(&document, "DeviceAccessPointItem"), "MinDeviceInterval");
+    assert_eq!(least, ROBOT.min_device_interval.into());
+    assert!(clocks.contains(&least));
+}
+
+#[test]
+fn the_longest_frames_are_as_long_as_the_file_says_status_bytes_included() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let lengths = one(&document, "IOConfigData");
+    let [input, output] = ["MaxInputLength", "MaxOutputLength"].map(|name| number(lengths, name) as usize);
+    let mut bus = bus(Duration::from_millis(1), ROBOT);
+    assert!(comes_up(&mut bus));
+    let longest = Rc::new(Cell::new([0, 0]));
+    let tapped = Rc::clone(&longest);
+    bus.set_tap(move |tap| {
+        assert!(!matches!(tap.carrier, Carrier::Udp { to, .. } if to.port() == UDP_PORT));
+        // Datagrams of connection management have no Ethernet header here.
+        let Carrier::Ethernet = tap.carrier else { return };
+        let mut all = tapped.get();
+        let longest = &mut all[usize::from(tap.from == Side::A)];
+        *longest = tap.frame.len().max(*longest);
+        tapped.set(all);
+    });
+    bus.next_event(Instant::from_millis(20_000));
+    // Two addresses, tag and EtherType, FrameID; cycle counter, data status, transfer status.
+    assert_eq!(longest.get().map(|len| len - (12 + 4 + 2 + 2) - 4), [input, output]);
+}

@@ -1,0 +1,235 @@
+//! Capture files: pcapng with one interface and times in nanoseconds, which Wireshark and tshark open as they are.
+//!
+//! Each end of a cable has a file of its own. In one file for both every frame would be there twice, and what
+//! dissectors follow from packet to packet (sequence numbers of TCP, calls and their answers, I/O graphs) would count it
+//! twice; `mergecap -w both.pcapng plc.pcapng robot.pcapng` makes one with two interfaces where that is wanted.
+
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use pcap_file::DataLink;
+use pcap_file::pcapng::PcapNgWriter;
+use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPacketOption};
+use pcap_file::pcapng::blocks::interface_description::{
+    InterfaceDescriptionBlock, InterfaceDescriptionOption,
+};
+
+/// Longer frames are cut; no port of a node takes longer ones.
+pub(crate) const SNAP_LEN: usize = 2048;
+
+/// What a ring keeps from the start, in bytes: how the connection was made, without which later frames mean little.
+const FIRST: usize = 1 << 20;
+
+/// What a ring keeps from the end, in bytes: about a minute and a half of two frames a millisecond.
+const LAST: usize = 64 << 20;
+
+/// How much of what passes is kept.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Keep {
+    /// All of it, on disk at once.
+    All,
+    /// The first MiB and the last 64 MiB, in memory until the end.
+    FirstAndLast,
+}
+
+/// A frame as it passed an interface.
+#[derive(Clone, Copy, Debug)]
+pub struct Packet<'a> {
+    /// When, in UTC.
+    pub since_1970: Duration,
+    /// Whether the interface sent it; none where that is not known.
+    pub sent: Option<bool>,
+    /// From the destination's MAC address on, without FCS.
+    pub data: &'a [u8],
+    /// What there is to say about it; shown beside it.
+    pub comment: Option<&'a str>,
+}
+
+/// A capture that is being written.
+pub struct CaptureFile {
+    path: PathBuf,
+    writer: PcapNgWriter<Sink>,
+    packets: u64,
+}
+
+impl std::fmt::Debug for CaptureFile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CaptureFile")
+            .field("path", &self.path)
+            .field("packets", &self.packets)
+            .finish_non_exhaustive()
+    }
+}
+
+impl CaptureFile {
+    /// A new capture of what passes `interface`; `about` is a comment on it, unless it is empty.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be made.
+    pub fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> io::Result<Self> {
+        let sink = match keep {
+            Keep::All => Sink::Disk(BufWriter::with_capacity(1 << 16, File::create(path)?)),
+            Keep::FirstAndLast => Sink::Memory(Ring::default()),
+        };
+        let mut writer = PcapNgWriter::new(sink).map_err(io::Error::other)?;
+        let mut options = vec![
+            InterfaceDescriptionOption::IfName(interface.to_owned().into()),
+            InterfaceDescriptionOption::IfTsResol(9),
+        ];
+        if !about.is_empty() {
+            options.push(InterfaceDescriptionOption::Comment(about.to_owned().into()));
+        }
+        let description =
+            InterfaceDescriptionBlock { linktype: DataLink::ETHERNET, snaplen: SNAP_LEN as u32, options };
+        writer.write_pcapng_block(description).map_err(io::Error::other)?;
+        writer.get_mut().end_block();
+        Ok(Self { path: path.to_owned(), writer, packets: 0 })
+    }
+
+    /// Where it is, or will be.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Takes up a packet.
+    ///
+    /// # Errors
+    ///
+    /// The disk does not take it.
+    pub fn write(&mut self, packet: &Packet<'_>) -> io::Result<()> {
+        let mut options = Vec::new();
+        if let Some(sent) = packet.sent {
+            // Bits 0 and 1 of epb_flags (pcapng, section 4.3.1): 1 is inbound, 2 outbound.
+            options.push(EnhancedPacketOption::Flags(if sent { 2 } else { 1 }));
+        }
+        if let Some(comment) = packet.comment {
+            options.push(EnhancedPacketOption::Comment(comment.into()));
+        }
+        let kept = packet.data.get(..SNAP_LEN).unwrap_or(packet.data);
+        let block = EnhancedPacketBlock {
+            interface_id: 0,
+            timestamp: packet.since_1970,
+            original_len: packet.data.len() as u32,
+            data: Cow::Borrowed(kept),
+            options,
+        };
+        self.writer.write_pcapng_block(block).map_err(|error| match error {
+            pcap_file::PcapError::IoError(error) => error,
+            other => io::Error::other(other),
+        })?;
+        self.writer.get_mut().end_block();
+        self.packets += 1;
+        Ok(())
+    }
+
+    /// Hands what is buffered to the disk, as far as it is kept there.
+    ///
+    /// # Errors
+    ///
+    /// The disk does not take it.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.writer.get_mut().flush()
+    }
+
+    /// Ends the capture and returns how many packets it saw.
+    ///
+    /// # Errors
+    ///
+    /// The disk does not take it.
+    pub fn finish(mut self) -> io::Result<u64> {
+        self.flush()?;
+        if let Sink::Memory(ring) = self.writer.get_mut() {
+            ring.write_to(&self.path)?;
+        }
+        Ok(self.packets)
+    }
+}
+
+enum Sink {
+    Disk(BufWriter<File>),
+    Memory(Ring),
+}
+
+impl Sink {
+    fn end_block(&mut self) {
+        if let Self::Memory(ring) = self {
+            ring.end_block(FIRST, LAST);
+        }
+    }
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Disk(file) => file.write(bytes),
+            Self::Memory(ring) => ring.block.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Disk(file) => file.flush(),
+            Self::Memory(_) => Ok(()),
+        }
+    }
+}
+
+/// Whole blocks: the first ones, and as many of the last ones as there is room for.
+#[derive(Default)]
+struct Ring {
+    /// The block that is being written.
+    block: Vec<u8>,
+    first: Vec<u8>,
+    last: VecDeque<u8>,
+}
+
+impl Ring {
+    fn end_block(&mut self, first: usize, last: usize) {
+        if self.last.is_empty() && self.first.len() + self.block.len() <= first {
+            self.first.append(&mut self.block);
+            return;
+        }
+        while !self.last.is_empty() && self.last.len() + self.block.len() > last {
+            // A block begins with its type and its length, four bytes each (pcapng, section 3.1).
+            let length: [u8; 4] = std::array::from_fn(|at| self.last.get(4 + at).copied().unwrap_or(0));
+            let length = (u32::from_ne_bytes(length) as usize).clamp(1, self.last.len());
+            self.last.drain(..length);
+        }
+        self.last.extend(self.block.drain(..));
+    }
+
+    fn write_to(&self, path: &Path) -> io::Result<()> {
+        let mut file = File::create(path)?;
+        file.write_all(&self.first)?;
+        let (front, back) = self.last.as_slices();
+        file.write_all(front)?;
+        file.write_all(back)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block(number: u32) -> Vec<u8> {
+        [6_u32, 16, number, 16].iter().flat_map(|word| word.to_ne_bytes()).collect()
+    }
+
+    #[test]
+    fn a_ring_keeps_the_first_blocks_and_as_many_of_the_last_as_fit() {
+        let mut ring = Ring::default();
+        for number in 0..100 {
+            ring.block = block(number);
+            ring.end_block(40, 64);
+        }
+        let kept = |bytes: Vec<u8>| -> Vec<u8> { bytes.chunks(16).map(|block| block[8]).collect() };
+        assert_eq!(kept(ring.first), [0, 1]);
+        assert_eq!(kept(ring.last.into()), [96, 97, 98, 99]);
+    }
+}

@@ -1,0 +1,115 @@
+//! Each cycle of a node in a file: a wait-free ring from the cyclic thread to one that writes.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Samples that may wait: four seconds of a cycle of 1 ms.
+const RING_CAPACITY: usize = 4_096;
+
+/// How often the ring is emptied. Nobody wakes the writer: that would be a system call in each cycle.
+const EMPTY_EVERY: Duration = Duration::from_millis(100);
+
+/// Why cycles cannot be recorded.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write the trace {}: {reason}", path.display())]
+pub struct TraceError {
+    path: PathBuf,
+    reason: io::Error,
+}
+
+/// The cyclic thread's end.
+#[derive(Debug)]
+pub(crate) struct TraceRing<S> {
+    samples: rtrb::Producer<S>,
+    recording: bool,
+    last: Option<u64>,
+}
+
+impl<S> TraceRing<S> {
+    pub(crate) const fn record(&mut self, on: bool) {
+        self.recording = on;
+    }
+
+    /// Takes a sample if there was a cycle since the last one. Where the writer is far behind, it is dropped.
+    pub(crate) fn look(&mut self, cycle: u64, sample: impl FnOnce() -> S) {
+        if self.recording && self.last != Some(cycle) {
+            self.last = Some(cycle);
+            let _ = self.samples.push(sample());
+        }
+    }
+}
+
+/// The thread that writes.
+#[derive(Debug)]
+pub(crate) struct TraceWriter {
+    thread: JoinHandle<Result<(), TraceError>>,
+}
+
+impl TraceWriter {
+    /// Waits until all is written. The cyclic thread's end must be gone.
+    pub(crate) fn finish(self) -> Result<(), TraceError> {
+        self.thread.join().unwrap_or(Ok(()))
+    }
+}
+
+/// A ring whose samples `write` turns into lines of the new file `path`.
+pub(crate) fn start<S: Send + 'static>(
+    path: &Path,
+    write: fn(&S, &mut String),
+) -> Result<(TraceRing<S>, TraceWriter), TraceError> {
+    let broken = |path: &Path| {
+        let path = path.to_owned();
+        move |reason| TraceError { path, reason }
+    };
+    let mut file = BufWriter::new(File::create(path).map_err(broken(path))?);
+    let (samples, mut waiting) = rtrb::RingBuffer::new(RING_CAPACITY);
+    let path = path.to_owned();
+    let of_thread = path.clone();
+    let body = move || {
+        let mut line = String::new();
+        loop {
+            // Asked before the ring is emptied: what came before the end is still in it.
+            let last = waiting.is_abandoned();
+            while let Ok(sample) = waiting.pop() {
+                line.clear();
+                write(&sample, &mut line);
+                line.push('\n');
+                file.write_all(line.as_bytes()).map_err(broken(&of_thread))?;
+            }
+            if last {
+                return file.flush().map_err(broken(&of_thread));
+            }
+            // A node that is killed must not take with it what led to that.
+            file.flush().map_err(broken(&of_thread))?;
+            std::thread::sleep(EMPTY_EVERY);
+        }
+    };
+    let thread = std::thread::Builder::new().name("trace".to_owned()).spawn(body).map_err(broken(&path))?;
+    Ok((TraceRing { samples, recording: false, last: None }, TraceWriter { thread }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Write as _;
+
+    #[test]
+    fn each_cycle_is_a_line_once_while_it_is_recorded() {
+        let path = std::env::temp_dir().join(format!("trace-file-{}", std::process::id()));
+        let (mut ring, writer) = start::<u64>(&path, |sample, line| {
+            let _ = write!(line, "{sample}");
+        })
+        .unwrap();
+        for (cycle, on) in [(1, false), (2, true), (2, true), (3, true), (4, false)] {
+            ring.record(on);
+            ring.look(cycle, || cycle * 10);
+        }
+        drop(ring);
+        writer.finish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "20\n30\n");
+        std::fs::remove_file(&path).unwrap();
+    }
+}

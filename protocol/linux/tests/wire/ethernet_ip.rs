@@ -1,0 +1,234 @@
+//! What EtherNet/IP asks of the wire beyond a datagram: the DSCP in the IP header, multicast groups, and to know which
+//! questions went to everybody. A capture is the witness.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufReader, Read as _, Write as _};
+use std::net::{Ipv4Addr, SocketAddrV4, TcpStream, UdpSocket};
+use std::time::{Duration, Instant};
+
+use pcap_file::pcapng::{Block, PcapNgReader};
+use protocol::ethernet_ip::description::SKILL_ROBOT;
+use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::{Machine, Port, Source, Transmit};
+use protocol_linux::capture::Keep;
+use protocol_linux::{CyclicThread, Interface, Recorder, Udp, Wire, clock};
+
+use super::{ADDRESSES, Bed, MASK, Watch, stop};
+
+const PLC: Ipv4Addr = ADDRESSES[0];
+const ROBOT: Ipv4Addr = ADDRESSES[1];
+
+/// The robot's own group: 239.192.1.0 + 32 · (host − 1).
+const GROUP: Ipv4Addr = Ipv4Addr::new(239, 192, 1, 32);
+
+/// Whatever takes longer hangs.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+fn adapter(interface: &Interface) -> Adapter {
+    Adapter::new(AdapterConfig {
+        description: &SKILL_ROBOT,
+        serial_number: 7,
+        address: ROBOT,
+        mask: MASK,
+        gateway: Ipv4Addr::UNSPECIFIED,
+        mac: interface.mac().0,
+        first_id: 1,
+    })
+}
+
+fn wires(interface: &Interface) -> Vec<Wire> {
+    Wire::ethernet_ip(interface).unwrap()
+}
+
+/// Runs a scanner for a moment from when it is connected. Returns how many frames it took in.
+///
+/// It leaves like one that was switched off: the next one has to wait for the adapter's watchdog.
+fn exchange(bed: &Bed, multicast: bool) -> u64 {
+    let config = ScannerConfig { multicast, ..ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, 2_000) };
+    let mut thread = bed.start_on(0, |_| Scanner::new(config, clock::now()), wires);
+    until_up(&mut thread);
+    std::thread::sleep(Duration::from_millis(200));
+    stop(thread).driver.machine().counters().received
+}
+
+fn until_up<M: Machine<Event = LinkEvent> + Send + 'static>(thread: &mut CyclicThread<M, Watch>) {
+    let start = Instant::now();
+    while thread.news() != Some(LinkEvent::Up) {
+        assert!(start.elapsed() < PATIENCE, "it does not come up");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Sets the DSCP of scheduled data, by an explicit message.
+fn set_scheduled_dscp(bed: &Bed, dscp: u8) {
+    let connect = || TcpStream::connect(SocketAddrV4::new(ROBOT, ENCAPSULATION_PORT)).unwrap();
+    let mut client = bed.ends[0].0.run(connect).unwrap();
+    client.set_read_timeout(Some(PATIENCE)).unwrap();
+    let mut register = [0; 28];
+    (register[0], register[2], register[24]) = (0x65, 4, 1);
+    client.write_all(&register).unwrap();
+    let mut registered = [0; 28];
+    client.read_exact(&mut registered).unwrap();
+    // SendRRData: null address; Set_Attribute_Single of class 48, instance 1, attribute 5.
+    let cip = [0x10, 3, 0x20, 0x48, 0x24, 1, 0x30, 5, dscp];
+    let mut request = vec![0x6F, 0, 16 + cip.len() as u8, 0];
+    request.extend_from_slice(&registered[4..8]);
+    request.resize(24 + 6, 0);
+    request.extend_from_slice(&[2, 0, 0, 0, 0, 0, 0xB2, 0, cip.len() as u8, 0]);
+    request.extend_from_slice(&cip);
+    client.write_all(&request).unwrap();
+    let mut reply = [0; 24 + 16 + 4];
+    client.read_exact(&mut reply).unwrap();
+    assert_eq!(reply[40..], [0x90, 0, 0, 0], "the adapter did not take the DSCP");
+}
+
+/// An IPv4 packet of the capture: sender, receiver, DSCP, and what it is.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct Packet {
+    from: Ipv4Addr,
+    to: Ipv4Addr,
+    dscp: u8,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum Kind {
+    Cyclic,
+    Explicit,
+}
+
+fn packets(capture: File) -> Vec<Packet> {
+    let mut reader = PcapNgReader::new(BufReader::new(capture)).unwrap();
+    let mut packets = Vec::new();
+    while let Some(block) = reader.next_block() {
+        let Block::EnhancedPacket(block) = block.unwrap() else { continue };
+        let frame = &*block.data;
+        if frame.len() < 34 || frame[12..14] != [8, 0] {
+            continue;
+        }
+        let address = |at: usize| Ipv4Addr::new(frame[at], frame[at + 1], frame[at + 2], frame[at + 3]);
+        let ports = 14 + 4 * usize::from(frame[14] & 0xF);
+        let to_port = u16::from_be_bytes([frame[ports + 2], frame[ports + 3]]);
+        let from_port = u16::from_be_bytes([frame[ports], frame[ports + 1]]);
+        let kind = match (frame[23], from_port, to_port) {
+            (17, IO_PORT, IO_PORT) => Kind::Cyclic,
+            // With data: what a kernel says on its own may carry its own mark.
+            (6, ENCAPSULATION_PORT, _) | (6, _, ENCAPSULATION_PORT) if frame.len() > ports + 60 => {
+                Kind::Explicit
+            }
+            _ => continue,
+        };
+        assert_eq!(frame[15] & 3, 0, "the two bits below the DSCP are not ours");
+        packets.push(Packet { from: address(26), to: address(30), dscp: frame[15] >> 2, kind });
+    }
+    packets
+}
+
+#[test]
+fn cyclic_packets_carry_the_dscp_that_the_qos_object_says_and_a_changed_one_from_the_next_connection_on() {
+    let bed = Bed::lay();
+    let robot = bed.start_on(1, adapter, wires);
+    let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
+    let recorder = bed.ends[0].0.run(|| Recorder::start("left0", &place, "", Keep::All).unwrap()).unwrap();
+    let unicast = exchange(&bed, false);
+    set_scheduled_dscp(&bed, 20);
+    let multicast = exchange(&bed, true);
+    recorder.stop().unwrap();
+    stop(robot);
+    let capture = File::open(&place).unwrap();
+    std::fs::remove_file(&place).unwrap();
+    assert!(
+        unicast > 10 && multicast > 10,
+        "{unicast} frames to the scanner alone, {multicast} to its group"
+    );
+
+    let packets = packets(capture);
+    let of = |packets: &[Packet], kind| {
+        packets.iter().copied().filter(|p| p.kind == kind).collect::<BTreeSet<_>>()
+    };
+    let packet = |from, to, dscp, kind| Packet { from, to, dscp, kind };
+    let commands = packet(PLC, ROBOT, 47, Kind::Cyclic);
+    let first_multicast = packets.iter().position(|packet| packet.to == GROUP).unwrap();
+    let (before, after) = packets.split_at(first_multicast);
+    let to_scanner = packet(ROBOT, PLC, 47, Kind::Cyclic);
+    assert_eq!(of(before, Kind::Cyclic), BTreeSet::from([commands, to_scanner]));
+    let to_group = packet(ROBOT, GROUP, 20, Kind::Cyclic);
+    assert_eq!(of(after, Kind::Cyclic), BTreeSet::from([commands, to_group]));
+    // The client that sets the DSCP is a plain socket of this test, without any mark.
+    let of_client = packet(PLC, ROBOT, 0, Kind::Explicit);
+    let of_stacks = [packet(PLC, ROBOT, 27, Kind::Explicit), packet(ROBOT, PLC, 27, Kind::Explicit)];
+    assert_eq!(of(&packets, Kind::Explicit), BTreeSet::from([of_client, of_stacks[0], of_stacks[1]]));
+}
+
+/// Keeps what came to it alone or by its group, and what went to everybody.
+#[derive(Default)]
+struct Ear {
+    own: Vec<u8>,
+    to_all: Vec<u8>,
+    heard_the_last: bool,
+}
+
+/// What it listens to.
+const EAR_PORT: u16 = 4_100;
+
+/// The last of the datagrams.
+const LAST: u8 = b'z';
+
+impl Machine for Ear {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, _: protocol::Instant, _: Source, frame: &[u8]) {
+        self.own.extend(frame);
+        self.heard_the_last = frame == [LAST];
+    }
+
+    fn handle_broadcast(&mut self, _: protocol::Instant, _: Source, frame: &[u8]) {
+        self.to_all.extend(frame);
+    }
+
+    fn group(&self, _: Port) -> Option<Ipv4Addr> {
+        Some(GROUP)
+    }
+
+    fn handle_timeout(&mut self, _: protocol::Instant) {}
+
+    fn poll_transmit(&mut self, _: protocol::Instant, _: &mut [u8]) -> Option<Transmit> {
+        None
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        std::mem::take(&mut self.heard_the_last).then_some(LinkEvent::Up)
+    }
+
+    fn poll_timeout(&self) -> Option<protocol::Instant> {
+        None
+    }
+}
+
+#[test]
+fn a_machine_is_told_what_went_to_everybody_and_hears_of_multicasts_only_those_of_its_group() {
+    let bed = Bed::lay();
+    let ear = |_: &Interface| Ear::default();
+    let mut ear =
+        bed.start_on(1, ear, |interface| vec![Wire::udp(interface, Udp { port: EAR_PORT }).unwrap()]);
+    let other_group = Ipv4Addr::new(239, 192, 1, 64);
+    let send = || {
+        let socket = UdpSocket::bind(SocketAddrV4::new(PLC, 0)).unwrap();
+        socket.set_broadcast(true).unwrap();
+        socket2::SockRef::from(&socket).bind_device(Some(b"left0")).unwrap();
+        let say = |to: Ipv4Addr, byte| socket.send_to(&[byte], SocketAddrV4::new(to, EAR_PORT)).unwrap();
+        say(ROBOT, b'a');
+        say(Ipv4Addr::BROADCAST, b'b');
+        say(Ipv4Addr::new(10, 0, 0, 255), b'c');
+        say(GROUP, b'd');
+        say(other_group, b'e');
+        say(ROBOT, LAST);
+    };
+    bed.ends[0].0.run(send).unwrap();
+    until_up(&mut ear);
+    let ear = stop(ear);
+    let Ear { own, to_all, .. } = ear.driver.machine();
+    assert_eq!((&own[..], &to_all[..]), (&b"adz"[..], &b"bc"[..]));
+}

@@ -1,0 +1,172 @@
+//! What an error number found, in figures: the quantity that is wrong and what it may be.
+
+use core::fmt;
+
+use super::ErrorNumber;
+
+/// The quantity that an [`ErrorNumber`] speaks of, as it was found and within which limits it must be.
+///
+/// What `index`, `value`, `lower` and `upper` mean follows from the number; [`Finding::in_words`] says it in words.
+///
+/// | error number | index | value | lower, upper |
+/// |---|---|---|---|
+/// | `AxisLimit` | joint, from 1 | where it would be, in degrees (mm) | its range |
+/// | `Unreachable` | 1 | distance from axis 1 in mm | what the arm reaches |
+/// | `Unreachable` | 2 | distance of the wrist centre from axis 2 in mm | what the arm reaches |
+/// | `Unreachable` | 3 | tilt of the flange in degrees | 0, 0 |
+/// | `Singular` | joint, from 1 | what it leaves of the programmed velocity | at least, 1 |
+/// | `ConfigurationChange` | joint, from 1 | what it would turn at once, in degrees | −, at most |
+/// | `VelocityOutOfRange` | | in mm/s, or the share of the rated speed | above 0, at most |
+/// | `AccelerationOutOfRange` | | in mm/s², or the share of the rated one | above 0, at most |
+/// | `ZeroLength` | | way in mm | at least, − |
+/// | `CollinearCircle` | | intermediate point off the line in mm | at least, − |
+/// | `TargetNotFinite` | coordinate, 1 to 6, of the auxiliary 7 to 9 | | |
+/// | `UnknownTool`, `UnknownBase`, `UnknownMotionKind` | the number or kind | | |
+/// | `ForceOutOfRange` | | in N | above 0, at most |
+/// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
+/// | `ForceNotReached` | | found, in N | wanted in N, way driven in mm |
+///
+/// The figures are kept as their bits, so that findings can be compared and hashed.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Finding {
+    /// Which joint, coordinate or number; 0 where there is but one.
+    pub index: u8,
+    value: u32,
+    lower: u32,
+    upper: u32,
+}
+
+impl Finding {
+    /// Nothing but the number itself.
+    pub const NONE: Self = Self { index: 0, value: 0, lower: 0, upper: 0 };
+
+    /// A value and its limits.
+    #[must_use]
+    pub const fn new(index: u8, value: f32, lower: f32, upper: f32) -> Self {
+        Self { index, value: value.to_bits(), lower: lower.to_bits(), upper: upper.to_bits() }
+    }
+
+    /// What was found.
+    #[must_use]
+    pub const fn value(self) -> f32 {
+        f32::from_bits(self.value)
+    }
+
+    /// The least that it may be.
+    #[must_use]
+    pub const fn lower(self) -> f32 {
+        f32::from_bits(self.lower)
+    }
+
+    /// The most that it may be.
+    #[must_use]
+    pub const fn upper(self) -> f32 {
+        f32::from_bits(self.upper)
+    }
+
+    /// The number with its figures, for a person.
+    #[must_use]
+    pub const fn in_words(self, number: ErrorNumber) -> InWords {
+        InWords { number, finding: self }
+    }
+}
+
+impl fmt::Debug for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Finding")
+            .field("index", &self.index)
+            .field("value", &self.value())
+            .field("lower", &self.lower())
+            .field("upper", &self.upper())
+            .finish()
+    }
+}
+
+/// An error number with what it found; made by [`Finding::in_words`].
+#[derive(Clone, Copy, Debug)]
+pub struct InWords {
+    number: ErrorNumber,
+    finding: Finding,
+}
+
+impl fmt::Display for InWords {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { number, finding } = *self;
+        write!(f, "{number}")?;
+        if finding == Finding::NONE {
+            return Ok(());
+        }
+        let (index, value, lower, upper) = (finding.index, finding.value(), finding.lower(), finding.upper());
+        match number {
+            ErrorNumber::AxisLimit => {
+                write!(f, " (joint {index} would be at {value}, its range is {lower} to {upper})")
+            }
+            ErrorNumber::Unreachable => match index {
+                2 => write!(
+                    f,
+                    " (the wrist centre would be {value} mm from axis 2, reached are {lower} to {upper} mm)"
+                ),
+                3 => write!(f, " (the flange would be tilted by {value}°, which this arm cannot)"),
+                _ => write!(f, " (it is {value} mm from axis 1, reached are {lower} to {upper} mm)"),
+            },
+            ErrorNumber::Singular => write!(
+                f,
+                " (joint {index} leaves {value} of the programmed velocity, at least {lower} must be left)"
+            ),
+            ErrorNumber::ConfigurationChange => {
+                write!(f, " (joint {index} would turn by {value}° at once, at most by {upper}°)")
+            }
+            ErrorNumber::VelocityOutOfRange => {
+                write!(
+                    f,
+                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s, for PTP 1 is rated)"
+                )
+            }
+            ErrorNumber::AccelerationOutOfRange => {
+                write!(
+                    f,
+                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)"
+                )
+            }
+            ErrorNumber::ZeroLength => {
+                write!(f, " (it is {value} mm away, at least {lower} mm are a motion)")
+            }
+            ErrorNumber::CollinearCircle => {
+                write!(f, " (the intermediate point is {value} mm off it, at least {lower} mm are needed)")
+            }
+            ErrorNumber::TargetNotFinite => write!(f, " (coordinate {index} of target and auxiliary)"),
+            ErrorNumber::UnknownTool | ErrorNumber::UnknownBase | ErrorNumber::UnknownMotionKind => {
+                write!(f, " (number {index})")
+            }
+            ErrorNumber::ForceOutOfRange => {
+                write!(f, " (it is {value} N, allowed is above {lower} up to {upper} N)")
+            }
+            ErrorNumber::ForceDirection => {
+                write!(f, " (it points {value}° away from the line, at most {upper}°)")
+            }
+            ErrorNumber::ForceNotReached => {
+                write!(f, " (found {value} N of {lower} N after all of the {upper} mm)")
+            }
+            _ => write!(f, " (it is {value}, allowed is {lower} to {upper})"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate alloc;
+
+    use super::*;
+    use alloc::string::ToString;
+
+    #[test]
+    fn a_number_with_its_finding_reads_as_a_sentence_and_without_one_as_before() {
+        let axis = Finding::new(3, 176.0, 0.0, 175.5);
+        assert_eq!(
+            axis.in_words(ErrorNumber::AxisLimit).to_string(),
+            "a joint would leave its range (joint 3 would be at 176, its range is 0 to 175.5)"
+        );
+        let number = ErrorNumber::ConnectionLost;
+        assert_eq!(Finding::NONE.in_words(number).to_string(), number.to_string());
+    }
+}

@@ -1,0 +1,238 @@
+//! LIN force: along a line until the contact force is reached, and then holding it.
+//!
+//! The arm is led cycle by cycle, with one law for approach and contact: its velocity along the line is the least of
+//!
+//! - what is programmed, by the override,
+//! - what it can stop from within the rest of the line,
+//! - in contact, what it can stop from before the force is reached on the stiffest surface that it is set for, and
+//! - in contact, the admittance: [`SHARE`] of what would reach that force on that surface within one cycle.
+//!
+//! On a surface of stiffness k the last one makes the force's error shrink by the factor 1 − `SHARE`·k/k_stiffest a
+//! cycle, so the loop is stable and does not overshoot for every k up to the stiffest, and is the slower the softer
+//! the surface is. What the arm can stop from is reckoned with [`JERK_SHARE`] of the jerk that it has: the rest is
+//! left to follow that curve. Velocity, acceleration and jerk along the line keep their limits all the time.
+//!
+//! *Done* means: the force was within its tolerance for the whole settling time, and the arm came to rest. It is held
+//! from then on, also in `Ready`, until the robot takes up the next motion, halts or loses its connection; then the
+//! arm stays where it is. Held or not, it never goes beyond the line's end.
+
+use protocol::image::{Motion, MotionKind};
+
+use crate::arm::{Arm, Joints, LEAST_WAY_MM, Violation, distance, dot, length};
+use crate::motion::Segment;
+use crate::{ForceControl, RobotConfig};
+
+/// The share of the way to the wanted force, on the stiffest surface, that one cycle goes.
+const SHARE: f64 = 0.25;
+
+/// The share of the jerk that stops are reckoned with.
+const JERK_SHARE: f64 = 0.25;
+
+/// Cycles from the one that enters a surface to the first one that is slowed by what was felt there, and one more.
+const BLIND_CYCLES: f64 = 2.0;
+
+/// How far the force may point away from the line, in degrees: what rounding of frames may leave.
+const MOST_ASTRAY_DEG: f64 = 5.0;
+
+/// Nearer than this, in mm, is at the line's end.
+const AT_END_MM: f64 = 1e-3;
+
+/// Slower than this, in mm/s, is at rest.
+const REST_MM_S: f64 = 1e-4;
+
+/// Where a press stands.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Phase {
+    /// Until the motions before it are executed.
+    Waiting,
+    /// On its way, or settling.
+    Pressing,
+    /// Done: the force is held.
+    Holding,
+}
+
+/// What a cycle of pressing came to.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Outcome {
+    /// It goes on.
+    Open,
+    /// The force is there.
+    Reached,
+    /// The line came to its end without it.
+    Missed(Violation),
+}
+
+/// A LIN force and how far it is.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Press {
+    pub(super) phase: Phase,
+    /// Its line.
+    pub(super) segment: Segment,
+    /// The unit vector along it, in the root.
+    direction: [f64; 3],
+    wanted_n: f64,
+    control: ForceControl,
+    cycle_s: f64,
+    /// Way along the line in mm, and its derivatives.
+    way: f64,
+    speed: f64,
+    acceleration: f64,
+    /// Cycles in a row within the tolerance.
+    settled: u32,
+}
+
+/// Checks a motion that starts at the joints `from`: its segment, and what it presses with if it does.
+pub(super) fn prepare(
+    motion: &Motion,
+    from: &Joints,
+    config: &RobotConfig,
+) -> Result<(Segment, Option<Press>), Violation> {
+    let segment = Segment::prepare(motion, from, config)?;
+    let press = match (motion.kind, config.force) {
+        (MotionKind::LinForceCartesian, Some(control)) => {
+            Some(Press::new(motion, segment, control, config.cycle.as_secs_f64())?)
+        }
+        _ => None,
+    };
+    Ok((segment, press))
+}
+
+impl Press {
+    fn new(
+        motion: &Motion,
+        segment: Segment,
+        control: ForceControl,
+        cycle_s: f64,
+    ) -> Result<Self, Violation> {
+        let (from, to) = match (segment.curve.tool(0.0), segment.curve.tool(segment.curve.length())) {
+            (Some(from), Some(to)) => (from.position, to.position),
+            _ => return Err(Violation::Kind(motion.kind.into())),
+        };
+        let way_mm = distance(from, to);
+        if way_mm < LEAST_WAY_MM {
+            return Err(Violation::ZeroLength { way_mm });
+        }
+        let direction: [f64; 3] = core::array::from_fn(|i| (to[i] - from[i]) / way_mm);
+        let force = segment.base_inverse.inverse().rotation.rotate(motion.auxiliary.map(f64::from));
+        let (wanted_n, limit_n) = (length(force), control.max_n);
+        if !(wanted_n > 0.0 && wanted_n <= limit_n) {
+            return Err(Violation::Force { value_n: wanted_n, limit_n });
+        }
+        let angle_deg = (dot(force, direction) / wanted_n).clamp(-1.0, 1.0).acos().to_degrees();
+        if angle_deg > MOST_ASTRAY_DEG {
+            return Err(Violation::ForceDirection { angle_deg, limit_deg: MOST_ASTRAY_DEG });
+        }
+        let press = Self {
+            phase: Phase::Waiting,
+            segment,
+            direction,
+            wanted_n,
+            control,
+            cycle_s,
+            way: 0.0,
+            speed: 0.0,
+            acceleration: 0.0,
+            settled: 0,
+        };
+        let (value, limit) = (segment.limits.speed, press.fastest_approach());
+        if value > limit {
+            let stiffness_n_per_mm = control.stiffest_n_per_mm;
+            return Err(Violation::Approach { value, limit, force_n: wanted_n, stiffness_n_per_mm });
+        }
+        Ok(press)
+    }
+
+    /// The highest speed, in mm/s, from which the arm stops before the stiffest surface pushes back with the force.
+    fn fastest_approach(&self) -> f64 {
+        let depth_mm = self.wanted_n / self.control.stiffest_n_per_mm;
+        let (mut slow, mut fast) = (0.0, self.segment.limits.speed.max(1.0) * 2.0);
+        for _ in 0..40 {
+            let middle = (slow + fast) / 2.0;
+            let blind_mm = BLIND_CYCLES * self.cycle_s * middle;
+            if middle <= self.stops_within(depth_mm - blind_mm) { slow = middle } else { fast = middle }
+        }
+        slow
+    }
+
+    /// The speed in mm/s from which the arm stops within `way` mm.
+    fn stops_within(&self, way: f64) -> f64 {
+        let way = way.max(0.0);
+        let by_jerk = (way * way * self.control.jerk_mm_s3 * JERK_SHARE).cbrt();
+        by_jerk.min((self.segment.limits.acceleration * way).sqrt())
+    }
+
+    /// What the tool presses with along the line, in N, when the surfaces push it with `force`.
+    fn along(&self, force: [f64; 3]) -> f64 {
+        0.0 - dot(force, self.direction)
+    }
+
+    /// Leads the arm for one cycle, with `share` (0…1) of its speed, against surfaces that push it with `force` now.
+    pub(super) fn step(
+        &mut self,
+        share: f64,
+        force: [f64; 3],
+        arm: &Arm,
+        near: &Joints,
+    ) -> Result<Joints, Violation> {
+        let wanted = if share > 0.0 { self.wanted_speed(share, self.along(force)) } else { 0.0 };
+        self.change_speed(wanted);
+        if self.speed == 0.0 {
+            return Ok(*near);
+        }
+        self.way = (self.way + self.speed * self.cycle_s).clamp(0.0, self.segment.curve.length());
+        self.segment.curve.joints(self.way, arm, near)
+    }
+
+    fn wanted_speed(&self, share: f64, pressing_n: f64) -> f64 {
+        let missing_n = self.wanted_n - pressing_n;
+        // Half of the tolerance, so that it rests well within it.
+        if missing_n.abs() <= self.control.tolerance_n / 2.0 {
+            return 0.0;
+        }
+        let highest = share * self.segment.limits.speed;
+        let toward = |way: f64| (SHARE * way / self.cycle_s).min(self.stops_within(way)).min(highest);
+        let stiffest = self.control.stiffest_n_per_mm;
+        if missing_n < 0.0 {
+            return -toward((-missing_n / stiffest).min(self.way));
+        }
+        let free = toward(self.segment.curve.length() - self.way);
+        if pressing_n > 0.0 { free.min(toward(missing_n / stiffest)) } else { free }
+    }
+
+    /// Goes to the wanted speed as fast as acceleration and jerk allow, without overshooting it.
+    fn change_speed(&mut self, wanted: f64) {
+        let (jerk, most) = (self.control.jerk_mm_s3, self.segment.limits.acceleration);
+        let missing = wanted - self.speed;
+        let most = most.min((2.0 * jerk * missing.abs()).sqrt()).min(missing.abs() / self.cycle_s);
+        let change = most.copysign(missing) - self.acceleration;
+        let step = jerk * self.cycle_s;
+        if wanted == 0.0 && self.speed.abs() < REST_MM_S && self.acceleration.abs() <= step {
+            (self.speed, self.acceleration) = (0.0, 0.0);
+            return;
+        }
+        self.acceleration += change.clamp(-step, step);
+        self.speed += self.acceleration * self.cycle_s;
+    }
+
+    /// What has come of it, now that the surfaces push with `force`.
+    pub(super) fn outcome(&mut self, force: [f64; 3]) -> Outcome {
+        let found_n = self.along(force);
+        let within = (self.wanted_n - found_n).abs() <= self.control.tolerance_n;
+        self.settled = if within { self.settled.saturating_add(1) } else { 0 };
+        let is_at_rest = self.speed == 0.0;
+        if is_at_rest && f64::from(self.settled) * self.cycle_s >= self.control.settling.as_secs_f64() {
+            return Outcome::Reached;
+        }
+        let way_mm = self.segment.curve.length();
+        let at_end = way_mm - self.way < AT_END_MM && self.speed < AT_END_MM / self.cycle_s;
+        if at_end && !within && found_n < self.wanted_n {
+            return Outcome::Missed(Violation::ForceNotReached { found_n, wanted_n: self.wanted_n, way_mm });
+        }
+        Outcome::Open
+    }
+
+    /// Starts the settling time anew: the motion is suspended.
+    pub(super) const fn unsettle(&mut self) {
+        self.settled = 0;
+    }
+}

@@ -1,0 +1,226 @@
+//! What a curve allows along it: the tool's limits where it bends, and those of every joint.
+//!
+//! With joints q(s) a joint's speed, acceleration and jerk are
+//!
+//! ```text
+//! q'·ṡ        q'·s̈ + q''·ṡ²        q'·s⃛ + 3·q''·ṡ·s̈ + q'''·ṡ³
+//! ```
+//!
+//! and so are the tool's, with its place x(s). Acceleration and jerk along the curve get at most half of what an axis
+//! has, whatever the speed; the speed then gets all that is left. So a higher programmed speed never makes a motion
+//! slower.
+
+use super::curve::Curve;
+use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
+use super::profile::Limits;
+use super::segment::Segment;
+use super::spline::Spline;
+use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
+
+/// What is kept in reserve for what the samples do not show. Where they leave out more, the curve is cut.
+const RESERVE: f64 = 0.97;
+
+/// Into so many pieces a curve is cut at most.
+const PIECES: u32 = 2;
+
+/// The most that a joint turns, in degrees, from one sample to the next in a piece that need not be cut.
+const RESOLVED_DEG: f64 = 75.0;
+
+/// The share of the tool's acceleration, and of its jerk, that goes across the path at most, so that 0.6 is left along
+/// it.
+const ACROSS: f64 = 0.8;
+
+/// The shares of the tool's jerk that a constant speed takes at most: across the path, where the bend changes, and
+/// against it, where the acceleration across turns with the path.
+const CHANGING: f64 = 0.6;
+const TURNING: f64 = 0.4;
+
+/// The joints at the end of a curve that starts at `from`, and the programmed limits, reduced to what tool and joints
+/// can follow along all of it.
+///
+/// # Errors
+///
+/// A point of it that the arm does not reach, a turn into another configuration, or a singular position.
+pub(super) fn along(
+    curve: &Curve,
+    from: &Joints,
+    programmed: Limits,
+    arm: &Arm,
+) -> Result<(Joints, Limits), Violation> {
+    let mut found = Found { limits: programmed, slowest_axis: 1 };
+    let (mut joints, mut done, mut size) = (*from, 0, PIECES);
+    while done < PIECES {
+        let unit = curve.length() / f64::from(PIECES);
+        let (start, width) = (unit * f64::from(done), unit * f64::from(size));
+        let (samples, end, turn) = sampled(curve, &joints, start, width, arm)?;
+        let (way, (axis, turn_deg)) = turn;
+        if size == 1 && turn_deg > TURNED_OVER_DEG {
+            return Err(Violation::Configuration { axis, turn_deg, way, length: curve.length() });
+        }
+        let derivatives = Derivatives::of(&samples, width, arm.axes(), !matches!(curve, Curve::Line(_)));
+        let mut next = found;
+        next.keep(curve, &derivatives, programmed, size == 1, arm);
+        let is_resolved = turn_deg < RESOLVED_DEG
+            && next.limits.speed >= programmed.speed * SINGULAR_SHARE
+            && next.holds_with_what_is_left_out(curve, &derivatives, arm);
+        if size > 1 && !is_resolved {
+            size /= 2;
+            continue;
+        }
+        (found, joints, done) = (next, end, done + size);
+    }
+    let Found { limits, slowest_axis } = found;
+    if limits.speed < programmed.speed * SINGULAR_SHARE {
+        return Err(Violation::Singular { axis: slowest_axis, share: limits.speed / programmed.speed });
+    }
+    Ok((joints, limits))
+}
+
+/// The largest turn of a joint from one sample to the next: after which way, which joint, from 1, and by how many
+/// degrees.
+type Turn = (f64, (u8, f64));
+
+fn sampled(
+    curve: &Curve,
+    from: &Joints,
+    start: f64,
+    width: f64,
+    arm: &Arm,
+) -> Result<([Sample; NODES], Joints, Turn), Violation> {
+    let mut samples = [Sample::default(); NODES];
+    let (mut joints, mut turn, mut before) = (*from, (start, (1, 0.0)), start);
+    for (node, (sample, share)) in samples.iter_mut().zip(*SHARES).enumerate() {
+        let way = start + share * width;
+        let (next, tool) =
+            if node == 0 { (joints, curve.tool(way)) } else { curve.joints_and_tool(way, arm, &joints)? };
+        let next_turn = arm.largest_turn(&joints, &next);
+        if next_turn.1 > turn.1.1 {
+            turn = (before, next_turn);
+        }
+        before = way;
+        joints = next;
+        let [x, y, z] = tool.map_or([0.0; 3], |tool| tool.position);
+        let [q1, q2, q3, q4, q5, q6] = joints;
+        *sample = [q1, q2, q3, q4, q5, q6, x, y, z];
+    }
+    Ok((samples, joints, turn))
+}
+
+/// What is found so far.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Found {
+    limits: Limits,
+    slowest_axis: u8,
+}
+
+impl Found {
+    /// Reduces the limits to what a piece allows; `with_off` counts what the samples leave out as there.
+    fn keep(&mut self, curve: &Curve, piece: &Derivatives, programmed: Limits, with_off: bool, arm: &Arm) {
+        let scale = if with_off { 1.0 } else { 0.0 };
+        if !matches!(curve, Curve::Line(_)) {
+            let (mut curvature, mut change) = (0.0_f64, 0.0_f64);
+            for point in 0..POINTS {
+                let (bend, third) = (length(piece.tool(1, point)), length(piece.tool(2, point)));
+                // By the way, the third derivative is -curvature² along the path. The rest of it is across.
+                curvature = curvature.max(bend);
+                change = change.max((third * third - bend.powi(4)).max(0.0).sqrt());
+            }
+            curvature += scale * length(piece.tool_off(1));
+            change += scale * length(piece.tool_off(2));
+            self.keep_tool(curvature, change, programmed);
+        }
+        let rated = arm.limits();
+        let limits = &mut self.limits;
+        let joints = || piece.joints().iter().enumerate().take(arm.axes());
+        for (axis, Channel { at: [slopes, ..], off: [off, ..] }) in joints() {
+            let steepest = slopes.iter().fold(0.0, |most: f64, slope| most.max(slope.abs())) + scale * off;
+            limits.acceleration =
+                limits.acceleration.min(RESERVE * rated.acceleration[axis] / (2.0 * steepest));
+            limits.jerk = limits.jerk.min(RESERVE * rated.jerk[axis] / (2.0 * steepest));
+        }
+        for (axis, Channel { at: [slopes, bends, twists], off }) in joints() {
+            let mut slowest = limits.speed;
+            let (speed, acceleration, jerk) =
+                (RESERVE * rated.speed[axis], RESERVE * rated.acceleration[axis], RESERVE * rated.jerk[axis]);
+            for ((slope, bend), twist) in slopes.iter().zip(bends).zip(twists) {
+                let slope = slope.abs() + scale * off[0];
+                let bend = bend.abs() + scale * off[1];
+                let twist = twist.abs() + scale * off[2];
+                let acceleration = acceleration - slope * limits.acceleration;
+                let jerk = jerk - slope * limits.jerk;
+                let (turning, square) = (3.0 * bend * limits.acceleration, slowest * slowest);
+                // At most points nothing is too fast, and so there is nothing to divide.
+                if slope * slowest <= speed
+                    && bend * square <= acceleration
+                    && (turning + twist * square) * slowest <= jerk
+                {
+                    continue;
+                }
+                slowest = slowest.min(speed / slope).min((acceleration / bend).sqrt());
+                slowest = speed_within_jerk(slowest, turning, twist, jerk);
+            }
+            if slowest < limits.speed {
+                (limits.speed, self.slowest_axis) = (slowest, axis as u8 + 1);
+            }
+        }
+    }
+
+    /// Reduces the limits to what the tool may do where its path has at most this curvature, in 1/mm, which changes by
+    /// this much, in 1/mm².
+    fn keep_tool(&mut self, curvature: f64, change: f64, programmed: Limits) {
+        let Limits { speed, acceleration, jerk } = &mut self.limits;
+        *speed = speed
+            .min((ACROSS * programmed.acceleration / curvature).sqrt())
+            .min((CHANGING * programmed.jerk / change).cbrt())
+            .min((TURNING * programmed.jerk / (curvature * curvature)).cbrt());
+        let along = |whole: f64, across: f64| (whole * whole - across * across).max(0.0).sqrt();
+        let changing = change * speed.powi(3);
+        *acceleration = acceleration
+            .min(along(programmed.acceleration, *speed * *speed * curvature))
+            .min((ACROSS * programmed.jerk - changing) / (3.0 * curvature * *speed));
+        let across = changing + 3.0 * curvature * *speed * *acceleration;
+        *jerk = jerk.min(along(programmed.jerk, across) - curvature * curvature * speed.powi(3));
+    }
+
+    /// Whether these limits keep what the arm allows even if the derivatives are off by as much as they may be.
+    fn holds_with_what_is_left_out(&self, curve: &Curve, piece: &Derivatives, arm: &Arm) -> bool {
+        let Limits { speed, acceleration, jerk } = self.limits;
+        let reserve = 1.0 - RESERVE;
+        let rated = arm.limits();
+        let of_joints = piece.joints().iter().enumerate().take(arm.axes()).all(|(axis, joint)| {
+            let [slope, bend, twist] = joint.off;
+            slope * speed <= reserve * rated.speed[axis]
+                && slope * acceleration + bend * speed * speed <= reserve * rated.acceleration[axis]
+                && slope * jerk + 3.0 * bend * speed * acceleration + twist * speed.powi(3)
+                    <= reserve * rated.jerk[axis]
+        });
+        let (bend, twist) = (length(piece.tool_off(1)), length(piece.tool_off(2)));
+        let of_tool = bend * speed * speed <= 1e-3 * acceleration
+            && 3.0 * bend * speed * acceleration + twist * speed.powi(3) <= 1e-3 * jerk;
+        of_joints && (of_tool || matches!(curve, Curve::Line(_)))
+    }
+}
+
+/// The highest speed v up to `speed` with linear·v + cubic·v³ ≤ jerk.
+fn speed_within_jerk(mut speed: f64, linear: f64, cubic: f64, jerk: f64) -> f64 {
+    // Newton's method from above on a convex function comes down to the root and never passes it.
+    for _ in 0..8 {
+        let square = cubic * speed * speed;
+        let over = (linear + square) * speed - jerk;
+        if over <= jerk * 1e-6 {
+            break;
+        }
+        speed -= over / (linear + 3.0 * square);
+    }
+    speed
+}
+
+/// A motion of a spline in the shape that its neighbours give it, from the joints `from`; none where the arm cannot
+/// follow that shape to the same joints.
+#[must_use]
+pub(super) fn reshaped(segment: &Segment, spline: Spline, from: &Joints, arm: &Arm) -> Option<Segment> {
+    let curve = Curve::Spline(spline);
+    let (end, limits) = along(&curve, from, spline.programmed(), arm).ok()?;
+    let same_turns = end.iter().zip(&segment.end).all(|(one, other)| (one - other).abs() < 1e-3);
+    same_turns.then_some(Segment { curve, end, limits, ..*segment })
+}

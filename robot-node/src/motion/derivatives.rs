@@ -1,0 +1,192 @@
+//! How joints and tool change along a part of a path: first to third derivatives, from few samples.
+//!
+//! The part is sampled at Chebyshev points, and the polynomial through the samples is differentiated. Joints along a
+//! path are smooth but at singular positions, so that few points say much; how fast the polynomial's last factors
+//! fall off says how much they leave out.
+
+use core::f64::consts::PI;
+use std::sync::LazyLock;
+
+use crate::arm::AXES;
+
+/// Samples of a part.
+pub(super) const NODES: usize = 9;
+
+/// Points at which the derivatives are known: the samples and one between each two of them.
+pub(super) const POINTS: usize = 2 * NODES - 1;
+
+/// Six joints and the three coordinates of the tool.
+pub(super) const CHANNELS: usize = AXES + 3;
+
+/// Joints in degrees (mm), and the tool in mm.
+pub(super) type Sample = [f64; CHANNELS];
+
+/// Shares of a part at which it is sampled, from 0 to 1.
+pub(super) static SHARES: LazyLock<[f64; NODES]> =
+    LazyLock::new(|| core::array::from_fn(|node| (1.0 - chebyshev_point(node, NODES)) / 2.0));
+
+/// By order: the first, second and third derivative.
+type ByOrder<T> = [T; 3];
+
+/// The derivatives of one joint, or of one coordinate of the tool, along a part.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Channel {
+    /// At each point.
+    pub(super) at: ByOrder<[f64; POINTS]>,
+    /// What they may be off.
+    pub(super) off: ByOrder<f64>,
+}
+
+impl Channel {
+    const NONE: Self = Self { at: [[0.0; POINTS]; 3], off: [0.0; 3] };
+
+    fn of(samples: &[Sample; NODES], channel: usize, width: f64) -> Self {
+        let operators = &*OPERATORS;
+        let (mut rows, mut last) = ([[0.0; POINTS]; 3], [0.0_f64; 4]);
+        for (sample, node) in samples.iter().zip(&operators.nodes) {
+            let value = sample[channel];
+            for (row, weights) in rows.iter_mut().zip(&node.derivatives) {
+                for (sum, weight) in row.iter_mut().zip(weights) {
+                    *sum += weight * value;
+                }
+            }
+            for (sum, weight) in last.iter_mut().zip(&node.factors) {
+                *sum += weight * value;
+            }
+        }
+        let (before, end) = (last[0].abs() + last[1].abs(), last[2].abs() + last[3].abs());
+        // The factors fall off evenly. Those left out have the slope of their polynomial's end at most.
+        let left_out = if end < before { end * end / before } else { end };
+        let (mut scale, mut off) = (1.0, [0.0; 3]);
+        for order in 0..3 {
+            scale /= width;
+            off[order] = left_out * operators.ends[order] * scale;
+            for value in &mut rows[order] {
+                *value *= scale;
+            }
+        }
+        Self { at: rows, off }
+    }
+}
+
+/// The derivatives along a part: of six joints, and of the tool's three coordinates if asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Derivatives([Channel; CHANNELS]);
+
+impl Derivatives {
+    /// From samples at [`SHARES`] of a part that is `width` long.
+    pub(super) fn of(samples: &[Sample; NODES], width: f64, axes: usize, with_tool: bool) -> Self {
+        let mut found = Self([Channel::NONE; CHANNELS]);
+        for (channel, slot) in found.0.iter_mut().enumerate() {
+            if channel < axes || (with_tool && channel >= AXES) {
+                *slot = Channel::of(samples, channel, width);
+            }
+        }
+        found
+    }
+
+    /// Those of each joint.
+    pub(super) fn joints(&self) -> &[Channel] {
+        &self.0[..AXES]
+    }
+
+    /// The tool's derivative of an order (0: the first) at a point.
+    pub(super) fn tool(&self, order: usize, point: usize) -> [f64; 3] {
+        let [.., x, y, z] = &self.0;
+        [x.at[order][point], y.at[order][point], z.at[order][point]]
+    }
+
+    /// What the tool's derivative of an order may be off.
+    pub(super) fn tool_off(&self, order: usize) -> [f64; 3] {
+        let [.., x, y, z] = &self.0;
+        [x.off[order], y.off[order], z.off[order]]
+    }
+}
+
+/// What one sample adds.
+#[derive(Clone, Copy)]
+struct Node {
+    derivatives: ByOrder<[f64; POINTS]>,
+    /// To the polynomial's last four factors, in the order of their degrees.
+    factors: [f64; 4],
+}
+
+struct Operators {
+    nodes: [Node; NODES],
+    /// The derivatives at the end of the next but one Chebyshev polynomial.
+    ends: ByOrder<f64>,
+}
+
+static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
+    let degree = NODES - 1;
+    let half = |index: usize| if index == 0 || index == degree { 0.5 } else { 1.0 };
+    // Over the shares, the part begins at the far end of the Chebyshev points.
+    let factor = |order: usize, node: usize| {
+        let angle = PI * (order * (degree - node)) as f64 / degree as f64;
+        2.0 / degree as f64 * half(order) * half(node) * angle.cos()
+    };
+    let node = |node: usize| {
+        let mut derivatives = [[0.0; POINTS]; 3];
+        for (point, x) in (0..POINTS).map(|point| (point, -chebyshev_point(point, POINTS))) {
+            for polynomial in 0..NODES {
+                for (order, value) in slopes(polynomial, x).into_iter().enumerate() {
+                    derivatives[order][point] += value * factor(polynomial, node);
+                }
+            }
+        }
+        Node { derivatives, factors: core::array::from_fn(|last| factor(NODES - 4 + last, node)) }
+    };
+    Operators { nodes: core::array::from_fn(node), ends: slopes(NODES + 1, 1.0) }
+});
+
+fn chebyshev_point(index: usize, points: usize) -> f64 {
+    (PI * index as f64 / (points - 1) as f64).cos()
+}
+
+/// The derivatives of a Chebyshev polynomial by the share, at `x` within −1…1, by its recurrence.
+fn slopes(degree: usize, x: f64) -> ByOrder<f64> {
+    // Value and derivatives of the polynomials of degree 0 and 1.
+    let (mut before, mut now) = ([1.0, 0.0, 0.0, 0.0], [x, 1.0, 0.0, 0.0]);
+    if degree == 0 {
+        now = before;
+    }
+    for _ in 1..degree {
+        let next = core::array::from_fn(|order| {
+            let below = if order == 0 { 0.0 } else { 2.0 * order as f64 * now[order - 1] };
+            2.0 * x * now[order] + below - before[order]
+        });
+        (before, now) = (now, next);
+    }
+    // x runs twice as fast as the share.
+    [2.0 * now[1], 4.0 * now[2], 8.0 * now[3]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nine_samples_of_a_smooth_part_give_its_derivatives_everywhere() {
+        let width = 3.0;
+        let function = |s: f64| (0.4 * s).sin();
+        let samples = SHARES.map(|share| [function(share * width); CHANNELS]);
+        let found = Derivatives::of(&samples, width, AXES, true);
+        for point in 0..POINTS {
+            let s = width * (1.0 - chebyshev_point(point, POINTS)) / 2.0;
+            let (sin, cos) = (0.4 * s).sin_cos();
+            let expected = [0.4 * cos, -0.16 * sin, -0.064 * cos];
+            for (order, expected) in expected.into_iter().enumerate() {
+                let off = (found.joints()[0].at[order][point] - expected).abs();
+                assert!(off < 1e-5, "order {order} at {s}: off by {off}");
+                assert!(found.joints()[0].off[order] < 1e-4, "{:?}", found.joints()[0].off);
+            }
+        }
+    }
+
+    #[test]
+    fn a_kink_is_seen_in_what_is_left_out() {
+        let samples = SHARES.map(|share| [(share - 0.4).abs(); CHANNELS]);
+        let found = Derivatives::of(&samples, 1.0, AXES, true);
+        assert!(found.joints()[0].off[0] > 0.1, "{:?}", found.joints()[0].off);
+    }
+}

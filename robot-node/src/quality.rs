@@ -1,0 +1,236 @@
+//! How well the arm moves, by what it does in each robot cycle: off its path, stops, acceleration, jerk, and what
+//! that costs.
+//!
+//! An [`Observer`] looks at the arm once a cycle and at nothing else, so that whatever makes the arm move (a profile,
+//! a blend, an override) is measured alike. Speed, acceleration and jerk are differences of positions that lie one
+//! cycle apart. When a skill ends the observer gives its [`Quality`]; those of consecutive skills add up.
+
+use serde::{Deserialize, Serialize};
+
+use crate::arm::{AXES, Arm, Frame, Joints, distance, dot, length};
+use crate::motion::{Curve, Interpolator, Segment};
+
+/// A cycle is the one in which the arm came to rest and left again, if its speed is at most this share of the mean of
+/// its neighbours' speeds. Braking and starting at one rate, wherever in a cycle they meet, give a half at most; the
+/// slowest corner that is no stop gives more.
+const PASSING_REST: f64 = 0.6;
+
+/// Speeds below this share of the rated ones are rounding.
+const STILL: f64 = 1e-9;
+
+/// Speeds whose ratio differs from 1 by less are one: so of two cycles that a rest lies between, the first counts.
+const EVEN: f64 = 1e-6;
+
+/// Steps of the search for the nearest point of a curve; each squares the error.
+const APPROACHES: usize = 4;
+
+/// The share of a curve over which its slope is taken.
+const SLOPE_STEP: f64 = 1e-4;
+
+/// How well the arm moved during one skill, or several after each other.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Quality {
+    /// Time in which the arm moved, in s.
+    pub moving_s: f64,
+    /// How often the arm came to rest, at the end as well.
+    pub rests: u32,
+    /// Farthest that the tool was from the programmed curves, in mm.
+    pub path_deviation_mm: f64,
+    /// Acceleration of the tool, in mm/s².
+    pub tool_acceleration: Load,
+    /// Jerk of the tool, in mm/s³.
+    pub tool_jerk: Load,
+    /// Acceleration of the joint that is nearest to its limit, as a share of its rated acceleration.
+    pub joint_acceleration: Load,
+    /// Jerk of the joint that is nearest to its limit, as a share of its rated jerk.
+    pub joint_jerk: Load,
+    /// What stands for energy and wear, in s at rated power: over all joints and cycles, the sum of
+    /// |q̇₂² − q̇₁²| / 2, divided by the joint's rated speed and rated acceleration. That is ∫ |q̈ · q̇| dt, the work
+    /// that accelerates and brakes an inertia, for the inertia that makes every drive as strong as its rating.
+    /// Friction, gravity and what a drive feeds back are not in it.
+    pub energy_proxy_s: f64,
+}
+
+/// How much there was of a quantity: its peak, and what its root mean square follows from.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Load {
+    /// Highest value.
+    pub peak: f64,
+    /// Integral of its square over time.
+    pub square_s: f64,
+}
+
+impl Load {
+    fn add(&mut self, value: f64, tick_s: f64) {
+        self.peak = self.peak.max(value);
+        self.square_s += value * value * tick_s;
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self { peak: self.peak.max(other.peak), square_s: self.square_s + other.square_s }
+    }
+}
+
+impl Quality {
+    /// This and then the other.
+    #[must_use]
+    pub fn then(self, other: Self) -> Self {
+        Self {
+            moving_s: self.moving_s + other.moving_s,
+            rests: self.rests.saturating_add(other.rests),
+            path_deviation_mm: self.path_deviation_mm.max(other.path_deviation_mm),
+            tool_acceleration: self.tool_acceleration.plus(other.tool_acceleration),
+            tool_jerk: self.tool_jerk.plus(other.tool_jerk),
+            joint_acceleration: self.joint_acceleration.plus(other.joint_acceleration),
+            joint_jerk: self.joint_jerk.plus(other.joint_jerk),
+            energy_proxy_s: self.energy_proxy_s + other.energy_proxy_s,
+        }
+    }
+
+    /// How often the arm stopped on its way: the last rest is the end and no stop.
+    #[must_use]
+    pub const fn stops(&self) -> u32 {
+        self.rests.saturating_sub(1)
+    }
+
+    /// Root mean square of one of its loads over the time in which the arm moved; 0 if it never did.
+    #[must_use]
+    pub fn rms(&self, load: Load) -> f64 {
+        if self.moving_s > 0.0 { (load.square_s / self.moving_s).sqrt() } else { 0.0 }
+    }
+}
+
+/// Looks at the arm once a robot cycle. It allocates nothing.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    tick_s: f64,
+    /// Joints of the last three cycles, the newest first.
+    joints: [Joints; 3],
+    /// The tool in the root in the same cycles.
+    tool: [[f64; 3]; 3],
+    /// The tool in the flange.
+    tool_frame: Frame,
+    /// Highest share of its rated speed that a joint had, in the last two cycles.
+    speed: [f64; 2],
+    quality: Quality,
+}
+
+impl Observer {
+    /// Of an arm that stands at `joints` and is looked at every `tick_s` seconds.
+    #[must_use]
+    pub fn at_rest(arm: &Arm, joints: &Joints, tick_s: f64) -> Self {
+        Self {
+            tick_s,
+            joints: [*joints; 3],
+            tool: [arm.forward(joints).position; 3],
+            tool_frame: Frame::IDENTITY,
+            speed: [0.0; 2],
+            quality: Quality::default(),
+        }
+    }
+
+    /// What it found since the last [`end`](Self::end).
+    #[must_use]
+    pub const fn quality(&self) -> &Quality {
+        &self.quality
+    }
+
+    /// One robot cycle.
+    pub fn look(&mut self, arm: &Arm, interpolator: &Interpolator) {
+        let path = interpolator.path();
+        if let Some(segment) = path.current()
+            && segment.tool != self.tool_frame
+        {
+            // From here on another point of the hand is the tool, and was so all the time.
+            self.tool_frame = segment.tool;
+            self.tool = self.joints.map(|joints| tool_of(arm, &joints, &segment.tool));
+        }
+        let tool = tool_of(arm, interpolator.joints(), &self.tool_frame);
+        self.see(arm, interpolator.joints(), tool);
+        // Elsewhere the tool is on its curve: the joints are made from it.
+        if let Some([first, second]) = path.corner() {
+            let off_first = off_curve(first, first.curve.length(), tool, arm);
+            let deviation = off_first.min(off_curve(second, 0.0, tool, arm));
+            self.quality.path_deviation_mm = self.quality.path_deviation_mm.max(deviation);
+        }
+    }
+
+    /// The skill is over and the arm stands where it is: what it was like. The next skill starts from nothing.
+    pub fn end(&mut self, arm: &Arm) -> Quality {
+        // The skill ends in the cycle in which the arm arrives; that it then stands still belongs to it.
+        let (joints, tool) = (self.joints[0], self.tool[0]);
+        for _ in 0..self.joints.len() {
+            self.see(arm, &joints, tool);
+        }
+        core::mem::take(&mut self.quality)
+    }
+
+    fn see(&mut self, arm: &Arm, joints: &Joints, tool: [f64; 3]) {
+        let Self { tick_s, quality, .. } = self;
+        let (tick_s, limits) = (*tick_s, arm.limits());
+        let ([j1, j2, j3], [t1, t2, t3]) = (&self.joints, &self.tool);
+        let rate = |power: i32| tick_s.powi(power).recip();
+
+        let jerk: [f64; 3] = core::array::from_fn(|i| tool[i] - 3.0 * (t1[i] - t2[i]) - t3[i]);
+        let acceleration: [f64; 3] = core::array::from_fn(|i| tool[i] - 2.0 * t1[i] + t2[i]);
+        quality.tool_acceleration.add(length(acceleration) * rate(2), tick_s);
+        quality.tool_jerk.add(length(jerk) * rate(3), tick_s);
+
+        let per = |change: Joints, power| change.map(|change| change * rate(power));
+        let before = per(core::array::from_fn(|i| j1[i] - j2[i]), 1);
+        let velocity = per(core::array::from_fn(|i| joints[i] - j1[i]), 1);
+        let acceleration = per(core::array::from_fn(|i| joints[i] - 2.0 * j1[i] + j2[i]), 2);
+        let jerk = per(core::array::from_fn(|i| joints[i] - 3.0 * (j1[i] - j2[i]) - j3[i]), 3);
+        quality.joint_acceleration.add(limits.acceleration_load(&acceleration).share, tick_s);
+        quality.joint_jerk.add(limits.jerk_load(&jerk).share, tick_s);
+        for axis in 0..AXES {
+            let work = (velocity[axis] * velocity[axis] - before[axis] * before[axis]).abs() / 2.0;
+            quality.energy_proxy_s += work / (limits.speed[axis] * limits.acceleration[axis]);
+        }
+
+        let (newest, [newer, oldest]) = (limits.speed_load(&velocity).share, self.speed);
+        let arrived = newest < STILL && newer >= STILL;
+        let passed = newer >= STILL
+            && newest >= STILL
+            && newer < oldest * (1.0 - EVEN)
+            && newer <= newest * (1.0 + EVEN)
+            && newer <= PASSING_REST * f64::midpoint(newest, oldest);
+        quality.rests = quality.rests.saturating_add(u32::from(arrived || passed));
+        if newest >= STILL {
+            quality.moving_s += tick_s;
+        }
+
+        self.joints = [*joints, *j1, *j2];
+        self.tool = [tool, *t1, *t2];
+        self.speed = [newest, newer];
+    }
+}
+
+fn tool_of(arm: &Arm, joints: &Joints, tool: &Frame) -> [f64; 3] {
+    let flange = arm.forward(joints);
+    if *tool == Frame::IDENTITY { flange.position } else { (flange * *tool).position }
+}
+
+/// How far the tool is from a motion's curve, in mm; `way` is a place on it close by.
+fn off_curve(segment: &Segment, way: f64, tool: [f64; 3], arm: &Arm) -> f64 {
+    let whole = segment.curve.length();
+    let place = |way: f64| match &segment.curve {
+        Curve::Axes(axes) => segment.tool_at(&axes.joints(way), arm),
+        cartesian => cartesian.tool(way).map_or([f64::NAN; 3], |tool| tool.position),
+    };
+    let (mut way, mut nearest) = (way, distance(place(way), tool));
+    for _ in 0..APPROACHES {
+        // A curve is asked for no place beyond its end.
+        let step = if way > whole / 2.0 { -SLOPE_STEP } else { SLOPE_STEP } * whole;
+        let (here, there) = (place(way), place(way + step));
+        let slope: [f64; 3] = core::array::from_fn(|i| (there[i] - here[i]) / step);
+        let square = dot(slope, slope);
+        if square <= 0.0 || !square.is_finite() {
+            break;
+        }
+        let off = core::array::from_fn(|i| tool[i] - here[i]);
+        way = (way + dot(off, slope) / square).clamp(0.0, whole);
+        nearest = nearest.min(distance(place(way), tool));
+    }
+    nearest
+}
