@@ -70,7 +70,7 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
 }
 
 verb_test() { #: the README's test command
-    cargo test --workspace --locked
+    cargo test --workspace --locked --no-fail-fast
 }
 
 # browser: the path of a Chromium, by any of its names.

@@ -4,15 +4,17 @@
 #![expect(clippy::disallowed_types, reason = "a benchmark is about the time that passes")]
 
 use std::hint::black_box;
-use std::time::{Duration, Instant};
 
-use hot_path::HotPaths;
+use hot_path::{HotPaths, Steps};
 use protocol::image::{Motion, MotionKind};
 use robot_node::RobotConfig;
 use robot_node::motion::{Interpolator, Segment};
 
 /// Motions that are on the path already, as many as the controller keeps.
 const AHEAD: usize = 5;
+
+/// Ticks whose mean is told: fewer than the shortest way takes.
+const TICKS: usize = 500;
 
 /// Passes over a path, of which the fastest tick counts: what the host took away is not the robot's.
 const PASSES: usize = 20;
@@ -67,8 +69,7 @@ impl Cell {
 
     fn at_rest(&self) -> Interpolator {
         let config = &self.config;
-        let cycle = config.cycle.as_secs_f64();
-        Interpolator::at_rest(config.arm.clone(), config.home, cycle)
+        Interpolator::at_rest(config.arm.clone(), config.home, config.cycle.as_secs_f64())
     }
 
     fn append(&self, interpolator: &mut Interpolator, index: usize) {
@@ -103,11 +104,14 @@ impl Cell {
         );
     }
 
-    /// Drives the whole way, `on_tick` about each tick. The path is kept full.
-    fn drive(&self, mut tick: impl FnMut(&mut Interpolator)) -> Interpolator {
+    /// Drives the way, or so many ticks of it, each by `tick`. The path is kept full.
+    fn drive(&self, ticks: usize, mut tick: impl FnMut(&mut Interpolator)) -> Interpolator {
         let mut interpolator = self.at_rest();
         let mut next = 0;
-        while next < self.motions.len() || !interpolator.path().is_finished() {
+        for _ in 0..ticks {
+            if next == self.motions.len() && interpolator.path().is_finished() {
+                break;
+            }
             while next < self.motions.len() && next < interpolator.path().executed() as usize + AHEAD {
                 self.append(&mut interpolator, next);
                 next += 1;
@@ -118,19 +122,15 @@ impl Cell {
     }
 
     fn add_ticks(&self, paths: &mut HotPaths, arm: &str) {
-        // The mean: all ticks of the way, with what appending costs on it.
-        let mut ticks = 0_u32;
-        self.drive(|interpolator| {
-            ticks += 1;
-            interpolator.drive(1.0).unwrap();
-        });
+        // The mean of a tick, with its share of what appending motions costs.
         let cell = self.clone();
+        let name = format!("{TICKS} ticks of a run, {arm}");
         paths.add(
             "interpolation",
-            format!("all {ticks} ticks of a run, {arm}"),
+            name,
             || (),
             move |()| {
-                cell.drive(|interpolator| {
+                cell.drive(TICKS, |interpolator| {
                     interpolator.drive(1.0).unwrap();
                 })
             },
@@ -140,7 +140,7 @@ impl Cell {
         let before_worst = move || {
             let mut ready = None;
             let mut tick = 0;
-            cell.drive(|interpolator| {
+            cell.drive(usize::MAX, |interpolator| {
                 if tick == worst {
                     ready = Some(interpolator.clone());
                 }
@@ -163,21 +163,13 @@ impl Cell {
 
     /// The index of the tick that takes longest.
     fn worst_tick(&self) -> usize {
-        let mut fastest: Vec<Duration> = Vec::new();
+        let mut steps = Steps::default();
         for _ in 0..PASSES {
-            let mut tick = 0;
-            self.drive(|interpolator| {
-                let start = Instant::now();
-                interpolator.drive(1.0).unwrap();
-                let took = start.elapsed();
-                match fastest.get_mut(tick) {
-                    Some(fastest) => *fastest = (*fastest).min(took),
-                    None => fastest.push(took),
-                }
-                tick += 1;
+            steps.begin();
+            self.drive(usize::MAX, |interpolator| {
+                steps.time(|| interpolator.drive(1.0)).unwrap();
             });
         }
-        let slowest = fastest.iter().enumerate().max_by_key(|(_, took)| **took);
-        slowest.map(|(tick, _)| tick).unwrap()
+        steps.slowest().unwrap()
     }
 }

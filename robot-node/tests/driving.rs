@@ -103,7 +103,7 @@ impl Watched {
     }
 
     fn drive(&mut self, factor: f64) {
-        let step = self.interpolator.drive(factor).unwrap_or_else(|violation| panic!("{violation}"));
+        let step = self.interpolator.drive(factor).unwrap();
         self.suppressed += u32::from(step.suppressed.is_some());
         let joints = *self.interpolator.joints();
         self.last.rotate_left(1);

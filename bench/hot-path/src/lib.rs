@@ -14,6 +14,7 @@
 //! ```
 
 use std::hint::black_box;
+use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, Criterion};
 
@@ -81,6 +82,41 @@ impl HotPaths {
 #[inline(never)]
 fn hot_path_counted<I, O>(run: &dyn Fn(I) -> O, input: I) -> O {
     run(input)
+}
+
+/// Finds the step of a repeated sequence that takes longest, whatever the host took away from single passes.
+#[derive(Default, Debug)]
+pub struct Steps {
+    /// The fastest that each step was.
+    fastest: Vec<Duration>,
+    next: usize,
+}
+
+impl Steps {
+    /// A pass begins.
+    pub const fn begin(&mut self) {
+        self.next = 0;
+    }
+
+    /// Times the next step of the pass.
+    pub fn time<R>(&mut self, step: impl FnOnce() -> R) -> R {
+        let start = Instant::now();
+        let result = black_box(step());
+        let took = start.elapsed();
+        match self.fastest.get_mut(self.next) {
+            Some(fastest) => *fastest = (*fastest).min(took),
+            None => self.fastest.push(took),
+        }
+        self.next += 1;
+        result
+    }
+
+    /// The index of the step whose fastest time is the longest; none before the first.
+    #[must_use]
+    pub fn slowest(&self) -> Option<usize> {
+        let steps = self.fastest.iter().enumerate();
+        steps.max_by_key(|(_, took)| **took).map(|(index, _)| index)
+    }
 }
 
 /// The bench program: times all paths, or does what [`LIST`] or [`RUN`] says.

@@ -335,25 +335,22 @@ impl Controller {
             motion.map(prepare).transpose()
         });
         match prepared {
-            Ok(None) => false,
-            Ok(Some((motion, (segment, Some(press))))) => {
+            Ok(None) => return false,
+            Ok(Some((motion, (segment, press)))) => {
                 execution.accepted += 1;
                 self.accepted.add(&motion);
-                execution.check_from(segment.end);
-                self.press = Some(press);
-                self.interpolator.close();
-                true
-            }
-            Ok(Some((motion, (segment, None)))) => {
-                execution.accepted += 1;
-                self.accepted.add(&motion);
+                if press.is_some() {
+                    execution.check_from(segment.end);
+                    self.press = press;
+                    self.interpolator.close();
+                    return true;
+                }
                 self.press = None;
                 let last = execution.accepted == execution.section_end(&self.programs);
                 let appended = self.interpolator.append(segment, last);
                 if appended == Appended::Late {
                     self.suppressed(execution.accepted.saturating_sub(2));
                 }
-                true
             }
             Err(violation) => {
                 execution.bad = Some((execution.accepted, violation));
@@ -361,9 +358,9 @@ impl Controller {
                     self.refuse_motion(execution.number, execution.accepted, violation);
                 }
                 self.interpolator.close();
-                true
             }
         }
+        true
     }
 
     fn drive(&mut self, at: Instant, execution: &mut Execution) {
