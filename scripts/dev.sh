@@ -307,8 +307,8 @@ verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of
     docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"
 }
 
-verb_ci() { #: everything above but setup
-    for verb in format lint purity test browser gate wire user interop demo; do
+verb_ci() { #: all of it but setup and timing
+    for verb in format lint purity test browser gate instructions wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

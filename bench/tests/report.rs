@@ -152,8 +152,7 @@ fn a_real_run_shows_how_late_its_cycles_were() {
     assert!(section.contains("11734"));
     std::fs::remove_file(directory.path().join("run/trace-robot.csv")).unwrap();
     assert!(
-        redrawn(directory.path(), |_| {})
-            .contains("a real run has no trace yet. bench --mode virtual --setup")
+        redrawn(directory.path(), |_| {}).contains("the nodes left no trace. bench --mode virtual --setup")
     );
 }
 

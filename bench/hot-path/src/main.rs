@@ -107,7 +107,7 @@ fn compare(committed: &BTreeMap<String, u64>, found: &BTreeMap<String, u64>) -> 
         let number = |count: Option<&u64>| count.map_or_else(|| "–".to_owned(), u64::to_string);
         let change = match (before, now) {
             (Some(before), Some(now)) => {
-                let percent = (*now as f64 / *before as f64 - 1.0) * 100.0;
+                let percent = (*now as f64 - *before as f64) / *before as f64 * 100.0;
                 if percent > LIMIT_PERCENT {
                     wrong.push(format!("{name} takes {now} instructions, {percent:+.2} % to {before}"));
                 }
