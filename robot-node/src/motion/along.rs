@@ -67,6 +67,7 @@ pub(super) fn along(
             size /= 2;
             continue;
         }
+        derivatives.within_range(width, arm)?;
         (found, joints, done) = (next, end, done + size);
     }
     let Found { limits, slowest_axis } = found;
@@ -132,13 +133,13 @@ impl Found {
         let rated = arm.limits();
         let limits = &mut self.limits;
         let joints = || piece.joints().iter().enumerate().take(arm.axes());
-        for (axis, Channel { at: [slopes, ..], off: [off, ..] }) in joints() {
+        for (axis, Channel { at: [slopes, ..], off: [off, ..], .. }) in joints() {
             let steepest = slopes.iter().fold(0.0, |most: f64, slope| most.max(slope.abs())) + scale * off;
             limits.acceleration =
                 limits.acceleration.min(RESERVE * rated.acceleration[axis] / (2.0 * steepest));
             limits.jerk = limits.jerk.min(RESERVE * rated.jerk[axis] / (2.0 * steepest));
         }
-        for (axis, Channel { at: [slopes, bends, twists], off }) in joints() {
+        for (axis, Channel { at: [slopes, bends, twists], off, .. }) in joints() {
             let mut slowest = limits.speed;
             let (speed, acceleration, jerk) =
                 (RESERVE * rated.speed[axis], RESERVE * rated.acceleration[axis], RESERVE * rated.jerk[axis]);

@@ -10,13 +10,13 @@
 //! h'' is 0 at both ends: a corner begins and ends without acceleration, and its jerk is finite. h'(1) = 2, and
 //! h'(w) + h'(1 − w) = 2: for two lines the velocity turns straight from the old one to the new one, never falls below
 //! their mean, and where the motions are collinear it does not change. h(w) ≤ w: the corner stays within the triangle
-//! of its ends and the corner point, and so never farther from the corner than its zone. The same sum, taken over the
-//! joints, blends motions of any two kinds.
+//! of its ends and the corner point, and so never farther from the corner than its zone. That sum is taken over the tool's place
+//! and orientation where both motions lead the same tool, and over the joints where one goes point to point.
 //!
 //! A corner is passed at one rate as a rule. Its limits leave room to brake in it and to start again, for a stop on
 //! the path may come at any moment.
 
-use super::curve::{Curve, Line};
+use super::curve::Curve;
 use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
 use super::profile::Limits;
 use super::segment::Segment;
@@ -103,20 +103,19 @@ impl Blend {
     ) -> Result<(Joints, Option<[f64; 3]>), Violation> {
         let from = first.curve.length() - self.from_zone * eased(1.0 - w);
         let to = self.to_zone * eased(w);
-        match (&first.curve, &second.curve) {
-            (Curve::Line(one), Curve::Line(two)) if one.flange() == two.flange() => {
-                let tool = sum(one, from, two, to);
-                let joints = arm.follow(&one.flange().when_tool_at(tool), near)?;
-                Ok((joints, Some(tool.position)))
-            }
-            _ => {
-                let one = first.curve.joints(from, arm, near)?;
-                let two = second.curve.joints(to, arm, near)?;
-                let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
-                arm.within_range(&joints)?;
-                Ok((joints, None))
-            }
+        let flange = first.curve.flange().filter(|flange| second.curve.flange() == Some(*flange));
+        if let (Some(flange), Some(one), Some(corner), Some(two)) =
+            (flange, first.curve.tool(from), first.curve.tool(first.curve.length()), second.curve.tool(to))
+        {
+            let tool = sum(&one, &corner, &two);
+            let joints = arm.follow(&flange.when_tool_at(tool), near)?;
+            return Ok((joints, Some(tool.position)));
         }
+        let one = first.curve.joints(from, arm, near)?;
+        let two = second.curve.joints(to, arm, near)?;
+        let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
+        arm.within_range(&joints)?;
+        Ok((joints, None))
     }
 
     /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows.
@@ -136,6 +135,7 @@ impl Blend {
         }
         let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
         let corner = Derivatives::of(&samples, 1.0, arm.axes(), has_tool);
+        corner.within_range(1.0, arm).map_err(|_| Unfit::Arm)?;
         let load = Load::of(first, second, &corner, arm);
         self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
@@ -173,7 +173,7 @@ impl Load {
         let mut load = Self { speed: 0.0, points: [PointLoad::default(); POINTS] };
         let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
         let tool_jerk = first.tool_jerk.min(second.tool_jerk);
-        for (axis, Channel { at: [slopes, bends, twists], off }) in
+        for (axis, Channel { at: [slopes, bends, twists], off, .. }) in
             corner.joints().iter().enumerate().take(arm.axes())
         {
             let of_speed = 1.0 / (RESERVE * rated.speed[axis]);
@@ -249,9 +249,8 @@ enum End {
     Last,
 }
 
-/// The sum of two lines that meet at the end of the first.
-fn sum(one: &Line, from: f64, two: &Line, to: f64) -> Frame {
-    let (corner, one, two) = (one.end(), one.tool(from), two.tool(to));
+/// The sum of two ways of a tool that meet at a corner.
+fn sum(one: &Frame, corner: &Frame, two: &Frame) -> Frame {
     Frame {
         position: core::array::from_fn(|i| one.position[i] + two.position[i] - corner.position[i]),
         rotation: one.rotation * corner.rotation.inverse() * two.rotation,

@@ -163,6 +163,17 @@ impl Curve {
         Ok((arm.follow(&flange.when_tool_at(tool), near)?, Some(tool)))
     }
 
+    /// How the flange follows from the tool; none point to point.
+    #[must_use]
+    pub const fn flange(&self) -> Option<&Flange> {
+        match self {
+            Self::Line(line) => Some(&line.flange),
+            Self::Arc(arc) => Some(arc.flange()),
+            Self::Spline(spline) => Some(spline.flange()),
+            Self::Axes(_) => None,
+        }
+    }
+
     /// The tool in the root after `way`; none point to point, where only the joints are given.
     #[must_use]
     pub fn tool(&self, way: f64) -> Option<Frame> {

@@ -7,13 +7,16 @@
 use core::f64::consts::PI;
 use std::sync::LazyLock;
 
-use crate::arm::AXES;
+use crate::arm::{AXES, Arm, Violation};
 
 /// Samples of a part.
 pub(super) const NODES: usize = 9;
 
 /// Points at which the derivatives are known: the samples and one between each two of them.
 pub(super) const POINTS: usize = 2 * NODES - 1;
+
+/// How much more than found a joint may go between two points before it turns round.
+const EXTREMUM: f64 = 1.25;
 
 /// Six joints and the three coordinates of the tool.
 pub(super) const CHANNELS: usize = AXES + 3;
@@ -31,20 +34,26 @@ type ByOrder<T> = [T; 3];
 /// The derivatives of one joint, or of one coordinate of the tool, along a part.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Channel {
-    /// At each point.
+    /// Itself at each point.
+    values: [f64; POINTS],
+    /// Its derivatives at each point.
     pub(super) at: ByOrder<[f64; POINTS]>,
     /// What they may be off.
     pub(super) off: ByOrder<f64>,
 }
 
 impl Channel {
-    const NONE: Self = Self { at: [[0.0; POINTS]; 3], off: [0.0; 3] };
+    const NONE: Self = Self { values: [0.0; POINTS], at: [[0.0; POINTS]; 3], off: [0.0; 3] };
 
     fn of(samples: &[Sample; NODES], channel: usize, width: f64) -> Self {
         let operators = &*OPERATORS;
+        let mut values = [0.0; POINTS];
         let (mut rows, mut last) = ([[0.0; POINTS]; 3], [0.0_f64; 4]);
         for (sample, node) in samples.iter().zip(&operators.nodes) {
             let value = sample[channel];
+            for (sum, weight) in values.iter_mut().zip(&node.values) {
+                *sum += weight * value;
+            }
             for (row, weights) in rows.iter_mut().zip(&node.derivatives) {
                 for (sum, weight) in row.iter_mut().zip(weights) {
                     *sum += weight * value;
@@ -65,7 +74,24 @@ impl Channel {
                 *value *= scale;
             }
         }
-        Self { at: rows, off }
+        Self { values, at: rows, off }
+    }
+
+    /// The lowest and the highest value along a part that is `width` long, also between the points.
+    pub(super) fn range(&self, width: f64) -> (f64, f64) {
+        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        let slopes = &self.at[0];
+        for (point, value) in self.values.iter().enumerate() {
+            (lowest, highest) = (lowest.min(*value), highest.max(*value));
+            let (Some(next), Some(before)) = (slopes.get(point + 1), slopes.get(point)) else { break };
+            if before * next < 0.0 {
+                // It turns round in between: about where the slope, drawn straight, is 0.
+                let step = width * OPERATORS.steps[point];
+                let beyond = EXTREMUM * before * step / 2.0 * before / (before - next);
+                (lowest, highest) = (lowest.min(value + beyond), highest.max(value + beyond));
+            }
+        }
+        (lowest, highest)
     }
 }
 
@@ -90,6 +116,16 @@ impl Derivatives {
         &self.0[..AXES]
     }
 
+    /// Whether the joints stay within their ranges along a part that is `width` long, also between the samples.
+    pub(super) fn within_range(&self, width: f64, arm: &Arm) -> Result<(), Violation> {
+        let (mut lowest, mut highest) = ([0.0; AXES], [0.0; AXES]);
+        for (axis, joint) in self.joints().iter().enumerate().take(arm.axes()) {
+            (lowest[axis], highest[axis]) = joint.range(width);
+        }
+        arm.within_range(&lowest)?;
+        arm.within_range(&highest)
+    }
+
     /// The tool's derivative of an order (0: the first) at a point.
     pub(super) fn tool(&self, order: usize, point: usize) -> [f64; 3] {
         let [.., x, y, z] = &self.0;
@@ -106,6 +142,7 @@ impl Derivatives {
 /// What one sample adds.
 #[derive(Clone, Copy)]
 struct Node {
+    values: [f64; POINTS],
     derivatives: ByOrder<[f64; POINTS]>,
     /// To the polynomial's last four factors, in the order of their degrees.
     factors: [f64; 4],
@@ -113,6 +150,8 @@ struct Node {
 
 struct Operators {
     nodes: [Node; NODES],
+    /// From each point to the next one, as shares of the part.
+    steps: [f64; POINTS - 1],
     /// The derivatives at the end of the next but one Chebyshev polynomial.
     ends: ByOrder<f64>,
 }
@@ -126,25 +165,33 @@ static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
         2.0 / degree as f64 * half(order) * half(node) * angle.cos()
     };
     let node = |node: usize| {
-        let mut derivatives = [[0.0; POINTS]; 3];
+        let (mut values, mut derivatives) = ([0.0; POINTS], [[0.0; POINTS]; 3]);
         for (point, x) in (0..POINTS).map(|point| (point, -chebyshev_point(point, POINTS))) {
             for polynomial in 0..NODES {
-                for (order, value) in slopes(polynomial, x).into_iter().enumerate() {
-                    derivatives[order][point] += value * factor(polynomial, node);
+                let [value, slopes @ ..] = polynomial_at(polynomial, x);
+                values[point] += value * factor(polynomial, node);
+                for (order, slope) in slopes.into_iter().enumerate() {
+                    derivatives[order][point] += slope * factor(polynomial, node);
                 }
             }
         }
-        Node { derivatives, factors: core::array::from_fn(|last| factor(NODES - 4 + last, node)) }
+        Node { values, derivatives, factors: core::array::from_fn(|last| factor(NODES - 4 + last, node)) }
     };
-    Operators { nodes: core::array::from_fn(node), ends: slopes(NODES + 1, 1.0) }
+    let place = |point| (1.0 - chebyshev_point(point, POINTS)) / 2.0;
+    let [_, ends @ ..] = polynomial_at(NODES + 1, 1.0);
+    Operators {
+        nodes: core::array::from_fn(node),
+        steps: core::array::from_fn(|point| place(point + 1) - place(point)),
+        ends,
+    }
 });
 
 fn chebyshev_point(index: usize, points: usize) -> f64 {
     (PI * index as f64 / (points - 1) as f64).cos()
 }
 
-/// The derivatives of a Chebyshev polynomial by the share, at `x` within −1…1, by its recurrence.
-fn slopes(degree: usize, x: f64) -> ByOrder<f64> {
+/// A Chebyshev polynomial and its derivatives by the share, at `x` within −1…1, by its recurrence.
+fn polynomial_at(degree: usize, x: f64) -> [f64; 4] {
     // Value and derivatives of the polynomials of degree 0 and 1.
     let (mut before, mut now) = ([1.0, 0.0, 0.0, 0.0], [x, 1.0, 0.0, 0.0]);
     if degree == 0 {
@@ -158,7 +205,7 @@ fn slopes(degree: usize, x: f64) -> ByOrder<f64> {
         (before, now) = (now, next);
     }
     // x runs twice as fast as the share.
-    [2.0 * now[1], 4.0 * now[2], 8.0 * now[3]]
+    [now[0], 2.0 * now[1], 4.0 * now[2], 8.0 * now[3]]
 }
 
 #[cfg(test)]
@@ -181,6 +228,15 @@ mod tests {
                 assert!(found.joints()[0].off[order] < 1e-4, "{:?}", found.joints()[0].off);
             }
         }
+    }
+
+    #[test]
+    fn a_turn_between_two_samples_counts_to_the_range() {
+        let width = 2.0;
+        let samples = SHARES.map(|share| [(share * width - 0.7_f64).powi(2); CHANNELS]);
+        let (lowest, highest) = Derivatives::of(&samples, width, AXES, false).joints()[0].range(width);
+        assert!((-0.01..1e-12).contains(&lowest), "{lowest}");
+        assert!((highest - 1.69).abs() < 1e-9, "{highest}");
     }
 
     #[test]
