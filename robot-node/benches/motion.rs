@@ -1,7 +1,6 @@
 //! The robot's motions: what one more costs when it is appended to the path, and what a tick of interpolation costs.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
-#![expect(clippy::disallowed_types, reason = "a benchmark is about the time that passes")]
 
 use std::hint::black_box;
 
