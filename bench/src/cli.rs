@@ -116,7 +116,7 @@ pub struct RunOptions {
     /// alone where the robot is real. Real mode only; they are started with the same --setup.
     #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
     pub attach: Option<Attach>,
-    /// Write a timeline of the first repetition of each type, as DIR/trace.json; open it in https://ui.perfetto.dev.
+    /// Write a timeline of the first repetition of each type, as DIR/trace.json; ui.perfetto.dev opens it.
     #[arg(long)]
     pub trace: bool,
     /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
