@@ -5,7 +5,6 @@ use core::fmt;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::wire::FRAME_CAPACITY;
 use crate::{Duration, Instant};
 
 /// What a cable does to the frames of one direction. Rates are in parts per million of the frames.
@@ -133,13 +132,8 @@ impl Link {
         self.counters.lost += 1;
     }
 
-    /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does.
-    pub(super) fn pass(
-        &mut self,
-        now: Instant,
-        frame: &[u8],
-        mut arrive: impl FnMut(Instant, Fate, &[u8]),
-    ) -> Fate {
+    /// What becomes of a frame of `len` bytes that leaves now, and when it arrives; never, if it vanishes.
+    pub(super) fn pass(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
         self.counters.sent += 1;
         let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
             self.impairment;
@@ -147,7 +141,7 @@ impl Link {
         fate.lost = !fate.cut && self.chance(loss_ppm);
         if fate.cut || fate.lost {
             self.counters.lost += 1;
-            return fate;
+            return (fate, None);
         }
         let mut arrival = now + delay + self.up_to(jitter);
         if self.chance(reorder_ppm) {
@@ -160,23 +154,11 @@ impl Link {
         }
         fate.duplicated = self.chance(duplicate_ppm);
         self.counters.duplicated += u64::from(fate.duplicated);
-        let copies = if fate.duplicated { 2 } else { 1 };
-        if self.chance(corrupt_ppm) && !frame.is_empty() && frame.len() <= FRAME_CAPACITY {
+        if self.chance(corrupt_ppm) && len > 0 {
             self.counters.corrupted += 1;
-            let mut copy = [0; FRAME_CAPACITY];
-            if let Some(copy) = copy.get_mut(..frame.len()) {
-                copy.copy_from_slice(frame);
-                let bit = self.below(copy.len() as u64 * 8);
-                if let Some(byte) = copy.get_mut((bit / 8) as usize) {
-                    *byte ^= 1 << (bit % 8);
-                }
-                fate.flipped_bit = Some(bit as u32);
-                (0..copies).for_each(|_| arrive(arrival, fate, copy));
-            }
-            return fate;
+            fate.flipped_bit = Some(self.below(len as u64 * 8) as u32);
         }
-        (0..copies).for_each(|_| arrive(arrival, fate, frame));
-        fate
+        (fate, Some(arrival))
     }
 
     /// When a piece of a TCP stream arrives that leaves now, and how often it was lost before: it is later, where a

@@ -1,4 +1,4 @@
-//! The driver without time: two machines, a cable, and a heap of what happens next.
+//! The driver without time: two machines, a cable, and a queue of what arrives next.
 //!
 //! The same seed gives the same nanoseconds on every machine. Each side has a clock of its own with an offset and a
 //! drift, since the cycles of a PLC, a bus and a robot are not synchronised with each other. CPU time is zero here;
@@ -6,6 +6,7 @@
 //! late where a datagram would be lost, broken where the cable stays cut.
 
 mod clock;
+mod in_flight;
 mod link;
 mod stream;
 mod tap;
@@ -15,15 +16,15 @@ pub use link::{Fate, Impairment, LinkCounters};
 pub use tap::{Carrier, Segment, Tapped};
 
 use alloc::boxed::Box;
-use alloc::collections::{BinaryHeap, VecDeque};
+use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::cmp::Reverse;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::wire::FRAME_CAPACITY;
-use crate::{Instant, Machine, Port, Source, StreamId, Transmit};
+use crate::{Instant, Machine, Port, Source, Transmit};
 use clock::Reading;
+use in_flight::{Delivery, InFlight, InFlights};
 use link::Link;
 use stream::Streams;
 use tap::{Label, Tap};
@@ -38,13 +39,6 @@ pub enum Side {
 }
 
 impl Side {
-    const fn index(self) -> usize {
-        match self {
-            Self::A => 0,
-            Self::B => 1,
-        }
-    }
-
     /// The other side.
     #[must_use]
     pub const fn other(self) -> Self {
@@ -90,40 +84,17 @@ struct Station {
     alive: bool,
 }
 
-/// A frame in flight; ordered by arrival, then by the order in which frames were sent.
-#[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct InFlight {
-    arrives: Instant,
-    number: u64,
-    to: u8,
-    delivery: Delivery,
-}
-
-#[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
-enum Delivery {
-    Frame {
-        port: Port,
-        peer: Option<SocketAddrV4>,
-        label: Label,
-        frame: Vec<u8>,
-    },
-    Opened(StreamId, SocketAddrV4),
-    Closed(StreamId),
-    /// Both ends give a stream up if its bytes still did not get through.
-    StreamTimeout(StreamId),
-}
-
 /// Two machines on one cable, in virtual time.
 pub struct Pair<A: Machine, B: Machine> {
     a: A,
     b: B,
     now: Instant,
     stations: [Station; 2],
-    in_flight: BinaryHeap<Reverse<InFlight>>,
-    next_number: u64,
+    in_flight: InFlights,
     streams: Streams,
-    spare_frames: Vec<Vec<u8>>,
+    /// What the machines write into, and buffers that take its place when it is sent away with a frame.
     buf: Box<[u8]>,
+    spare_bufs: Vec<Box<[u8]>>,
     events: VecDeque<Event<A::Event, B::Event>>,
     tap: Option<Tap>,
 }
@@ -150,11 +121,10 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             b,
             now: Instant::ZERO,
             stations: [station(clock_a, link_a, address_a, 0), station(clock_b, link_b, address_b, 1)],
-            in_flight: BinaryHeap::new(),
-            next_number: 0,
+            in_flight: InFlights::default(),
             streams: Streams::new(seed),
-            spare_frames: Vec::new(),
-            buf: vec![0; FRAME_CAPACITY].into_boxed_slice(),
+            buf: new_buf(),
+            spare_bufs: Vec::new(),
             events: VecDeque::new(),
             tap: None,
         };
@@ -260,7 +230,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     /// Does what happens next, unless that is after `until`. Returns whether something happened.
     fn step(&mut self, until: Instant) -> bool {
         let [a, b] = &self.stations;
-        let arrival = self.in_flight.peek().map(|Reverse(frame)| frame.arrives);
+        let arrival = self.in_flight.next_arrival();
         let timeout = match (a.timeout, b.timeout) {
             (Some(of_a), Some(of_b)) if of_b < of_a => Some((of_b, Side::B)),
             (Some(of_a), _) => Some((of_a, Side::A)),
@@ -293,15 +263,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     }
 
     fn deliver(&mut self) {
-        let Some(Reverse(InFlight { to, delivery, .. })) = self.in_flight.pop() else {
-            return;
-        };
-        let side = if to == 0 { Side::A } else { Side::B };
-        let (port, peer, label, frame) = match delivery {
-            Delivery::Frame { port, peer, label, frame } => (port, peer, label, frame),
+        let Some(InFlight { to: side, delivery, .. }) = self.in_flight.pop() else { return };
+        let (port, peer, label, buf, len) = match delivery {
+            Delivery::Frame { port, peer, label, buf, len } => (port, peer, label, buf, len),
             delivery => return self.deliver_stream(side, delivery),
         };
-        self.tap_arrival(side, label, &frame);
+        let frame = buf.get(..len).unwrap_or_default();
+        self.tap_arrival(side, label, frame);
         let to = match label.carrier {
             Carrier::Udp { to, .. } => Some(*to.ip()),
             _ => None,
@@ -310,14 +278,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             let local = self.read_clock(side);
             let source = Source { port, peer };
             match (side, to.is_some_and(|to| to.is_broadcast())) {
-                (Side::A, false) => self.a.handle_frame(local, source, &frame),
-                (Side::B, false) => self.b.handle_frame(local, source, &frame),
-                (Side::A, true) => self.a.handle_broadcast(local, source, &frame),
-                (Side::B, true) => self.b.handle_broadcast(local, source, &frame),
+                (Side::A, false) => self.a.handle_frame(local, source, frame),
+                (Side::B, false) => self.b.handle_frame(local, source, frame),
+                (Side::A, true) => self.a.handle_broadcast(local, source, frame),
+                (Side::B, true) => self.b.handle_broadcast(local, source, frame),
             }
             self.settle(side, local);
         }
-        self.spare_frames.push(frame);
+        self.spare_bufs.push(buf);
     }
 
     /// Whether a datagram is for this side: a multicast is for those that joined its group.
@@ -381,7 +349,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
         let now = self.now;
         let dscp = self.dscp(from, port);
-        let Some(frame) = self.buf.get(..len) else { return };
         let [a, b] = &mut self.stations;
         let (sender, receiver) = match from {
             Side::A => (a, b),
@@ -398,23 +365,31 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             }
             (port, _) => (port, None, Carrier::Ethernet),
         };
-        let (in_flight, spare_frames, number) =
-            (&mut self.in_flight, &mut self.spare_frames, &mut self.next_number);
-        let fate = sender.link.pass(now, frame, |arrives, fate, frame| {
-            let mut copy = spare_frames.pop().unwrap_or_default();
-            copy.clear();
-            copy.extend_from_slice(frame);
-            *number += 1;
-            in_flight.push(Reverse(InFlight {
-                arrives,
-                number: *number,
-                to: from.other().index() as u8,
-                delivery: Delivery::Frame { port, peer, label: Label { carrier, dscp, fate }, frame: copy },
-            }));
-        });
+        let (fate, arrives) = sender.link.pass(now, len);
+        let label = Label { carrier, dscp, fate };
         if let Some(tap) = &mut self.tap {
+            let frame = self.buf.get(..len).unwrap_or_default();
             tap.see(Tapped { at: now, end: from, from, carrier, dscp, fate, frame });
         }
+        let Some(arrives) = arrives else { return };
+        let mut buf = self.take_buf();
+        if let Some(bit) = fate.flipped_bit
+            && let Some(byte) = buf.get_mut(bit as usize / 8)
+        {
+            *byte ^= 1 << (bit % 8);
+        }
+        let second = fate.duplicated.then(|| holding(self.spare_bufs.pop(), buf.get(..len)));
+        let delivery = |buf| Delivery::Frame { port, peer, label, buf, len };
+        self.in_flight.push(arrives, from.other(), delivery(buf));
+        if let Some(second) = second {
+            self.in_flight.push(arrives, from.other(), delivery(second));
+        }
+    }
+
+    /// The buffer with what a machine wrote, for its way; another one takes its place.
+    fn take_buf(&mut self) -> Box<[u8]> {
+        let spare = self.spare_bufs.pop().unwrap_or_else(new_buf);
+        core::mem::replace(&mut self.buf, spare)
     }
 
     /// [`local_time`](Self::local_time), for every step.
@@ -430,6 +405,20 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::B => b,
         }
     }
+}
+
+fn new_buf() -> Box<[u8]> {
+    vec![0; FRAME_CAPACITY].into_boxed_slice()
+}
+
+/// A buffer, new if there is no spare one, that begins with these bytes.
+fn holding(spare: Option<Box<[u8]>>, bytes: Option<&[u8]>) -> Box<[u8]> {
+    let mut buf = spare.unwrap_or_else(new_buf);
+    let bytes = bytes.unwrap_or_default();
+    if let Some(start) = buf.get_mut(..bytes.len()) {
+        start.copy_from_slice(bytes);
+    }
+    buf
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! TCP connections between the two sides: bytes in order, in pieces of random sizes.
 
 use alloc::vec::Vec;
-use core::cmp::Reverse;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use super::in_flight::{Delivery, InFlight};
 use super::tap::Label;
-use super::{Carrier, Delivery, Fate, InFlight, Pair, Segment, Side};
+use super::{Carrier, Fate, Pair, Segment, Side, holding};
 use crate::{Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
 /// How much later a piece arrives for each time that it is lost: the smallest timeout that Linux uses.
@@ -144,7 +144,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.streams.open.push(Stream::new(id));
         let Some(source) = source.filter(|_| answers) else {
             // Nobody is there to refuse: the attempt runs into its timeout.
-            return self.push(from, self.now + TIMEOUT, Delivery::Closed(id));
+            return self.in_flight.push(self.now + TIMEOUT, from, Delivery::Closed(id));
         };
         if listens == Some(to.port()) {
             let peer = self.name_stream(from, id, source, to);
@@ -222,16 +222,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         let mut start = 0;
         while start < len {
             let end = start + self.streams.piece(len - start);
-            let mut frame = self.spare_frames.pop().unwrap_or_default();
-            frame.clear();
-            frame.extend_from_slice(self.buf.get(start..end).unwrap_or_default());
             let dscp = self.dscp(from, Port::Stream(id));
             let Some(stream) = self.streams.get(id) else { return };
             let offset = *stream.sent(from);
             *stream.sent(from) = offset.wrapping_add((end - start) as u32);
             let Some(carrier) = stream.carrier(from, Segment::Data { offset }) else { return };
             let label = Label { carrier, dscp, fate: Fate::default() };
-            let delivery = Delivery::Frame { port: Port::Stream(id), peer: None, label, frame };
+            let (buf, len) = (holding(self.spare_bufs.pop(), self.buf.get(start..end)), end - start);
+            let delivery = Delivery::Frame { port: Port::Stream(id), peer: None, label, buf, len };
             self.push_stream(from, id, delivery);
             start = end;
         }
@@ -244,7 +242,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         let passed = self.station(from).link.pass_stream(now, RETRANSMISSION);
         if let Some(segment) = self.segment(from, id, &delivery) {
             let bytes = match &delivery {
-                Delivery::Frame { frame, .. } => frame.as_slice(),
+                Delivery::Frame { buf, len, .. } => buf.get(..*len).unwrap_or_default(),
                 _ => &[],
             };
             for loss in 0..passed.map_or(1, |(_, losses)| losses) {
@@ -261,40 +259,28 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Some(arrival) if stream.held.iter().all(|(side, _)| *side != to) => {
                 let last = stream.last_arrival(to);
                 *last = arrival.max(*last);
-                let arrives = *last;
-                self.push(to, arrives, delivery);
+                self.in_flight.push(*last, to, delivery);
             }
             _ => {
                 let first = stream.held.is_empty();
                 stream.held.push((to, delivery));
                 if first {
                     stream.held_since = now;
-                    self.push(to, now + TIMEOUT, Delivery::StreamTimeout(id));
+                    self.in_flight.push(now + TIMEOUT, to, Delivery::StreamTimeout(id));
                 }
             }
         }
     }
 
-    fn push(&mut self, to: Side, arrives: Instant, delivery: Delivery) {
-        self.next_number += 1;
-        let (number, to) = (self.next_number, to.index() as u8);
-        self.in_flight.push(Reverse(InFlight { arrives, number, to, delivery }));
-    }
-
     /// The cable is cut: datagrams are lost, pieces of streams wait.
     pub(super) fn hold_streams(&mut self) {
-        let mut in_flight = core::mem::take(&mut self.in_flight).into_sorted_vec();
-        in_flight.reverse();
-        for Reverse(InFlight { arrives, number, to, delivery }) in in_flight {
-            let side = if to == 0 { Side::A } else { Side::B };
+        for InFlight { arrives, to, delivery } in self.in_flight.take() {
             match &delivery {
                 Delivery::Frame { port: Port::Stream(id), .. }
                 | Delivery::Opened(id, _)
-                | Delivery::Closed(id) => self.push_stream(side.other(), *id, delivery),
-                Delivery::Frame { .. } => self.station(side.other()).link.lose_in_flight(),
-                Delivery::StreamTimeout(_) => {
-                    self.in_flight.push(Reverse(InFlight { arrives, number, to, delivery }));
-                }
+                | Delivery::Closed(id) => self.push_stream(to.other(), *id, delivery),
+                Delivery::Frame { .. } => self.station(to.other()).link.lose_in_flight(),
+                Delivery::StreamTimeout(_) => self.in_flight.push(arrives, to, delivery),
             }
         }
     }

@@ -1,0 +1,59 @@
+//! What is under way on the cable, in the order in which it arrives.
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use core::net::SocketAddrV4;
+
+use super::Side;
+use super::tap::Label;
+use crate::{Instant, Port, StreamId};
+
+/// What arrives at one end of the cable.
+#[derive(Debug)]
+pub(super) struct InFlight {
+    pub(super) arrives: Instant,
+    pub(super) to: Side,
+    pub(super) delivery: Delivery,
+}
+
+#[derive(Debug)]
+pub(super) enum Delivery {
+    /// A frame: the first `len` bytes of a buffer.
+    Frame {
+        port: Port,
+        peer: Option<SocketAddrV4>,
+        label: Label,
+        buf: Box<[u8]>,
+        len: usize,
+    },
+    Opened(StreamId, SocketAddrV4),
+    Closed(StreamId),
+    /// Both ends give a stream up if its bytes still did not get through.
+    StreamTimeout(StreamId),
+}
+
+/// All that is under way. Of two that arrive at one instant, the one that was sent first is the first.
+///
+/// A queue and not a heap: a cable keeps the order but for what is held back, so that nearly all is put at the end.
+#[derive(Debug, Default)]
+pub(super) struct InFlights(VecDeque<InFlight>);
+
+impl InFlights {
+    pub(super) fn push(&mut self, arrives: Instant, to: Side, delivery: Delivery) {
+        let later = self.0.iter().rev().take_while(|other| other.arrives > arrives).count();
+        self.0.insert(self.0.len() - later, InFlight { arrives, to, delivery });
+    }
+
+    pub(super) fn pop(&mut self) -> Option<InFlight> {
+        self.0.pop_front()
+    }
+
+    pub(super) fn next_arrival(&self) -> Option<Instant> {
+        self.0.front().map(|first| first.arrives)
+    }
+
+    /// All of it, in order; nothing is under way any more.
+    pub(super) fn take(&mut self) -> VecDeque<InFlight> {
+        core::mem::take(&mut self.0)
+    }
+}
