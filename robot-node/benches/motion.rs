@@ -7,7 +7,7 @@ use std::hint::black_box;
 use hot_path::{HotPaths, Steps};
 use protocol::image::{Motion, MotionKind};
 use robot_node::RobotConfig;
-use robot_node::motion::{Interpolator, Segment};
+use robot_node::motion::Interpolator;
 
 /// Motions that are on the path already, as many as the controller keeps.
 const AHEAD: usize = 5;
@@ -72,8 +72,7 @@ impl Cell {
     }
 
     fn append(&self, interpolator: &mut Interpolator, index: usize) {
-        let segment =
-            Segment::prepare(&self.motions[index], interpolator.path().end(), &self.config).unwrap();
+        let segment = interpolator.path().prepare(&self.motions[index], &self.config).unwrap();
         black_box(interpolator.append(segment, index + 1 == self.motions.len()));
     }
 

@@ -143,9 +143,9 @@ impl Observer {
         {
             // From here on another point of the hand is the tool, and was so all the time.
             self.tool_frame = segment.tool;
-            self.tool = self.joints.map(|joints| tool_of(arm, &joints, &segment.tool));
+            self.tool = self.joints.map(|joints| arm.forward(&joints).origin_of(&segment.tool));
         }
-        let tool = tool_of(arm, interpolator.joints(), &self.tool_frame);
+        let tool = interpolator.flange().origin_of(&self.tool_frame);
         self.see(arm, interpolator.joints(), tool);
         // Elsewhere the tool is on its curve: the joints are made from it.
         if let Some([first, second]) = path.corner() {
@@ -206,31 +206,31 @@ impl Observer {
     }
 }
 
-fn tool_of(arm: &Arm, joints: &Joints, tool: &Frame) -> [f64; 3] {
-    let flange = arm.forward(joints);
-    if *tool == Frame::IDENTITY { flange.position } else { (flange * *tool).position }
-}
-
 /// How far the tool is from a motion's curve, in mm; `way` is a place on it close by.
 fn off_curve(segment: &Segment, way: f64, tool: [f64; 3], arm: &Arm) -> f64 {
     let whole = segment.curve.length();
     let place = |way: f64| match &segment.curve {
         Curve::Axes(axes) => segment.tool_at(&axes.joints(way), arm),
-        cartesian => cartesian.tool(way).map_or([f64::NAN; 3], |tool| tool.position),
+        cartesian => cartesian.position(way).unwrap_or([f64::NAN; 3]),
     };
-    let (mut way, mut nearest) = (way, distance(place(way), tool));
+    let (mut way, mut here) = (way, place(way));
+    let mut nearest = distance(here, tool);
     for _ in 0..APPROACHES {
         // A curve is asked for no place beyond its end.
         let step = if way > whole / 2.0 { -SLOPE_STEP } else { SLOPE_STEP } * whole;
-        let (here, there) = (place(way), place(way + step));
+        let there = place(way + step);
         let slope: [f64; 3] = core::array::from_fn(|i| (there[i] - here[i]) / step);
         let square = dot(slope, slope);
         if square <= 0.0 || !square.is_finite() {
             break;
         }
         let off = core::array::from_fn(|i| tool[i] - here[i]);
-        way = (way + dot(off, slope) / square).clamp(0.0, whole);
-        nearest = nearest.min(distance(place(way), tool));
+        let next = (way + dot(off, slope) / square).clamp(0.0, whole);
+        if next == way {
+            break;
+        }
+        (way, here) = (next, place(next));
+        nearest = nearest.min(distance(here, tool));
     }
     nearest
 }

@@ -143,6 +143,12 @@ impl Frame {
         sum(self.position, self.rotation.rotate(point))
     }
 
+    /// Where the origin of a frame that is given in this one is in the outer one, in mm.
+    #[must_use]
+    pub fn origin_of(&self, inner: &Self) -> [f64; 3] {
+        if *inner == Self::IDENTITY { self.position } else { self.point(inner.position) }
+    }
+
     /// The pose of the outer frame in this one.
     #[must_use]
     pub fn inverse(self) -> Self {

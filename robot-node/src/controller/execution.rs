@@ -11,6 +11,7 @@ use super::press;
 use super::program::Programs;
 use crate::RobotConfig;
 use crate::arm::{Joints, Violation};
+use crate::motion::Segment;
 
 /// Motions of a program that are checked in one cycle before it starts.
 const CHECKS_PER_CYCLE: u32 = 4;
@@ -198,8 +199,9 @@ impl Execution {
             let in_slots = self.source == Source::Slots && (self.accepted..self.written).contains(&next);
             let in_slot = command.filter(|_| in_slots).map(|command| *command.slot(next));
             let Some(motion) = self.programmed(next, programs).or(in_slot) else { return true };
-            match press::prepare(&motion, &self.check.from, config) {
-                Ok((segment, _)) => self.check = Check { next: self.check.next + 1, from: segment.end },
+            let checked = Segment::prepare(&motion, &self.check.from, config);
+            match checked.and_then(|segment| press::of(&motion, &segment, config).map(|_| segment)) {
+                Ok(segment) => self.check = Check { next: self.check.next + 1, from: segment.end },
                 Err(violation) => {
                     self.bad = Some((self.check.next, violation));
                     return true;

@@ -330,13 +330,15 @@ impl Controller {
         let executed = self.executed(execution);
         let next = execution.next_motion(command, executed, &self.programs);
         let prepared = next.and_then(|motion| {
-            let end = self.interpolator.path().end();
-            let prepare = |motion: Motion| Ok((motion, press::prepare(&motion, end, &self.config)?));
+            let prepare = |motion: Motion| {
+                let segment = self.interpolator.path().prepare(&motion, &self.config)?;
+                Ok((motion, segment, press::of(&motion, &segment, &self.config)?))
+            };
             motion.map(prepare).transpose()
         });
         match prepared {
             Ok(None) => return false,
-            Ok(Some((motion, (segment, press)))) => {
+            Ok(Some((motion, segment, press))) => {
                 execution.accepted += 1;
                 self.accepted.add(&motion);
                 if press.is_some() {

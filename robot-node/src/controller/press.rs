@@ -81,20 +81,18 @@ pub(super) struct Press {
     settled: u32,
 }
 
-/// Checks a motion that starts at the joints `from`: its segment, and what it presses with if it does.
-pub(super) fn prepare(
+/// What a checked motion presses with, if it does.
+pub(super) fn of(
     motion: &Motion,
-    from: &Joints,
+    segment: &Segment,
     config: &RobotConfig,
-) -> Result<(Segment, Option<Press>), Violation> {
-    let segment = Segment::prepare(motion, from, config)?;
-    let press = match (motion.kind, config.force) {
+) -> Result<Option<Press>, Violation> {
+    match (motion.kind, config.force) {
         (MotionKind::LinForceCartesian, Some(control)) => {
-            Some(Press::new(motion, segment, control, config.cycle.as_secs_f64())?)
+            Press::new(motion, *segment, control, config.cycle.as_secs_f64()).map(Some)
         }
-        _ => None,
-    };
-    Ok((segment, press))
+        _ => Ok(None),
+    }
 }
 
 impl Press {

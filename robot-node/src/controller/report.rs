@@ -38,8 +38,8 @@ impl Controller {
 
     /// What the surfaces around push the tool with.
     pub(super) fn feel(&mut self) {
-        let tool = self.config.arm.forward(self.interpolator.joints()) * self.tool;
-        self.contact = contact_force(&self.config.surfaces, tool.position);
+        let tool = self.interpolator.flange().origin_of(&self.tool);
+        self.contact = contact_force(&self.config.surfaces, tool);
         self.feedback.contact_force = length(self.contact) as f32;
     }
 
@@ -57,7 +57,7 @@ impl Controller {
         }
         let joints = self.interpolator.joints();
         self.reported = *joints;
-        let pose = self.base_inverse * (self.config.arm.forward(joints) * self.tool);
+        let pose = self.base_inverse * (*self.interpolator.flange() * self.tool);
         self.feedback.joints = joints.map(|joint| joint as f32);
         self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);
     }

@@ -1,12 +1,16 @@
 //! One more motion at the end of the path: its corner, or a spline that goes on.
 
+use protocol::image::Motion;
+
 use super::along;
 use super::blend::{self, Blend};
 use super::curve::Curve;
 use super::path::{Corner, Law, Path, Planned};
 use super::profile::Pace;
 use super::segment::Segment;
-use crate::arm::Arm;
+use super::spline::Spline;
+use crate::RobotConfig;
+use crate::arm::{Arm, Violation};
 
 /// What came of one more motion.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -18,6 +22,18 @@ pub enum Appended {
 }
 
 impl Path {
+    /// Checks a motion that is to be [appended](Self::append) next. One that goes on with a spline has its shape from
+    /// there already.
+    ///
+    /// # Errors
+    ///
+    /// As [`Segment::prepare`].
+    pub fn prepare(&self, motion: &Motion, config: &RobotConfig) -> Result<Segment, Violation> {
+        let last = self.queue.len().checked_sub(1).filter(|last| self.is_ahead(*last));
+        let before = last.and_then(|last| self.queue.get(last)).filter(|planned| !planned.stops);
+        Segment::prepare_after(before.map(|planned| &planned.segment), motion, &self.end, config)
+    }
+
     /// Puts one more motion, which starts at [`end`](Self::end), at the end of the path. `last` says that none
     /// follows.
     pub fn append(&mut self, segment: Segment, last: bool, arm: &Arm) -> Appended {
@@ -42,7 +58,9 @@ impl Path {
         }
         for share in [1.0, 0.5, 0.25] {
             let blend = match (self.queue.get(before), self.queue.back()) {
-                (Some(before), Some(last)) => Blend::between(&before.segment, &last.segment, share, arm),
+                (Some(before), Some(last)) => {
+                    Blend::after_zone(before.zone, &before.segment, &last.segment, share, arm)
+                }
                 _ => None,
             };
             self.set_blend(before, blend);
@@ -64,32 +82,30 @@ impl Path {
         let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
             return None;
         };
-        let is_ahead = if before == 0 {
-            !self.place.in_blend
-                && one.straight.from == 0.0
-                && self.place.time == 0.0
-                && one.straight.profile.at(0.0).1 == Pace::REST
-        } else {
-            before > usize::from(self.place.in_blend)
-        };
+        let (is_ahead, goes_on) = (self.is_ahead(before), first.goes_on_to(second));
         let separate = (one.segment, next.segment);
-        let joined = (is_ahead && first.goes_on_to(second)).then(|| {
-            let shapes = (
-                first.with_neighbours(first.before(), Some(*second.to())),
-                second.with_neighbours(Some(*first.from()), None),
-            );
-            let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
-            let start = corner.map_or(self.start, |corner| corner.segment.end);
-            let one = along::reshaped(&separate.0, shapes.0, &start, arm)?;
-            let next = along::reshaped(&separate.1, shapes.1, &one.end, arm)?;
+        let (first, second) = (*first, *second);
+        let shaped = second.before() == Some(*first.from());
+        let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
+        let start = corner.map_or(self.start, |corner| corner.segment.end);
+        let joined = (is_ahead && goes_on).then(|| {
+            let shape = first.with_neighbours(first.before(), Some(*second.to()));
+            let one = along::reshaped(&separate.0, shape, &start, arm)?;
+            let next = if shaped {
+                separate.1
+            } else {
+                let shape = second.with_neighbours(Some(*first.from()), None);
+                along::reshaped(&separate.1, shape, &one.end, arm)?
+            };
             let old = corner.and_then(Planned::blend);
             let new = corner
                 .filter(|_| old.is_some())
-                .and_then(|corner| Blend::between(&corner.segment, &one, 1.0, arm));
+                .and_then(|corner| Blend::after_zone(corner.zone, &corner.segment, &one, 1.0, arm));
             Some(((one, next), old, new))
         });
-        if let Some((pieces, old, new)) = joined.flatten() {
-            self.set_pieces(before, pieces, true);
+        let joined = joined.flatten();
+        if let Some((pieces, old, new)) = joined {
+            self.set_pieces(before, pieces, true, arm);
             if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
                 self.set_blend(corner, new);
             }
@@ -97,24 +113,57 @@ impl Path {
                 self.plan();
                 return Some(Appended::Planned);
             }
-            self.set_pieces(before, separate, false);
+            self.set_pieces(before, separate, false, arm);
             if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
                 self.set_blend(corner, old);
             }
+        }
+        if shaped {
+            self.straighten_last(&second, &separate.0, arm);
         }
         self.stop_after(before);
         self.plan();
         Some(if is_ahead { Appended::Planned } else { Appended::Late })
     }
 
-    fn set_pieces(&mut self, before: usize, pieces: (Segment, Segment), goes_on: bool) {
-        self.end = pieces.1.end;
+    /// The last piece of a spline begins at a stop after all: it is the straight line that it is alone, if the arm can
+    /// follow that.
+    fn straighten_last(&mut self, piece: &Spline, before: &Segment, arm: &Arm) {
+        let alone = piece.with_neighbours(None, None);
+        let last = self.queue.back().map(|last| last.segment);
+        let straight = last.and_then(|last| along::reshaped(&last, alone, &before.end, arm));
+        if let Some(straight) = straight {
+            self.set_last(straight, arm);
+        }
+    }
+
+    /// Whether the arm has not come to this motion yet, nor to the corner before it.
+    fn is_ahead(&self, index: usize) -> bool {
+        let Some(planned) = self.queue.get(index) else { return false };
+        if index == 0 {
+            !self.place.in_blend
+                && planned.straight.from == 0.0
+                && self.place.time == 0.0
+                && planned.straight.profile.at(0.0).1 == Pace::REST
+        } else {
+            index > usize::from(self.place.in_blend)
+        }
+    }
+
+    fn set_pieces(&mut self, before: usize, pieces: (Segment, Segment), goes_on: bool, arm: &Arm) {
         if let Some(planned) = self.queue.get_mut(before) {
             (planned.segment, planned.goes_on) = (pieces.0, goes_on);
         }
-        if let Some(planned) = self.queue.back_mut() {
-            planned.segment = pieces.1;
+        self.set_last(pieces.1, arm);
+    }
+
+    /// Gives the last motion another shape.
+    fn set_last(&mut self, segment: Segment, arm: &Arm) {
+        let Some(last) = self.queue.back_mut() else { return };
+        if !last.stops && last.segment.curve != segment.curve {
+            last.zone = blend::wanted_zone(&segment, arm);
         }
+        (last.segment, self.end) = (segment, segment.end);
     }
 
     /// No motion will follow: the last one stops at its end, and that is as wanted.

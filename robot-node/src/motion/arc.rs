@@ -81,15 +81,18 @@ impl Arc {
     /// The tool in the root after `way`.
     #[must_use]
     pub fn tool(&self, way: f64) -> Frame {
-        let (sin, cos) = (way / self.radius).sin_cos();
-        let position =
-            core::array::from_fn(|i| self.centre[i] + cos * self.outward[i] + sin * self.forward[i]);
         let rotation = if self.angle == 0.0 {
             self.to.rotation
         } else {
             self.from.rotation * Rotation::about(self.axis, way / self.length() * self.angle)
         };
-        Frame { position, rotation }
+        Frame { position: self.position(way), rotation }
+    }
+
+    /// Where the tool is after `way`.
+    pub(super) fn position(&self, way: f64) -> [f64; 3] {
+        let (sin, cos) = (way / self.radius).sin_cos();
+        core::array::from_fn(|i| self.centre[i] + cos * self.outward[i] + sin * self.forward[i])
     }
 
     /// How the flange follows from the tool.

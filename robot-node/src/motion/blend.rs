@@ -58,15 +58,31 @@ impl Blend {
     /// follow it, or where nothing of it is left.
     #[must_use]
     pub fn between(first: &Segment, second: &Segment, share: f64, arm: &Arm) -> Option<Self> {
-        let mut distance_mm = share * allowed_distance(first, second, arm);
+        Self::after_zone(wanted_zone(first, arm), first, second, share, arm)
+    }
+
+    /// The same where the first motion's [`wanted_zone`] is known.
+    pub(super) fn after_zone(
+        wanted_zone: f64,
+        first: &Segment,
+        second: &Segment,
+        share: f64,
+        arm: &Arm,
+    ) -> Option<Self> {
+        let (leaving, entering) =
+            (Approach::new(first, End::Last, arm), Approach::new(second, End::First, arm));
+        // What both motions allow: the first one's approximation distance, and at most half of either motion.
+        let allowed_mm = first.approximation_mm.min(leaving.half_mm).min(entering.half_mm);
+        let mut distance_mm = share * allowed_mm;
         // A sum over joints is not quite a sum of the tool's ways: take a smaller one if it would leave the corner.
         for _ in 0..4 {
             if distance_mm < 1e-3 {
                 return None;
             }
+            let is_as_wanted = distance_mm == first.approximation_mm;
             let mut blend = Self {
-                from_zone: zone(first, End::Last, distance_mm, arm),
-                to_zone: zone(second, End::First, distance_mm, arm),
+                from_zone: if is_as_wanted { wanted_zone } else { leaving.zone(distance_mm) },
+                to_zone: entering.zone(distance_mm),
                 distance_mm,
                 programmed_rate: 0.0,
                 limits: Limits { speed: 0.0, acceleration: 0.0, jerk: 0.0 },
@@ -257,52 +273,71 @@ fn sum(one: &Frame, corner: &Frame, two: &Frame) -> Frame {
     }
 }
 
-/// What both motions allow: the first one's approximation distance, and at most half of either motion.
-fn allowed_distance(first: &Segment, second: &Segment, arm: &Arm) -> f64 {
-    let half = |segment: &Segment, end| distance_at(segment, end, segment.curve.length() / 2.0, arm);
-    first.approximation_mm.min(half(first, End::Last)).min(half(second, End::First))
-}
-
 /// What the end of a motion gives to a corner at most, in its curve's unit.
 #[must_use]
 pub(super) fn wanted_zone(segment: &Segment, arm: &Arm) -> f64 {
-    zone(segment, End::Last, segment.approximation_mm, arm)
+    Approach::new(segment, End::Last, arm).zone(segment.approximation_mm)
 }
 
-/// How much of a motion's end lies within `distance_mm` of the corner, in its curve's unit; at most half of it.
-fn zone(segment: &Segment, end: End, distance_mm: f64, arm: &Arm) -> f64 {
-    let half = segment.curve.length() / 2.0;
-    if matches!(segment.curve, Curve::Line(_)) {
-        return distance_mm.min(half);
+/// A motion near a corner at one of its ends: how far its tool is from there.
+struct Approach<'a> {
+    segment: &'a Segment,
+    end: End,
+    arm: &'a Arm,
+    /// The tool at the corner, in the root.
+    corner: [f64; 3],
+    /// Half of the motion, which is the most that it gives to the corner, in its curve's unit.
+    half: f64,
+    /// How far from the corner that is, in mm.
+    half_mm: f64,
+}
+
+impl<'a> Approach<'a> {
+    fn new(segment: &'a Segment, end: End, arm: &'a Arm) -> Self {
+        let half = segment.curve.length() / 2.0;
+        let mut approach = Self { segment, end, arm, corner: [0.0; 3], half, half_mm: 0.0 };
+        approach.corner = approach.place(0.0);
+        approach.half_mm = approach.distance_at(half);
+        approach
     }
-    let (mut inside, mut outside) = ((0.0, 0.0), (half, distance_at(segment, end, half, arm)));
-    if outside.1 <= distance_mm {
-        return half;
-    }
-    // The distance grows nearly evenly with the way: a secant, aimed a little short, is there in a few steps.
-    let aim = distance_mm * (1.0 - ZONE_ACCURACY / 2.0);
-    for step in 0..ZONE_STEPS {
-        if inside.1 >= distance_mm * (1.0 - ZONE_ACCURACY) {
-            break;
+
+    /// How much of the motion lies within `distance_mm` of the corner, in its curve's unit; at most half of it.
+    fn zone(&self, distance_mm: f64) -> f64 {
+        if matches!(self.segment.curve, Curve::Line(_)) {
+            return distance_mm.min(self.half);
         }
-        let share = if step % 4 == 3 { 0.5 } else { (aim - inside.1) / (outside.1 - inside.1) };
-        let way = inside.0 + share * (outside.0 - inside.0);
-        let next = (way, distance_at(segment, end, way, arm));
-        *if next.1 <= distance_mm { &mut inside } else { &mut outside } = next;
+        let (mut inside, mut outside) = ((0.0, 0.0), (self.half, self.half_mm));
+        if outside.1 <= distance_mm {
+            return self.half;
+        }
+        // The distance grows nearly evenly with the way: a secant, aimed a little short, is there in a few steps.
+        let aim = distance_mm * (1.0 - ZONE_ACCURACY / 2.0);
+        for step in 0..ZONE_STEPS {
+            if inside.1 >= distance_mm * (1.0 - ZONE_ACCURACY) {
+                break;
+            }
+            let share = if step % 4 == 3 { 0.5 } else { (aim - inside.1) / (outside.1 - inside.1) };
+            let way = inside.0 + share * (outside.0 - inside.0);
+            let next = (way, self.distance_at(way));
+            *if next.1 <= distance_mm { &mut inside } else { &mut outside } = next;
+        }
+        inside.0
     }
-    inside.0
-}
 
-/// How far the tool is from the motion's end when the way to it is `way`, in mm.
-fn distance_at(segment: &Segment, end: End, way: f64, arm: &Arm) -> f64 {
-    let whole = segment.curve.length();
-    let (corner, there) = match end {
-        End::First => (0.0, way),
-        End::Last => (whole, whole - way),
-    };
-    let place = |way| match &segment.curve {
-        Curve::Axes(axes) => segment.tool_at(&axes.joints(way), arm),
-        cartesian => cartesian.tool(way).map_or([f64::NAN; 3], |tool| tool.position),
-    };
-    distance(place(corner), place(there))
+    /// How far the tool is from the corner when the way to it is `way`, in mm.
+    fn distance_at(&self, way: f64) -> f64 {
+        distance(self.corner, self.place(way))
+    }
+
+    /// The tool in the root when the way to the corner is `way`.
+    fn place(&self, way: f64) -> [f64; 3] {
+        let way = match self.end {
+            End::First => way,
+            End::Last => self.segment.curve.length() - way,
+        };
+        match &self.segment.curve {
+            Curve::Axes(axes) => self.segment.tool_at(&axes.joints(way), self.arm),
+            cartesian => cartesian.position(way).unwrap_or([f64::NAN; 3]),
+        }
+    }
 }

@@ -73,16 +73,22 @@ impl Line {
     /// The tool in the root after `way`.
     #[must_use]
     pub fn tool(&self, way: f64) -> Frame {
-        let share = if self.length > 0.0 { way / self.length } else { 1.0 };
-        let position = core::array::from_fn(|i| {
-            self.from.position[i] + share * (self.to.position[i] - self.from.position[i])
-        });
         let rotation = if self.angle == 0.0 {
             self.to.rotation
         } else {
-            self.from.rotation * Rotation::about(self.axis, share * self.angle)
+            self.from.rotation * Rotation::about(self.axis, self.share(way) * self.angle)
         };
-        Frame { position, rotation }
+        Frame { position: self.position(way), rotation }
+    }
+
+    /// Where the tool is after `way`.
+    fn position(&self, way: f64) -> [f64; 3] {
+        let (share, from, to) = (self.share(way), &self.from.position, &self.to.position);
+        core::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
+    }
+
+    fn share(&self, way: f64) -> f64 {
+        if self.length > 0.0 { way / self.length } else { 1.0 }
     }
 
     /// Whether neither place nor orientation changes.
@@ -181,6 +187,17 @@ impl Curve {
             Self::Line(line) => Some(line.tool(way)),
             Self::Arc(arc) => Some(arc.tool(way)),
             Self::Spline(spline) => Some(spline.tool(way)),
+            Self::Axes(_) => None,
+        }
+    }
+
+    /// Where the tool is in the root after `way`, without its orientation; none point to point.
+    #[must_use]
+    pub(crate) fn position(&self, way: f64) -> Option<[f64; 3]> {
+        match self {
+            Self::Line(line) => Some(line.position(way)),
+            Self::Arc(arc) => Some(arc.position(way)),
+            Self::Spline(spline) => Some(spline.position(way)),
             Self::Axes(_) => None,
         }
     }

@@ -24,6 +24,8 @@ pub struct Interpolator {
     path: Path,
     cycle_s: f64,
     joints: Joints,
+    /// The flange in the root at these joints.
+    flange: Frame,
     /// What the last cycle moved.
     joint_step: Joints,
     /// The tool of the present motion, in the flange.
@@ -36,15 +38,16 @@ impl Interpolator {
     /// An arm that stands at `joints` and is interpolated every `cycle_s` seconds.
     #[must_use]
     pub fn at_rest(arm: Arm, joints: Joints, cycle_s: f64) -> Self {
-        let tool = arm.forward(&joints).position;
+        let flange = arm.forward(&joints);
         Self {
             path: Path::at_rest(joints),
             arm,
             cycle_s,
             joints,
+            flange,
             joint_step: [0.0; AXES],
             tool_frame: Frame::IDENTITY,
-            tool,
+            tool: flange.position,
             tool_step: [0.0; 3],
         }
     }
@@ -53,6 +56,12 @@ impl Interpolator {
     #[must_use]
     pub const fn joints(&self) -> &Joints {
         &self.joints
+    }
+
+    /// The flange in the root now.
+    #[must_use]
+    pub const fn flange(&self) -> &Frame {
+        &self.flange
     }
 
     /// Speed of the tool over the last cycle, in mm/s.
@@ -109,10 +118,7 @@ impl Interpolator {
             return Ok(Step { suppressed: None, ended: None });
         }
         let joints = self.path.joints(place, &self.arm, &self.joints)?;
-        let tool = self.tool_of(&joints);
-        self.joint_step = core::array::from_fn(|axis| joints[axis] - self.joints[axis]);
-        self.tool_step = core::array::from_fn(|i| tool[i] - self.tool[i]);
-        (self.joints, self.tool) = (joints, tool);
+        self.go_to(joints);
         let suppressed = self.path.go_to(place);
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
@@ -122,9 +128,14 @@ impl Interpolator {
     pub fn lead(&mut self, joints: Joints, tool_frame: &Frame) {
         if *tool_frame != self.tool_frame {
             self.tool_frame = *tool_frame;
-            self.tool = self.tool_of(&self.joints);
+            self.tool = self.flange.origin_of(tool_frame);
         }
-        let tool = self.tool_of(&joints);
+        self.go_to(joints);
+    }
+
+    fn go_to(&mut self, joints: Joints) {
+        self.flange = self.arm.forward(&joints);
+        let tool = self.flange.origin_of(&self.tool_frame);
         self.joint_step = core::array::from_fn(|axis| joints[axis] - self.joints[axis]);
         self.tool_step = core::array::from_fn(|i| tool[i] - self.tool[i]);
         (self.joints, self.tool) = (joints, tool);
@@ -141,12 +152,7 @@ impl Interpolator {
         let present = self.path.current().map_or(self.tool_frame, |segment| segment.tool);
         if present != self.tool_frame {
             self.tool_frame = present;
-            self.tool = self.tool_of(&self.joints);
+            self.tool = self.flange.origin_of(&present);
         }
-    }
-
-    fn tool_of(&self, joints: &Joints) -> [f64; 3] {
-        let flange = self.arm.forward(joints);
-        if self.tool_frame == Frame::IDENTITY { flange.position } else { (flange * self.tool_frame).position }
     }
 }

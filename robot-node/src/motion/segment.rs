@@ -40,6 +40,16 @@ impl Segment {
     ///
     /// The quantity that is wrong, and its limit.
     pub fn prepare(motion: &Motion, from: &Joints, config: &RobotConfig) -> Result<Self, Violation> {
+        Self::prepare_after(None, motion, from, config)
+    }
+
+    /// The same after a motion that this one may go on with as one curve, if both are motions of a spline.
+    pub(super) fn prepare_after(
+        before: Option<&Self>,
+        motion: &Motion,
+        from: &Joints,
+        config: &RobotConfig,
+    ) -> Result<Self, Violation> {
         match motion.kind {
             MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
             MotionKind::Circular | MotionKind::Spline => {}
@@ -90,7 +100,14 @@ impl Segment {
                     Curve::Line(line)
                 }
             };
-            let (end, limits) = along(&curve, from, programmed, arm)?;
+            let (curve, (end, limits)) = match going_on(before, &curve) {
+                // Where the arm cannot follow the bend, the line that it may stop before is what counts.
+                Some(bent) => match along(&bent, from, programmed, arm) {
+                    Ok(found) => (bent, found),
+                    Err(_) => (curve, along(&curve, from, programmed, arm)?),
+                },
+                None => (curve, along(&curve, from, programmed, arm)?),
+            };
             let (tool_acceleration, tool_jerk) = (programmed.acceleration, programmed.jerk);
             Ok(Self {
                 curve,
@@ -134,9 +151,15 @@ impl Segment {
     /// The tool in the root when the joints are these.
     #[must_use]
     pub fn tool_at(&self, joints: &Joints, arm: &Arm) -> [f64; 3] {
-        let flange = arm.forward(joints);
-        if self.tool == Frame::IDENTITY { flange.position } else { (flange * self.tool).position }
+        arm.forward(joints).origin_of(&self.tool)
     }
+}
+
+/// The shape that a curve takes from the motion before it, if both are motions of one spline.
+fn going_on(before: Option<&Segment>, curve: &Curve) -> Option<Curve> {
+    let (Curve::Spline(before), Curve::Spline(spline)) = (&before?.curve, curve) else { return None };
+    let bent = || Curve::Spline(spline.with_neighbours(Some(*before.from()), None));
+    before.goes_on_to(spline).then(bent)
 }
 
 fn velocity(value: f64, limit: f64) -> Violation {

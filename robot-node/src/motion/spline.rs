@@ -26,6 +26,12 @@ use crate::arm::{Frame, Rotation, distance, dot, length};
 /// Parts into which the piece is cut to know its length.
 const PARTS: usize = 24;
 
+/// One of them, as a share of the piece.
+const PART: f64 = 1.0 / PARTS as f64;
+
+/// A step of Newton's method that is smaller than this share of a part leaves nothing but rounding.
+const LAST_STEP: f64 = 1e-5;
+
 /// Position in mm and quaternion.
 type Pose = [f64; 7];
 
@@ -51,6 +57,8 @@ pub struct Spline {
     factors: [Pose; 6],
     /// The way at the end of each part, in mm.
     ways: [f64; PARTS],
+    /// How fast the way grows with τ where each part begins, and at the end, in mm.
+    speeds: [f64; PARTS + 1],
     flange: Flange,
     programmed: Limits,
 }
@@ -104,15 +112,14 @@ impl Spline {
                 factor[i] = value;
             }
         }
-        let mut piece = Self { before, from, to, after, factors, ways: [0.0; PARTS], flange, programmed };
+        let (ways, speeds) = ([0.0; PARTS], [0.0; PARTS + 1]);
+        let mut piece = Self { before, from, to, after, factors, ways, speeds, flange, programmed };
         let mut way = 0.0;
         for part in 0..PARTS {
-            let step = 1.0 / PARTS as f64;
-            way += piece.way_between(part as f64 * step, (part + 1) as f64 * step);
-            if let Some(slot) = piece.ways.get_mut(part) {
-                *slot = way;
-            }
+            way += piece.way_between(part as f64 * PART, (part + 1) as f64 * PART);
+            (piece.ways[part], piece.speeds[part]) = (way, piece.speed(part as f64 * PART));
         }
+        piece.speeds[PARTS] = piece.speed(1.0);
         piece
     }
 
@@ -170,21 +177,40 @@ impl Spline {
         if way >= self.length() {
             return self.to;
         }
-        let pose = self.derivative(0, self.share(way));
-        let [x, y, z, quaternion @ ..] = pose;
+        let [x, y, z, quaternion @ ..] = self.at(self.share(way));
         Frame { position: [x, y, z], rotation: Rotation::from_quaternion(quaternion) }
     }
 
-    /// The share τ of the piece after `way`: from the part that it lies in, by Newton's method.
+    /// Where the tool is after `way`.
+    pub(super) fn position(&self, way: f64) -> [f64; 3] {
+        if way <= 0.0 {
+            return self.from.position;
+        }
+        if way >= self.length() {
+            return self.to.position;
+        }
+        let [x, y, z, ..] = self.at(self.share(way));
+        [x, y, z]
+    }
+
+    /// The share τ of the piece after `way`: first by the cubic that has the part's ends and how fast the way grows
+    /// there, then by Newton's method.
     fn share(&self, way: f64) -> f64 {
         let part = self.ways.partition_point(|end| *end < way).min(PARTS - 1);
         let start_way = if part == 0 { 0.0 } else { self.ways[part - 1] };
-        let (start, width) = (part as f64 / PARTS as f64, self.ways[part] - start_way);
-        let mut share = start + (way - start_way) / width.max(1e-12) / PARTS as f64;
-        // Within a part the way grows nearly evenly: two steps are exact to the last digits.
+        let (start, width) = (part as f64 * PART, (self.ways[part] - start_way).max(1e-12));
+        let t = (way - start_way) / width;
+        // What the share would grow over the part if it grew all along as at its start, and as at its end.
+        let [grows, grew] = [self.speeds[part], self.speeds[part + 1]].map(|speed| width / speed.max(1e-9));
+        let cubic = t * (grows + t * (3.0 * PART - 2.0 * grows - grew + t * (grows + grew - 2.0 * PART)));
+        let mut share = (start + cubic).clamp(start, start + PART);
         for _ in 0..2 {
             let off = start_way + self.way_between(start, share) - way;
-            share = (share - off / self.speed(share).max(1e-9)).clamp(start, start + 1.0 / PARTS as f64);
+            let step = off / self.speed(share).max(1e-9);
+            share = (share - step).clamp(start, start + PART);
+            if step.abs() < LAST_STEP * PART {
+                break;
+            }
         }
         share
     }
@@ -203,17 +229,12 @@ impl Spline {
         }))
     }
 
-    /// The pose's derivative by τ of this order, 0 to 2.
-    fn derivative(&self, order: u32, share: f64) -> Pose {
-        let mut sum = [0.0; 7];
-        for (power, factor) in (0..6_u32).zip(&self.factors).rev() {
-            let Some(left) = power.checked_sub(order) else { break };
-            let scale = f64::from((left + 1..=power).product::<u32>());
-            for (sum, factor) in sum.iter_mut().zip(factor) {
-                *sum = *sum * share + scale * factor;
-            }
-        }
-        sum
+    /// The pose at a share τ, its quaternion of any length.
+    fn at(&self, share: f64) -> Pose {
+        let [a, b, c, d, e, f] = &self.factors;
+        core::array::from_fn(|i| {
+            ((((f[i] * share + e[i]) * share + d[i]) * share + c[i]) * share + b[i]) * share + a[i]
+        })
     }
 }
 
@@ -269,9 +290,22 @@ mod tests {
         [x, y, z]
     }
 
+    /// The pose's derivative by τ of this order, 1 or 2.
+    fn derivative(piece: &Spline, order: u32, share: f64) -> Pose {
+        let mut sum = [0.0; 7];
+        for (power, factor) in (0..6_u32).zip(&piece.factors).rev() {
+            let Some(left) = power.checked_sub(order) else { break };
+            let scale = f64::from((left + 1..=power).product::<u32>());
+            for (sum, factor) in sum.iter_mut().zip(factor) {
+                *sum = *sum * share + scale * factor;
+            }
+        }
+        sum
+    }
+
     /// The curvature vector in 1/mm at a share τ: where the tangent turns to.
     fn curvature(piece: &Spline, share: f64) -> [f64; 3] {
-        let [first, second] = [1, 2].map(|order| position(&piece.derivative(order, share)));
+        let [first, second] = [1, 2].map(|order| position(&derivative(piece, order, share)));
         let square = dot(first, first);
         cross(cross(first, second), first).map(|part| part / (square * square))
     }
@@ -315,7 +349,7 @@ mod tests {
             for pair in pieces.windows(2) {
                 let (one, other) = (&pair[0], &pair[1]);
                 prop_assert!(apart(one.tool(one.length()).position, other.tool(0.0).position) < 1e-9);
-                let [one_tangent, other_tangent] = [one.derivative(1, 1.0), other.derivative(1, 0.0)].map(|first| {
+                let [one_tangent, other_tangent] = [derivative(one, 1, 1.0), derivative(other, 1, 0.0)].map(|first| {
                     let first = position(&first);
                     first.map(|part| part / length(first))
                 });
