@@ -50,6 +50,12 @@ impl AxesGroup {
         self.feedback = feedback;
     }
 
+    /// Begins a scan in which the robot's image is still that of the scan before.
+    pub const fn read_again(&mut self) {
+        self.command.life = self.command.life.wrapping_add(1);
+        self.still_scans = if self.feedback.is_some() { self.still_scans.saturating_add(1) } else { 0 };
+    }
+
     /// The robot's image of this scan; none without a connection.
     #[must_use]
     pub const fn feedback(&self) -> Option<&Feedback> {
@@ -178,6 +184,16 @@ mod tests {
             group.read(Some(Feedback { life, ..Feedback::default() }));
             assert_eq!(group.is_silent(), silent);
         }
+    }
+
+    #[test]
+    fn an_image_that_is_read_again_counts_as_the_same_image_read_anew() {
+        let (mut again, mut anew) = (group(), group());
+        let feedback = Some(Feedback { life: 7, ..Feedback::default() });
+        again.read(feedback);
+        again.read_again();
+        (0..2).for_each(|_| anew.read(feedback));
+        assert_eq!(again, anew);
     }
 
     #[test]

@@ -38,9 +38,8 @@ pub struct PlcNode<B> {
     mode: Mode,
     readiness: Readiness,
     run: Run,
-    /// The image that the feedback below was read from: a robot that is slower than the scan repeats it.
+    /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
-    feedback: Option<Feedback>,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
     /// Command number and motions written as of the slots in `outputs`.
@@ -115,7 +114,6 @@ impl<B: Fieldbus> PlcNode<B> {
                 frames_before: Counters::default(),
             },
             inputs: [0; IMAGE_LEN],
-            feedback: None,
             outputs: [0; IMAGE_LEN],
             emitted: None,
             events: VecDeque::with_capacity(EVENTS),
@@ -206,8 +204,7 @@ impl<B: Fieldbus> PlcNode<B> {
     /// One scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
-        let feedback = self.read_inputs();
-        self.group.read(feedback);
+        self.read_inputs();
         if let Some(cause) = self.trouble() {
             self.fail(cause);
         }
@@ -223,14 +220,18 @@ impl<B: Fieldbus> PlcNode<B> {
         self.emit();
     }
 
-    /// The robot's image; none without a connection.
-    fn read_inputs(&mut self) -> Option<Feedback> {
-        let image = self.bus.input().filter(|_| self.connected)?;
-        if self.feedback.is_none() || self.inputs != *image {
-            self.inputs = *image;
-            self.feedback = Feedback::parse::<B::Order>(image).ok();
+    /// Takes over the robot's image; none without a connection.
+    fn read_inputs(&mut self) {
+        match self.bus.input().filter(|_| self.connected) {
+            Some(image) if self.inputs == *image && self.group.feedback().is_some() => {
+                self.group.read_again();
+            }
+            Some(image) => {
+                self.inputs = *image;
+                self.group.read(Feedback::parse::<B::Order>(image).ok());
+            }
+            None => self.group.read(None),
         }
-        self.feedback
     }
 
     /// The slots take most of the time, and they change only with a new command or with motions written.

@@ -138,8 +138,9 @@ impl Command {
 
     /// Writes the image.
     pub fn emit<O: ByteOrder>(&self, image: &mut Image) {
-        let mut writer = Writer::<O>::new(image);
-        self.write_head(&mut writer);
+        self.emit_head::<O>(image);
+        let (_, slots) = image.split_at_mut(HEAD_LEN);
+        let mut writer = Writer::<O>::new(slots);
         for slot in &self.slots {
             slot.emit(&mut writer);
         }
@@ -148,10 +149,7 @@ impl Command {
     /// Writes the head over an image that holds this command's slots already. A scan changes the life counter every
     /// time and the slots hardly ever.
     pub fn emit_head<O: ByteOrder>(&self, image: &mut Image) {
-        self.write_head(&mut Writer::<O>::new(image));
-    }
-
-    fn write_head<O: ByteOrder>(&self, writer: &mut Writer<'_, O>) {
+        let mut writer = Writer::<O>::new(image);
         writer.u16(self.control.0);
         writer.u16(self.life);
         writer.u16(self.number);

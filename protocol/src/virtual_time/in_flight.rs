@@ -40,8 +40,11 @@ pub(super) struct InFlights(VecDeque<InFlight>);
 
 impl InFlights {
     pub(super) fn push(&mut self, arrives: Instant, to: Side, delivery: Delivery) {
-        let later = self.0.iter().rev().take_while(|other| other.arrives > arrives).count();
-        self.0.insert(self.0.len() - later, InFlight { arrives, to, delivery });
+        let passing = InFlight { arrives, to, delivery };
+        match self.0.iter().rev().take_while(|other| other.arrives > arrives).count() {
+            0 => self.0.push_back(passing),
+            later => self.0.insert(self.0.len() - later, passing),
+        }
     }
 
     pub(super) fn pop(&mut self) -> Option<InFlight> {

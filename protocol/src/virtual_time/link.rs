@@ -184,8 +184,11 @@ impl Link {
     }
 
     fn up_to(&mut self, limit: Duration) -> Duration {
+        if limit.is_zero() {
+            return limit;
+        }
         let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
-        if limit == 0 { Duration::ZERO } else { Duration::from_nanos(self.below(limit)) }
+        Duration::from_nanos(self.below(limit))
     }
 
     fn below(&mut self, bound: u64) -> u64 {

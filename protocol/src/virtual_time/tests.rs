@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Duration, StreamChange, StreamRequest};
+use crate::{Duration, StreamChange, StreamId, StreamRequest};
 use alloc::string::String;
 use core::fmt::Write;
 

@@ -10,7 +10,8 @@
 //! On a surface of stiffness k the last one makes the force's error shrink by the factor 1 − `SHARE`·k/k_stiffest a
 //! cycle, so the loop is stable and does not overshoot for every k up to the stiffest, and is the slower the softer
 //! the surface is. What the arm can stop from is reckoned with [`JERK_SHARE`] of the jerk that it has: the rest is
-//! left to follow that curve. Velocity, acceleration and jerk along the line keep their limits all the time.
+//! left to follow that curve. Velocity, acceleration and jerk along the line keep their limits all the time, and so
+//! every axis keeps its own.
 //!
 //! *Done* means: the force was within its tolerance for the whole settling time, and the arm came to rest. It is held
 //! from then on, also in `Ready`, until the robot takes up the next motion, halts or loses its connection; then the
@@ -120,6 +121,8 @@ impl Press {
         if angle_deg > MOST_ASTRAY_DEG {
             return Err(Violation::ForceDirection { angle_deg, limit_deg: MOST_ASTRAY_DEG });
         }
+        // Along the line the axes may allow less than the force's own limit.
+        let control = ForceControl { jerk_mm_s3: control.jerk_mm_s3.min(segment.limits.jerk), ..control };
         let press = Self {
             phase: Phase::Waiting,
             segment,

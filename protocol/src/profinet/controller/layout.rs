@@ -90,9 +90,9 @@ impl Direction {
             let (now, later) = rest.split_at(range.len().min(rest.len()));
             rest = later;
             if let Some(place) = c_sdu.get_mut(range.start..range.end + 1) {
-                place.fill(0);
-                if let Some(data) = place.get_mut(..now.len()) {
+                if let Some((data, beyond)) = place.split_at_mut_checked(now.len()) {
                     data.copy_from_slice(now);
+                    beyond.fill(0);
                 }
                 if let Some(iops) = place.last_mut() {
                     *iops = status.0;

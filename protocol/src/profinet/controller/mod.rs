@@ -10,6 +10,7 @@
 //! goes wrong is told once by [`LinkEvent::Down`], and the whole begins anew. Outputs go out from the answer to Connect
 //! on, since a device may already watch for them; they are bad until there is an image.
 
+mod acyclic;
 mod alarms;
 mod call;
 mod config;
@@ -39,12 +40,13 @@ use super::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader};
 use super::rpc::{self, DEVICE_INTERFACE, Header, Kind};
 use super::rt::{Received, Transport, UDP_PORT};
 use super::station::{self, Station};
-use super::status::{Service, Status, Violation};
+use super::status::Status;
 use super::{RPC_PORT, Uuid};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
 use crate::wire::BigEndian;
 use crate::{Duration, Instant, Machine, Port, Source, Transmit};
+use acyclic::Acyclic;
 use alarms::{Outcome, Parting};
 use call::Caller;
 use config::Plan;
@@ -121,6 +123,7 @@ pub struct Controller {
     events: VecDeque<LinkEvent>,
     /// What earlier ARs counted, and what belongs to none.
     counters: Counters,
+    acyclic: Acyclic,
 }
 
 impl Controller {
@@ -161,6 +164,7 @@ impl Controller {
             diff: Vec::new(),
             events: VecDeque::with_capacity(8),
             counters: Counters::default(),
+            acyclic: Acyclic::Astir,
             config,
         })
     }
@@ -183,11 +187,14 @@ impl Controller {
         }
         let is_devices = self.link.as_ref().is_some_and(|link| link.device == header.source);
         match payload.first_chunk().copied().map(u16::from_be_bytes) {
-            Some(frame_id) if dcp::FRAME_IDS.contains(&frame_id) => match Pdu::parse(payload) {
-                Ok(pdu) if pdu.service.is_request() => self.answer_dcp(now, &header, payload),
-                Ok(pdu) => self.handle_dcp(now, header.source, &pdu),
-                Err(_) => self.counters.malformed += 1,
-            },
+            Some(frame_id) if dcp::FRAME_IDS.contains(&frame_id) => {
+                self.acyclic = Acyclic::Astir;
+                match Pdu::parse(payload) {
+                    Ok(pdu) if pdu.service.is_request() => self.answer_dcp(now, &header, payload),
+                    Ok(pdu) => self.handle_dcp(now, header.source, &pdu),
+                    Err(_) => self.counters.malformed += 1,
+                }
+            }
             Some(frame_id) if is_devices && self.config.transport == Transport::Rt1 => {
                 self.handle_rt(now, frame_id, payload);
             }
@@ -224,6 +231,7 @@ impl Controller {
             }
             return;
         }
+        self.acyclic = Acyclic::Astir;
         let pdu = payload.get(2..).unwrap_or_default();
         let outcome = match frame_id {
             FRAME_ID_HIGH | FRAME_ID_LOW => link.alarms.handle(now, frame_id, pdu),
@@ -241,6 +249,7 @@ impl Controller {
     }
 
     fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
+        self.acyclic = Acyclic::Astir;
         let Ok((header, body)) = Header::parse(datagram) else {
             self.counters.malformed += 1;
             return;
@@ -253,6 +262,7 @@ impl Controller {
 
     /// Puts an end to the attempt or the connection, and to its AR: with `status`, if the device does not know yet.
     fn fail(&mut self, now: Instant, down: Down, status: Option<Status>) {
+        self.acyclic = Acyclic::Astir;
         if let (Some(link), Some(status)) = (&self.link, status) {
             self.parting = Some(link.alarms.parting(status));
         }
@@ -281,6 +291,7 @@ impl Controller {
     }
 
     fn go_up(&mut self) {
+        self.acyclic = Acyclic::Astir;
         self.up = true;
         self.pause = PAUSE;
         self.silent_at = None;
@@ -306,19 +317,6 @@ impl Controller {
             _ => words::NO_STATION,
         }
     }
-
-    fn handle_link_timeout(&mut self, now: Instant) {
-        let Some(link) = &mut self.link else { return };
-        link.sender.handle_timeout(now);
-        if link.alarms.handle_timeout(now) {
-            let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NO_ALARM_ACK };
-            self.fail(now, down, Some(Violation::Abort.status(Service::Abort)));
-        } else if self.phase == Phase::Exchanging && link.receiver.is_expired(now) {
-            let status = Violation::ConsumerExpired.status(Service::Abort);
-            let text = if self.up { words::WATCHDOG } else { words::NO_CYCLIC };
-            self.fail(now, Down { cause: DownCause::Watchdog, code: status.0, text }, Some(status));
-        }
-    }
 }
 
 impl Machine for Controller {
@@ -340,45 +338,34 @@ impl Machine for Controller {
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        self.handle_link_timeout(now);
-        self.discovery.handle_timeout(now);
-        if self.caller.handle_timeout(now) {
-            self.give_up_call(now);
+        let mut is_expired = false;
+        if let Some(link) = &mut self.link {
+            link.sender.handle_timeout(now);
+            is_expired = link.receiver.is_expired(now);
         }
-        match self.phase {
-            Phase::Pausing { until } if now >= until => self.look(now),
-            Phase::Readying { until } if now >= until => {
-                let status = Violation::ApplicationReadyTimeout.status(Service::Abort);
-                let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NOT_READY };
-                self.fail(now, down, Some(status));
-            }
-            Phase::Releasing { until } if now >= until => self.stop(),
-            _ => {}
+        if let Acyclic::Quiet { until } = self.acyclic
+            && until.is_none_or(|until| now < until)
+            && !is_expired
+        {
+            return;
         }
-        if self.silent_at.is_some_and(|at| now >= at) {
-            self.tell(Down { cause: DownCause::NoAnswer, code: 0, text: self.words_for_silence() });
-        }
+        self.handle_acyclic_timeout(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         if let Some(link) = &mut self.link {
-            let transmit = link.sender.poll_transmit(buf);
-            if let Some(transmit) = transmit.or_else(|| link.alarms.poll_transmit(now, buf)) {
+            if let Some(transmit) = link.sender.poll_transmit(buf) {
                 return Some(transmit);
             }
         }
-        if let Some(transmit) = self.parting.take().and_then(|parting| parting.emit(buf)) {
-            return Some(transmit);
+        if matches!(self.acyclic, Acyclic::Quiet { .. }) {
+            return None;
         }
-        let rpc = |to, len| Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len };
-        if let Some((to, len)) = self.responder.poll_transmit(buf) {
-            return Some(rpc(to, len));
+        let transmit = self.poll_acyclic(now, buf);
+        if transmit.is_none() {
+            self.acyclic = Acyclic::Quiet { until: self.acyclic_timeout() };
         }
-        if let Some(len) = self.caller.poll_transmit(buf) {
-            return Some(rpc(SocketAddrV4::new(self.config.device_address, RPC_PORT), len));
-        }
-        let len = self.discovery.poll_transmit(buf).or_else(|| self.station.poll_transmit(now, buf))?;
-        Some(Transmit { port: Port::Ethernet, to: None, len })
+        transmit
     }
 
     fn poll_event(&mut self) -> Option<LinkEvent> {
@@ -386,21 +373,16 @@ impl Machine for Controller {
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        let of_phase = match self.phase {
-            Phase::Pausing { until } | Phase::Readying { until } | Phase::Releasing { until } => Some(until),
-            _ => None,
+        let acyclic = match self.acyclic {
+            Acyclic::Astir => self.acyclic_timeout(),
+            Acyclic::Quiet { until } => until,
         };
-        let mut next = Instant::earlier(of_phase, self.silent_at);
-        if let Some(link) = &self.link {
-            next = Instant::earlier(next, Some(link.sender.poll_timeout()));
-            next = Instant::earlier(next, link.alarms.poll_timeout());
-            if self.phase == Phase::Exchanging {
-                next = Instant::earlier(next, Some(link.receiver.poll_timeout()));
-            }
+        let Some(link) = &self.link else { return acyclic };
+        let mut next = link.sender.poll_timeout();
+        if self.phase == Phase::Exchanging {
+            next = next.min(link.receiver.poll_timeout());
         }
-        next = Instant::earlier(next, self.station.poll_timeout());
-        next = Instant::earlier(next, self.discovery.poll_timeout());
-        Instant::earlier(next, self.caller.poll_timeout())
+        Instant::earlier(acyclic, Some(next))
     }
 }
 
@@ -419,6 +401,7 @@ impl Fieldbus for Controller {
     }
 
     fn disconnect(&mut self, now: Instant) {
+        self.acyclic = Acyclic::Astir;
         self.release(now);
     }
 

@@ -85,6 +85,8 @@ struct Core {
     events: VecDeque<LinkEvent>,
     /// Without the cyclic frames of the present AR.
     counters: Counters,
+    /// Whether anything but cyclic frames may wait to be sent: only since something else came or was due.
+    acyclic: bool,
 }
 
 /// A PDU of RPC without blocks: a Reject, Fault, NoCall or FragmentAck.
@@ -121,6 +123,7 @@ impl Device {
             input: [0; IMAGE_LEN],
             events: VecDeque::with_capacity(MOST_EVENTS),
             counters: Counters::default(),
+            acyclic: false,
         };
         Self { reassembly: Reassembly::new(), core }
     }
@@ -133,6 +136,7 @@ impl Device {
 
     fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
         let core = &mut self.core;
+        core.acyclic = true;
         let Ok((header, body)) = Header::parse(datagram) else {
             core.counters.malformed += 1;
             return;
@@ -180,6 +184,7 @@ impl Core {
             return;
         };
         if dcp::FRAME_IDS.contains(&frame_id) {
+            self.acyclic = true;
             match self.station.handle_frame(now, &header, payload) {
                 Ok(effect) => self.follow(effect),
                 Err(Refusal::Malformed) => self.counters.malformed += 1,
@@ -221,6 +226,7 @@ impl Core {
             }
             return;
         }
+        self.acyclic = true;
         let priority = match frame_id {
             FRAME_ID_HIGH => Priority::High,
             FRAME_ID_LOW => Priority::Low,
@@ -267,6 +273,7 @@ impl Core {
         };
         let status = violation.status(Service::Abort);
         if let Some(relation) = &self.relation {
+            self.acyclic = true;
             self.farewell = Some(relation.alarms.farewell(status));
         }
         self.end((cause, status));
@@ -317,6 +324,21 @@ impl Core {
         Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
     }
 
+    /// Writes the next frame that is no cyclic one.
+    fn poll_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if let Some(transmit) = self.farewell.take().and_then(|farewell| farewell.emit(buf).ok()) {
+            return Some(transmit);
+        }
+        if let Some(transmit) = self.relation.as_mut().and_then(|relation| relation.alarms.poll_transmit(buf))
+        {
+            return Some(transmit);
+        }
+        if let Some(len) = self.station.poll_transmit(now, buf) {
+            return Some(Transmit { port: Port::Ethernet, to: None, len });
+        }
+        self.poll_reply(buf).or_else(|| self.answers.poll_transmit(buf)).or_else(|| self.poll_call(buf))
+    }
+
     fn poll_call(&mut self, buf: &mut [u8]) -> Option<Transmit> {
         let to = self.call_to?;
         let len = self.call.poll(buf)?;
@@ -338,6 +360,7 @@ impl Machine for Device {
 
     fn handle_timeout(&mut self, now: Instant) {
         let core = &mut self.core;
+        core.acyclic |= core.station.poll_timeout().is_some_and(|due| due <= now);
         core.station.handle_timeout(now);
         let Some(relation) = &mut core.relation else { return };
         if let Some(violation) = relation.expired(now) {
@@ -346,6 +369,7 @@ impl Machine for Device {
         }
         relation.sender.handle_timeout(now);
         if relation.must_repeat(now) {
+            core.acyclic = true;
             core.call.repeat();
         }
     }
@@ -356,17 +380,9 @@ impl Machine for Device {
         {
             return Some(transmit);
         }
-        if let Some(transmit) = core.farewell.take().and_then(|farewell| farewell.emit(buf).ok()) {
-            return Some(transmit);
-        }
-        if let Some(transmit) = core.relation.as_mut().and_then(|relation| relation.alarms.poll_transmit(buf))
-        {
-            return Some(transmit);
-        }
-        if let Some(len) = core.station.poll_transmit(now, buf) {
-            return Some(Transmit { port: Port::Ethernet, to: None, len });
-        }
-        core.poll_reply(buf).or_else(|| core.answers.poll_transmit(buf)).or_else(|| core.poll_call(buf))
+        let transmit = if core.acyclic { core.poll_acyclic(now, buf) } else { None };
+        core.acyclic = transmit.is_some();
+        transmit
     }
 
     fn poll_event(&mut self) -> Option<LinkEvent> {
@@ -403,6 +419,7 @@ impl Fieldbus for Device {
     }
 
     fn address_set(&mut self, now: Instant, done: bool) {
+        self.core.acyclic = true;
         if self.core.station.address_set(now, done) {
             self.core.abort(Violation::AddressChanged);
         }

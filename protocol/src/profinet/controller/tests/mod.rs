@@ -7,6 +7,7 @@ use crate::profinet::alarm::{Alarm, AlarmHead, Notification, PduType, Priority, 
 use crate::profinet::connect::{ConnectRequest, ModuleState};
 use crate::profinet::description;
 use crate::profinet::ethernet::Mac;
+use crate::profinet::status::{Service, Violation};
 use crate::wire::{FRAME_CAPACITY, Writer};
 use core::net::Ipv4Addr;
 use peer::{ETHERNET, Peer, Script, ethernet, udp};
