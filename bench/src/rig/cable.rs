@@ -1,5 +1,6 @@
 //! The cable: two networks without a name, a veth pair between them, and whoever listens in.
 
+use std::io;
 use std::path::PathBuf;
 
 use protocol_linux::capture::Keep;
@@ -48,8 +49,8 @@ impl Cable {
         &self.robot
     }
 
-    pub(super) fn pause_capture(&self, paused: bool) {
-        self.recorders.iter().for_each(|recorder| recorder.pause(paused));
+    pub(super) fn pause_capture(&self, paused: bool) -> io::Result<()> {
+        self.recorders.iter().try_for_each(|recorder| recorder.pause(paused))
     }
 
     pub(super) const fn discard_capture(&mut self) {

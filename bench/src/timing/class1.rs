@@ -4,11 +4,12 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 
 use anyhow::bail;
+use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
 use protocol::{Duration, Instant, Machine};
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Statistics, Task, Wire, clock};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock};
 
 use super::cable::{Cable, MASK, ROBOT};
 use super::{INTERVAL, SETTLE, TURN};
@@ -61,6 +62,8 @@ pub(super) fn exchange(cable: &Cable, peer: Peer, turn: u32) -> anyhow::Result<I
     let config = ScannerConfig {
         key: own.key.filter(|_| peer == Peer::Ours),
         retry_after: Duration::from_millis(100),
+        // A stall of the host is to be measured, not to end the connection.
+        multiplier: TimeoutMultiplier::covering(512).unwrap_or(own.multiplier),
         first_id: turn << 8,
         ..own
     };
@@ -101,17 +104,6 @@ impl Task<ethernet_ip::Adapter> for Serve {
     type Command = ();
     type News = ();
 
-    fn command(
-        &mut self,
-        _: Instant,
-        _: &mut ethernet_ip::Adapter,
-        _: &Statistics,
-        (): (),
-        _: &mut Outbox<()>,
-    ) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
-
     fn event(
         &mut self,
         _: Instant,
@@ -135,17 +127,6 @@ struct Turn {
 impl Task<Scanner> for Turn {
     type Command = ();
     type News = ();
-
-    fn command(
-        &mut self,
-        _: Instant,
-        _: &mut Scanner,
-        _: &Statistics,
-        (): (),
-        _: &mut Outbox<()>,
-    ) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
 
     fn event(
         &mut self,

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use socket2::{Domain, Protocol, Socket, Type};
+use socket2::{Domain, Protocol, SockFilter, Socket, Type};
 
 use crate::capture::{CaptureFile, Keep, Packet, SNAP_LEN};
 
@@ -46,6 +46,7 @@ pub enum RecorderError {
 #[derive(Debug)]
 pub struct Recorder {
     shared: Arc<Shared>,
+    socket: Socket,
     thread: JoinHandle<Result<u64, RecorderError>>,
 }
 
@@ -57,18 +58,34 @@ impl Recorder {
         let socket = open(interface).map_err(no_socket)?;
         let capture = CaptureFile::create(path, interface, about, keep).map_err(no_file)?;
         let shared = Arc::new(Shared::default());
+        let recorder = socket.try_clone().map_err(no_socket)?;
         let recording =
             Recording { socket, capture, shared: Arc::clone(&shared), interface: interface.to_owned() };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || recording.run())
             .map_err(|source| RecorderError::Socket { interface: "a thread".to_owned(), source })?;
-        Ok(Self { shared, thread })
+        Ok(Self { shared, socket: recorder, thread })
     }
 
-    /// Lets frames pass without recording them, or records again.
-    pub fn pause(&self, paused: bool) {
-        self.shared.paused.store(paused, Ordering::Relaxed);
+    /// Lets frames pass without recording them, or records again. While paused, the kernel hands the recorder nothing:
+    /// it costs next to nothing then.
+    ///
+    /// # Errors
+    ///
+    /// What the kernel says; it goes on as before then.
+    pub fn pause(&self, paused: bool) -> io::Result<()> {
+        if paused {
+            // A program of one instruction: keep no byte of the packet.
+            self.socket.attach_filter(&[SockFilter::new((libc::BPF_RET | libc::BPF_K) as u16, 0, 0, 0)])
+        } else {
+            // Where there is none, it has not been paused.
+            let detached = self.socket.detach_filter();
+            detached.or_else(|error| match error.kind() {
+                io::ErrorKind::NotFound => Ok(()),
+                _ => Err(error),
+            })
+        }
     }
 
     /// Ends the capture and returns how many frames are in it.
@@ -89,7 +106,6 @@ impl Recorder {
 struct Shared {
     stop: AtomicBool,
     discard: AtomicBool,
-    paused: AtomicBool,
 }
 
 /// The recorder's thread.
@@ -107,7 +123,6 @@ impl Recording {
         let mut buf = [0; SNAP_LEN];
         while !self.shared.stop.load(Ordering::Relaxed) {
             match receive(&self.socket, &mut buf) {
-                Ok(_) if self.shared.paused.load(Ordering::Relaxed) => {}
                 Ok(frame) => self.capture.write(&frame).map_err(no_file)?,
                 Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
                     self.capture.flush().map_err(no_file)?;
