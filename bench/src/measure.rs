@@ -3,7 +3,7 @@
 use std::future::Future;
 use std::path::PathBuf;
 use std::thread::{self, JoinHandle};
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 
 use anyhow::{Context, anyhow};
 use planning::{Application, Found};
@@ -24,7 +24,7 @@ use crate::session::{Ended, Session};
 use crate::table;
 use crate::timeline;
 use crate::trace::Trace;
-use crate::virtual_run::{self, Extras, VirtualBus, VirtualRun};
+use crate::virtual_run::{self, Extras, PlantSpeed, VirtualBus, VirtualRun};
 
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;
@@ -142,6 +142,7 @@ impl Measurement<'_> {
                     capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
                     frames: self.options.trace,
                 };
+                let start = Instant::now();
                 let mut stand = VirtualRun::start_with(
                     &self.setup,
                     &self.found.application,
@@ -150,6 +151,8 @@ impl Measurement<'_> {
                     &extras,
                 )?;
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
+                let speed = PlantSpeed { plant: stand.plant_time(), host: start.elapsed() };
+                session.progress.say(&speed.to_string());
                 self.save_trace(stand.trace(), &session)?;
                 stand.end_capture(self.wants_capture(ended.exit))?;
                 match ended.exit {

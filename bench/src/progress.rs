@@ -80,12 +80,17 @@ impl Progress {
 
     /// Prints a warning: what happened, and which option helps.
     pub fn warn(&self, text: &str) {
+        self.say(&format!("warning: {text}"));
+    }
+
+    /// Prints a line beside the view.
+    pub fn say(&self, line: &str) {
         match &self.view {
             View::Live { _screen, .. } => {
-                let _ = _screen.println(format!("warning: {text}"));
+                let _ = _screen.println(line);
             }
             View::Plain { .. } => {
-                let _ = writeln!(io::stderr(), "warning: {text}");
+                let _ = writeln!(io::stderr(), "{line}");
             }
             View::Quiet => {}
         }

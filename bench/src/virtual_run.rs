@@ -5,6 +5,7 @@
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::fmt;
 use std::net::Ipv4Addr;
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -228,6 +229,22 @@ impl VirtualRun {
     #[must_use]
     pub fn plant_time(&self) -> Duration {
         self.cell.now().since(Instant::ZERO)
+    }
+}
+
+/// How much faster than the plant a virtual run was.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct PlantSpeed {
+    /// What the plant would have taken.
+    pub plant: Duration,
+    /// What it took on this host.
+    pub host: Duration,
+}
+
+impl fmt::Display for PlantSpeed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (plant, host) = (self.plant.as_secs_f64(), self.host.as_secs_f64());
+        write!(f, "virtual: {plant:.1} s of the plant in {host:.2} s, {:.0} ×", plant / host)
     }
 }
 
@@ -561,5 +578,16 @@ impl Phases {
             cycle,
             cycle * setup.bus.watchdog_cycles.value,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_speed_is_told_in_seconds_of_the_plant_and_of_the_host_and_as_their_ratio() {
+        let speed = PlantSpeed { plant: Duration::from_millis(348_400), host: Duration::from_millis(310) };
+        assert_eq!(speed.to_string(), "virtual: 348.4 s of the plant in 0.31 s, 1124 ×");
     }
 }

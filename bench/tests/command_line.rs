@@ -131,6 +131,11 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
     );
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     assert!(said.stdout.contains("AETi") && said.stdout.contains("Saved in run."), "{}", said.stdout);
+    assert!(
+        said.stderr.contains("virtual: ") && said.stderr.contains(" s of the plant in "),
+        "{}",
+        said.stderr
+    );
     let mut names: Vec<_> = fs::read_dir(directory.path().join("run"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -57,11 +57,14 @@ pub(super) fn along(
         if size == 1 && turn_deg > TURNED_OVER_DEG {
             return Err(Violation::Configuration { axis, turn_deg, way, length: curve.length() });
         }
+        if size > 1 && turn_deg >= RESOLVED_DEG {
+            size /= 2;
+            continue;
+        }
         let derivatives = Derivatives::of(&samples, width, arm.axes(), !matches!(curve, Curve::Line(_)));
         let mut next = found;
         next.keep(curve, &derivatives, programmed, size == 1, arm);
-        let is_resolved = turn_deg < RESOLVED_DEG
-            && next.limits.speed >= programmed.speed * SINGULAR_SHARE
+        let is_resolved = next.limits.speed >= programmed.speed * SINGULAR_SHARE
             && next.holds_with_what_is_left_out(curve, &derivatives, arm);
         if size > 1 && !is_resolved {
             size /= 2;

@@ -45,36 +45,21 @@ pub(super) struct Channel {
 impl Channel {
     const NONE: Self = Self { values: [0.0; POINTS], at: [[0.0; POINTS]; 3], off: [0.0; 3] };
 
-    fn of(samples: &[Sample; NODES], channel: usize, width: f64) -> Self {
+    /// Those of a polynomial through samples at [`SHARES`] of a part that is `width` long.
+    fn find(&mut self, samples: &[f64; NODES], width: f64) {
         let operators = &*OPERATORS;
-        let mut values = [0.0; POINTS];
-        let (mut rows, mut last) = ([[0.0; POINTS]; 3], [0.0_f64; 4]);
-        for (sample, node) in samples.iter().zip(&operators.nodes) {
-            let value = sample[channel];
-            for (sum, weight) in values.iter_mut().zip(&node.values) {
-                *sum += weight * value;
-            }
-            for (row, weights) in rows.iter_mut().zip(&node.derivatives) {
-                for (sum, weight) in row.iter_mut().zip(weights) {
-                    *sum += weight * value;
-                }
-            }
-            for (sum, weight) in last.iter_mut().zip(&node.factors) {
-                *sum += weight * value;
-            }
-        }
+        let halves = Halves::of(samples);
+        operators.values.apply(&halves, 1.0, &mut self.values);
+        let mut scale = 1.0;
+        let last = operators.factors.map(|factor| halves.sum(&factor));
         let (before, end) = (last[0].abs() + last[1].abs(), last[2].abs() + last[3].abs());
         // The factors fall off evenly. Those left out have the slope of their polynomial's end at most.
         let left_out = if end < before { end * end / before } else { end };
-        let (mut scale, mut off) = (1.0, [0.0; 3]);
-        for order in 0..3 {
+        for (order, operator) in operators.derivatives.iter().enumerate() {
             scale /= width;
-            off[order] = left_out * operators.ends[order] * scale;
-            for value in &mut rows[order] {
-                *value *= scale;
-            }
+            operator.apply(&halves, scale, &mut self.at[order]);
+            self.off[order] = left_out * operators.ends[order] * scale;
         }
-        Self { values, at: rows, off }
     }
 
     /// The lowest and the highest value along a part that is `width` long, also between the points.
@@ -105,7 +90,7 @@ impl Derivatives {
         let mut found = Self([Channel::NONE; CHANNELS]);
         for (channel, slot) in found.0.iter_mut().enumerate() {
             if channel < axes || (with_tool && channel >= AXES) {
-                *slot = Channel::of(samples, channel, width);
+                slot.find(&samples.map(|sample| sample[channel]), width);
             }
         }
         found
@@ -139,17 +124,113 @@ impl Derivatives {
     }
 }
 
-/// What one sample adds.
+/// Samples as what is alike before and after the middle of the part, and what is opposite. The points lie evenly about
+/// the middle too, so each half of the samples counts for a point and for its mirror image at once.
+struct Halves {
+    even: [f64; HALF],
+    odd: [f64; HALF],
+    middle: f64,
+}
+
+/// Samples before the middle one.
+const HALF: usize = NODES / 2;
+
+/// Points up to the middle one.
+const HALF_POINTS: usize = POINTS.div_ceil(2);
+
+/// A place for each of them, and one more: an even number is worked on two at a time.
+const LANES: usize = HALF_POINTS.next_multiple_of(2);
+
+impl Halves {
+    fn of(samples: &[f64; NODES]) -> Self {
+        let mirrored = |node: usize| samples[NODES - 1 - node];
+        Self {
+            even: core::array::from_fn(|node| samples[node] + mirrored(node)),
+            odd: core::array::from_fn(|node| samples[node] - mirrored(node)),
+            middle: samples[HALF],
+        }
+    }
+
+    /// The sum of the samples, each by its weight.
+    fn sum(&self, Weights { even, odd, middle }: &Weights) -> f64 {
+        let pairs = self.even.iter().zip(even).chain(self.odd.iter().zip(odd));
+        pairs.map(|(value, weight)| value * weight).sum::<f64>() + self.middle * middle
+    }
+}
+
+/// What each sample counts, as [`Halves`] have them.
 #[derive(Clone, Copy)]
-struct Node {
-    values: [f64; POINTS],
-    derivatives: ByOrder<[f64; POINTS]>,
-    /// To the polynomial's last four factors, in the order of their degrees.
-    factors: [f64; 4],
+struct Weights {
+    even: [f64; HALF],
+    odd: [f64; HALF],
+    middle: f64,
+}
+
+impl Weights {
+    fn of(weights: [f64; NODES]) -> Self {
+        let mirrored = |node: usize| weights[NODES - 1 - node];
+        Self {
+            even: core::array::from_fn(|node| (weights[node] + mirrored(node)) / 2.0),
+            odd: core::array::from_fn(|node| (weights[node] - mirrored(node)) / 2.0),
+            middle: weights[HALF],
+        }
+    }
+}
+
+/// From samples to what is found at the points: for each half of the samples the weights at all points up to the middle.
+struct Operator {
+    even: [[f64; LANES]; HALF],
+    odd: [[f64; LANES]; HALF],
+    middle: [f64; LANES],
+    /// What is even in the samples comes out opposite at the mirror image of a point, as a slope does.
+    turns: bool,
+}
+
+impl Operator {
+    /// From the weight of a sample at a point.
+    fn of(turns: bool, weight: impl Fn(usize, usize) -> f64) -> Self {
+        let points: [Weights; LANES] =
+            core::array::from_fn(|point| Weights::of(core::array::from_fn(|node| weight(point, node))));
+        let rows = |of: fn(&Weights, usize) -> f64| {
+            core::array::from_fn(|node| core::array::from_fn(|point| of(&points[point], node)))
+        };
+        Self {
+            even: rows(|weights, node| weights.even[node]),
+            odd: rows(|weights, node| weights.odd[node]),
+            middle: points.map(|weights| weights.middle),
+            turns,
+        }
+    }
+
+    /// What it finds, times `scale`.
+    fn apply(&self, samples: &Halves, scale: f64, found: &mut [f64; POINTS]) {
+        let middle = self.middle.map(|weight| weight * samples.middle);
+        let even = weighted(middle, &self.even, &samples.even);
+        let odd = weighted([0.0; LANES], &self.odd, &samples.odd);
+        let (kept, turned) = if self.turns { (odd, even) } else { (even, odd) };
+        for point in 0..HALF_POINTS {
+            found[point] = (kept[point] + turned[point]) * scale;
+            found[POINTS - 1 - point] = (kept[point] - turned[point]) * scale;
+        }
+    }
+}
+
+/// Adds samples to sums, each by its weights. One half at a time, so that its sums stay in registers.
+#[inline(always)]
+fn weighted(mut sums: [f64; LANES], weights: &[[f64; LANES]; HALF], samples: &[f64; HALF]) -> [f64; LANES] {
+    for (row, sample) in weights.iter().zip(samples) {
+        for (sum, weight) in sums.iter_mut().zip(row) {
+            *sum += weight * sample;
+        }
+    }
+    sums
 }
 
 struct Operators {
-    nodes: [Node; NODES],
+    values: Operator,
+    derivatives: ByOrder<Operator>,
+    /// The polynomial's last four factors, in the order of their degrees.
+    factors: [Weights; 4],
     /// From each point to the next one, as shares of the part.
     steps: [f64; POINTS - 1],
     /// The derivatives at the end of the next but one Chebyshev polynomial.
@@ -164,23 +245,20 @@ static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
         let angle = PI * (order * (degree - node)) as f64 / degree as f64;
         2.0 / degree as f64 * half(order) * half(node) * angle.cos()
     };
-    let node = |node: usize| {
-        let (mut values, mut derivatives) = ([0.0; POINTS], [[0.0; POINTS]; 3]);
-        for (point, x) in (0..POINTS).map(|point| (point, -chebyshev_point(point, POINTS))) {
-            for polynomial in 0..NODES {
-                let [value, slopes @ ..] = polynomial_at(polynomial, x);
-                values[point] += value * factor(polynomial, node);
-                for (order, slope) in slopes.into_iter().enumerate() {
-                    derivatives[order][point] += slope * factor(polynomial, node);
-                }
-            }
-        }
-        Node { values, derivatives, factors: core::array::from_fn(|last| factor(NODES - 4 + last, node)) }
+    let operator = |order: usize| {
+        Operator::of(order % 2 == 1, |point, node| {
+            let x = -chebyshev_point(point, POINTS);
+            (0..NODES).map(|polynomial| polynomial_at(polynomial, x)[order] * factor(polynomial, node)).sum()
+        })
     };
     let place = |point| (1.0 - chebyshev_point(point, POINTS)) / 2.0;
     let [_, ends @ ..] = polynomial_at(NODES + 1, 1.0);
     Operators {
-        nodes: core::array::from_fn(node),
+        values: operator(0),
+        derivatives: [operator(1), operator(2), operator(3)],
+        factors: core::array::from_fn(|last| {
+            Weights::of(core::array::from_fn(|node| factor(NODES - 4 + last, node)))
+        }),
         steps: core::array::from_fn(|point| place(point + 1) - place(point)),
         ends,
     }
