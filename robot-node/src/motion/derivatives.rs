@@ -216,7 +216,6 @@ impl Operator {
 }
 
 /// Adds samples to sums, each by its weights. One half at a time, so that its sums stay in registers.
-#[inline(always)]
 fn weighted(mut sums: [f64; LANES], weights: &[[f64; LANES]; HALF], samples: &[f64; HALF]) -> [f64; LANES] {
     for (row, sample) in weights.iter().zip(samples) {
         for (sum, weight) in sums.iter_mut().zip(row) {

@@ -353,10 +353,10 @@ impl Machine for Controller {
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if let Some(link) = &mut self.link {
-            if let Some(transmit) = link.sender.poll_transmit(buf) {
-                return Some(transmit);
-            }
+        if let Some(link) = &mut self.link
+            && let Some(transmit) = link.sender.poll_transmit(buf)
+        {
+            return Some(transmit);
         }
         if matches!(self.acyclic, Acyclic::Quiet { .. }) {
             return None;
