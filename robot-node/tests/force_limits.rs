@@ -1,5 +1,7 @@
 //! Random LIN forces, to and off a surface: every axis keeps its range, speed, acceleration and jerk.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod driven;
 
 use driven::{Driven, bare, ptp};
@@ -44,7 +46,7 @@ fn pressing() -> impl Strategy<Value = Pressing> {
 impl Pressing {
     fn config(&self, setup: &str) -> RobotConfig {
         let config = bare(setup);
-        let base = config.bases[1].unwrap_or_else(|| panic!("the setup has a base 1"));
+        let base = config.bases[1].unwrap();
         let on_line =
             core::array::from_fn(|i| f64::from(self.from[i]) + self.met_at * f64::from(self.way[i]));
         let surface = Surface {
