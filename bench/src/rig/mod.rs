@@ -46,6 +46,7 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
 use cable::Cable;
+use conversation::Beginning;
 use node::{NodeProcess, Said};
 use party::Party;
 
@@ -169,7 +170,7 @@ impl Rig {
             sayings,
         )?;
         let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
-        rig.wait_until_ready(started, None).await?;
+        rig.wait_until_ready(Beginning::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.is_traced = config.trace.is_some();
         Ok(rig)
