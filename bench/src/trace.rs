@@ -15,6 +15,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use plc_node::ExecutionType;
+use protocol::Instant;
 use protocol::image::State;
 use protocol::virtual_time::Side;
 
@@ -42,6 +43,14 @@ pub struct Window {
     pub length_ns: Option<u64>,
 }
 
+impl Window {
+    /// Whether an instant lies in it.
+    fn has(&self, at_ns: u64) -> bool {
+        let since = at_ns.checked_sub(self.start_ns);
+        since.is_some_and(|since| since <= self.length_ns.unwrap_or(u64::MAX))
+    }
+}
+
 const ROBOT_HEADER: &str = "type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
 x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6";
 const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots";
@@ -50,7 +59,7 @@ const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots";
 const ROBOT_ROOM: usize = 15_000;
 const PLC_ROOM: usize = 60_000;
 /// Four a millisecond: each is seen at both ends, each way.
-const FRAME_ROOM: usize = 240_000;
+pub(crate) const FRAME_ROOM: usize = 240_000;
 
 /// One interpolation cycle of the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -268,6 +277,17 @@ impl Trace {
         Ok(Self::from_csv(&table(ROBOT_HEADER, &robot, windows), &table(PLC_HEADER, &plc, windows))?)
     }
 
+    /// Puts frames to the runs that they were seen in, by the clock that both nodes of a real run share.
+    pub fn add_frames(&mut self, windows: &[Window], frames: Vec<(Instant, Frame)>) {
+        for (at, frame) in frames {
+            let at_ns = at.as_nanos();
+            let Some(window) = windows.iter().rev().find(|window| window.has(at_ns)) else { continue };
+            if let Some(recording) = self.types.entry(window.of) {
+                recording.frame(Frame { at_us: (at_ns - window.start_ns) as f64 / 1e3, ..frame });
+            }
+        }
+    }
+
     /// Reads both tables; the room of the recordings is what they hold.
     ///
     /// # Errors
@@ -294,13 +314,9 @@ fn table(header: &str, rows: &str, windows: &[Window]) -> String {
     for row in rows.lines() {
         let Some((at, rest)) = row.split_once(',') else { continue };
         let Ok(at_ns) = at.parse::<u64>() else { continue };
-        let is_in = |window: &&Window| {
-            let since = at_ns.checked_sub(window.start_ns);
-            since.is_some_and(|since| since <= window.length_ns.unwrap_or(u64::MAX))
-        };
         let whole = row.matches(',').count() + 1 == header.matches(',').count();
         // The last one: a run that failed has no end.
-        if let Some(window) = windows.iter().rev().find(is_in).filter(|_| whole) {
+        if let Some(window) = windows.iter().rev().find(|window| window.has(at_ns)).filter(|_| whole) {
             let at_ms = (at_ns - window.start_ns) as f64 / 1e6;
             let _ = writeln!(table, "{},{at_ms:.3},{rest}", window.of);
         }

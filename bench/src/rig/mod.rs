@@ -20,12 +20,15 @@
 mod attached;
 mod cable;
 mod error;
+mod frames;
+mod kills;
 mod node;
 mod party;
 mod stand;
 
 pub use attached::{Attach, AttachError};
 pub use error::{RigError, Which};
+pub use frames::FrameLog;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -34,6 +37,7 @@ use std::time::Duration;
 
 use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
+use protocol::virtual_time::Side;
 use protocol_linux::capture::Keep;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
@@ -44,10 +48,12 @@ use setup::Cyclic;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout, timeout_at};
 
-use cable::Cable;
+use cable::{Cable, Fittings};
+use kills::Kills;
 use node::{NodeProcess, Said};
 use party::Party;
 
+use crate::faults::{Fault, FaultReport};
 use crate::trace::{self, Window};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
@@ -97,7 +103,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// The outer one says why there is no cable, the inner one why there are no sockets on it.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
-    let cable = Cable::lay(None)?;
+    let cable = Cable::lay(Fittings::default())?;
     let open = || {
         let interface = Interface::open(cable::PLC)?;
         let ports = Wire::profinet(&interface).and_then(|_| Wire::ethernet_ip(&interface));
@@ -119,6 +125,10 @@ pub struct RigConfig {
     pub capture: Option<(PathBuf, Keep)>,
     /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`] asks for it.
     pub trace: Option<PathBuf>,
+    /// Takes up what passes both interfaces while cycles are recorded.
+    pub frames: Option<FrameLog>,
+    /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
+    pub faults: Vec<Fault>,
     /// The program that both nodes are; none for this one.
     pub program: Option<PathBuf>,
     /// Exchange images without a protocol, for tests that are not about a bus.
@@ -134,6 +144,8 @@ impl RigConfig {
             seed: 1,
             capture: None,
             trace: None,
+            frames: None,
+            faults: Vec::new(),
             program: None,
             direct: false,
         }
@@ -175,6 +187,7 @@ pub struct Rig {
     traced: Vec<Window>,
     recording: bool,
     is_traced: bool,
+    kills: Kills,
     /// None where the nodes ran already.
     connected_after: Option<Duration>,
     /// Last, so that it outlives the nodes; none where somebody else laid it.
@@ -204,7 +217,9 @@ impl Rig {
     /// What the host does not allow, a node that does not start, or a connection that does not come about.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
-        let cable = Cable::lay(config.capture.as_ref())?;
+        let RigConfig { capture, faults, seed, frames, .. } = config;
+        let (capture, frames) = (capture.as_ref(), frames.as_ref());
+        let cable = Cable::lay(Fittings { capture, faults, seed: *seed, frames })?;
         // Room for all that two nodes say while the bench writes a file.
         let (sayings, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
@@ -232,6 +247,10 @@ impl Rig {
         let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
         rig.wait_until_ready(started, None).await?;
         rig.connected_after = Some(started.elapsed());
+        rig.kills = Kills::from_now(faults);
+        if let Some(cable) = &rig.cable {
+            cable.set_ready();
+        }
         rig.is_traced = config.trace.is_some();
         Ok(rig)
     }
@@ -248,6 +267,7 @@ impl Rig {
             traced: Vec::new(),
             recording: false,
             is_traced: false,
+            kills: Kills::default(),
             connected_after: None,
             cable,
         }
@@ -279,14 +299,41 @@ impl Rig {
         }
     }
 
-    /// Records the cycles of the runs to come, or no more.
-    pub async fn record(&mut self, on: bool) {
+    /// Records the cycles of the runs to come, and the frames where they are wanted, or no more.
+    ///
+    /// # Errors
+    ///
+    /// The host does not let the rig listen to its own interfaces.
+    pub async fn record(&mut self, on: bool) -> Result<(), RigError> {
         if self.is_traced && self.recording != on {
             self.recording = on;
+            if let Some(cable) = &mut self.cable {
+                cable.watch(on)?;
+            }
             self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
             if let Some(robot) = &mut self.robot {
                 robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
             }
+        }
+        Ok(())
+    }
+
+    /// What came of the faults so far; none where none were asked for.
+    #[must_use]
+    pub fn fault_report(&self) -> Option<FaultReport> {
+        self.cable.as_ref().and_then(Cable::fault_report)
+    }
+
+    fn kill(&mut self, side: Side) {
+        let node = match side {
+            Side::A => Some(&mut self.plc),
+            Side::B => self.robot.as_mut(),
+        };
+        if let Some(cable) = &self.cable {
+            cable.note_killed(side);
+        }
+        if let Some(node) = node {
+            node.kill();
         }
     }
 
@@ -425,7 +472,12 @@ impl Rig {
     /// What either node says next; what concerns the rig itself is taken note of.
     async fn next_saying(&mut self) -> Result<Said, RigError> {
         // Both readers say that their node ended before they let go of the channel.
-        let said = self.said.recv().await.unwrap_or(Said::Ended(Which::Plc));
+        let said = loop {
+            tokio::select! {
+                said = self.said.recv() => break said.unwrap_or(Said::Ended(Which::Plc)),
+                node = self.kills.next() => self.kill(node),
+            }
+        };
         match &said {
             Said::Plc(Message::Hello(hello)) | Said::Robot(Message::Hello(hello)) => {
                 self.hellos.push(hello.clone());
