@@ -47,36 +47,49 @@ impl Ratio {
         if !usable(numerator_ms) || !usable(denominator_ms) {
             return None;
         }
-        Self::of_statistic(numerator_ms, denominator_ms, RESAMPLES, seed, |times: &[&f64]| {
-            times.iter().copied().sum::<f64>() / times.len() as f64
-        })
+        let mean = |times: &[&f64]| times.iter().copied().sum::<f64>() / times.len() as f64;
+        let all = |times| mean(&Vec::from_iter(times));
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let resample = || {
+            let [numerator, denominator] = [numerator_ms, denominator_ms].map(|times: &[f64]| {
+                let draw = draws(times.len(), &mut random);
+                mean(&draw.filter_map(|index| times.get(index)).collect::<Vec<_>>())
+            });
+            numerator / denominator
+        };
+        Self::with_interval(all(numerator_ms) / all(denominator_ms), RESAMPLES, resample)
     }
 
-    /// The ratio of a statistic of two lists of samples, which may be whole series; from so many resamples of each.
-    /// None with fewer than five samples of either.
+    /// The ratio of a statistic of samples, which may be whole series, that were taken in pairs: whatever befell the
+    /// host befell both of a pair, so they are drawn together. None with fewer than five pairs.
     #[must_use]
-    pub fn of_statistic<T>(
-        numerator: &[T],
-        denominator: &[T],
+    pub fn of_pairs<T>(
+        pairs: &[(T, T)],
         resamples: usize,
         seed: u64,
         statistic: impl Fn(&[&T]) -> f64,
     ) -> Option<Self> {
-        if numerator.len().min(denominator.len()) < FEWEST {
+        if pairs.len() < FEWEST {
             return None;
         }
+        let ratio = |pairs: &[&(T, T)]| {
+            let (numerators, denominators): (Vec<&T>, Vec<&T>) = pairs.iter().map(|(a, b)| (a, b)).unzip();
+            statistic(&numerators) / statistic(&denominators)
+        };
         let mut random = Pcg64Mcg::seed_from_u64(seed);
-        let mut ratios: Vec<f64> = (0..resamples)
-            .map(|_| {
-                statistic(&resampled(numerator, &mut random))
-                    / statistic(&resampled(denominator, &mut random))
-            })
-            .collect();
+        let resample = || {
+            let draw = draws(pairs.len(), &mut random);
+            ratio(&draw.filter_map(|index| pairs.get(index)).collect::<Vec<_>>())
+        };
+        Self::with_interval(ratio(&pairs.iter().collect::<Vec<_>>()), resamples, resample)
+    }
+
+    fn with_interval(ratio: f64, resamples: usize, mut resample: impl FnMut() -> f64) -> Option<Self> {
+        let mut ratios: Vec<f64> = (0..resamples).map(|_| resample()).collect();
         ratios.sort_by(f64::total_cmp);
         let at =
             |share: f64| ratios.get((share * resamples.saturating_sub(1) as f64).round() as usize).copied();
-        let all = |samples: &[T]| statistic(&samples.iter().collect::<Vec<_>>());
-        Some(Self { ratio: all(numerator) / all(denominator), low: at(TAIL)?, high: at(1.0 - TAIL)? })
+        Some(Self { ratio, low: at(TAIL)?, high: at(1.0 - TAIL)? })
     }
 
     /// Whether the ratio keeps a limit.
@@ -92,13 +105,9 @@ impl Ratio {
     }
 }
 
-/// As many samples as there are, each drawn from all of them.
-fn resampled<'a, T>(samples: &'a [T], random: &mut Pcg64Mcg) -> Vec<&'a T> {
-    let draw = |_| {
-        let index = (u128::from(random.next_u64()) * samples.len() as u128) >> 64;
-        samples.get(index as usize)
-    };
-    (0..samples.len()).filter_map(draw).collect()
+/// As many indices as there are samples, each drawn from all of them.
+fn draws(count: usize, random: &mut Pcg64Mcg) -> impl Iterator<Item = usize> {
+    (0..count).map(move |_| ((u128::from(random.next_u64()) * count as u128) >> 64) as usize)
 }
 
 #[cfg(test)]

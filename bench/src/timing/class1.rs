@@ -4,6 +4,7 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 
 use anyhow::bail;
+use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
@@ -61,6 +62,8 @@ pub(super) fn exchange(cable: &Cable, peer: Peer, turn: u32) -> anyhow::Result<I
     let config = ScannerConfig {
         key: own.key.filter(|_| peer == Peer::Ours),
         retry_after: Duration::from_millis(100),
+        // A stall of the host is to be measured, not to end the connection.
+        multiplier: TimeoutMultiplier::covering(512).unwrap_or(own.multiplier),
         first_id: turn << 8,
         ..own
     };

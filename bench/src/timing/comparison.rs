@@ -62,11 +62,12 @@ fn mean(what: &'static str, evenness: &Evenness) -> Check {
     Check { what, figure: format!("{:.1}", evenness.mean_ppm.abs()), limit: MEAN_PPM, verdict }
 }
 
-/// The ratio of the 99th percentiles of all intervals. Turns are drawn as a whole: a stall of the host is in one of
-/// them, and its intervals are not independent.
+/// The ratio of the 99th percentiles of all intervals. Turns are drawn as a whole, and of both alike: a stall of
+/// the host is in one of them, at the same time for both.
 fn ratio(what: &'static str, ours: &Evenness, theirs: &Evenness, limit: f64) -> Check {
     let p99 = |turns: &[&Vec<f64>]| quantile(turns, 0.99).unwrap_or(f64::NAN);
-    match Ratio::of_statistic(&ours.turns_us, &theirs.turns_us, RESAMPLES, SEED, p99) {
+    let turns: Vec<_> = ours.turns_us.iter().cloned().zip(theirs.turns_us.iter().cloned()).collect();
+    match Ratio::of_pairs(&turns, RESAMPLES, SEED, p99) {
         Some(found) => {
             let Ratio { ratio, low, high } = found;
             let figure = format!("{ratio:.2} (95 %: {low:.2} to {high:.2})");
@@ -83,7 +84,7 @@ impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut table = Table::new();
         table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
-        table.set_header(["deviation from 1 ms, µs", "mean, ppm", "p50", "p99", "max", "missing"]);
+        table.set_header(["over 1 ms by, µs", "mean, ppm", "p50", "p99", "max", "missing"]);
         let [bare_t_o, bare_o_t] = &self.bare;
         let [t_o, o_t] = &self.ours;
         let rows = [

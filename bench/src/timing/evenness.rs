@@ -16,12 +16,21 @@ pub(super) struct Window {
     pub(super) end: Duration,
 }
 
+impl Window {
+    /// What is within both.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self { start: self.start.max(other.start), end: self.end.min(other.end) }
+    }
+}
+
 /// How evenly frames came, over all turns.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Evenness {
     /// Mean interval against the one asked for, in ppm: slope of the line through the arrivals, mean of the turns.
     pub(super) mean_ppm: f64,
-    /// Deviations of single intervals from the one asked for, in µs; a list a turn.
+    /// By how much single intervals were longer than the one asked for, in µs; a list a turn. Behind one that is longer
+    /// comes one that is as much shorter, if the sender keeps its grid: that is the same frame's lateness, and counts
+    /// as nothing.
     pub(super) turns_us: Vec<Vec<f64>>,
     /// Cycles without a frame: lost, or never sent.
     pub(super) missing: u64,
@@ -47,20 +56,20 @@ impl Evenness {
                 (turn.end.saturating_sub(turn.start).as_secs_f64() / interval.as_secs_f64()).round();
             // The first and the last cycle may fall beyond the turn's ends.
             evenness.missing += (expected as u64).saturating_sub(times.len() as u64 + 1);
-            let deviations = times
+            let late = times
                 .windows(2)
                 .filter_map(|pair| {
-                    Some((pair.last()? - pair.first()? - 1.0).abs() * interval.as_secs_f64() * 1e6)
+                    Some((pair.last()? - pair.first()? - 1.0).max(0.0) * interval.as_secs_f64() * 1e6)
                 })
                 .collect();
-            evenness.turns_us.push(deviations);
+            evenness.turns_us.push(late);
             slopes.extend(slope(&times));
         }
         evenness.mean_ppm = (slopes.iter().sum::<f64>() / slopes.len() as f64 - 1.0) * 1e6;
         evenness
     }
 
-    /// The deviation that this share of all intervals keeps, in µs.
+    /// By how much this share of all intervals is too long at most, in µs.
     pub(super) fn quantile_us(&self, share: f64) -> Option<f64> {
         quantile(&self.turns_us.iter().collect::<Vec<_>>(), share)
     }
@@ -104,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_on_the_grid_deviate_by_nothing() {
+    fn frames_on_the_grid_are_late_by_nothing() {
         let even = Evenness::of(&arrivals(1_000_000, |_| Some(0)), &[TURN], MS);
         assert!(even.mean_ppm.abs() < 1e-6 && even.quantile_us(1.0).unwrap() < 1e-6, "{even:?}");
         assert_eq!(even.missing, 0);

@@ -1,9 +1,10 @@
 //! `bench timing`: how evenly cyclic EtherNet/IP frames come, beside the best that the host allows.
 //!
-//! An absolute figure would say as much about the host as about the program. So the contenders take turns, a second
-//! each, on the same cores: a bare loop that sleeps until an absolute deadline and sends a datagram of the same size,
-//! the adapter and the scanner of this project, and where one is named the adapter of somebody else. A stall of the
-//! host hits all alike. Times of arrival are the kernel's, of frames as they come out of the cable.
+//! An absolute figure would say as much about the host as about the program. So the contenders send side by side, each
+//! on a cable of its own, on the same cores: a bare loop that sleeps until an absolute deadline and sends a datagram of
+//! the same size, the adapter and the scanner of this project, and where one is named the adapter of somebody else. A
+//! stall of the host hits all of them at once. After each second they begin anew, in another phase to each other. Times
+//! of arrival are the kernel's, of frames as they come out of the cable.
 
 mod bare;
 mod cable;
@@ -12,6 +13,8 @@ mod comparison;
 mod evenness;
 
 use std::ffi::OsString;
+use std::panic::resume_unwind;
+use std::thread;
 use std::time::{Duration, SystemTime};
 
 use protocol::Instant;
@@ -25,7 +28,7 @@ use evenness::{Evenness, Window};
 /// Options of a comparison.
 #[derive(clap::Args, Debug)]
 pub struct TimingOptions {
-    /// Turns of one second each that every contender has.
+    /// Turns of one second each.
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(5..=3_600))]
     pub seconds: u32,
     /// An EtherNet/IP adapter of somebody else to compare with, with assemblies 100, 150 and 151 as the robot node has
@@ -62,28 +65,32 @@ fn measure(options: &TimingOptions) -> anyhow::Result<Comparison> {
             Some((cable, process))
         }
     };
-    let (mut bare_turns, mut our_turns, mut peer_turns) = (Vec::new(), Vec::new(), Vec::new());
+    let mut turns = Vec::new();
     for turn in 0..options.seconds {
         eprintln!("turn {} of {}", turn + 1, options.seconds);
-        bare_turns.push(window(|| bare::exchange(&bare))?);
-        our_turns.push(window(|| class1::exchange(&ours, class1::Peer::Ours, turn))?);
-        if let Some((cable, _)) = &peer {
-            peer_turns.push(window(|| class1::exchange(cable, class1::Peer::Foreign, turn))?);
-        }
+        turns.push(thread::scope(|scope| {
+            let theirs = peer.as_ref().map(|(cable, _)| {
+                scope.spawn(move || window(|| class1::exchange(cable, class1::Peer::Foreign, turn)))
+            });
+            let ours = scope.spawn(|| window(|| class1::exchange(&ours, class1::Peer::Ours, turn)));
+            let mut common = window(|| bare::exchange(&bare))?;
+            for exchange in theirs.into_iter().chain([ours]) {
+                common = common.and(exchange.join().unwrap_or_else(|panic| resume_unwind(panic))?);
+            }
+            anyhow::Ok(common)
+        })?);
     }
     adapter.stop()?;
     let (bare, ours) = (bare.arrivals()?, ours.arrivals()?);
-    let evenness = |arrivals: &cable::Arrivals, way: Way, turns: &[Window]| {
-        Evenness::of(arrivals.of(way), turns, INTERVAL)
-    };
+    let evenness = |arrivals: &cable::Arrivals, way: Way| Evenness::of(arrivals.of(way), &turns, INTERVAL);
     let mut comparison = Comparison {
-        bare: [Way::ToPlc, Way::ToRobot].map(|way| evenness(&bare, way, &bare_turns)),
-        ours: [Way::ToPlc, Way::ToRobot].map(|way| evenness(&ours, way, &our_turns)),
+        bare: [Way::ToPlc, Way::ToRobot].map(|way| evenness(&bare, way)),
+        ours: [Way::ToPlc, Way::ToRobot].map(|way| evenness(&ours, way)),
         peer: None,
     };
     if let Some((cable, process)) = peer {
         drop(process);
-        comparison.peer = Some(evenness(&cable.arrivals()?, Way::ToPlc, &peer_turns));
+        comparison.peer = Some(evenness(&cable.arrivals()?, Way::ToPlc));
     }
     Ok(comparison)
 }
