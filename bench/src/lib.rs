@@ -14,7 +14,7 @@
 //! calibrate      finds the numbers that only a published figure can fix
 //! sweep          where CM loses to RC: queue depth × bus cycle × length of motions
 //! sensitivity    how AET and AETi move with what the setup assumes
-//! jobs           many virtual runs on all cores
+//! study          options and files that both have; jobs runs them on all cores
 //! timeline       a trace as Perfetto opens it
 //! playback       a trace as Foxglove and Rerun open it, where it is built in
 //! trace          both nodes tick by tick; watch fills it in virtual time
@@ -57,6 +57,7 @@ pub mod sensitivity;
 pub mod session;
 pub mod stand;
 pub mod statistics;
+pub mod study;
 pub mod sweep;
 pub mod table;
 pub mod timeline;

@@ -23,6 +23,9 @@ use crate::rig::{Rig, RigConfig, RigError};
 /// Recording may cost this much of the p99 cycle lateness.
 const LIMIT: f64 = 1.05;
 
+/// Resamples of the pairs.
+const RESAMPLES: usize = 10_000;
+
 /// Options of the measurement.
 #[derive(Args, Debug)]
 pub struct OverheadOptions {
@@ -43,29 +46,36 @@ pub struct OverheadOptions {
     pub out: Option<PathBuf>,
 }
 
-/// The p99 lateness of each repetition in µs, of one node.
-#[derive(Clone, PartialEq, Debug, Default)]
-pub struct Lateness {
-    /// Of those that were recorded.
-    pub recorded_us: Vec<f64>,
-    /// Of the others.
-    pub unrecorded_us: Vec<f64>,
+/// The p99 lateness in µs of two repetitions of one node, one after the other.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Pair {
+    /// Of the one that was recorded.
+    pub recorded_us: f64,
+    /// Of the other.
+    pub unrecorded_us: f64,
 }
 
 /// What recording costs a node.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Cost {
     node: &'static str,
-    lateness: Lateness,
+    recorded_us: f64,
+    unrecorded_us: f64,
     ratio: Option<Ratio>,
 }
 
 impl Cost {
-    /// Compares the repetitions of a node.
+    /// Compares the repetitions of a node: by their medians, for a stall of the host hits the one of a pair or the other.
     #[must_use]
-    pub fn new(node: &'static str, lateness: Lateness, seed: u64) -> Self {
-        let ratio = Ratio::of(&lateness.recorded_us, &lateness.unrecorded_us, seed);
-        Self { node, lateness, ratio }
+    pub fn new(node: &'static str, pairs: &[Pair], seed: u64) -> Self {
+        let pairs: Vec<_> = pairs.iter().map(|pair| (pair.recorded_us, pair.unrecorded_us)).collect();
+        let (recorded, unrecorded): (Vec<_>, Vec<_>) = pairs.iter().map(|(a, b)| (a, b)).unzip();
+        Self {
+            node,
+            recorded_us: median(&recorded),
+            unrecorded_us: median(&unrecorded),
+            ratio: Ratio::of_pairs(&pairs, RESAMPLES, seed, median),
+        }
     }
 
     /// Whether recording keeps its limit.
@@ -77,8 +87,7 @@ impl Cost {
 
 impl fmt::Display for Cost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len().max(1) as f64;
-        let (with, without) = (mean(&self.lateness.recorded_us), mean(&self.lateness.unrecorded_us));
+        let (with, without) = (self.recorded_us, self.unrecorded_us);
         write!(f, "{:5}  p99 {with:7.1} µs recorded, {without:7.1} µs not", self.node)?;
         if let Some(Ratio { ratio, low, high }) = self.ratio {
             let percent = |ratio: f64| (ratio - 1.0) * 100.0;
@@ -91,6 +100,13 @@ impl fmt::Display for Cost {
         };
         write!(f, "; {verdict}")
     }
+}
+
+/// The middle one of some times, the later of two.
+fn median(times: &[&f64]) -> f64 {
+    let mut times: Vec<f64> = times.iter().copied().copied().collect();
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Measures and prints what recording costs.
@@ -139,7 +155,8 @@ async fn measure(options: &OverheadOptions, directory: &Path) -> Result<[Cost; 2
     let unusable = |error: RigError| Failure::new(error.exit(), error);
     let mut rig = Rig::start(&config).await.map_err(unusable)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
-    let mut lateness = [Lateness::default(), Lateness::default()];
+    let mut pairs: [Vec<Pair>; 2] = [Vec::new(), Vec::new()];
+    let mut pair = [Pair::default(); 2];
     let mut before = [rig.reports().plc.cycle.clone(), rig.reports().robot.cycle.clone()];
     let mut recorded_first = false;
     // The first run of all warms the nodes up: it belongs to no pair.
@@ -150,24 +167,27 @@ async fn measure(options: &OverheadOptions, directory: &Path) -> Result<[Cost; 2
             recorded_first = random.next_u32().is_multiple_of(2);
         }
         let recorded = in_pair.is_some_and(|index| (index % 2 == 0) == recorded_first);
-        rig.pause_capture(!recorded);
+        rig.pause_capture(!recorded).context("cannot pause the capture")?;
         rig.record(recorded).await.map_err(unusable)?;
         tokio::time::sleep(step.pause).await;
         let executed = rig.execute(step.execution_type).await;
         executed.map_err(|error| Failure::new(Exit::RunFailed, error))?;
         let after = [rig.reports().plc.cycle.clone(), rig.reports().robot.cycle.clone()];
-        if in_pair.is_some() {
-            for (lateness, (before, after)) in lateness.iter_mut().zip(before.iter().zip(&after)) {
-                let of = if recorded { &mut lateness.recorded_us } else { &mut lateness.unrecorded_us };
-                of.extend(p99_us(before, after));
+        if let Some(index) = in_pair {
+            for (pair, (before, after)) in pair.iter_mut().zip(before.iter().zip(&after)) {
+                let of = if recorded { &mut pair.recorded_us } else { &mut pair.unrecorded_us };
+                *of = p99_us(before, after).context("a repetition had no cycle")?;
             }
-            eprintln!("{} of {}", index, options.reps * 2);
+            if index % 2 == 1 {
+                pairs.iter_mut().zip(pair).for_each(|(pairs, pair)| pairs.push(pair));
+            }
+            eprintln!("{} of {}", index + 1, options.reps * 2);
         }
         before = after;
     }
     rig.stop().await.map_err(unusable)?;
-    let [plc, robot] = lateness;
-    Ok([Cost::new("PLC", plc, options.seed), Cost::new("robot", robot, options.seed)])
+    let [plc, robot] = pairs;
+    Ok([Cost::new("PLC", &plc, options.seed), Cost::new("robot", &robot, options.seed)])
 }
 
 /// The 99th percentile of the runs between two reports, in µs; within its bucket, runs are taken as evenly spread.
@@ -211,10 +231,14 @@ mod tests {
 
     #[test]
     fn a_cost_is_told_with_its_interval_and_its_verdict() {
-        let times = |of: f64| (0..25).map(|index| of + f64::from(index % 5)).collect::<Vec<_>>();
-        let cost = |with| {
-            let lateness = Lateness { recorded_us: times(with), unrecorded_us: times(100.0) };
-            Cost::new("PLC", lateness, 1)
+        let cost = |with: f64| {
+            // A stall of the host hits every tenth, the recorded ones and the others in turn.
+            let stall = |index: u32, of| if index % 20 == of { 4_000.0 } else { 0.0 };
+            let pair = |index| Pair {
+                recorded_us: with + f64::from(index % 5) + stall(index, 3),
+                unrecorded_us: 100.0 + f64::from(index / 5) + stall(index, 13),
+            };
+            Cost::new("PLC", &(0..25).map(pair).collect::<Vec<_>>(), 1)
         };
         assert_eq!(cost(100.0).verdict(), RatioVerdict::Within);
         assert_eq!(cost(120.0).verdict(), RatioVerdict::Beyond);

@@ -2,21 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
-use bench::sweep::{Grid, Predicted, SCHEMA_VERSION, Sweep, csv, render};
+use bench::sweep::{Grid, Predicted, Sweep, csv, render};
 
 fn sweep(name: &str, grid: &Grid) -> Sweep {
     let (setup, found) = planning::setup_with_application(name).unwrap();
-    Sweep {
-        schema_version: SCHEMA_VERSION,
-        setup: setup.name.clone(),
-        title: setup.title.clone(),
-        bus_cycle_ms: f64::from(setup.bus.cycle_us.value) / 1e3,
-        queue_depth: setup.plc.slots_in_use(),
-        motions: grid.motions,
-        reps: grid.reps,
-        seed: grid.seed,
-        points: grid.run(&setup, &found.application, true).unwrap(),
-    }
+    Sweep::new(&setup, grid, grid.run(&setup, &found.application, true).unwrap())
 }
 
 fn grid() -> Grid {

@@ -14,9 +14,7 @@ use protocol::fieldbus::LinkEvent;
 use protocol::profinet::{Device, DeviceConfig, description};
 use protocol::{Instant, Machine};
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::{
-    CyclicThread, Driver, Interface, Notifier, Outbox, Statistics, Task, Wire, clock, veth,
-};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock, veth};
 use serde_json::{Value, json};
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
@@ -108,17 +106,6 @@ struct Idle;
 impl<M: Machine<Event = LinkEvent>> Task<M> for Idle {
     type Command = ();
     type News = ();
-
-    fn command(
-        &mut self,
-        _: Instant,
-        _: &mut M,
-        _: &Statistics,
-        (): (),
-        _: &mut Outbox<()>,
-    ) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
 
     fn event(&mut self, _: Instant, _: &mut M, _: LinkEvent, _: &mut Outbox<()>) -> ControlFlow<()> {
         ControlFlow::Continue(())

@@ -110,6 +110,47 @@ pub(super) fn figure(
     Ok(svg.replace('\n', ""))
 }
 
+/// Panels of one height below each other, each with a line of text above it; all have the last one's horizontal axis.
+pub(super) struct Panels {
+    /// Height of that line in pixels.
+    pub(super) title: f64,
+    /// Height of a panel in pixels.
+    pub(super) panel: f64,
+}
+
+/// One of them.
+pub(super) struct Panel<'a> {
+    /// Where its line of text begins, in pixels from the top of the figure.
+    pub(super) top: f64,
+    /// Below that line.
+    pub(super) area: Area<'a>,
+    /// Whether the horizontal axis is below it.
+    pub(super) is_last: bool,
+}
+
+impl Panels {
+    /// Draws a figure with a panel for each of `all`, whose line of text `draw` writes into the whole figure.
+    pub(super) fn figure<T>(
+        &self,
+        format: Format,
+        all: &[T],
+        draw: impl Fn(&Area<'_>, &Panel<'_>, &T) -> anyhow::Result<()>,
+    ) -> anyhow::Result<String> {
+        let height = all.len() as f64 * (self.title + self.panel) + Axes::below(true);
+        figure(format, height, |whole| {
+            for (index, one) in all.iter().enumerate() {
+                let is_last = index + 1 == all.len();
+                let top = index as f64 * (self.title + self.panel);
+                let bottom = if is_last { height } else { top + self.title + self.panel };
+                let size = (whole.dim_in_pixel().0, stroke(bottom - top - self.title));
+                let area = whole.clone().shrink((0, px(top + self.title)), size);
+                draw(whole, &Panel { top, area, is_last }, one)?;
+            }
+            Ok(())
+        })
+    }
+}
+
 /// How a value of an axis is written.
 type Write<'a> = &'a dyn Fn(&f64) -> String;
 

@@ -2,15 +2,14 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
-use minijinja::{Environment, Value};
 use plc_node::ExecutionType;
 use serde::Serialize;
 
 use super::chart::colour;
-use super::page::{Figure, STYLE};
+use super::document::fill;
+use super::page::Figure;
 use super::run::Run;
 use super::samples;
 use crate::exit::{Exit, Failure};
@@ -43,7 +42,6 @@ struct Column {
 
 #[derive(Serialize)]
 struct Page {
-    style: Value,
     rows: Vec<&'static str>,
     columns: Vec<Column>,
     figures: Vec<(String, Figure)>,
@@ -156,10 +154,6 @@ fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
             Figure::draw("Samples of the runs on one axis", |format| samples::draw(&rows, title, format))?;
         figures.extend(drawn.map(|figure| (label(of), figure)));
     }
-    let mut environment = Environment::new();
-    environment.add_template("compare.html", TEMPLATE).context("the page's template is broken")?;
-    let page =
-        Page { style: Value::from_safe_string(STYLE.to_owned()), rows: ROWS.to_vec(), columns, figures };
-    let template = environment.get_template("compare.html").context("the page's template is broken")?;
-    template.render(minijinja::value::Serde(&page)).context("cannot fill the page's template")
+    let page = Page { rows: ROWS.to_vec(), columns, figures };
+    fill(TEMPLATE, &page)
 }

@@ -3,7 +3,7 @@
 use plotters::element::Rectangle;
 use plotters::prelude::{Color, RGBColor};
 
-use super::chart::{self, Axes, Format, INK, px, stroke, text};
+use super::chart::{Axes, Format, INK, Panels, px, text};
 use crate::results::{CycleLateness, Cycles};
 
 /// Height of a panel and of the line of text above it, in pixels.
@@ -27,39 +27,31 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
     if panels.is_empty() {
         return Ok(None);
     }
-    let height = panels.len() as f64 * (TITLE + PANEL) + Axes::below(true);
-    let svg = chart::figure(format, height, |area| {
-        for (index, (name, cycle)) in panels.iter().enumerate() {
-            let is_last = index + 1 == panels.len();
-            let top = index as f64 * (TITLE + PANEL);
-            let bottom = if is_last { height } else { top + TITLE + PANEL };
-            let part = area
-                .clone()
-                .shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(bottom - top - TITLE)));
-            let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
-            let about = format.pick(
-                format!("{name}: half within {p50_us:.0} µs, 99 % within {p99_us:.0} µs, latest {max_us:.0} µs, {missed} missed"),
-                format!("{name}: p50 {p50_us:.0}, p99 {p99_us:.0}, max {max_us:.0} µs"),
-            );
-            area.draw_text(&about, &text(format.pick(13.0, 12.0), INK), (px(2.0), px(top + 8.0)))?;
-            let axes = Axes {
-                x: (0.0, (latest * 1.2).log10()),
-                y: (0.0, (most * 1.6).log10()),
-                x_title: is_last.then_some("late by, in µs"),
-                y_title: "",
-                x_lines: true,
-                labels: (format.pick(6, 6), 5),
-                write: (&power, &power),
-            };
-            let mut chart = axes.draw(format, &part)?;
-            let bars = cycle.buckets.iter().map(|(upper_us, count)| {
-                let left = (upper_us * BUCKET).max(1.0).log10();
-                // A single cycle is drawn too: log 1 is 0.
-                let height = (f64::from(*count) * 1.25).log10();
-                Rectangle::new([(left, 0.0), (upper_us.max(1.07).log10(), height)], BAR.filled())
-            });
-            chart.draw_series(bars)?;
-        }
+    let layout = Panels { title: TITLE, panel: PANEL };
+    let svg = layout.figure(format, &panels, |whole, panel, (name, cycle)| {
+        let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
+        let about = format.pick(
+            format!("{name}: half within {p50_us:.0} µs, 99 % within {p99_us:.0} µs, latest {max_us:.0} µs, {missed} missed"),
+            format!("{name}: p50 {p50_us:.0}, p99 {p99_us:.0}, max {max_us:.0} µs"),
+        );
+        whole.draw_text(&about, &text(format.pick(13.0, 12.0), INK), (px(2.0), px(panel.top + 8.0)))?;
+        let axes = Axes {
+            x: (0.0, (latest * 1.2).log10()),
+            y: (0.0, (most * 1.6).log10()),
+            x_title: panel.is_last.then_some("late by, in µs"),
+            y_title: "",
+            x_lines: true,
+            labels: (format.pick(6, 6), 5),
+            write: (&power, &power),
+        };
+        let mut chart = axes.draw(format, &panel.area)?;
+        let bars = cycle.buckets.iter().map(|(upper_us, count)| {
+            let left = (upper_us * BUCKET).max(1.0).log10();
+            // A single cycle is drawn too: log 1 is 0.
+            let height = (f64::from(*count) * 1.25).log10();
+            Rectangle::new([(left, 0.0), (upper_us.max(1.07).log10(), height)], BAR.filled())
+        });
+        chart.draw_series(bars)?;
         Ok(())
     })?;
     Ok(Some(svg))

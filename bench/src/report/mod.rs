@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! run        what a run directory holds
-//! page       the report's words and tables; page.html and style.css are how it looks
+//! document   what all pages share; document.html and style.css are how it looks
+//! page       the report's words and tables, for page.html
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! │  └─ chart                                 widths, colours, axes of all figures
 //! compare    several runs beside each other
@@ -11,6 +12,7 @@
 
 mod chart;
 mod compare;
+mod document;
 mod lateness;
 mod page;
 mod path;

@@ -1,11 +1,11 @@
 //! The report's words, tables and figures, as its template takes them.
 
-use anyhow::Context;
-use minijinja::{Environment, Value};
+use minijinja::Value;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
 use super::chart::{Format, colour, short};
+use super::document::fill;
 use super::run::Run;
 use super::{lateness, path, queue, samples, speed};
 use crate::progress::label;
@@ -15,8 +15,6 @@ use crate::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, Status, VELO
 use crate::statistics::aet_improvement;
 
 const TEMPLATE: &str = include_str!("page.html");
-/// The style of every page that the program writes.
-pub(super) const STYLE: &str = include_str!("style.css");
 
 /// A figure in both widths.
 #[derive(Serialize)]
@@ -44,7 +42,6 @@ impl Figure {
 
 #[derive(Serialize)]
 struct Page {
-    style: Value,
     name: String,
     title: String,
     subtitle: String,
@@ -127,11 +124,7 @@ const NONE: &str = "–";
 
 /// The report as HTML.
 pub(super) fn render(run: &Run) -> anyhow::Result<String> {
-    let mut environment = Environment::new();
-    environment.add_template("page.html", TEMPLATE).context("the report's template is broken")?;
-    let page = page(run)?;
-    let template = environment.get_template("page.html").context("the report's template is broken")?;
-    template.render(minijinja::value::Serde(&page)).context("cannot fill the report's template")
+    fill(TEMPLATE, &page(run)?)
 }
 
 fn page(run: &Run) -> anyhow::Result<Page> {
@@ -142,7 +135,6 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         None => Ok(None),
     };
     Ok(Page {
-        style: Value::from_safe_string(STYLE.to_owned()),
         name: run.name(),
         title: results.title.clone(),
         subtitle: format!(

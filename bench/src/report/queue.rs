@@ -4,7 +4,7 @@ use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
-use super::chart::{self, Axes, Format, INK, colour, px, stroke};
+use super::chart::{self, Axes, Format, INK, Panels, colour, px, stroke};
 use crate::progress::label;
 use crate::trace::{Recording, Trace};
 
@@ -28,35 +28,25 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
     if longest_s <= 0.0 {
         return Ok(None);
     }
-    let height = panels.len() as f64 * (TITLE + PANEL) + Axes::below(true);
-    let svg = chart::figure(format, height, |area| {
-        for (index, (of, recording)) in panels.iter().enumerate() {
-            let is_last = index + 1 == panels.len();
-            let top = index as f64 * (TITLE + PANEL);
-            let bottom = if is_last { height } else { top + TITLE + PANEL };
-            let part = area
-                .clone()
-                .shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(bottom - top - TITLE)));
-            area.draw_text(&label(*of), &chart::name(15.0, colour(*of)), (px(2.0), px(top + 8.0)))?;
-            let axes = Axes {
-                x: (0.0, longest_s * 1.01),
-                y: (0.0, SLOTS + 0.4),
-                x_title: is_last.then_some("time since the PLC's start edge in s"),
-                y_title: "",
-                x_lines: true,
-                labels: (format.pick(14, 7), 6),
-                write: (&chart::short, &chart::whole),
-            };
-            let mut chart = axes.draw(format, &part)?;
-            let slots =
-                steps(recording.plc_scans().iter().map(|scan| (scan.at_us as f64 / 1e6, scan.in_slots)));
-            let (first, last) = (slots.first().map(|at| (at.0, 0.0)), slots.last().map(|at| (at.0, 0.0)));
-            let under: Vec<_> = first.into_iter().chain(slots.iter().copied()).chain(last).collect();
-            chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
-            chart.draw_series([PathElement::new(slots, colour(*of).stroke_width(stroke(1.6)))])?;
-            chart
-                .draw_series([PathElement::new(held(recording), INK.mix(0.75).stroke_width(stroke(1.0)))])?;
-        }
+    let layout = Panels { title: TITLE, panel: PANEL };
+    let svg = layout.figure(format, &panels, |whole, panel, (of, recording)| {
+        whole.draw_text(&label(*of), &chart::name(15.0, colour(*of)), (px(2.0), px(panel.top + 8.0)))?;
+        let axes = Axes {
+            x: (0.0, longest_s * 1.01),
+            y: (0.0, SLOTS + 0.4),
+            x_title: panel.is_last.then_some("time since the PLC's start edge in s"),
+            y_title: "",
+            x_lines: true,
+            labels: (format.pick(14, 7), 6),
+            write: (&chart::short, &chart::whole),
+        };
+        let mut chart = axes.draw(format, &panel.area)?;
+        let slots = steps(recording.plc_scans().iter().map(|scan| (scan.at_us as f64 / 1e6, scan.in_slots)));
+        let (first, last) = (slots.first().map(|at| (at.0, 0.0)), slots.last().map(|at| (at.0, 0.0)));
+        let under: Vec<_> = first.into_iter().chain(slots.iter().copied()).chain(last).collect();
+        chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
+        chart.draw_series([PathElement::new(slots, colour(*of).stroke_width(stroke(1.6)))])?;
+        chart.draw_series([PathElement::new(held(recording), INK.mix(0.75).stroke_width(stroke(1.0)))])?;
         Ok(())
     })?;
     Ok(Some(svg))

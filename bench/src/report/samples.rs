@@ -3,7 +3,7 @@
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::{Color, RGBColor};
 
-use super::chart::{self, Axes, Format, INK, MUTED, px, stroke, text};
+use super::chart::{self, Axes, Format, INK, MUTED, Panels, px, stroke, text};
 
 /// Height of a row's strip and box, and of the text above, in pixels.
 const ROW: f64 = 74.0;
@@ -30,38 +30,30 @@ pub(super) fn draw(rows: &[Row], x_title: &str, format: Format) -> anyhow::Resul
         return Ok(None);
     }
     let room = ((high - low) * 0.04).max(0.5);
-    let height = rows.len() as f64 * (TITLE + ROW) + Axes::below(true);
-    let svg = chart::figure(format, height, |area| {
-        for (index, row) in rows.iter().enumerate() {
-            let is_last = index + 1 == rows.len();
-            let top = index as f64 * (TITLE + ROW);
-            let bottom = if is_last { height } else { top + TITLE + ROW };
-            let part = area
-                .clone()
-                .shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(bottom - top - TITLE)));
-            area.draw_text(&row.name, &chart::name(15.0, row.colour), (px(2.0), px(top + 8.0)))?;
-            let after = 12.0 + 11.5 * row.name.chars().count() as f64;
-            area.draw_text(&row.about, &text(format.pick(13.0, 12.0), INK), (px(after), px(top + 9.5)))?;
-            let axes = Axes {
-                x: (low - room, high + room),
-                y: (0.0, 1.0),
-                x_title: is_last.then_some(x_title),
-                y_title: "",
-                x_lines: true,
-                labels: (format.pick(14, 7), 0),
-                write: (&signed, &|_| String::new()),
-            };
-            let mut chart = axes.draw(format, &part)?;
-            let count = row.samples.len().max(1) as f64;
-            let dots = row.samples.iter().enumerate().map(|(index, sample)| {
-                // From top to bottom in the order of the repetitions: a drift is seen as a slope.
-                let y = 0.94 - 0.50 * (index as f64 + 0.5) / count;
-                Circle::new((*sample, y), px(format.pick(3.4, 2.8)), row.colour.mix(0.75).filled())
-            });
-            chart.draw_series(dots)?;
-            if let Some(quartiles) = Quartiles::of(&row.samples) {
-                draw_box(&mut chart, &quartiles)?;
-            }
+    let layout = Panels { title: TITLE, panel: ROW };
+    let svg = layout.figure(format, rows, |whole, panel, row| {
+        whole.draw_text(&row.name, &chart::name(15.0, row.colour), (px(2.0), px(panel.top + 8.0)))?;
+        let after = 12.0 + 11.5 * row.name.chars().count() as f64;
+        whole.draw_text(&row.about, &text(format.pick(13.0, 12.0), INK), (px(after), px(panel.top + 9.5)))?;
+        let axes = Axes {
+            x: (low - room, high + room),
+            y: (0.0, 1.0),
+            x_title: panel.is_last.then_some(x_title),
+            y_title: "",
+            x_lines: true,
+            labels: (format.pick(14, 7), 0),
+            write: (&signed, &|_| String::new()),
+        };
+        let mut chart = axes.draw(format, &panel.area)?;
+        let count = row.samples.len().max(1) as f64;
+        let dots = row.samples.iter().enumerate().map(|(index, sample)| {
+            // From top to bottom in the order of the repetitions: a drift is seen as a slope.
+            let y = 0.94 - 0.50 * (index as f64 + 0.5) / count;
+            Circle::new((*sample, y), px(format.pick(3.4, 2.8)), row.colour.mix(0.75).filled())
+        });
+        chart.draw_series(dots)?;
+        if let Some(quartiles) = Quartiles::of(&row.samples) {
+            draw_box(&mut chart, &quartiles)?;
         }
         Ok(())
     })?;

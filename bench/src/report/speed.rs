@@ -4,7 +4,7 @@ use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
-use super::chart::{self, Axes, Format, INK, MUTED, colour, px, stroke, text};
+use super::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
 use crate::progress::label;
 use crate::trace::{RobotTick, Trace};
 
@@ -25,42 +25,31 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
     if longest_s <= 0.0 {
         return Ok(None);
     }
-    let panel = format.pick(PANEL, PANEL * 0.8);
-    let height = panels.len() as f64 * (TITLE + panel) + Axes::below(true);
-    let svg = chart::figure(format, height, |area| {
-        for (index, (of, ticks)) in panels.iter().enumerate() {
-            let is_last = index + 1 == panels.len();
-            let top = index as f64 * (TITLE + panel);
-            let bottom = if is_last { height } else { top + TITLE + panel };
-            let part = area
-                .clone()
-                .shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(bottom - top - TITLE)));
-            let ended = ticks.last().map_or(0.0, |tick| tick.at_ms);
-            title(area, *of, ended, top, format)?;
-            let axes = Axes {
-                x: (0.0, longest_s * 1.01),
-                y: (0.0, (fastest * 1.08).max(1.0)),
-                x_title: is_last.then_some("time since the PLC's start edge in s"),
-                y_title: "mm/s",
-                x_lines: false,
-                labels: (format.pick(14, 7), 5),
-                write: (&chart::short, &chart::whole),
-            };
-            let mut chart = axes.draw(format, &part)?;
-            for at_ms in ends(ticks) {
-                let line = [(at_ms / 1e3, 0.0), (at_ms / 1e3, fastest * 1.08)];
-                chart
-                    .plotting_area()
-                    .draw(&PathElement::new(line, MUTED.mix(0.35).stroke_width(stroke(0.7))))?;
-            }
-            let curve: Vec<_> =
-                ticks.iter().map(|tick| (tick.at_ms / 1e3, f64::from(tick.path_speed_mm_s))).collect();
-            let first = curve.first().map(|(x, _)| (*x, 0.0));
-            let last = curve.last().map(|(x, _)| (*x, 0.0));
-            let under: Vec<_> = first.into_iter().chain(curve.iter().copied()).chain(last).collect();
-            chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
-            chart.draw_series([PathElement::new(curve, colour(*of).stroke_width(stroke(1.6)))])?;
+    let layout = Panels { title: TITLE, panel: format.pick(PANEL, PANEL * 0.8) };
+    let svg = layout.figure(format, &panels, |whole, panel, (of, ticks)| {
+        let ended = ticks.last().map_or(0.0, |tick| tick.at_ms);
+        title(whole, *of, ended, panel.top, format)?;
+        let axes = Axes {
+            x: (0.0, longest_s * 1.01),
+            y: (0.0, (fastest * 1.08).max(1.0)),
+            x_title: panel.is_last.then_some("time since the PLC's start edge in s"),
+            y_title: "mm/s",
+            x_lines: false,
+            labels: (format.pick(14, 7), 5),
+            write: (&chart::short, &chart::whole),
+        };
+        let mut chart = axes.draw(format, &panel.area)?;
+        for at_ms in ends(ticks) {
+            let line = [(at_ms / 1e3, 0.0), (at_ms / 1e3, fastest * 1.08)];
+            chart.plotting_area().draw(&PathElement::new(line, MUTED.mix(0.35).stroke_width(stroke(0.7))))?;
         }
+        let curve: Vec<_> =
+            ticks.iter().map(|tick| (tick.at_ms / 1e3, f64::from(tick.path_speed_mm_s))).collect();
+        let first = curve.first().map(|(x, _)| (*x, 0.0));
+        let last = curve.last().map(|(x, _)| (*x, 0.0));
+        let under: Vec<_> = first.into_iter().chain(curve.iter().copied()).chain(last).collect();
+        chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
+        chart.draw_series([PathElement::new(curve, colour(*of).stroke_width(stroke(1.6)))])?;
         Ok(())
     })?;
     Ok(Some(svg))

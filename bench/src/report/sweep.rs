@@ -1,14 +1,13 @@
 //! The page of a starvation sweep: one panel a depth, a cell a bus cycle and a length of motion.
 
-use anyhow::Context;
-use minijinja::{Environment, Value};
 use plotters::element::{PathElement, Rectangle};
 use plotters::prelude::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 
 use super::chart::{self, Area, Format, GRID, INK, MUTED, colour, px, stroke, text};
-use super::page::{Figure, STYLE};
+use super::document::fill;
+use super::page::Figure;
 use crate::sweep::table::{cell, depths, percent, rows, slots};
 use crate::sweep::{Point, Predicted, Sweep, sentences};
 
@@ -26,7 +25,6 @@ const FULL: f64 = 0.5;
 
 #[derive(Serialize)]
 struct Page {
-    style: Value,
     setup: String,
     title: String,
     conditions: String,
@@ -53,7 +51,6 @@ pub fn page(sweep: &Sweep) -> anyhow::Result<String> {
     let mut sentences = sentences(sweep);
     let summary = (!sentences.is_empty()).then(|| sentences.remove(0));
     let page = Page {
-        style: Value::from_safe_string(STYLE.to_owned()),
         setup: sweep.setup.clone(),
         title: sweep.title.clone(),
         conditions: format!(
@@ -68,10 +65,7 @@ pub fn page(sweep: &Sweep) -> anyhow::Result<String> {
         })?,
         blocks: depths(sweep).into_iter().map(|depth| block(sweep, depth)).collect(),
     };
-    let mut environment = Environment::new();
-    environment.add_template("sweep.html", TEMPLATE).context("the sweep's template is broken")?;
-    let template = environment.get_template("sweep.html").context("the sweep's template is broken")?;
-    template.render(minijinja::value::Serde(&page)).context("cannot fill the sweep's template")
+    fill(TEMPLATE, &page)
 }
 
 fn block(sweep: &Sweep, depth: u32) -> Block {

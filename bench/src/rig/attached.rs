@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use plc_node::process::PlcInstruction;
-use protocol_linux::message::{Hello, Instruction};
+use protocol_linux::message::Instruction;
 use robot_node::process::RobotInstruction;
 use serde::Serialize;
 use tokio::io::AsyncWriteExt as _;
@@ -103,21 +103,23 @@ impl Rig {
         Ok(rig)
     }
 
-    /// What is reached by an address may be the other node, or run another setup.
-    pub(super) fn check(&self, which: Which, hello: &Hello, setup: Option<&str>) -> Result<(), RigError> {
-        let node = match which {
-            Which::Plc => Some(&self.plc),
-            Which::Robot => self.robot.as_ref(),
-        };
-        let (Some(Party::Attached(node)), Some(setup)) = (node, setup) else { return Ok(()) };
-        if hello.node == which.to_string() && hello.setup == setup {
-            return Ok(());
+    /// What is reached by an address may be the other node, or run another setup. The PLC is named before the robot,
+    /// whichever spoke first.
+    pub(super) fn check_hellos(&self, setup: Option<&str>) -> Result<(), RigError> {
+        for (which, node) in [(Which::Plc, Some(&self.plc)), (Which::Robot, self.robot.as_ref())] {
+            let hello = self.hellos.iter().find(|(from, _)| *from == which);
+            let (Some(Party::Attached(node)), Some((_, hello)), Some(setup)) = (node, hello, setup) else {
+                continue;
+            };
+            if hello.node != which.to_string() || hello.setup != setup {
+                return Err(RigError::Other {
+                    address: node.address().to_owned(),
+                    found: format!("{} of setup {}", hello.node, hello.setup),
+                    wanted: format!("{which} of setup {setup}"),
+                });
+            }
         }
-        Err(RigError::Other {
-            address: node.address().to_owned(),
-            found: format!("{} of setup {}", hello.node, hello.setup),
-            wanted: format!("{which} of setup {setup}"),
-        })
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 //! The cable: two networks without a name, a veth pair between them, and whoever listens in. Where faults are asked for
 //! there are two pairs, and between them what does them.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use protocol::virtual_time::Side;
@@ -139,11 +140,11 @@ impl Cable {
         self.middle.as_ref().map(|middle| FaultReport::new(&self.faults, middle.counters()))
     }
 
-    pub(super) fn pause_capture(&self, paused: bool) {
-        self.recorders.iter().for_each(|recorder| recorder.pause(paused));
+    pub(super) fn pause_capture(&self, paused: bool) -> io::Result<()> {
         if let Some(middle) = &self.middle {
             middle.pause(paused);
         }
+        self.recorders.iter().try_for_each(|recorder| recorder.pause(paused))
     }
 
     /// Shows frames to the log from now on, or no more. Where nobody sees them anyway, somebody listens only that long.

@@ -19,6 +19,8 @@
 
 mod attached;
 mod cable;
+mod config;
+mod conversation;
 mod error;
 mod frames;
 mod kills;
@@ -27,10 +29,11 @@ mod party;
 mod stand;
 
 pub use attached::{Attach, AttachError};
+pub use config::RigConfig;
 pub use error::{RigError, Which};
 pub use frames::FrameLog;
 
-use std::ffi::OsString;
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -38,22 +41,20 @@ use std::time::Duration;
 use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
 use protocol::virtual_time::Side;
-use protocol_linux::capture::Keep;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
 use protocol_linux::{Interface, PortError, Wire};
 use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
-use setup::Cyclic;
 use tokio::sync::mpsc;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, timeout};
 
 use cable::{Cable, Fittings};
 use kills::Kills;
 use node::{NodeProcess, Said};
 use party::Party;
 
-use crate::faults::{Fault, FaultReport};
+use crate::faults::FaultReport;
 use crate::trace::{self, Window};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
@@ -64,15 +65,6 @@ static ALLOCATOR: protocol_linux::allocation::AllocationCounter =
 /// First arguments with which this program is a node; no option of the bench begins like that.
 const PLC_NODE: &str = "__plc-node";
 const ROBOT_NODE: &str = "__robot-node";
-
-/// How long a connection may take before the rig gives up. A real one takes less than a second.
-const CONNECT: Duration = Duration::from_secs(10);
-
-/// How long a node may take to answer a question or to end, beyond which it counts as hanging.
-const ANSWER: Duration = Duration::from_secs(1);
-
-/// How long after the first bad news the rig waits for news that explain it: a lost connection is often a dead node.
-const EXPLANATION: Duration = Duration::from_millis(300);
 
 /// The longest run; a PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
@@ -112,65 +104,6 @@ pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
     cable.plc().run(open)?
 }
 
-/// What the rig is to run.
-#[derive(Clone, Debug)]
-pub struct RigConfig {
-    /// A built-in setup's name, or the path of a file.
-    pub setup: OsString,
-    /// How PROFINET's cyclic frames travel, instead of what the setup says.
-    pub cyclic: Option<Cyclic>,
-    /// Seed of the robot's interpreter.
-    pub seed: u64,
-    /// Records what passes both interfaces into this directory, from before the first frame, and how much of it.
-    pub capture: Option<(PathBuf, Keep)>,
-    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`] asks for it.
-    pub trace: Option<PathBuf>,
-    /// Takes up what passes both interfaces while cycles are recorded.
-    pub frames: Option<FrameLog>,
-    /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
-    pub faults: Vec<Fault>,
-    /// The program that both nodes are; none for this one.
-    pub program: Option<PathBuf>,
-    /// Exchange images without a protocol, for tests that are not about a bus.
-    pub direct: bool,
-}
-
-impl RigConfig {
-    /// A rig of this setup with nothing special about it.
-    pub fn new(setup: impl Into<OsString>) -> Self {
-        Self {
-            setup: setup.into(),
-            cyclic: None,
-            seed: 1,
-            capture: None,
-            trace: None,
-            frames: None,
-            faults: Vec::new(),
-            program: None,
-            direct: false,
-        }
-    }
-
-    fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
-        let mut args: Vec<OsString> = ["run", "--json", "--interface", interface].map(OsString::from).into();
-        args.extend(["--setup".into(), self.setup.clone()]);
-        if let Some(cyclic) = self.cyclic {
-            let name = match cyclic {
-                Cyclic::Udp => "udp",
-                Cyclic::Rt1 => "rt1",
-            };
-            args.extend(["--cyclic".into(), name.into()]);
-        }
-        if let Some(directory) = &self.trace {
-            args.extend(["--trace-file".into(), directory.join(rows).into()]);
-        }
-        if self.direct {
-            args.push("--direct".into());
-        }
-        args
-    }
-}
-
 /// Both nodes, connected.
 #[derive(Debug)]
 pub struct Rig {
@@ -178,7 +111,7 @@ pub struct Rig {
     /// None where the robot is no node of ours.
     robot: Option<Party>,
     said: mpsc::Receiver<Said>,
-    hellos: Vec<Hello>,
+    hellos: Vec<(Which, Hello)>,
     reports: Reports,
     /// What the nodes had done before this rig.
     before: Reports,
@@ -281,7 +214,8 @@ impl Rig {
 
     /// What the host did not grant the nodes, in words, each once.
     pub fn warnings(&self) -> Vec<&str> {
-        let mut warnings: Vec<_> = self.hellos.iter().filter_map(|hello| hello.warning.as_deref()).collect();
+        let mut warnings: Vec<_> =
+            self.hellos.iter().filter_map(|(_, hello)| hello.warning.as_deref()).collect();
         warnings.dedup();
         warnings
     }
@@ -293,10 +227,12 @@ impl Rig {
     }
 
     /// Lets frames pass without capturing them, or captures them again.
-    pub fn pause_capture(&self, paused: bool) {
-        if let Some(cable) = &self.cable {
-            cable.pause_capture(paused);
-        }
+    ///
+    /// # Errors
+    ///
+    /// What the kernel says; it goes on as before then.
+    pub fn pause_capture(&self, paused: bool) -> io::Result<()> {
+        self.cable.as_ref().map_or(Ok(()), |cable| cable.pause_capture(paused))
     }
 
     /// Records the cycles of the runs to come, and the frames where they are wanted, or no more.
@@ -419,169 +355,6 @@ impl Rig {
         let robot = self.end(Which::Robot).await;
         cable.end_capture()?;
         plc.and(robot).map(|()| self.reports())
-    }
-
-    /// Waits for every node to introduce itself, as one that runs `setup` where that is given, and for the PLC to find
-    /// the robot ready.
-    async fn wait_until_ready(&mut self, started: Instant, setup: Option<&str>) -> Result<(), RigError> {
-        let nodes = 1 + usize::from(self.robot.is_some());
-        let mut last = None;
-        let ready = async {
-            let mut robot_ready = false;
-            while !robot_ready || self.hellos.len() < nodes {
-                match self.next_saying().await? {
-                    Said::Plc(Message::Hello(hello)) => self.check(Which::Plc, &hello, setup)?,
-                    Said::Robot(Message::Hello(hello)) => self.check(Which::Robot, &hello, setup)?,
-                    Said::Plc(Message::Node(PlcMessage::Ready)) => robot_ready = true,
-                    // Before the connection is up, the PLC says so of each attempt that fails.
-                    Said::Plc(Message::LinkDown { reason }) => last = Some(reason),
-                    _ => {}
-                }
-            }
-            Ok::<_, RigError>(())
-        };
-        let ready = timeout_at(started + CONNECT, ready).await;
-        match ready {
-            Ok(result) => result?,
-            Err(_) => {
-                let reason = last.unwrap_or_else(|| "the nodes said nothing of it".to_owned());
-                let nodes = [Some(&self.plc), self.robot.as_ref()];
-                let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
-                return Err(RigError::NotConnected { waited: CONNECT, reason, last_words });
-            }
-        }
-        Ok(())
-    }
-
-    /// What the PLC says next of its runs. A lost connection and an ended node are errors.
-    async fn next_plc_message(&mut self) -> Result<PlcMessage, RigError> {
-        loop {
-            match self.next_saying().await? {
-                Said::Plc(Message::Node(message)) => return Ok(message),
-                Said::Plc(Message::LinkDown { reason }) => {
-                    return Err(RigError::ConnectionLost { seen_by: Which::Plc, reason });
-                }
-                Said::Robot(Message::LinkDown { reason }) => {
-                    return Err(RigError::ConnectionLost { seen_by: Which::Robot, reason });
-                }
-                _ => {}
-            }
-        }
-    }
-
-    /// What either node says next; what concerns the rig itself is taken note of.
-    async fn next_saying(&mut self) -> Result<Said, RigError> {
-        // Both readers say that their node ended before they let go of the channel.
-        let said = loop {
-            tokio::select! {
-                said = self.said.recv() => break said.unwrap_or(Said::Ended(Which::Plc)),
-                node = self.kills.next() => self.kill(node),
-            }
-        };
-        match &said {
-            Said::Plc(Message::Hello(hello)) | Said::Robot(Message::Hello(hello)) => {
-                self.hellos.push(hello.clone());
-            }
-            Said::Plc(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
-                self.reports.plc = report.clone();
-            }
-            Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
-                self.reports.robot = report.clone();
-            }
-            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
-                self.moved.motions = self.moved.motions.saturating_add(*motions);
-                self.moved.quality = self.moved.quality.then(*quality);
-            }
-            Said::Plc(Message::Busy { controller }) => {
-                return Err(RigError::Busy { which: Which::Plc, controller: *controller });
-            }
-            Said::Robot(Message::Busy { controller }) => {
-                return Err(RigError::Busy { which: Which::Robot, controller: *controller });
-            }
-            Said::Ended(which) => {
-                return Err(match self.node(*which) {
-                    Some(node) => node.obituary().await,
-                    None => RigError::NodeEnded { which: *which, status: None, last_words: Vec::new() },
-                });
-            }
-            Said::Gibberish { which, line } => {
-                return Err(RigError::Gibberish { which: *which, line: line.clone() });
-            }
-            _ => {}
-        }
-        Ok(said)
-    }
-
-    /// A lost connection is often the work of a node that died: if that is so, the node's end is the better story.
-    async fn explained(&mut self, error: RigError) -> RigError {
-        if !matches!(error, RigError::ConnectionLost { .. } | RigError::RunFailed { .. }) {
-            return error;
-        }
-        let end = async {
-            loop {
-                if let Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) =
-                    self.next_saying().await
-                {
-                    return better;
-                }
-            }
-        };
-        timeout(EXPLANATION, end).await.unwrap_or(error)
-    }
-
-    async fn ask_for_reports(&mut self) -> Result<(), RigError> {
-        self.tell_plc(&Instruction::Report).await;
-        if let Some(robot) = &mut self.robot {
-            robot.tell(&Instruction::<RobotInstruction>::Report).await;
-        }
-        let (mut plc, mut robot) = (false, self.robot.is_none());
-        let both = async {
-            while !(plc && robot) {
-                match self.next_saying().await? {
-                    Said::Plc(Message::Report(_)) => plc = true,
-                    Said::Robot(Message::Report(_)) => robot = true,
-                    _ => {}
-                }
-            }
-            Ok(())
-        };
-        let answered = timeout(ANSWER, both).await;
-        let which = if plc { Which::Robot } else { Which::Plc };
-        answered.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
-    }
-
-    /// Tells a node to stop and waits until it has, and has been reaped.
-    async fn end(&mut self, which: Which) -> Result<(), RigError> {
-        let Some(node) = self.node(which).filter(|node| !node.has_ended()) else {
-            return Ok(());
-        };
-        node.tell(&Instruction::<()>::Stop).await;
-        let end = async {
-            loop {
-                match self.next_saying().await {
-                    Ok(_) => {}
-                    Err(RigError::NodeEnded { which: ended, status: Some(status), .. })
-                        if ended == which && status.success() =>
-                    {
-                        return Ok(());
-                    }
-                    Err(error) => return Err(error),
-                }
-            }
-        };
-        let ended = timeout(ANSWER, end).await;
-        ended.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
-    }
-
-    async fn tell_plc(&mut self, instruction: &Instruction<PlcInstruction>) {
-        self.plc.tell(instruction).await;
-    }
-
-    const fn node(&mut self, which: Which) -> Option<&mut Party> {
-        match which {
-            Which::Plc => Some(&mut self.plc),
-            Which::Robot => self.robot.as_mut(),
-        }
     }
 }
 

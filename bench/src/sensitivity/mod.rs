@@ -8,7 +8,6 @@
 mod factor;
 mod table;
 
-use std::path::PathBuf;
 use std::time::SystemTime;
 
 use clap::Args;
@@ -24,7 +23,7 @@ use crate::exit::{Exit, Failure};
 use crate::jobs;
 use crate::plan::Plan;
 use crate::results::{PaperFigure, PerType};
-use crate::run_directory::{self, Durability, replace};
+use crate::study::{Found, StudyOptions};
 use crate::virtual_run;
 
 /// Version of the study's JSON.
@@ -44,30 +43,15 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct SensitivityOptions {
-    /// A built-in setup's name, or the path of a .toml file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
-    pub setup: String,
+    /// Setup, seed and files.
+    #[command(flatten)]
+    pub study: StudyOptions,
     /// By what each number but that of the motions is multiplied, in place of its own factors.
     #[arg(long, value_name = "F,…", value_delimiter = ',', value_parser = multiplier)]
     pub factors: Option<Vec<f64>>,
     /// Repetitions of each execution type in every case.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     pub reps: u32,
-    /// Seed of the clocks, phases and pauses.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-    /// Directory for sensitivity.csv and sensitivity.json [default: runs/TIME-SETUP-sensitivity].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Write the figures to this file as well, as JSON.
-    #[arg(long, value_name = "FILE")]
-    pub export_json: Option<PathBuf>,
-    /// Write the figures to this file as well, as CSV.
-    #[arg(long, value_name = "FILE")]
-    pub export_csv: Option<PathBuf>,
-    /// Print the table only: no progress.
-    #[arg(long, short)]
-    pub quiet: bool,
 }
 
 fn multiplier(text: &str) -> Result<f64, String> {
@@ -150,28 +134,16 @@ struct Job {
 /// or the robot refuses is none: its row says why.
 pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
-    let (setup, found) = planning::setup_with_application(&options.setup)?;
+    let (setup, found) = planning::setup_with_application(&options.study.setup)?;
     found.plan(&setup)?;
     let study = study(&setup, &found.application, options)?;
     println!("{}", render(&study));
-    let directory = options
-        .out
-        .clone()
-        .unwrap_or_else(|| run_directory::default_path(&setup.name, "sensitivity", started));
-    run_directory::create_for_study(&directory, &setup)?;
-    let (json, csv) =
-        (serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n", csv(&study));
-    let files = [
-        (Some(directory.join("sensitivity.json")), &json),
-        (Some(directory.join("sensitivity.csv")), &csv),
-        (options.export_json.clone(), &json),
-        (options.export_csv.clone(), &csv),
-    ];
-    for (path, text) in files {
-        if let Some(path) = path {
-            replace(&path, text, Durability::Written)?;
-        }
-    }
+    let found = Found {
+        json: &(serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n"),
+        csv: &csv(&study),
+        page: None,
+    };
+    let directory = options.study.save("sensitivity", &setup, started, found)?;
     println!("  Saved in {}.", directory.display());
     Ok(Exit::Pass)
 }
@@ -182,7 +154,7 @@ fn study(
     options: &SensitivityOptions,
 ) -> anyhow::Result<Sensitivity> {
     let cases = Case::all(setup, options.factors.as_deref());
-    let plan = Plan::new(&ExecutionType::ALL, options.reps, options.seed);
+    let plan = Plan::new(&ExecutionType::ALL, options.reps, options.study.seed);
     let mut jobs = Vec::new();
     for case in &cases {
         for variant in [Variant::Calibrated, Variant::WithoutOverhead, Variant::Uncalibrated] {
@@ -193,7 +165,7 @@ fn study(
         }
     }
     // What the robot refuses is an answer as well: the case is out of its reach.
-    let outcomes = jobs::run("sensitivity", options.quiet, &jobs, |job| {
+    let outcomes = jobs::run("sensitivity", options.study.quiet, &jobs, |job| {
         Ok(match job {
             Ok(job) => figures(job, &plan).map_err(|error| format!("{error:#}")),
             Err(error) => Err(error.to_string()),
@@ -221,7 +193,7 @@ fn study(
         title: setup.title.clone(),
         application: application.name.clone(),
         reps: options.reps,
-        seed: options.seed,
+        seed: options.study.seed,
         paper: setup.paper.as_ref().map(|paper| PerType {
             rc: Some(paper.rc.into()),
             sm: Some(paper.sm.into()),

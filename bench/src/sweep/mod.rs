@@ -15,11 +15,11 @@ mod round_trip;
 mod square;
 pub(crate) mod table;
 
-use std::path::PathBuf;
 use std::time::SystemTime;
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
+use setup::Setup;
 
 pub use found::sentences;
 pub use grid::{Grid, Point, Predicted};
@@ -28,7 +28,7 @@ pub use table::{csv, render};
 
 use crate::exit::{Exit, Failure};
 use crate::report;
-use crate::run_directory::{self, Durability, replace};
+use crate::study::{Found, StudyOptions};
 
 /// Version of the sweep's JSON.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -55,9 +55,9 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct SweepOptions {
-    /// A built-in setup's name, or the path of a .toml file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
-    pub setup: String,
+    /// Setup, seed and files.
+    #[command(flatten)]
+    pub study: StudyOptions,
     /// Slots of the image in use.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_values_t = DEPTHS, value_parser = clap::value_parser!(u32).range(1..=5))]
     pub depths: Vec<u32>,
@@ -73,21 +73,6 @@ pub struct SweepOptions {
     /// Repetitions of every point, each at other phases of the cycles.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     pub reps: u32,
-    /// Seed of the clocks, phases and pauses.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-    /// Directory for sweep.html, sweep.csv and sweep.json [default: runs/TIME-SETUP-sweep].
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Write the points to this file as well, as JSON.
-    #[arg(long, value_name = "FILE")]
-    pub export_json: Option<PathBuf>,
-    /// Write the points to this file as well, as CSV.
-    #[arg(long, value_name = "FILE")]
-    pub export_csv: Option<PathBuf>,
-    /// Print the table only: no progress.
-    #[arg(long, short)]
-    pub quiet: bool,
 }
 
 /// A bus cycle in ms, as µs.
@@ -132,6 +117,24 @@ pub struct Sweep {
     pub points: Vec<Point>,
 }
 
+impl Sweep {
+    /// What the points of a grid are of a setup.
+    #[must_use]
+    pub fn new(setup: &Setup, grid: &Grid, points: Vec<Point>) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            setup: setup.name.clone(),
+            title: setup.title.clone(),
+            bus_cycle_ms: f64::from(setup.bus.cycle_us.value) / 1e3,
+            queue_depth: setup.plc.slots_in_use(),
+            motions: grid.motions,
+            reps: grid.reps,
+            seed: grid.seed,
+            points,
+        }
+    }
+}
+
 /// Runs a sweep, prints its table and writes its page.
 ///
 /// # Errors
@@ -139,57 +142,27 @@ pub struct Sweep {
 /// The options or the setup do not allow it, a run fails, or the disk does not take the results.
 pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
-    let (setup, found) = planning::setup_with_application(&options.setup)?;
+    let (setup, found) = planning::setup_with_application(&options.study.setup)?;
     let grid = Grid {
         depths: options.depths.clone(),
         bus_cycles_us: options.cycles.clone().unwrap_or_else(|| BUS_CYCLES_US.to_vec()),
         lengths_mm: options.lengths.clone(),
         motions: options.motions,
         reps: options.reps,
-        seed: options.seed,
+        seed: options.study.seed,
     };
     for cycle_us in &grid.bus_cycles_us {
         setup::check(&setup.clone().with_bus_cycle(*cycle_us))?;
     }
-    let points = grid.run(&setup, &found.application, options.quiet)?;
-    let sweep = Sweep {
-        schema_version: SCHEMA_VERSION,
-        setup: setup.name.clone(),
-        title: setup.title.clone(),
-        bus_cycle_ms: f64::from(setup.bus.cycle_us.value) / 1e3,
-        queue_depth: setup.plc.slots_in_use(),
-        motions: grid.motions,
-        reps: grid.reps,
-        seed: grid.seed,
-        points,
-    };
+    let points = grid.run(&setup, &found.application, options.study.quiet)?;
+    let sweep = Sweep::new(&setup, &grid, points);
     println!("{}", render(&sweep));
-    let directory =
-        options.out.clone().unwrap_or_else(|| run_directory::default_path(&setup.name, "sweep", started));
-    save(&sweep, &setup, options, directory)
-}
-
-fn save(
-    sweep: &Sweep,
-    setup: &setup::Setup,
-    options: &SweepOptions,
-    directory: PathBuf,
-) -> Result<Exit, Failure> {
-    let (json, csv) = (serde_json::to_string_pretty(sweep).map_err(anyhow::Error::from)? + "\n", csv(sweep));
-    run_directory::create_for_study(&directory, setup)?;
-    let page = directory.join("sweep.html");
-    let files = [
-        (Some(directory.join("sweep.json")), &json),
-        (Some(directory.join("sweep.csv")), &csv),
-        (Some(page.clone()), &report::sweep_page(sweep)?),
-        (options.export_json.clone(), &json),
-        (options.export_csv.clone(), &csv),
-    ];
-    for (path, text) in files {
-        if let Some(path) = path {
-            replace(&path, text, Durability::Written)?;
-        }
-    }
-    println!("  Saved in {}.\n  Page: {}.", directory.display(), page.display());
+    let found = Found {
+        json: &(serde_json::to_string_pretty(&sweep).map_err(anyhow::Error::from)? + "\n"),
+        csv: &csv(&sweep),
+        page: Some(&report::sweep_page(&sweep)?),
+    };
+    let directory = options.study.save("sweep", &setup, started, found)?;
+    println!("  Saved in {}.\n  Page: {}.", directory.display(), directory.join("sweep.html").display());
     Ok(Exit::Pass)
 }

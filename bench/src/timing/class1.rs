@@ -9,7 +9,7 @@ use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
 use protocol::{Duration, Instant, Machine};
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Statistics, Task, Wire, clock};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock};
 
 use super::cable::{Cable, MASK, ROBOT};
 use super::{INTERVAL, SETTLE, TURN};
@@ -104,17 +104,6 @@ impl Task<ethernet_ip::Adapter> for Serve {
     type Command = ();
     type News = ();
 
-    fn command(
-        &mut self,
-        _: Instant,
-        _: &mut ethernet_ip::Adapter,
-        _: &Statistics,
-        (): (),
-        _: &mut Outbox<()>,
-    ) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
-
     fn event(
         &mut self,
         _: Instant,
@@ -138,17 +127,6 @@ struct Turn {
 impl Task<Scanner> for Turn {
     type Command = ();
     type News = ();
-
-    fn command(
-        &mut self,
-        _: Instant,
-        _: &mut Scanner,
-        _: &Statistics,
-        (): (),
-        _: &mut Outbox<()>,
-    ) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
 
     fn event(
         &mut self,

@@ -18,15 +18,18 @@ pub trait Task<M: Machine>: Send + 'static {
     /// What it tells.
     type News: Send + 'static;
 
-    /// A command came; `statistics` is what the driver did so far. `Break` ends the thread.
+    /// A command came; `statistics` is what the driver did so far. `Break` ends the thread, which is all that a task is
+    /// told that does not say otherwise.
     fn command(
         &mut self,
-        now: Instant,
-        machine: &mut M,
-        statistics: &Statistics,
-        command: Self::Command,
-        news: &mut Outbox<Self::News>,
-    ) -> ControlFlow<()>;
+        _now: Instant,
+        _machine: &mut M,
+        _statistics: &Statistics,
+        _command: Self::Command,
+        _news: &mut Outbox<Self::News>,
+    ) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
 
     /// The machine has an event. `Break` ends the thread once everything is sent.
     fn event(

@@ -17,8 +17,8 @@ use protocol::fieldbus::LinkEvent;
 use protocol::{Instant, Machine};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{
-    CyclicThread, Driver, DriverError, Finished, Interface, Notifier, Outbox, PROFINET, Statistics, Task,
-    Udp, Wire, clock, veth,
+    CyclicThread, Driver, DriverError, Finished, Interface, Notifier, Outbox, PROFINET, Task, Udp, Wire,
+    clock, veth,
 };
 
 #[global_allocator]
@@ -98,17 +98,6 @@ struct Watch {
 impl<M: Machine<Event = LinkEvent>> Task<M> for Watch {
     type Command = ();
     type News = LinkEvent;
-
-    fn command(
-        &mut self,
-        _: Instant,
-        _: &mut M,
-        _: &Statistics,
-        (): (),
-        _: &mut Outbox<LinkEvent>,
-    ) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
 
     fn event(
         &mut self,

@@ -1,0 +1,199 @@
+//! What the rig and its nodes say to each other: the beginning, runs, questions, the end.
+
+use std::time::Duration;
+
+use plc_node::process::{PlcInstruction, PlcMessage};
+use protocol_linux::message::{Instruction, Message};
+use robot_node::process::{RobotInstruction, RobotMessage};
+use tokio::time::{Instant, timeout, timeout_at};
+
+use super::node::Said;
+use super::party::Party;
+use super::{Rig, RigError, Which};
+
+/// How long a connection may take before the rig gives up. A real one takes less than a second.
+const CONNECT: Duration = Duration::from_secs(10);
+
+/// How long a node may take to answer a question or to end, beyond which it counts as hanging.
+const ANSWER: Duration = Duration::from_secs(1);
+
+/// How long after the first bad news the rig waits for news that explain it: a lost connection is often a dead node.
+const EXPLANATION: Duration = Duration::from_millis(300);
+
+/// What was heard of the connection before it was there.
+#[derive(Debug, Default)]
+struct Beginning {
+    robot_ready: bool,
+    /// Why the last attempt failed.
+    last_attempt: Option<String>,
+}
+
+impl Beginning {
+    fn hear(&mut self, said: Said) {
+        match said {
+            Said::Plc(Message::Node(PlcMessage::Ready)) => self.robot_ready = true,
+            Said::Plc(Message::LinkDown { reason }) => self.last_attempt = Some(reason),
+            _ => {}
+        }
+    }
+}
+
+impl Rig {
+    /// Waits for every node to introduce itself, as one that runs `setup` where that is given, and for the PLC to find
+    /// the robot ready.
+    pub(super) async fn wait_until_ready(
+        &mut self,
+        started: Instant,
+        setup: Option<&str>,
+    ) -> Result<(), RigError> {
+        let nodes = 1 + usize::from(self.robot.is_some());
+        let mut beginning = Beginning::default();
+        let ready = async {
+            while self.hellos.len() < nodes {
+                beginning.hear(self.next_saying().await?);
+            }
+            self.check_hellos(setup)?;
+            while !beginning.robot_ready {
+                beginning.hear(self.next_saying().await?);
+            }
+            Ok(())
+        };
+        let ready = timeout_at(started + CONNECT, ready).await;
+        ready.unwrap_or_else(|_| {
+            let reason = beginning.last_attempt.unwrap_or_else(|| "the nodes said nothing of it".to_owned());
+            let nodes = [Some(&self.plc), self.robot.as_ref()];
+            let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
+            Err(RigError::NotConnected { waited: CONNECT, reason, last_words })
+        })
+    }
+
+    /// What the PLC says next of its runs. A lost connection and an ended node are errors.
+    pub(super) async fn next_plc_message(&mut self) -> Result<PlcMessage, RigError> {
+        loop {
+            match self.next_saying().await? {
+                Said::Plc(Message::Node(message)) => return Ok(message),
+                Said::Plc(Message::LinkDown { reason }) => {
+                    return Err(RigError::ConnectionLost { seen_by: Which::Plc, reason });
+                }
+                Said::Robot(Message::LinkDown { reason }) => {
+                    return Err(RigError::ConnectionLost { seen_by: Which::Robot, reason });
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// What either node says next; what concerns the rig itself is taken note of.
+    async fn next_saying(&mut self) -> Result<Said, RigError> {
+        // Both readers say that their node ended before they let go of the channel.
+        let said = loop {
+            tokio::select! {
+                said = self.said.recv() => break said.unwrap_or(Said::Ended(Which::Plc)),
+                node = self.kills.next() => self.kill(node),
+            }
+        };
+        match &said {
+            Said::Plc(Message::Hello(hello)) => self.hellos.push((Which::Plc, hello.clone())),
+            Said::Robot(Message::Hello(hello)) => self.hellos.push((Which::Robot, hello.clone())),
+            Said::Plc(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
+                self.reports.plc = report.clone();
+            }
+            Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
+                self.reports.robot = report.clone();
+            }
+            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
+                self.moved.motions = self.moved.motions.saturating_add(*motions);
+                self.moved.quality = self.moved.quality.then(*quality);
+            }
+            Said::Plc(Message::Busy { controller }) => {
+                return Err(RigError::Busy { which: Which::Plc, controller: *controller });
+            }
+            Said::Robot(Message::Busy { controller }) => {
+                return Err(RigError::Busy { which: Which::Robot, controller: *controller });
+            }
+            Said::Ended(which) => {
+                return Err(match self.node(*which) {
+                    Some(node) => node.obituary().await,
+                    None => RigError::NodeEnded { which: *which, status: None, last_words: Vec::new() },
+                });
+            }
+            Said::Gibberish { which, line } => {
+                return Err(RigError::Gibberish { which: *which, line: line.clone() });
+            }
+            _ => {}
+        }
+        Ok(said)
+    }
+
+    /// A lost connection is often the work of a node that died: if that is so, the node's end is the better story.
+    pub(super) async fn explained(&mut self, error: RigError) -> RigError {
+        if !matches!(error, RigError::ConnectionLost { .. } | RigError::RunFailed { .. }) {
+            return error;
+        }
+        let end = async {
+            loop {
+                if let Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) =
+                    self.next_saying().await
+                {
+                    return better;
+                }
+            }
+        };
+        timeout(EXPLANATION, end).await.unwrap_or(error)
+    }
+
+    pub(super) async fn ask_for_reports(&mut self) -> Result<(), RigError> {
+        self.tell_plc(&Instruction::Report).await;
+        if let Some(robot) = &mut self.robot {
+            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+        }
+        let (mut plc, mut robot) = (false, self.robot.is_none());
+        let both = async {
+            while !(plc && robot) {
+                match self.next_saying().await? {
+                    Said::Plc(Message::Report(_)) => plc = true,
+                    Said::Robot(Message::Report(_)) => robot = true,
+                    _ => {}
+                }
+            }
+            Ok(())
+        };
+        let answered = timeout(ANSWER, both).await;
+        let which = if plc { Which::Robot } else { Which::Plc };
+        answered.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
+    }
+
+    /// Tells a node to stop and waits until it has, and has been reaped.
+    pub(super) async fn end(&mut self, which: Which) -> Result<(), RigError> {
+        let Some(node) = self.node(which).filter(|node| !node.has_ended()) else {
+            return Ok(());
+        };
+        node.tell(&Instruction::<()>::Stop).await;
+        let end = async {
+            loop {
+                match self.next_saying().await {
+                    Ok(_) => {}
+                    Err(RigError::NodeEnded { which: ended, status: Some(status), .. })
+                        if ended == which && status.success() =>
+                    {
+                        return Ok(());
+                    }
+                    Err(error) => return Err(error),
+                }
+            }
+        };
+        let ended = timeout(ANSWER, end).await;
+        ended.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
+    }
+
+    pub(super) async fn tell_plc(&mut self, instruction: &Instruction<PlcInstruction>) {
+        self.plc.tell(instruction).await;
+    }
+
+    const fn node(&mut self, which: Which) -> Option<&mut Party> {
+        match which {
+            Which::Plc => Some(&mut self.plc),
+            Which::Robot => self.robot.as_mut(),
+        }
+    }
+}
