@@ -55,7 +55,7 @@ use node::{NodeProcess, Said};
 use party::Party;
 
 use crate::faults::FaultReport;
-use crate::trace::{self, Window};
+use crate::trace::{Window, tables};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
 #[global_allocator]
@@ -157,7 +157,7 @@ impl Rig {
         let (sayings, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
         let robot_args = [
-            config.args(cable::ROBOT, trace::ROBOT_ROWS),
+            config.args(cable::ROBOT, tables::ROBOT_ROWS),
             vec!["--seed".into(), config.seed.to_string().into()],
         ]
         .concat();
@@ -173,7 +173,7 @@ impl Rig {
             Which::Plc,
             &program,
             PLC_NODE,
-            config.args(cable::PLC, trace::PLC_ROWS),
+            config.args(cable::PLC, tables::PLC_ROWS),
             cable.plc(),
             sayings,
         )?;
