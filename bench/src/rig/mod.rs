@@ -50,6 +50,7 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
 use cable::{Cable, Fittings};
+use conversation::Beginning;
 use kills::Kills;
 use node::{NodeProcess, Said};
 use party::Party;
@@ -178,7 +179,7 @@ impl Rig {
             sayings,
         )?;
         let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
-        rig.wait_until_ready(started, None).await?;
+        rig.wait_until_ready(Beginning::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.kills = Kills::from_now(faults);
         if let Some(cable) = &rig.cable {
