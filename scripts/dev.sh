@@ -3,6 +3,9 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+# What the plain build leaves out. One build with it serves all tests; the verbs that run the bench build it plain.
+FEATURES=bench/mcap
+
 # PROFINET gate: nothing malformed, short or in error, no reserved bit set, nothing on its ports that is not it.
 PROFINET_TRAFFIC='pn_rt || dcerpc'
 PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn_dcp || dcerpc || lldp || udp.port in {34962 .. 34964}) && (_ws.malformed || _ws.short || _ws.expert.severity >= 0x00600000 || pn_rt.transfer_status != 0 || pn_rt.ds_res3 == 1 || pn_rt.ds_Reserved_2 == 1 || (udp.port == 34964 && !dcerpc && !icmp) || (udp.port in {34962 .. 34963} && !pn_rt && !icmp))'
@@ -37,8 +40,8 @@ verb_format() { #: fail where the formatting differs
 }
 
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
-    cargo clippy --workspace --all-targets --locked -- -D warnings
-    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+    cargo clippy --workspace --all-targets --features "$FEATURES" --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --features "$FEATURES" --no-deps --locked --quiet
     shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
@@ -69,8 +72,8 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
     echo "protocol is pure; unsafe stands in protocol-linux alone"
 }
 
-verb_test() { #: the README's test command
-    cargo test --workspace --locked --no-fail-fast
+verb_test() { #: the README's test command, with all features
+    cargo test --workspace --features "$FEATURES" --locked --no-fail-fast
 }
 
 # browser: the path of a Chromium, by any of its names.
@@ -148,6 +151,16 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
     done
     cargo run -p bench --locked -- --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
     gate_run gate_ethernet_ip "$out/virtual-B"
+    local fault capture
+    cargo run -p bench --locked -- --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
+        --fault loss=0.01 --fault duplicate=0.01 --fault reorder=0.01@3ms
+    gate_run gate_profinet "$out/faults"
+    for capture in "$out"/faults/*.pcapng; do
+        for fault in "lost" "arrives twice" "held back by 3ms"; do
+            tshark -n -r "$capture" -Y "frame.comment contains \"fault: $fault\"" 2>/dev/null | grep -c . >/dev/null ||
+                { echo "$capture has no comment at a frame with the fault: $fault" >&2; return 1; }
+        done
+    done
 }
 
 verb_gate() { #: fail where the virtual figures of a setup left their committed baseline, or CM lost ground in real time
@@ -245,6 +258,10 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
     chown 65534:65534 "$home"
     (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
         ./bench --setup A --reps 1 --out run)
+    # What a plain build lacks it refuses in words.
+    local said
+    said=$("$home/bench" --mode virtual --mcap 2>&1) && return 1
+    grep -q -- '--features mcap' <<<"$said"
 }
 
 # demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the

@@ -97,7 +97,12 @@ impl Rig {
     /// What either node says next; what concerns the rig itself is taken note of.
     async fn next_saying(&mut self) -> Result<Said, RigError> {
         // Both readers say that their node ended before they let go of the channel.
-        let said = self.said.recv().await.unwrap_or(Said::Ended(Which::Plc));
+        let said = loop {
+            tokio::select! {
+                said = self.said.recv() => break said.unwrap_or(Said::Ended(Which::Plc)),
+                node = self.kills.next() => self.kill(node),
+            }
+        };
         match &said {
             Said::Plc(Message::Hello(hello)) => self.hellos.push((Which::Plc, hello.clone())),
             Said::Robot(Message::Hello(hello)) => self.hellos.push((Which::Robot, hello.clone())),

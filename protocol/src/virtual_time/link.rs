@@ -93,8 +93,10 @@ impl fmt::Display for Fate {
     }
 }
 
+/// One direction of a cable: its seed decides what becomes of each frame. It has no clock and no queue, so that it serves a
+/// cable in virtual time and one between two real sockets alike.
 #[derive(Debug)]
-pub(super) struct Link {
+pub struct Link {
     impairment: Impairment,
     cut: bool,
     random: Pcg64Mcg,
@@ -104,7 +106,9 @@ pub(super) struct Link {
 }
 
 impl Link {
-    pub(super) fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
+    /// A link that is not cut. Links of one seed are told apart by `stream`: in a cable 0 is what A sends, 1 what B sends.
+    #[must_use]
+    pub fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
         Self {
             impairment,
             cut: false,
@@ -120,26 +124,25 @@ impl Link {
         self.impairment = impairment;
     }
 
-    pub(super) const fn set_cut(&mut self, cut: bool) {
+    /// Cuts it, or mends it.
+    pub const fn set_cut(&mut self, cut: bool) {
         self.cut = cut;
     }
 
-    pub(super) const fn counters(&self) -> LinkCounters {
+    /// What it did so far.
+    #[must_use]
+    pub const fn counters(&self) -> LinkCounters {
         self.counters
     }
 
-    /// A frame that was under way when the cable was cut.
-    pub(super) const fn lose_in_flight(&mut self) {
+    /// Counts a frame that was under way when the cable was cut.
+    pub const fn lose_in_flight(&mut self) {
         self.counters.lost += 1;
     }
 
-    /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does.
-    pub(super) fn pass(
-        &mut self,
-        now: Instant,
-        frame: &[u8],
-        mut arrive: impl FnMut(Instant, Fate, &[u8]),
-    ) -> Fate {
+    /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does. Nothing of an empty frame
+    /// can be corrupted.
+    pub fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, Fate, &[u8])) -> Fate {
         self.counters.sent += 1;
         let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
             self.impairment;

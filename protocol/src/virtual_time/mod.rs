@@ -11,7 +11,7 @@ mod stream;
 mod tap;
 
 pub use clock::Clock;
-pub use link::{Fate, Impairment, LinkCounters};
+pub use link::{Fate, Impairment, Link, LinkCounters};
 pub use tap::{Carrier, Segment, Tapped};
 
 use alloc::boxed::Box;
@@ -24,7 +24,6 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use crate::wire::FRAME_CAPACITY;
 use crate::{Instant, Machine, Port, Source, StreamId, Transmit};
 use clock::Reading;
-use link::Link;
 use stream::Streams;
 use tap::{Label, Tap};
 
@@ -38,7 +37,9 @@ pub enum Side {
 }
 
 impl Side {
-    const fn index(self) -> usize {
+    /// 0 for A, 1 for B: its place where there is something for each side.
+    #[must_use]
+    pub const fn index(self) -> usize {
         match self {
             Self::A => 0,
             Self::B => 1,
