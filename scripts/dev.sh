@@ -3,9 +3,6 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# What the plain build leaves out. One build with it serves all tests; the verbs that run the bench build it plain.
-FEATURES=bench/mcap
-
 # PROFINET gate: nothing malformed, short or in error, no reserved bit set, nothing on its ports that is not it.
 PROFINET_TRAFFIC='pn_rt || dcerpc'
 PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn_dcp || dcerpc || lldp || udp.port in {34962 .. 34964}) && (_ws.malformed || _ws.short || _ws.expert.severity >= 0x00600000 || pn_rt.transfer_status != 0 || pn_rt.ds_res3 == 1 || pn_rt.ds_Reserved_2 == 1 || (udp.port == 34964 && !dcerpc && !icmp) || (udp.port in {34962 .. 34963} && !pn_rt && !icmp))'
@@ -40,8 +37,8 @@ verb_format() { #: fail where the formatting differs
 }
 
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
-    cargo clippy --workspace --all-targets --features "$FEATURES" --locked -- -D warnings
-    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --features "$FEATURES" --no-deps --locked --quiet
+    cargo clippy --workspace --all-targets --all-features --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --locked --quiet
     shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
@@ -72,8 +69,8 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
     echo "protocol is pure; unsafe stands in protocol-linux alone"
 }
 
-verb_test() { #: the README's test command, with all features
-    cargo test --workspace --features "$FEATURES" --locked --no-fail-fast
+verb_test() { #: the README's test command
+    cargo test --workspace --all-features --locked --no-fail-fast
 }
 
 # browser: the path of a Chromium, by any of its names.
