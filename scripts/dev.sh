@@ -37,8 +37,8 @@ verb_format() { #: fail where the formatting differs
 }
 
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation
-    cargo clippy --workspace --all-targets --locked -- -D warnings
-    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+    cargo clippy --workspace --all-targets --all-features --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --locked --quiet
     shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
@@ -70,7 +70,7 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
 }
 
 verb_test() { #: the README's test command
-    cargo test --workspace --locked --no-fail-fast
+    cargo test --workspace --all-features --locked --no-fail-fast
 }
 
 # browser: the path of a Chromium, by any of its names.
@@ -148,6 +148,16 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
     done
     cargo run -p bench --locked -- --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
     gate_run gate_ethernet_ip "$out/virtual-B"
+    local fault capture
+    cargo run -p bench --locked -- --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
+        --fault loss=0.01 --fault duplicate=0.01 --fault reorder=0.01@3ms
+    gate_run gate_profinet "$out/faults"
+    for capture in "$out"/faults/*.pcapng; do
+        for fault in "lost" "arrives twice" "held back by 3ms"; do
+            tshark -n -r "$capture" -Y "frame.comment contains \"fault: $fault\"" 2>/dev/null | grep -c . >/dev/null ||
+                { echo "$capture has no comment at a frame with the fault: $fault" >&2; return 1; }
+        done
+    done
 }
 
 verb_gate() { #: fail where the virtual figures of a setup left their committed baseline, or CM lost ground in real time
@@ -245,6 +255,10 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
     chown 65534:65534 "$home"
     (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
         ./bench --setup A --reps 1 --out run)
+    # What a plain build lacks it refuses in words.
+    local said
+    said=$("$home/bench" --mode virtual --mcap 2>&1) && return 1
+    grep -q -- '--features mcap' <<<"$said"
 }
 
 # demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the

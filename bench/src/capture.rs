@@ -16,7 +16,7 @@ use std::time::Duration;
 use protocol::Instant;
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Carrier, Segment, Side, Tapped};
-use protocol_linux::capture::{CaptureFile, Keep, Packet};
+use protocol_linux::capture::{CaptureFile, Keep, Note, Packet};
 
 use packet::{Ip, Tcp};
 
@@ -126,22 +126,16 @@ impl VirtualCapture {
         Ok(Self { config, ends, connections: BTreeMap::new(), cut: false, next_number: 0, broken: None })
     }
 
-    /// The cable is cut or mended: said at both ends beside the next packet there.
-    pub fn set_cut(&mut self, cut: bool, lost_in_flight: u64) {
-        self.cut = cut;
-        let text = match (cut, lost_in_flight) {
-            (true, 0) => "fault: the cable is cut from here on".to_owned(),
-            (true, lost) => format!("fault: the cable is cut from here on; {lost} frames under way are lost"),
-            (false, _) => "the cable is mended".to_owned(),
-        };
-        self.note(&text);
-    }
-
-    /// Says something at both ends beside the next packet there.
-    pub fn note(&mut self, text: &str) {
+    /// The cable or a node changes: said at both ends beside the next packet there.
+    pub fn note(&mut self, note: Note) {
+        match note {
+            Note::Cut { .. } => self.cut = true,
+            Note::Mended => self.cut = false,
+            Note::Killed(_) => {}
+        }
         for end in &mut self.ends {
             let before = end.note.take().map_or_else(String::new, |before| before + "; ");
-            end.note = Some(before + text);
+            end.note = Some(before + &note.to_string());
         }
     }
 

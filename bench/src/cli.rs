@@ -119,6 +119,10 @@ pub struct RunOptions {
     /// Write a timeline of the first repetition of each type, as DIR/trace.json; ui.perfetto.dev opens it.
     #[arg(long)]
     pub trace: bool,
+    /// Write the arm's joints, the way of its tool and its path speed, actual and programmed, in the first repetition of
+    /// each type, as DIR/motion.mcap; Foxglove and Rerun open it. Only in a bench that was built with `--features mcap`.
+    #[arg(long)]
+    pub mcap: bool,
     /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
     /// duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the
     /// moment that the robot is ready; the same seed gives the same faults.

@@ -1,10 +1,11 @@
-//! Faults that the user puts into the cable: `--fault`, and what came of them.
+//! Faults that the user puts into the cable: `--fault`, and what came of them; in both modes the same.
 
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
 use protocol::virtual_time::{Impairment, LinkCounters, Side};
+use protocol_linux::impaired::Plan;
 use serde::{Deserialize, Serialize};
 
 /// One fault, as it is written: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
@@ -160,6 +161,62 @@ pub fn schedule(faults: &[Fault]) -> Vec<(Duration, Change)> {
     changes
 }
 
+/// What a capture says of the faults as a whole; nothing where there are none.
+#[must_use]
+pub fn about(faults: &[Fault]) -> String {
+    let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
+    if asked.is_empty() { String::new() } else { format!("faults put in: {}", asked.join(", ")) }
+}
+
+/// Longer than this a cable between two processes holds no frame back: what is under way has its place in memory.
+const LONGEST_HOLD: Duration = Duration::from_secs(1);
+
+/// Whether faults can be done to a cable between two processes.
+///
+/// # Errors
+///
+/// What they ask for, and what there is.
+pub fn check_real(faults: &[Fault]) -> Result<(), HeldTooLong> {
+    let hold = |link: &Impairment| link.delay + link.jitter + link.reorder_by;
+    let longest = links(faults, Impairment::default()).iter().map(hold).max().unwrap_or_default();
+    if longest > LONGEST_HOLD { Err(HeldTooLong { longest }) } else { Ok(()) }
+}
+
+/// Frames would be held for longer than there is room for them.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "these faults hold frames for up to {longest:?}, and a cable between two processes for {LONGEST_HOLD:?} at most: ask \
+     for less, or add --mode virtual"
+)]
+pub struct HeldTooLong {
+    longest: Duration,
+}
+
+/// What the faults ask of a cable between two processes. Its own delay is what the host makes of it.
+#[must_use]
+pub fn cable_plan(faults: &[Fault], seed: u64) -> Plan {
+    let cut = |(at, change)| match change {
+        Change::Cut => Some((at, true)),
+        Change::Mend => Some((at, false)),
+        Change::Kill(_) => None,
+    };
+    Plan {
+        links: links(faults, Impairment::default()),
+        cuts: schedule(faults).into_iter().filter_map(cut).collect(),
+        seed,
+    }
+}
+
+/// Which nodes the faults kill, and when; in order, counted as in [`schedule`].
+#[must_use]
+pub fn kills(faults: &[Fault]) -> Vec<(Duration, Side)> {
+    let kill = |(at, change)| match change {
+        Change::Kill(side) => Some((at, side)),
+        Change::Cut | Change::Mend => None,
+    };
+    schedule(faults).into_iter().filter_map(kill).collect()
+}
+
 /// What was asked for, and what the cable did, both directions together.
 #[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -229,6 +286,16 @@ mod tests {
             changes,
             [(ms(2_000), Change::Cut), (ms(2_100), Change::Mend), (ms(5_000), Change::Kill(Side::B))]
         );
+    }
+
+    #[test]
+    fn a_real_cable_holds_no_frame_for_longer_than_a_second() {
+        assert_eq!(
+            check_real(&faults(&["to-plc:delay=600ms", "to-robot:jitter=600ms", "cut-at=1s..9s"])),
+            Ok(())
+        );
+        let said = check_real(&faults(&["delay=600ms", "reorder=0.1@500ms"])).unwrap_err().to_string();
+        assert!(said.starts_with("these faults hold frames for up to 1.1s, and a cable"), "{said}");
     }
 
     #[test]

@@ -16,6 +16,7 @@
 //! sensitivity    how AET and AETi move with what the setup assumes
 //! study          options and files that both have; jobs runs them on all cores
 //! timeline       a trace as Perfetto opens it
+//! playback       a trace as Foxglove and Rerun open it, where it is built in
 //! trace          both nodes tick by tick; watch fills it in virtual time
 //! overhead       what recording costs
 //! ratio          two means of a real run as a ratio, with how sure it is
@@ -43,6 +44,8 @@ pub mod long;
 pub mod measure;
 pub mod overhead;
 pub mod plan;
+#[cfg(feature = "mcap")]
+pub mod playback;
 pub mod progress;
 pub mod quality;
 pub mod ratio;

@@ -13,14 +13,18 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::{Capture, Mode, RunOptions};
 use crate::exit::{Exit, Failure};
+use crate::faults;
 use crate::host::Host;
 use crate::plan::Plan;
+#[cfg(feature = "mcap")]
+use crate::playback;
 use crate::progress::Progress;
 use crate::report;
 use crate::results::{self, Results, Status};
-use crate::rig::{Rig, RigConfig, RigError};
+use crate::rig::{FrameLog, Rig, RigConfig, RigError};
 use crate::run_directory::{self, Durability, RunDirectory, replace};
 use crate::session::{Ended, Session};
+use crate::stand::Health;
 use crate::table;
 use crate::timeline;
 use crate::trace::Trace;
@@ -53,11 +57,15 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
         return Err(Failure::new(Exit::Usage, error));
     }
-    if options.mode == Mode::Real && !options.fault.is_empty() {
+    if options.mcap && !cfg!(feature = "mcap") {
         let error = anyhow!(
-            "--fault works in virtual mode: add --mode virtual; a real cable is impaired by `tc qdisc add dev IF root netem`"
+            "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \
+             `cargo run -p bench --features mcap -- …` runs it"
         );
         return Err(Failure::new(Exit::Usage, error));
+    }
+    if options.mode == Mode::Real {
+        faults::check_real(&options.fault).map_err(|error| Failure::new(Exit::Usage, error))?;
     }
     if options.attach.is_some() {
         check_attach(options)?;
@@ -74,17 +82,20 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         .build()
         .context("cannot start the bench's event loop")?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
-    println!("{}\n  Saved in {}.", table::render(&ended.results), directory.display());
-    match report::write(&directory) {
-        Ok(path) => println!("  Report: {}.", path.display()),
-        Err(Failure { error, .. }) => eprintln!(
-            "warning: the results are saved, but their report is not: {error:#}; `bench report {}` draws it again",
-            directory.display()
-        ),
+    let shown = directory.display();
+    println!("{}", table::render(&ended.results));
+    if ended.exit == Exit::Internal {
+        println!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
+    } else {
+        println!("  Saved in {shown}.");
+        match report::write(&directory) {
+            Ok(path) => println!("  Report: {}.", path.display()),
+            Err(Failure { error, .. }) => eprintln!(
+                "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
+            ),
+        }
     }
-    if let Some(error) = ended.failure {
-        eprintln!("error: {error:#}");
-    }
+    ended.failures.iter().for_each(|error| eprintln!("error: {error:#}"));
     Ok(ended.exit)
 }
 
@@ -94,8 +105,11 @@ fn check_attach(options: &RunOptions) -> Result<(), Failure> {
         "--attach measures on running nodes, in real time: leave out `--mode virtual`"
     } else if options.capture != Capture::Never {
         "--capture records the network that the bench makes: with --attach, record on the nodes' machine"
-    } else if options.trace {
-        "--trace records nodes that the bench starts: leave it out with --attach"
+    } else if !options.fault.is_empty() {
+        "--fault impairs the cable that the bench lays: leave it out with --attach, and impair the nodes' network, by \
+         `tc qdisc add dev IF root netem` for instance"
+    } else if options.trace || options.mcap {
+        "--trace and --mcap record nodes that the bench starts: leave them out with --attach"
     } else if options.cyclic.is_some() {
         "the nodes run already: give --cyclic to plc-node"
     } else {
@@ -153,8 +167,10 @@ impl Measurement<'_> {
                 let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
                 let speed = PlantSpeed { plant: stand.plant_time(), host: start.elapsed() };
                 session.progress.say(&speed.to_string());
-                self.save_trace(stand.trace(), &session)?;
-                stand.end_capture(self.wants_capture(ended.exit))?;
+                let wanted = self.wants_capture(ended.exit);
+                let ended = ended
+                    .and_saved(self.save_trace(stand.trace(), &session))
+                    .and_saved(stand.end_capture(wanted));
                 match ended.exit {
                     Exit::Pass => ended.beside(without_overhead.finish()?),
                     _ => ended,
@@ -174,8 +190,9 @@ impl Measurement<'_> {
                 }
             }
         };
-        session.finish(&ended.results)?;
-        Ok((ended, path))
+        // Where the disk took no more before, it is not asked again: what is there is whole.
+        let saved = if ended.exit == Exit::Internal { Ok(()) } else { session.finish(&ended.results) };
+        Ok((ended.and_saved(saved), path))
     }
 
     /// Shows the first warnings of the plan: in a grid each comes once a cycle.
@@ -203,6 +220,8 @@ impl Measurement<'_> {
             seed: self.options.seed,
             capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
             trace: Some(session.directory.path().to_owned()),
+            frames: self.options.trace.then(FrameLog::default),
+            faults: self.options.fault.clone(),
             ..RigConfig::new(session.directory.path().join("setup.toml"))
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
@@ -225,7 +244,7 @@ impl Measurement<'_> {
             }
             None => {
                 let results = Results { status: Status::Interrupted, ..results };
-                return Ok(Ended { results, exit: Exit::Interrupted, failure: None });
+                return Ok(Ended { results, exit: Exit::Interrupted, failures: Vec::new() });
             }
         };
         let refused = rig.warnings();
@@ -237,30 +256,49 @@ impl Measurement<'_> {
         if !self.wants_capture(ended.exit) {
             rig.discard_capture();
         }
-        let traced = rig.traced().to_vec();
+        let (traced, faults) = (rig.traced().to_vec(), rig.fault_report());
         let stopped = rig.stop().await;
         if self.options.attach.is_none() {
             // A node that was killed may have left nothing; the run's results do not depend on it.
             match Trace::collect(session.directory.path(), &traced) {
-                Ok(trace) => self.save_trace(&trace, session)?,
+                Ok(mut trace) => {
+                    trace.add_frames(&traced, config.frames.as_ref().map(FrameLog::take).unwrap_or_default());
+                    ended = ended.and_saved(self.save_trace(&trace, session));
+                }
                 Err(error) => {
                     session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
                 }
             }
         }
-        if ended.failure.is_none() {
+        match stopped {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
-            ended.results.set_health(&stopped.map_err(unusable)?.health(connected_after));
+            Ok(reports) if ended.failures.is_empty() => {
+                ended.results.set_health(&Health { faults, ..reports.health(connected_after) });
+            }
+            // A run that failed has said why; its nodes then have little to add.
+            Err(error) if ended.exit != Exit::RunFailed => {
+                // No repetition failed, so it is no such code.
+                let exit = if error.exit() == Exit::RunFailed { Exit::Internal } else { error.exit() };
+                ended.failures.push(error.into());
+                ended.exit = if ended.exit == Exit::Pass { exit } else { ended.exit };
+            }
+            _ => {}
         }
         Ok(ended)
     }
 
-    /// Saves the tables that the report draws, and the timeline where it is asked for.
+    /// Saves the tables that the report draws, and the timeline and the arm's motion where they are asked for.
     fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
         trace.save(session.directory.path())?;
         if self.options.trace {
             let path = session.directory.path().join(timeline::FILE);
             replace(&path, &timeline::json(trace)?, Durability::Written)?;
+        }
+        #[cfg(feature = "mcap")]
+        if self.options.mcap {
+            let path = session.directory.path().join(playback::FILE);
+            let plan = self.found.plan(&self.setup)?;
+            replace(&path, playback::bytes(trace, &self.setup, &plan)?, Durability::Written)?;
         }
         Ok(())
     }

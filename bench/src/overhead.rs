@@ -168,7 +168,7 @@ async fn measure(options: &OverheadOptions, directory: &Path) -> Result<[Cost; 2
         }
         let recorded = in_pair.is_some_and(|index| (index % 2 == 0) == recorded_first);
         rig.pause_capture(!recorded).context("cannot pause the capture")?;
-        rig.record(recorded).await;
+        rig.record(recorded).await.map_err(unusable)?;
         tokio::time::sleep(step.pause).await;
         let executed = rig.execute(step.execution_type).await;
         executed.map_err(|error| Failure::new(Exit::RunFailed, error))?;

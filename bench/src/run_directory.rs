@@ -37,6 +37,8 @@ pub enum Durability {
 pub struct RunDirectory {
     path: PathBuf,
     samples: File,
+    /// Length of the samples that are saved whole, in bytes.
+    samples_len: u64,
     durability: Durability,
 }
 
@@ -53,18 +55,39 @@ impl RunDirectory {
         })?;
         let samples_path = path.join("samples.csv");
         let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
-        let mut samples = match samples {
+        let samples = match samples {
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
                 anyhow::bail!("{} holds a run already; choose another directory by --out", path.display())
             }
             samples => samples.with_context(|| format!("cannot write {}", samples_path.display()))?,
         };
-        samples.write_all(b"type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error\n")?;
+        let mut directory = Self { path: path.to_owned(), samples, samples_len: 0, durability };
+        directory.append("type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error\n")?;
         let mut setup = setup.clone();
         setup.application = "application.toml".to_owned();
-        fs::write(path.join("setup.toml"), setup::setup_to_toml(&setup)?)?;
-        fs::write(path.join("application.toml"), application)?;
-        Ok(Self { path: path.to_owned(), samples, durability })
+        directory.write("setup.toml", &setup::setup_to_toml(&setup)?)?;
+        directory.write("application.toml", application)?;
+        Ok(directory)
+    }
+
+    /// Writes a file that is not written again.
+    fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
+        replace(&self.path.join(name), text, Durability::Written)
+    }
+
+    /// Adds a line to the samples, whole or not at all.
+    fn append(&mut self, line: &str) -> anyhow::Result<()> {
+        let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
+            Durability::Synced => self.samples.sync_data(),
+            Durability::Written => Ok(()),
+        });
+        if saved.is_err() {
+            // A disk that takes the first half of a line takes this too; if not, the line is seen to be broken.
+            let _ = self.samples.set_len(self.samples_len);
+        } else {
+            self.samples_len += line.len() as u64;
+        }
+        saved.with_context(|| format!("cannot write {}", self.path.join("samples.csv").display()))
     }
 
     /// Where it is.
@@ -75,8 +98,7 @@ impl RunDirectory {
 
     /// Writes the machine's description.
     pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
-        let path = self.path.join("host.json");
-        fs::write(&path, json).with_context(|| format!("cannot write {}", path.display()))
+        self.write("host.json", json)
     }
 
     /// Writes down a finished repetition, good or failed, and the results so far.
@@ -86,12 +108,7 @@ impl RunDirectory {
         outcome: &anyhow::Result<Measured>,
         results: &Results,
     ) -> anyhow::Result<()> {
-        let line = sample_line(step, outcome);
-        let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
-            Durability::Synced => self.samples.sync_data(),
-            Durability::Written => Ok(()),
-        });
-        saved.with_context(|| format!("cannot write samples to {}", self.path.display()))?;
+        self.append(&sample_line(step, outcome))?;
         self.save_results(results)
     }
 
@@ -172,20 +189,29 @@ pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
     replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
 }
 
-/// Replaces a file as a whole: whoever reads it sees the old text or the new one, also after a crash.
-pub fn replace(path: &Path, text: &str, durability: Durability) -> anyhow::Result<()> {
+/// Replaces a file as a whole: whoever reads it sees the old content or the new one, also after a crash or on a full disk.
+///
+/// # Errors
+///
+/// The disk does not take it. The old file is there as it was, and nothing else.
+pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -> anyhow::Result<()> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".new");
+    let new = path.with_file_name(name);
     let write = || {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".new");
-        let new = path.with_file_name(name);
         let mut file = File::create(&new)?;
-        file.write_all(text.as_bytes())?;
+        file.write_all(content.as_ref())?;
         if durability == Durability::Synced {
             file.sync_data()?;
         }
         fs::rename(&new, path)
     };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    write()
+        .inspect_err(|_| {
+            // Half a file would take the last bytes of a full disk.
+            let _ = fs::remove_file(&new);
+        })
+        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {

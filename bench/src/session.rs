@@ -28,8 +28,8 @@ pub struct Ended {
     pub results: Results,
     /// The code that the program ends with.
     pub exit: Exit,
-    /// Why a repetition failed, where one did.
-    pub failure: Option<anyhow::Error>,
+    /// Why a repetition failed, where one did, and what of the run could not be saved.
+    pub failures: Vec<anyhow::Error>,
 }
 
 impl Ended {
@@ -37,6 +37,18 @@ impl Ended {
     #[must_use]
     pub fn beside(self, without_skill_overhead: Option<WithoutOverhead>) -> Self {
         Self { results: Results { without_skill_overhead, ..self.results }, ..self }
+    }
+
+    /// The same after an attempt to save more of the run. Where that failed, a run that passed did not.
+    #[must_use]
+    pub fn and_saved(mut self, saved: anyhow::Result<()>) -> Self {
+        if let Err(error) = saved {
+            self.failures.push(error);
+            if self.exit == Exit::Pass {
+                self.exit = Exit::Internal;
+            }
+        }
+        self
     }
 }
 
@@ -54,7 +66,8 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// The results cannot be written. Whatever was written before is still there.
+    /// The results of no repetition yet cannot be written. Where those of a repetition cannot, the run ends there: what
+    /// it measured is returned, and what was written before is still there.
     pub async fn run(
         &mut self,
         stand: &mut impl Stand,
@@ -63,7 +76,7 @@ impl Session {
         interrupt: impl Future<Output = ()>,
     ) -> anyhow::Result<Ended> {
         let mut interrupt = std::pin::pin!(interrupt);
-        let mut failure = None;
+        let mut failures = Vec::new();
         // A file that cannot be written is to be known before the first repetition, not after it.
         self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
@@ -93,19 +106,28 @@ impl Session {
             results.set_health(&stand.health());
             let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
             let status = std::mem::replace(&mut results.status, so_far);
-            self.directory.save(&step, &outcome, &results)?;
-            self.exports.write(&results, Durability::Written)?;
+            let saved = self
+                .directory
+                .save(&step, &outcome, &results)
+                .and_then(|()| self.exports.write(&results, Durability::Written));
             self.progress.finished(step.execution_type, step.repetition, &results);
             if let Err(error) = outcome {
                 let name = format!("{} {} of {}", step.execution_type, step.repetition, plan.reps);
-                failure = Some(error.context(format!("repetition {name} failed")));
+                failures.push(error.context(format!("repetition {name} failed")));
+            }
+            if let Err(error) = saved {
+                self.progress.end();
+                failures.push(error.context("the run ends here, since the disk does not take its results"));
+                return Ok(Ended { results, exit: Exit::Internal, failures });
+            }
+            if results.status == Status::Failed {
                 break;
             }
             results.status = status;
         }
         self.progress.end();
-        self.finish(&results)?;
-        Ok(Ended { exit: end(results.status), results, failure })
+        let saved = self.finish(&results);
+        Ok(Ended { exit: end(results.status), results, failures }.and_saved(saved))
     }
 
     /// Writes the results for good.
@@ -201,7 +223,7 @@ mod tests {
     fn a_repetition_that_fails_is_marked_and_those_before_it_stay() {
         let outcome = run(5, std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
-        insta::assert_snapshot!(format!("{:#}", outcome.ended.failure.unwrap()), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
+        insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
         insta::assert_snapshot!(outcome.samples, @r#"
         type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
         rc,1,1,1,0,

@@ -6,7 +6,7 @@
 //! ```text
 //! run     which type is running
 //! PLC     scans · the command that it gives · motions in the slots · motions written
-//! cable   what each end sends and receives, in virtual mode
+//! cable   what each end sends and receives
 //! robot   ticks · state · the command that it executes · path speed · queue
 //! ```
 

@@ -20,7 +20,7 @@ use protocol::image::{Digest, Motion};
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side, Tapped};
 use protocol::{Instant, Lateness};
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::{Keep, Note};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use robot_node::{Program, Quality, RobotConfig, RobotEvent, RobotNode};
@@ -413,11 +413,11 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         let lost = lost(&self.pair) - before;
         let Some(capture) = &self.capture else { return };
         if let Some(capture) = &mut *capture.borrow_mut() {
-            match change {
-                Change::Cut | Change::Mend => capture.set_cut(change == Change::Cut, lost),
-                Change::Kill(Side::A) => capture.note("fault: the PLC is killed"),
-                Change::Kill(Side::B) => capture.note("fault: the robot is killed"),
-            }
+            capture.note(match change {
+                Change::Cut => Note::Cut { lost_under_way: lost },
+                Change::Mend => Note::Mended,
+                Change::Kill(side) => Note::Killed(side),
+            });
         }
     }
 }
@@ -425,17 +425,8 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
 impl Extras {
     fn start_capture(&self, setup: &Setup) -> anyhow::Result<Option<SharedCapture>> {
         let Some((directory, keep)) = &self.capture else { return Ok(None) };
-        let asked: Vec<_> = self.faults.iter().map(ToString::to_string).collect();
         let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
-        let config = CableConfig {
-            macs: [PLC_MAC, ROBOT_MAC],
-            delay,
-            about: if asked.is_empty() {
-                String::new()
-            } else {
-                format!("faults put in: {}", asked.join(", "))
-            },
-        };
+        let config = CableConfig { macs: [PLC_MAC, ROBOT_MAC], delay, about: faults::about(&self.faults) };
         let capture = VirtualCapture::create(directory, config, *keep)
             .with_context(|| format!("cannot make captures in {}", directory.display()))?;
         Ok(Some(Rc::new(RefCell::new(Some(capture)))))

@@ -304,3 +304,19 @@ fn a_directory_that_cannot_be_made_is_named() {
     assert_eq!(said.code, Some(1));
     insta::assert_snapshot!(said.stderr, @"error: cannot make the run directory file/run; choose another by --out: Not a directory (os error 20)");
 }
+
+#[test]
+fn faults_that_hold_frames_longer_than_a_real_cable_can_are_refused() {
+    insta::assert_snapshot!(refused(&["--fault", "delay=600ms", "--fault", "reorder=0.01@1s"]), @"error: these faults hold frames for up to 1.6s, and a cable between two processes for 1s at most: ask for less, or add --mode virtual");
+}
+
+#[test]
+fn nodes_that_run_already_get_no_faults_from_the_bench() {
+    insta::assert_snapshot!(refused(&["--attach", "plc=127.0.0.1:1", "--fault", "loss=0.01"]), @"error: --fault impairs the cable that the bench lays: leave it out with --attach, and impair the nodes' network, by `tc qdisc add dev IF root netem` for instance");
+}
+
+#[test]
+#[cfg(not(feature = "mcap"))]
+fn a_bench_that_was_built_without_mcap_says_how_to_build_one_with_it() {
+    insta::assert_snapshot!(refused(&["--mode", "virtual", "--mcap"]), @"error: --mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and `cargo run -p bench --features mcap -- …` runs it");
+}

@@ -12,6 +12,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
+use pcap_file::pcapng::{Block, PcapNgReader};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Real time wants the host for itself: one test at a time.
@@ -37,6 +39,9 @@ struct Ended {
     stderr: String,
     samples: String,
     results: serde_json::Value,
+    timeline: serde_json::Value,
+    files: Vec<String>,
+    captures: Vec<(String, Vec<u8>)>,
 }
 
 impl Bench {
@@ -104,9 +109,19 @@ impl Bench {
         let mut stderr = String::new();
         self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
         let samples = fs::read_to_string(self.place.path().join("run/samples.csv")).unwrap_or_default();
-        let results = fs::read_to_string(self.place.path().join("run/results.json")).unwrap_or_default();
-        let results = serde_json::from_str(&results).unwrap_or_default();
-        Ended { status, after, stderr, samples, results }
+        let json = |name| {
+            let text = fs::read_to_string(self.place.path().join(name)).unwrap_or_default();
+            serde_json::from_str(&text).unwrap_or_default()
+        };
+        let (results, timeline) = (json("run/results.json"), json("run/trace.json"));
+        let entries = fs::read_dir(self.place.path().join("run")).map(|entries| entries.map(Result::unwrap));
+        let files: Vec<_> =
+            entries.into_iter().flatten().map(|entry| entry.file_name().into_string().unwrap()).collect();
+        let captures = files.iter().filter(|name| name.ends_with(".pcapng"));
+        let captures = captures
+            .map(|name| (name.clone(), fs::read(self.place.path().join("run").join(name)).unwrap()))
+            .collect();
+        Ended { status, after, stderr, samples, results, timeline, files, captures }
     }
 }
 
@@ -222,4 +237,98 @@ fn even_a_killed_bench_leaves_nothing_behind() {
     kill_process(bench.pid(), Signal::KILL).unwrap();
     assert_eq!(bench.wait().status.signal(), Some(9));
     nothing_is_left(&networks);
+}
+
+/// The frames of one track of a timeline: when each passed, in µs, and whether the cable did something to it.
+fn frames(timeline: &serde_json::Value, track: u64) -> Vec<(f64, bool)> {
+    let events = timeline["traceEvents"].as_array().unwrap().iter();
+    let frames = events.filter(|event| event["ph"] == "i" && event["pid"] == 4 && event["tid"] == track);
+    frames.map(|event| (event["ts"].as_f64().unwrap(), event["args"]["fault"] == true)).collect()
+}
+
+#[test]
+fn a_real_timeline_has_the_frames_of_both_ends_without_a_capture_that_nobody_asked_for() {
+    let ended = Bench::start(&["--reps", "1", "--trace"]).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    let run_ms = ended.results["results"]["cm"]["samples_ms"][0].as_f64().unwrap();
+    let [plc_sends, robot_receives, robot_sends, plc_receives] =
+        [1, 2, 3, 4].map(|track| frames(&ended.timeline, track));
+    for (sent, received) in [(&plc_sends, &robot_receives), (&robot_sends, &plc_receives)] {
+        // One a millisecond; a host that stalls skips some.
+        assert!(sent.len() as f64 > run_ms * 0.5, "{} frames in {run_ms} ms", sent.len());
+        assert!(sent.iter().chain(received).all(|(at, _)| (0.0..=run_ms * 1e3).contains(at)));
+        assert!(sent.is_sorted() && received.is_sorted(), "a track runs backwards");
+        // What passed one end just before the run passes the other in it, and the other way round.
+        assert!(sent.len().abs_diff(received.len()) <= 2, "{} sent, {} received", sent.len(), received.len());
+    }
+    assert!(!ended.files.iter().any(|file| file.ends_with(".pcapng")), "{:?}", ended.files);
+}
+
+/// What the comments in the capture of one end say, at the frames that it sent or at those that it received.
+fn comments(ended: &Ended, file: &str, sent: bool) -> Vec<String> {
+    let bytes = &ended.captures.iter().find(|(name, _)| name == file).expect("a capture").1;
+    let mut reader = PcapNgReader::new(&bytes[..]).unwrap();
+    let mut comments = Vec::new();
+    while let Some(block) = reader.next_block() {
+        let Block::EnhancedPacket(packet) = block.unwrap() else { continue };
+        let is_sent = packet.options.iter().any(|option| matches!(option, EnhancedPacketOption::Flags(2)));
+        comments.extend(packet.options.iter().filter_map(|option| match option {
+            EnhancedPacketOption::Comment(comment) if is_sent == sent => Some(comment.to_string()),
+            _ => None,
+        }));
+    }
+    comments
+}
+
+#[test]
+fn a_real_cable_does_the_faults_that_were_asked_for_and_each_is_a_comment_and_counted() {
+    let mut args = vec!["--reps", "1", "--capture", "always", "--trace"];
+    for fault in ["loss=0.01", "to-plc:duplicate=0.02", "to-robot:reorder=0.01@3ms"] {
+        args.extend(["--fault", fault]);
+    }
+    let ended = Bench::start(&args).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    let (plc, robot) = (comments(&ended, "plc.pcapng", true), comments(&ended, "robot.pcapng", true));
+    let count =
+        |comments: &[String], text: &str| comments.iter().filter(|comment| comment.contains(text)).count();
+    let faults = &ended.results["faults"];
+    assert_eq!((count(&plc, "lost") + count(&robot, "lost")) as u64, faults["lost"]);
+    assert_eq!(
+        (count(&plc, "twice") as u64, faults["duplicated"].as_u64()),
+        (0, Some(count(&robot, "twice") as u64))
+    );
+    let held = count(&plc, "held back by 3ms") as u64;
+    assert_eq!((count(&robot, "held back"), faults["reordered"].as_u64()), (0, Some(held)));
+    assert!(
+        ["lost", "duplicated", "reordered"].iter().all(|fault| faults[fault].as_u64() > Some(10)),
+        "{faults}"
+    );
+    // The nodes missed what the cable lost.
+    assert!(ended.results["bus"]["lost"].as_u64() >= Some(10), "{}", ended.results["bus"]);
+    assert!(frames(&ended.timeline, 1).iter().any(|(_, faulty)| *faulty));
+}
+
+#[test]
+fn a_cut_and_a_killed_node_are_told_beside_the_next_frames_of_a_real_capture() {
+    let faults = ["--fault", "cut-at=500ms..504ms", "--fault", "kill-robot-at=1s"];
+    let ended = Bench::start(&[&["--reps", "9", "--capture", "on-failure"], &faults[..]].concat()).wait();
+    assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the robot-node ended (signal: 9 (SIGKILL))"), "{}", ended.stderr);
+    let comments = [true, false].map(|sent| comments(&ended, "plc.pcapng", sent).join("\n")).join("\n");
+    for text in [
+        "the cable is cut from here on",
+        "lost, the cable is cut",
+        "the cable is mended",
+        "the robot is killed",
+    ] {
+        assert!(comments.contains(text), "{text} is not among: {comments}");
+    }
+}
+
+/// EtherNet/IP has connections over TCP on the same cable: what is lost of them is sent again.
+#[test]
+fn a_run_of_setup_b_outlives_a_lossy_real_cable() {
+    let ended = Bench::start_setup("B", &["--reps", "1", "--fault", "loss=0.005"]).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    assert!(ended.results["faults"]["lost"].as_u64() > Some(5), "{}", ended.results["faults"]);
 }

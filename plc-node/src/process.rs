@@ -6,34 +6,22 @@
 
 use std::ffi::OsString;
 use std::fmt;
-use std::net::{SocketAddr, SocketAddrV4};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
 use clap::Parser;
+use node_command::{Prepared, RunOptions};
 use planning::PROGRAM;
-use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::{Duration, Instant, Lateness};
-use protocol_linux::message::{Console, Hello};
 use protocol_linux::report::BusReport;
-use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{
-    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
-};
+use protocol_linux::supervise::{Conductor, Next, Outcome};
+use protocol_linux::{Node, Wire};
 use serde::{Deserialize, Serialize};
-use setup::{BusKind, Cyclic, Setup};
+use setup::BusKind;
 
 use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
 use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, Sample, StartError, bus};
-
-/// Time that the program has to get going before its first scan.
-const LEAD: Duration = Duration::from_millis(5);
-
-/// UDP port of the cable without a protocol.
-const DIRECT_PORT: u16 = 34_900;
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
 #[derive(Parser, Debug)]
@@ -55,15 +43,8 @@ enum Subcommand {
 
 #[derive(clap::Args, Debug)]
 struct Run {
-    /// A built-in setup's name, or the path of a .toml file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
-    setup: String,
-    /// The network interface that the robot is on: its name, or the IPv4 address that it has.
-    #[arg(long, value_name = "IF|ADDRESS")]
-    interface: String,
-    /// How PROFINET's cyclic frames travel, instead of what the setup says.
-    #[arg(long, value_name = "udp|rt1")]
-    cyclic: Option<Cyclic>,
+    #[command(flatten)]
+    options: RunOptions,
     /// Repetitions of each execution type.
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "control", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     reps: u32,
@@ -76,19 +57,6 @@ struct Run {
         conflicts_with = "control"
     )]
     types: Vec<ExecutionType>,
-    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT`. There is no password, so give an
-    /// address that only the bench reaches.
-    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
-    control: Option<SocketAddr>,
-    /// Take instructions from standard input and answer in JSON.
-    #[arg(long, hide = true)]
-    json: bool,
-    /// Exchange images without a protocol, for tests that are not about a bus.
-    #[arg(long, hide = true)]
-    direct: bool,
-    /// Record scans into this file, while instructions ask for it.
-    #[arg(long, hide = true)]
-    trace_file: Option<PathBuf>,
 }
 
 /// What only a PLC says.
@@ -177,104 +145,59 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Subcommand::Plan(plan) => plan.execute(),
         Subcommand::Discover(discover) => discover.execute(),
     };
-    match outcome {
-        Ok(outcome) => outcome.into(),
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            // What is wrong with a setup or an application is for the user to put right; all else is the host's.
-            let usage =
-                error.is::<setup::Error>() || error.is::<planning::Error>() || error.is::<bus::BusError>();
-            if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
-        }
-    }
+    node_command::exit_code(outcome, |error| error.is::<bus::BusError>())
 }
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
-        let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        capabilities::raise().context("making use of the program's capabilities")?;
-        let (mut setup, application) = planning::setup_with_application(&self.setup)?;
-        if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
-            profinet.cyclic = cyclic;
-        }
-        setup::check(&setup)?;
-        let plan = application.plan(&setup)?;
-        let motions = plan.wire_motions(&setup);
-        let interface = Interface::find(&self.interface)?;
-        interface.set_up()?;
+        let prepared = self.options.prepare()?;
+        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
         // A PLC has its address from its project. Taking another one away could cut the user's own connection.
         interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         // On a real clock the scan takes what it takes.
         let config = PlcConfig {
             scan_cost: Duration::ZERO,
             stops: plan.stops(),
-            ..PlcConfig::from_setup(&setup, motions, PROGRAM)
+            ..PlcConfig::from_setup(setup, plan.wire_motions(setup), PROGRAM)
         };
-        let start = clock::now() + LEAD;
-        if self.direct {
-            let wires = vec![Wire::udp(&interface, Udp { port: DIRECT_PORT })?];
-            let cycle = micros(setup.bus.cycle_us.value);
-            let bus = Direct::new(start, cycle, cycle * setup.bus.watchdog_cycles.value)
-                .over_udp(DIRECT_PORT, SocketAddrV4::new(setup.bus.robot_address, DIRECT_PORT));
+        let start = node_command::first_cycle();
+        // The clock makes every start of this PLC a new one to the robot.
+        let nonce = start.as_nanos();
+        if self.options.direct {
+            let (bus, wires) = prepared.direct(setup.bus.robot_address, start)?;
             let node = PlcNode::new(config, bus, start);
-            return self.supervise(&setup, node, "images without a protocol", interface, wires, signals);
+            return self.supervise(prepared, "images without a protocol", (node, wires));
         }
         match setup.bus.kind {
             BusKind::Profinet => {
-                let wires = Wire::profinet(&interface)?;
-                // The clock makes every start of this PLC a new one to the robot.
-                let bus = bus::profinet_controller(&setup, interface.mac(), start.as_nanos(), start)?;
+                let wires = Wire::profinet(interface)?;
+                let bus = bus::profinet_controller(setup, interface.mac(), nonce, start)?;
                 let node = PlcNode::new(config, bus, start);
-                self.supervise(&setup, node, "PROFINET IO-Controller", interface, wires, signals)
+                self.supervise(prepared, "PROFINET IO-Controller", (node, wires))
             }
             BusKind::EthernetIp => {
-                let wires = Wire::ethernet_ip(&interface)?;
-                let bus = bus::ethernet_ip_scanner(&setup, interface.mac(), start.as_nanos(), start)?;
+                let wires = Wire::ethernet_ip(interface)?;
+                let bus = bus::ethernet_ip_scanner(setup, interface.mac(), nonce, start)?;
                 let node = PlcNode::new(config, bus, start);
-                self.supervise(&setup, node, "EtherNet/IP scanner", interface, wires, signals)
+                self.supervise(prepared, "EtherNet/IP scanner", (node, wires))
             }
-            other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
+            other => Err(prepared.no_endpoint(other)),
         }
     }
 
     fn supervise<B: Fieldbus + Send + fmt::Debug + 'static>(
         &self,
-        setup: &Setup,
-        node: PlcNode<B>,
-        bus: &str,
-        interface: Interface,
-        wires: Vec<Wire>,
-        signals: StopSignals,
+        prepared: Prepared,
+        endpoint: &str,
+        node: (PlcNode<B>, Vec<Wire>),
     ) -> anyhow::Result<Outcome> {
-        let hello = Hello {
-            node: "plc-node".to_owned(),
-            setup: setup.name.clone(),
-            bus: bus.to_owned(),
-            interface: interface.name().to_owned(),
-            mac: interface.mac().to_string(),
-            warning: None,
-        };
-        let trace = self.trace_file.as_deref();
-        let start = |commands| NodeProcess::start(node, interface, wires, signals, commands, trace);
-        Ok(match self.control {
-            Some(address) => {
-                let commands = Commands::Control(ControlPort::listen(address)?);
-                supervise(start(commands)?, &mut Told::default(), Console::Words, hello)
-            }
-            None if self.json => {
-                supervise(start(Commands::Stdin)?, &mut Told::default(), Console::Json, hello)
-            }
-            None => {
-                let mut alone = Alone::new(&self.types, self.reps);
-                supervise(start(Commands::None)?, &mut alone, Console::Words, hello)
-            }
-        })
+        if self.options.is_led() {
+            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut Told::default())
+        } else {
+            let mut alone = Alone::new(&self.types, self.reps);
+            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut alone)
+        }
     }
-}
-
-fn micros(value: u32) -> Duration {
-    Duration::from_micros(value.into())
 }
 
 /// What the owner of a PLC may want of it.

@@ -5,32 +5,20 @@
 
 use std::ffi::OsString;
 use std::fmt;
-use std::net::{SocketAddr, SocketAddrV4};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
 use clap::Parser;
+use node_command::{Prepared, RunOptions};
 use planning::PROGRAM;
-use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::{Duration, Instant, Lateness};
-use protocol_linux::message::{Console, Hello};
-use protocol_linux::supervise::{Conductor, Next, Outcome, supervise};
-use protocol_linux::{
-    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, Udp, Wire, capabilities, clock,
-};
+use protocol::{Instant, Lateness};
+use protocol_linux::supervise::{Conductor, Next, Outcome};
+use protocol_linux::{Node, Wire};
 use serde::{Deserialize, Serialize};
-use setup::{BusKind, Cyclic, Setup};
+use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::{ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, bus};
-
-/// Time that the program has to get going before the robot's first cycle.
-const LEAD: Duration = Duration::from_millis(5);
-
-/// UDP port of the cable without a protocol.
-const DIRECT_PORT: u16 = 34_900;
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
 #[derive(Parser, Debug)]
@@ -48,32 +36,11 @@ enum Subcommand {
 
 #[derive(clap::Args, Debug)]
 struct Run {
-    /// A built-in setup's name, or the path of a .toml file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
-    setup: String,
-    /// The network interface that the PLC is on: its name, or the IPv4 address that it has. Over PROFINET the PLC gives it an IP address, in place of the one
-    /// it has; otherwise it gets the setup's.
-    #[arg(long, value_name = "IF|ADDRESS")]
-    interface: String,
-    /// How PROFINET's cyclic frames travel. A device takes what the controller asks for; this only checks the setup.
-    #[arg(long, value_name = "udp|rt1", hide = true)]
-    cyclic: Option<Cyclic>,
+    #[command(flatten)]
+    options: RunOptions,
     /// Seed of the moments at which the interpreter notices a command.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Let a bench control this node over TCP: `bench --attach robot=HOST:PORT`. There is no password, so give an
-    /// address that only the bench reaches.
-    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
-    control: Option<SocketAddr>,
-    /// Take instructions from standard input and answer in JSON.
-    #[arg(long, hide = true)]
-    json: bool,
-    /// Exchange images without a protocol, for tests that are not about a bus.
-    #[arg(long, hide = true)]
-    direct: bool,
-    /// Record cycles into this file, while instructions ask for it.
-    #[arg(long, hide = true)]
-    trace_file: Option<PathBuf>,
 }
 
 /// What only a robot says.
@@ -120,94 +87,51 @@ pub enum RobotInstruction {}
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let Subcommand::Run(run) = cli.command;
-    match run.execute() {
-        Ok(outcome) => outcome.into(),
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            // What is wrong with a setup or an application is for the user to put right; all else is the host's.
-            let usage = error.is::<setup::Error>()
-                || error.is::<planning::Error>()
-                || error.is::<bus::BusError>()
-                || error.is::<ConfigError>();
-            if usage { Outcome::Usage } else { Outcome::EnvironmentUnusable }.into()
-        }
-    }
+    let is_usage = |error: &anyhow::Error| error.is::<bus::BusError>() || error.is::<ConfigError>();
+    node_command::exit_code(run.execute(), is_usage)
 }
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        // Before any thread is there: threads inherit which signals are blocked, and the capabilities.
-        let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        capabilities::raise().context("making use of the program's capabilities")?;
-        let (mut setup, application) = planning::setup_with_application(&self.setup)?;
-        if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
-            profinet.cyclic = cyclic;
-        }
-        setup::check(&setup)?;
-        let plan = application.plan(&setup)?;
-        let program = Program::new(plan.wire_motions(&setup), &plan.stops());
-        let interface = Interface::find(&self.interface)?;
-        interface.set_up()?;
-        let config = RobotConfig::from_setup(&setup)?.in_cell_of(&application.application);
-        let programs = vec![(PROGRAM, program)];
-        let start = clock::now() + LEAD;
-        if self.direct {
-            interface.set_address(setup.bus.robot_address, setup.bus.subnet_mask)?;
-            let wires = vec![Wire::udp(&interface, Udp { port: DIRECT_PORT })?];
-            let cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
-            let bus = Direct::new(start, cycle, cycle * setup.bus.watchdog_cycles.value)
-                .over_udp(DIRECT_PORT, SocketAddrV4::new(setup.bus.plc_address, DIRECT_PORT));
+        let prepared = self.options.prepare()?;
+        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
+        let config = RobotConfig::from_setup(setup)?.in_cell_of(&prepared.application.application);
+        let programs = vec![(PROGRAM, Program::new(plan.wire_motions(setup), &plan.stops()))];
+        let take_address =
+            || interface.take_address("bus.robot_address", setup.bus.robot_address, setup.bus.subnet_mask);
+        let start = node_command::first_cycle();
+        if self.options.direct {
+            take_address()?;
+            let (bus, wires) = prepared.direct(setup.bus.plc_address, start)?;
             let node = RobotNode::new(config, programs, bus, self.seed, start);
-            return self.supervise(&setup, node, "images without a protocol", interface, wires, signals);
+            return self.supervise(prepared, "images without a protocol", (node, wires));
         }
         match setup.bus.kind {
             BusKind::Profinet => {
-                let wires = Wire::profinet(&interface)?;
-                let bus = bus::profinet_device(&setup, interface.mac(), interface.address(), start)?;
+                let wires = Wire::profinet(interface)?;
+                let bus = bus::profinet_device(setup, interface.mac(), interface.address(), start)?;
                 let node = RobotNode::new(config, programs, bus, self.seed, start);
-                self.supervise(&setup, node, "PROFINET IO-Device", interface, wires, signals)
+                self.supervise(prepared, "PROFINET IO-Device", (node, wires))
             }
             BusKind::EthernetIp => {
                 // An adapter has its address from its project: there is no DCP that gives it one.
-                interface.take_address(
-                    "bus.robot_address",
-                    setup.bus.robot_address,
-                    setup.bus.subnet_mask,
-                )?;
-                let wires = Wire::ethernet_ip(&interface)?;
-                let bus = bus::ethernet_ip_adapter(&setup, interface.mac(), start.as_nanos());
+                take_address()?;
+                let wires = Wire::ethernet_ip(interface)?;
+                let bus = bus::ethernet_ip_adapter(setup, interface.mac(), start.as_nanos());
                 let node = RobotNode::new(config, programs, bus, self.seed, start);
-                self.supervise(&setup, node, "EtherNet/IP adapter", interface, wires, signals)
+                self.supervise(prepared, "EtherNet/IP adapter", (node, wires))
             }
-            other => anyhow::bail!("bus.kind {other:?} does not run over a real network yet; Setup A does"),
+            other => Err(prepared.no_endpoint(other)),
         }
     }
 
     fn supervise<B: Fieldbus + Send + 'static>(
         &self,
-        setup: &Setup,
-        node: RobotNode<B>,
-        bus: &str,
-        interface: Interface,
-        wires: Vec<Wire>,
-        signals: StopSignals,
+        prepared: Prepared,
+        endpoint: &str,
+        node: (RobotNode<B>, Vec<Wire>),
     ) -> anyhow::Result<Outcome> {
-        let hello = Hello {
-            node: "robot-node".to_owned(),
-            setup: setup.name.clone(),
-            bus: bus.to_owned(),
-            interface: interface.name().to_owned(),
-            mac: interface.mac().to_string(),
-            warning: None,
-        };
-        let (console, commands) = match self.control {
-            Some(address) => (Console::Words, Commands::Control(ControlPort::listen(address)?)),
-            None if self.json => (Console::Json, Commands::Stdin),
-            None => (Console::Words, Commands::None),
-        };
-        let trace = self.trace_file.as_deref();
-        let process = NodeProcess::start(node, interface, wires, signals, commands, trace)?;
-        Ok(supervise(process, &mut Served, console, hello))
+        prepared.supervise(&self.options, "robot-node", endpoint, node, &mut Served)
     }
 }
 

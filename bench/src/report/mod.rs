@@ -55,7 +55,7 @@ pub struct ReportOptions {
 pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
     let path = options.out.clone().unwrap_or_else(|| options.run.join(FILE));
     let html = render(&options.run)?;
-    replace(&path, &html, Durability::Written)
+    replace(&path, &html, Durability::Synced)
         .map_err(|error| error.context("the run is as it was; name a file that can be written by --out"))?;
     println!("{}", path.display());
     Ok(Exit::Pass)
@@ -68,7 +68,7 @@ pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
 /// As [`run`].
 pub fn write(directory: &Path) -> Result<PathBuf, Failure> {
     let path = directory.join(FILE);
-    replace(&path, &render(directory)?, Durability::Written)?;
+    replace(&path, render(directory)?, Durability::Synced)?;
     Ok(path)
 }
 

@@ -219,7 +219,9 @@ fn banner(results: &Results) -> Option<Banner> {
         }),
         Status::Running => Some(Banner {
             title: "This run is not finished.",
-            text: format!("It is still running, or the program was ended from outside. {so_far}"),
+            text: format!(
+                "It is still running, or the program was ended from outside or by a full disk. {so_far}"
+            ),
         }),
     }
 }

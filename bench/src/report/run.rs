@@ -9,7 +9,7 @@ use setup::Setup;
 use crate::exit::{Exit, Failure};
 use crate::results::Results;
 use crate::run_directory;
-use crate::trace::{self, Trace};
+use crate::trace::{Trace, tables};
 
 /// Everything of a run that a report shows.
 #[derive(Debug)]
@@ -47,11 +47,11 @@ impl Run {
             .and_then(|text| serde_json::from_str(&text).context("host.json is not what this version writes"))
             .map_err(&mut or_missing)
             .ok();
-        let trace = match directory.join(trace::ROBOT_FILE).exists() {
+        let trace = match directory.join(tables::ROBOT_FILE).exists() {
             // A run whose nodes were killed may have none; the report says so in its place.
             false => None,
-            true => read(trace::ROBOT_FILE)
-                .and_then(|robot| Ok((robot, read(trace::PLC_FILE)?)))
+            true => read(tables::ROBOT_FILE)
+                .and_then(|robot| Ok((robot, read(tables::PLC_FILE)?)))
                 .and_then(|(robot, plc)| Ok(Trace::from_csv(&robot, &plc)?))
                 .map_err(&mut or_missing)
                 .ok(),

@@ -14,6 +14,7 @@ use tokio::net::tcp::OwnedWriteHalf;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
+use super::conversation::Beginning;
 use super::node::{Said, listen};
 use super::party::Party;
 use super::{Rig, RigError, Which};
@@ -88,23 +89,22 @@ impl Rig {
         let mut plc = AttachedNode::reach(Which::Plc, &to.plc, sayings.clone()).await?;
         // Whoever says nothing yields the control port to the next that comes.
         plc.tell(&Instruction::<PlcInstruction>::Report).await;
-        let robot = match &to.robot {
-            Some(address) => {
-                let mut robot = AttachedNode::reach(Which::Robot, address, sayings).await?;
-                robot.tell(&Instruction::<RobotInstruction>::Report).await;
-                Some(Party::Attached(robot))
-            }
-            None => None,
-        };
-        let mut rig = Self::of(Party::Attached(plc), robot, said, None);
-        rig.wait_until_ready(Instant::now(), Some(setup)).await?;
+        let mut rig = Self::of(Party::Attached(plc), None, said, None);
+        let mut beginning = Beginning::new(Some(setup));
+        // One after the other: what is wrong with the PLC is often wrong with both, and is told of the PLC then.
+        rig.meet(&mut beginning).await?;
+        if let Some(address) = &to.robot {
+            let mut robot = AttachedNode::reach(Which::Robot, address, sayings).await?;
+            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+            rig.robot = Some(Party::Attached(robot));
+        }
+        rig.wait_until_ready(beginning).await?;
         rig.ask_for_reports().await?;
         rig.before = rig.reports.clone();
         Ok(rig)
     }
 
-    /// What is reached by an address may be the other node, or run another setup. The PLC is named before the robot,
-    /// whichever spoke first.
+    /// What is reached by an address may be the other node, or run another setup.
     pub(super) fn check_hellos(&self, setup: Option<&str>) -> Result<(), RigError> {
         for (which, node) in [(Which::Plc, Some(&self.plc)), (Which::Robot, self.robot.as_ref())] {
             let hello = self.hellos.iter().find(|(from, _)| *from == which);

@@ -6,6 +6,9 @@ use std::path::PathBuf;
 use protocol_linux::capture::Keep;
 use setup::Cyclic;
 
+use super::frames::FrameLog;
+use crate::faults::Fault;
+
 /// What the rig is to run.
 #[derive(Clone, Debug)]
 pub struct RigConfig {
@@ -19,6 +22,10 @@ pub struct RigConfig {
     pub capture: Option<(PathBuf, Keep)>,
     /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`] asks for it.
     pub trace: Option<PathBuf>,
+    /// Takes up what passes both interfaces while cycles are recorded.
+    pub frames: Option<FrameLog>,
+    /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
+    pub faults: Vec<Fault>,
     /// The program that both nodes are; none for this one.
     pub program: Option<PathBuf>,
     /// Exchange images without a protocol, for tests that are not about a bus.
@@ -34,6 +41,8 @@ impl RigConfig {
             seed: 1,
             capture: None,
             trace: None,
+            frames: None,
+            faults: Vec::new(),
             program: None,
             direct: false,
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use protocol_linux::message::{Instruction, Message};
 use robot_node::process::{RobotInstruction, RobotMessage};
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::timeout;
 
 use super::node::Said;
 use super::party::Party;
@@ -20,15 +20,21 @@ const ANSWER: Duration = Duration::from_secs(1);
 /// How long after the first bad news the rig waits for news that explain it: a lost connection is often a dead node.
 const EXPLANATION: Duration = Duration::from_millis(300);
 
-/// What was heard of the connection before it was there.
-#[derive(Debug, Default)]
-struct Beginning {
+/// What is waited for before a run, and what was heard of it.
+#[derive(Debug)]
+pub(super) struct Beginning<'a> {
+    /// The setup that nodes which ran before have to be of.
+    setup: Option<&'a str>,
     robot_ready: bool,
-    /// Why the last attempt failed.
+    /// Why the last attempt to connect failed.
     last_attempt: Option<String>,
 }
 
-impl Beginning {
+impl<'a> Beginning<'a> {
+    pub(super) const fn new(setup: Option<&'a str>) -> Self {
+        Self { setup, robot_ready: false, last_attempt: None }
+    }
+
     fn hear(&mut self, said: Said) {
         match said {
             Said::Plc(Message::Node(PlcMessage::Ready)) => self.robot_ready = true,
@@ -39,32 +45,37 @@ impl Beginning {
 }
 
 impl Rig {
-    /// Waits for every node to introduce itself, as one that runs `setup` where that is given, and for the PLC to find
-    /// the robot ready.
-    pub(super) async fn wait_until_ready(
-        &mut self,
-        started: Instant,
-        setup: Option<&str>,
-    ) -> Result<(), RigError> {
+    /// Waits for every node that there is so far to introduce itself, as one of the wanted setup.
+    pub(super) async fn meet(&mut self, beginning: &mut Beginning<'_>) -> Result<(), RigError> {
         let nodes = 1 + usize::from(self.robot.is_some());
-        let mut beginning = Beginning::default();
-        let ready = async {
+        let all_met = async {
             while self.hellos.len() < nodes {
                 beginning.hear(self.next_saying().await?);
             }
-            self.check_hellos(setup)?;
+            self.check_hellos(beginning.setup)
+        };
+        let met = timeout(CONNECT, all_met).await;
+        met.unwrap_or_else(|_| Err(self.not_connected(beginning)))
+    }
+
+    /// Waits for the PLC to find the robot ready.
+    pub(super) async fn wait_until_ready(&mut self, mut beginning: Beginning<'_>) -> Result<(), RigError> {
+        self.meet(&mut beginning).await?;
+        let ready = async {
             while !beginning.robot_ready {
                 beginning.hear(self.next_saying().await?);
             }
             Ok(())
         };
-        let ready = timeout_at(started + CONNECT, ready).await;
-        ready.unwrap_or_else(|_| {
-            let reason = beginning.last_attempt.unwrap_or_else(|| "the nodes said nothing of it".to_owned());
-            let nodes = [Some(&self.plc), self.robot.as_ref()];
-            let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
-            Err(RigError::NotConnected { waited: CONNECT, reason, last_words })
-        })
+        let ready = timeout(CONNECT, ready).await;
+        ready.unwrap_or_else(|_| Err(self.not_connected(&beginning)))
+    }
+
+    fn not_connected(&self, beginning: &Beginning<'_>) -> RigError {
+        let reason = beginning.last_attempt.as_deref().unwrap_or("the nodes said nothing of it").to_owned();
+        let nodes = [Some(&self.plc), self.robot.as_ref()];
+        let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
+        RigError::NotConnected { waited: CONNECT, reason, last_words }
     }
 
     /// What the PLC says next of its runs. A lost connection and an ended node are errors.
@@ -86,7 +97,12 @@ impl Rig {
     /// What either node says next; what concerns the rig itself is taken note of.
     async fn next_saying(&mut self) -> Result<Said, RigError> {
         // Both readers say that their node ended before they let go of the channel.
-        let said = self.said.recv().await.unwrap_or(Said::Ended(Which::Plc));
+        let said = loop {
+            tokio::select! {
+                said = self.said.recv() => break said.unwrap_or(Said::Ended(Which::Plc)),
+                node = self.kills.next() => self.kill(node),
+            }
+        };
         match &said {
             Said::Plc(Message::Hello(hello)) => self.hellos.push((Which::Plc, hello.clone())),
             Said::Robot(Message::Hello(hello)) => self.hellos.push((Which::Robot, hello.clone())),

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use plc_node::ExecutionType;
 use protocol_linux::namespace::NamespaceError;
-use protocol_linux::{InterfaceError, RecorderError};
+use protocol_linux::{InterfaceError, PortError, RecorderError};
 
 use crate::exit::Exit;
 
@@ -45,6 +45,9 @@ pub enum RigError {
     /// The capture cannot be made.
     #[error(transparent)]
     Capture(#[from] RecorderError),
+    /// What does the faults gets no sockets.
+    #[error(transparent)]
+    Port(#[from] PortError),
     /// A node cannot be started.
     #[error("cannot start the {which}: {reason}")]
     Spawn {
@@ -165,6 +168,7 @@ impl RigError {
         match self {
             Self::Namespace { .. }
             | Self::Interface(_)
+            | Self::Port(_)
             | Self::Spawn { .. }
             | Self::NotConnected { .. }
             | Self::Unreachable { .. }

@@ -22,6 +22,8 @@ mod cable;
 mod config;
 mod conversation;
 mod error;
+mod frames;
+mod kills;
 mod node;
 mod party;
 mod stand;
@@ -29,6 +31,7 @@ mod stand;
 pub use attached::{Attach, AttachError};
 pub use config::RigConfig;
 pub use error::{RigError, Which};
+pub use frames::FrameLog;
 
 use std::io;
 use std::path::PathBuf;
@@ -37,6 +40,7 @@ use std::time::Duration;
 
 use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
+use protocol::virtual_time::Side;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
 use protocol_linux::{Interface, PortError, Wire};
@@ -45,11 +49,14 @@ use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 
-use cable::Cable;
+use cable::{Cable, Fittings};
+use conversation::Beginning;
+use kills::Kills;
 use node::{NodeProcess, Said};
 use party::Party;
 
-use crate::trace::{self, Window};
+use crate::faults::FaultReport;
+use crate::trace::{Window, tables};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
 #[global_allocator]
@@ -89,7 +96,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// The outer one says why there is no cable, the inner one why there are no sockets on it.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
-    let cable = Cable::lay(None)?;
+    let cable = Cable::lay(Fittings::default())?;
     let open = || {
         let interface = Interface::open(cable::PLC)?;
         let ports = Wire::profinet(&interface).and_then(|_| Wire::ethernet_ip(&interface));
@@ -114,6 +121,7 @@ pub struct Rig {
     traced: Vec<Window>,
     recording: bool,
     is_traced: bool,
+    kills: Kills,
     /// None where the nodes ran already.
     connected_after: Option<Duration>,
     /// Last, so that it outlives the nodes; none where somebody else laid it.
@@ -143,12 +151,14 @@ impl Rig {
     /// What the host does not allow, a node that does not start, or a connection that does not come about.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
-        let cable = Cable::lay(config.capture.as_ref())?;
+        let RigConfig { capture, faults, seed, frames, .. } = config;
+        let (capture, frames) = (capture.as_ref(), frames.as_ref());
+        let cable = Cable::lay(Fittings { capture, faults, seed: *seed, frames })?;
         // Room for all that two nodes say while the bench writes a file.
         let (sayings, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
         let robot_args = [
-            config.args(cable::ROBOT, trace::ROBOT_ROWS),
+            config.args(cable::ROBOT, tables::ROBOT_ROWS),
             vec!["--seed".into(), config.seed.to_string().into()],
         ]
         .concat();
@@ -164,13 +174,17 @@ impl Rig {
             Which::Plc,
             &program,
             PLC_NODE,
-            config.args(cable::PLC, trace::PLC_ROWS),
+            config.args(cable::PLC, tables::PLC_ROWS),
             cable.plc(),
             sayings,
         )?;
         let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
-        rig.wait_until_ready(started, None).await?;
+        rig.wait_until_ready(Beginning::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
+        rig.kills = Kills::from_now(faults);
+        if let Some(cable) = &rig.cable {
+            cable.set_ready();
+        }
         rig.is_traced = config.trace.is_some();
         Ok(rig)
     }
@@ -187,6 +201,7 @@ impl Rig {
             traced: Vec::new(),
             recording: false,
             is_traced: false,
+            kills: Kills::default(),
             connected_after: None,
             cable,
         }
@@ -221,14 +236,41 @@ impl Rig {
         self.cable.as_ref().map_or(Ok(()), |cable| cable.pause_capture(paused))
     }
 
-    /// Records the cycles of the runs to come, or no more.
-    pub async fn record(&mut self, on: bool) {
+    /// Records the cycles of the runs to come, and the frames where they are wanted, or no more.
+    ///
+    /// # Errors
+    ///
+    /// The host does not let the rig listen to its own interfaces.
+    pub async fn record(&mut self, on: bool) -> Result<(), RigError> {
         if self.is_traced && self.recording != on {
             self.recording = on;
+            if let Some(cable) = &mut self.cable {
+                cable.watch(on)?;
+            }
             self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
             if let Some(robot) = &mut self.robot {
                 robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
             }
+        }
+        Ok(())
+    }
+
+    /// What came of the faults so far; none where none were asked for.
+    #[must_use]
+    pub fn fault_report(&self) -> Option<FaultReport> {
+        self.cable.as_ref().and_then(Cable::fault_report)
+    }
+
+    fn kill(&mut self, side: Side) {
+        let node = match side {
+            Side::A => Some(&mut self.plc),
+            Side::B => self.robot.as_mut(),
+        };
+        if let Some(cable) = &self.cable {
+            cable.note_killed(side);
+        }
+        if let Some(node) = node {
+            node.kill();
         }
     }
 

@@ -78,6 +78,11 @@ impl NodeProcess {
         self.child.id()
     }
 
+    /// Kills it, by SIGKILL. One that has ended already stays as it is.
+    pub(super) fn kill(&mut self) {
+        let _ = self.child.start_kill();
+    }
+
     /// Tells the node something. If it cannot hear, it has ended, and that is told by [`Said::Ended`].
     pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         let Some(stdin) = &mut self.stdin else {

@@ -47,6 +47,13 @@ impl Party {
         }
     }
 
+    /// Kills a node that the rig started.
+    pub(super) fn kill(&mut self) {
+        if let Self::Process(node) = self {
+            node.kill();
+        }
+    }
+
     /// The process number, while it runs, of one that the rig started.
     pub(super) fn id(&self) -> Option<u32> {
         match self {

@@ -11,7 +11,7 @@ use crate::stand::{CycleHealth, Health, Measured, Stand};
 impl Stand for Rig {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
         // Before the pause, so that it is no work of the measured run.
-        self.record(step.repetition == 1).await;
+        self.record(step.repetition == 1).await?;
         tokio::time::sleep(step.pause).await;
         let run = Self::execute(self, step.execution_type).await?;
         Ok(Measured {
@@ -23,12 +23,12 @@ impl Stand for Rig {
     }
 
     fn health(&self) -> Health {
-        self.reports().health(self.connected_after())
+        Health { faults: self.fault_report(), ..self.reports().health(self.connected_after()) }
     }
 }
 
 impl Reports {
-    /// What the nodes reported, as the conditions of a run.
+    /// What the nodes reported, as the conditions of a run without faults.
     pub fn health(&self, connected_after: Option<Duration>) -> Health {
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {

@@ -6,6 +6,7 @@
 
 use std::borrow::Cow;
 use std::collections::VecDeque;
+use std::fmt;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPa
 use pcap_file::pcapng::blocks::interface_description::{
     InterfaceDescriptionBlock, InterfaceDescriptionOption,
 };
+use protocol::virtual_time::Side;
 
 /// Longer frames are cut; no port of a node takes longer ones.
 pub(crate) const SNAP_LEN: usize = 2048;
@@ -49,6 +51,34 @@ pub struct Packet<'a> {
     pub comment: Option<&'a str>,
 }
 
+/// What a capture says beside the next frame when the cable or a node changes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Note {
+    /// The cable is cut.
+    Cut {
+        /// Frames that were under way and are lost.
+        lost_under_way: u64,
+    },
+    /// It is mended.
+    Mended,
+    /// A node is killed: the PLC is at end A, the robot at end B.
+    Killed(Side),
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cut { lost_under_way: 0 } => f.write_str("fault: the cable is cut from here on"),
+            Self::Cut { lost_under_way } => {
+                write!(f, "fault: the cable is cut from here on; {lost_under_way} frames under way are lost")
+            }
+            Self::Mended => f.write_str("the cable is mended"),
+            Self::Killed(Side::A) => f.write_str("fault: the PLC is killed"),
+            Self::Killed(Side::B) => f.write_str("fault: the robot is killed"),
+        }
+    }
+}
+
 /// A capture that is being written.
 pub struct CaptureFile {
     path: PathBuf,
@@ -56,8 +86,8 @@ pub struct CaptureFile {
     packets: u64,
 }
 
-impl std::fmt::Debug for CaptureFile {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Debug for CaptureFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("CaptureFile")
             .field("path", &self.path)
             .field("packets", &self.packets)

@@ -68,26 +68,7 @@ impl EthernetSocket {
             };
             set_option(socket.as_fd(), libc::PACKET_ADD_MEMBERSHIP, &request).map_err(failed)?;
         }
-        let address = libc::sockaddr_ll {
-            sll_family: libc::AF_PACKET as u16,
-            sll_protocol: ethernet.ethertype.to_be(),
-            sll_ifindex: interface.index() as i32,
-            sll_hatype: 0,
-            sll_pkttype: 0,
-            sll_halen: 0,
-            sll_addr: [0; 8],
-        };
-        // SAFETY: the socket is open; the address is a whole `sockaddr_ll` and its true size is given.
-        let bound = unsafe {
-            libc::bind(
-                socket.as_raw_fd(),
-                (&raw const address).cast(),
-                size_of::<libc::sockaddr_ll>() as libc::socklen_t,
-            )
-        };
-        if bound < 0 {
-            return Err(failed(std::io::Error::last_os_error()));
-        }
+        bind(socket.as_fd(), interface, ethernet.ethertype).map_err(failed)?;
         Ok(Self { socket, mac: interface.mac(), groups: ethernet.groups })
     }
 
@@ -121,10 +102,36 @@ impl EthernetSocket {
     }
 }
 
-/// `linux/if_packet.h`; the libc crate has it for newer versions only.
-const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
+/// Makes a packet socket hear frames of this EtherType on this interface, and send there.
+pub(crate) fn bind(socket: BorrowedFd<'_>, interface: &Interface, ethertype: u16) -> std::io::Result<()> {
+    let address = libc::sockaddr_ll {
+        sll_family: libc::AF_PACKET as u16,
+        sll_protocol: ethertype.to_be(),
+        sll_ifindex: interface.index() as i32,
+        sll_hatype: 0,
+        sll_pkttype: 0,
+        sll_halen: 0,
+        sll_addr: [0; 8],
+    };
+    // SAFETY: the socket is open; the address is a whole `sockaddr_ll` and its true size is given.
+    let bound = unsafe {
+        libc::bind(
+            socket.as_raw_fd(),
+            (&raw const address).cast(),
+            size_of::<libc::sockaddr_ll>() as libc::socklen_t,
+        )
+    };
+    if bound < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
+}
 
-fn set_option<T: Copy>(socket: BorrowedFd<'_>, name: libc::c_int, value: &T) -> std::io::Result<()> {
+/// `linux/if_packet.h`; the libc crate has it for newer versions only.
+pub(crate) const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
+
+pub(crate) fn set_option<T: Copy>(
+    socket: BorrowedFd<'_>,
+    name: libc::c_int,
+    value: &T,
+) -> std::io::Result<()> {
     // SAFETY: the socket is open; the value is a plain C structure, its true size is given, and the kernel copies it.
     let result = unsafe {
         libc::setsockopt(

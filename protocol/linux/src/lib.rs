@@ -4,7 +4,8 @@
 //! knows as a [`protocol::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
 //! [`CyclicThread`] is that loop on a thread of its own, with real-time scheduling where it is allowed, reached
 //! over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, as an ordinary
-//! user too. [`Recorder`] writes what passes an interface into a capture.
+//! user too, and [`impaired`] one that does to frames what a bad one does. [`Recorder`] writes what passes an interface into
+//! a capture.
 //!
 //! This is the only crate of the workspace with `unsafe` code.
 
@@ -23,6 +24,7 @@ mod cyclic_thread;
 mod driver;
 mod dscp;
 mod ethernet;
+pub mod impaired;
 mod inbox;
 mod interface;
 pub mod message;

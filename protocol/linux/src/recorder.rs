@@ -1,4 +1,4 @@
-//! Records what passes an interface into a pcapng file, from a thread and a socket of its own.
+//! Records what passes an interface into a pcapng file, or shows it to somebody, from a thread and a socket of its own.
 //!
 //! It sees both directions as the kernel has them, so that it witnesses what the node really put on the wire. An
 //! 802.1Q tag that the kernel took off a received frame is put back.
@@ -13,7 +13,10 @@ use std::time::{Duration, SystemTime};
 
 use socket2::{Domain, Protocol, SockFilter, Socket, Type};
 
+use protocol::Instant;
+
 use crate::capture::{CaptureFile, Keep, Packet, SNAP_LEN};
+use crate::clock;
 
 /// Room for the frames of about a second while the disk is busy, in bytes.
 const RECEIVE_BUFFER: usize = 8 << 20;
@@ -40,6 +43,12 @@ pub enum RecorderError {
         /// What the system said.
         source: io::Error,
     },
+    /// The disk could not keep up with the cable.
+    #[error("{frames} frames are missing in the captures: the disk or the host was too busy to take them")]
+    LeftOut {
+        /// How many.
+        frames: u64,
+    },
 }
 
 /// A capture that is running.
@@ -53,14 +62,26 @@ pub struct Recorder {
 impl Recorder {
     /// Starts to record what passes `interface` into the new file `path`, with a comment on the interface.
     pub fn start(interface: &str, path: &Path, about: &str, keep: Keep) -> Result<Self, RecorderError> {
-        let no_file = |source| RecorderError::File { path: path.to_owned(), source };
+        let capture = CaptureFile::create(path, interface, about, keep)
+            .map_err(|source| RecorderError::File { path: path.to_owned(), source })?;
+        Self::start_with(interface, capture)
+    }
+
+    /// Starts to show what passes `interface` to `see`, each frame with its instant by [`clock::now`]. Nothing is kept.
+    pub fn watch(
+        interface: &str,
+        see: impl FnMut(Instant, &Packet<'_>) + Send + 'static,
+    ) -> Result<Self, RecorderError> {
+        Self::start_with(interface, Watcher(see))
+    }
+
+    fn start_with(interface: &str, listener: impl Listener + 'static) -> Result<Self, RecorderError> {
         let no_socket = |source| RecorderError::Socket { interface: interface.to_owned(), source };
         let socket = open(interface).map_err(no_socket)?;
-        let capture = CaptureFile::create(path, interface, about, keep).map_err(no_file)?;
         let shared = Arc::new(Shared::default());
         let recorder = socket.try_clone().map_err(no_socket)?;
         let recording =
-            Recording { socket, capture, shared: Arc::clone(&shared), interface: interface.to_owned() };
+            Recording { socket, listener, shared: Arc::clone(&shared), interface: interface.to_owned() };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || recording.run())
@@ -108,24 +129,63 @@ struct Shared {
     discard: AtomicBool,
 }
 
+/// Who hears of each frame, on the recorder's thread.
+trait Listener: Send {
+    fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError>;
+
+    /// Nothing passed for a while.
+    fn idle(&mut self) -> Result<(), RecorderError> {
+        Ok(())
+    }
+
+    /// The end; returns how many frames were heard of.
+    fn finish(self) -> Result<u64, RecorderError>;
+}
+
+impl Listener for CaptureFile {
+    fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
+        self.write(packet).map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
+    }
+
+    fn idle(&mut self) -> Result<(), RecorderError> {
+        self.flush().map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
+    }
+
+    fn finish(self) -> Result<u64, RecorderError> {
+        let path = self.path().to_owned();
+        self.finish().map_err(|source| RecorderError::File { path, source })
+    }
+}
+
+struct Watcher<F>(F);
+
+impl<F: FnMut(Instant, &Packet<'_>) + Send> Listener for Watcher<F> {
+    fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
+        (self.0)(clock::instant_of(packet.since_1970), packet);
+        Ok(())
+    }
+
+    fn finish(self) -> Result<u64, RecorderError> {
+        Ok(0)
+    }
+}
+
 /// The recorder's thread.
-struct Recording {
+struct Recording<L> {
     socket: Socket,
-    capture: CaptureFile,
+    listener: L,
     shared: Arc<Shared>,
     interface: String,
 }
 
-impl Recording {
+impl<L: Listener> Recording<L> {
     fn run(mut self) -> Result<u64, RecorderError> {
-        let path = self.capture.path().to_owned();
-        let no_file = |source| RecorderError::File { path: path.clone(), source };
         let mut buf = [0; SNAP_LEN];
         while !self.shared.stop.load(Ordering::Relaxed) {
             match receive(&self.socket, &mut buf) {
-                Ok(frame) => self.capture.write(&frame).map_err(no_file)?,
+                Ok(frame) => self.listener.hear(&frame)?,
                 Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
-                    self.capture.flush().map_err(no_file)?;
+                    self.listener.idle()?;
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Err(source) => return Err(RecorderError::Socket { interface: self.interface, source }),
@@ -134,7 +194,7 @@ impl Recording {
         if self.shared.discard.load(Ordering::Relaxed) {
             return Ok(0);
         }
-        self.capture.finish().map_err(no_file)
+        self.listener.finish()
     }
 }
 
@@ -150,7 +210,7 @@ pub(crate) fn open(interface: &str) -> io::Result<Socket> {
     Ok(socket)
 }
 
-fn set_flag(socket: &Socket, level: libc::c_int, name: libc::c_int) -> io::Result<()> {
+pub(crate) fn set_flag(socket: &Socket, level: libc::c_int, name: libc::c_int) -> io::Result<()> {
     let on: libc::c_int = 1;
     let len = size_of_val(&on) as libc::socklen_t;
     // SAFETY: `on` lives over the call and `len` is its size.

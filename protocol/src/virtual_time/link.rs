@@ -5,6 +5,7 @@ use core::fmt;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use crate::wire::FRAME_CAPACITY;
 use crate::{Duration, Instant};
 
 /// What a cable does to the frames of one direction. Rates are in parts per million of the frames.
@@ -92,8 +93,10 @@ impl fmt::Display for Fate {
     }
 }
 
+/// One direction of a cable: its seed decides what becomes of each frame. It has no clock and no queue, so that it serves a
+/// cable in virtual time and one between two real sockets alike.
 #[derive(Debug)]
-pub(super) struct Link {
+pub struct Link {
     impairment: Impairment,
     cut: bool,
     random: Pcg64Mcg,
@@ -103,7 +106,9 @@ pub(super) struct Link {
 }
 
 impl Link {
-    pub(super) fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
+    /// A link that is not cut. Links of one seed are told apart by `stream`: in a cable 0 is what A sends, 1 what B sends.
+    #[must_use]
+    pub fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
         Self {
             impairment,
             cut: false,
@@ -119,21 +124,43 @@ impl Link {
         self.impairment = impairment;
     }
 
-    pub(super) const fn set_cut(&mut self, cut: bool) {
+    /// Cuts it, or mends it.
+    pub const fn set_cut(&mut self, cut: bool) {
         self.cut = cut;
     }
 
-    pub(super) const fn counters(&self) -> LinkCounters {
+    /// What it did so far.
+    #[must_use]
+    pub const fn counters(&self) -> LinkCounters {
         self.counters
     }
 
-    /// A frame that was under way when the cable was cut.
-    pub(super) const fn lose_in_flight(&mut self) {
+    /// Counts a frame that was under way when the cable was cut.
+    pub const fn lose_in_flight(&mut self) {
         self.counters.lost += 1;
     }
 
+    /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does. Nothing of an empty frame
+    /// can be corrupted.
+    pub fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, Fate, &[u8])) -> Fate {
+        let (fate, arrival) = self.decide(now, frame.len());
+        let Some(arrival) = arrival else { return fate };
+        let copies = if fate.duplicated { 2 } else { 1 };
+        let mut corrupted = [0; FRAME_CAPACITY];
+        let frame = match (fate.flipped_bit, corrupted.get_mut(..frame.len())) {
+            (Some(bit), Some(corrupted)) => {
+                corrupted.copy_from_slice(frame);
+                flip(corrupted, bit);
+                corrupted
+            }
+            _ => frame,
+        };
+        (0..copies).for_each(|_| arrive(arrival, fate, frame));
+        fate
+    }
+
     /// What becomes of a frame of `len` bytes that leaves now, and when it arrives; never, if it vanishes.
-    pub(super) fn pass(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
+    pub(super) fn decide(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
         self.counters.sent += 1;
         let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
             self.impairment;
@@ -154,7 +181,7 @@ impl Link {
         }
         fate.duplicated = self.chance(duplicate_ppm);
         self.counters.duplicated += u64::from(fate.duplicated);
-        if self.chance(corrupt_ppm) && len > 0 {
+        if self.chance(corrupt_ppm) && (1..=FRAME_CAPACITY).contains(&len) {
             self.counters.corrupted += 1;
             fate.flipped_bit = Some(self.below(len as u64 * 8) as u32);
         }
@@ -193,5 +220,12 @@ impl Link {
 
     fn below(&mut self, bound: u64) -> u64 {
         ((u128::from(self.random.next_u64()) * u128::from(bound)) >> 64) as u64
+    }
+}
+
+/// Flips a bit of a frame, counted from the first byte's lowest.
+pub(super) fn flip(frame: &mut [u8], bit: u32) {
+    if let Some(byte) = frame.get_mut(bit as usize / 8) {
+        *byte ^= 1 << (bit % 8);
     }
 }

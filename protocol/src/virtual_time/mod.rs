@@ -12,7 +12,7 @@ mod stream;
 mod tap;
 
 pub use clock::Clock;
-pub use link::{Fate, Impairment, LinkCounters};
+pub use link::{Fate, Impairment, Link, LinkCounters};
 pub use tap::{Carrier, Segment, Tapped};
 
 use alloc::boxed::Box;
@@ -25,7 +25,7 @@ use crate::wire::FRAME_CAPACITY;
 use crate::{Instant, Machine, Port, Source, Transmit};
 use clock::Reading;
 use in_flight::{Delivery, InFlight, InFlights};
-use link::Link;
+use link::flip;
 use stream::Streams;
 use tap::{Label, Tap};
 
@@ -39,6 +39,15 @@ pub enum Side {
 }
 
 impl Side {
+    /// 0 for A, 1 for B: its place where there is something for each side.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::A => 0,
+            Self::B => 1,
+        }
+    }
+
     /// The other side.
     #[must_use]
     pub const fn other(self) -> Self {
@@ -365,7 +374,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             }
             (port, _) => (port, None, Carrier::Ethernet),
         };
-        let (fate, arrives) = sender.link.pass(now, len);
+        let (fate, arrives) = sender.link.decide(now, len);
         let label = Label { carrier, dscp, fate };
         if let Some(tap) = &mut self.tap {
             let frame = self.buf.get(..len).unwrap_or_default();
@@ -373,10 +382,8 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
         let Some(arrives) = arrives else { return };
         let mut buf = self.take_buf();
-        if let Some(bit) = fate.flipped_bit
-            && let Some(byte) = buf.get_mut(bit as usize / 8)
-        {
-            *byte ^= 1 << (bit % 8);
+        if let Some(bit) = fate.flipped_bit {
+            flip(&mut buf, bit);
         }
         let second = fate.duplicated.then(|| holding(self.spare_bufs.pop(), buf.get(..len)));
         let delivery = |buf| Delivery::Frame { port, peer, label, buf, len };

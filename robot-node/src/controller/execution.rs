@@ -16,6 +16,9 @@ use crate::motion::Segment;
 /// Motions of a program that are checked in one cycle before it starts.
 const CHECKS_PER_CYCLE: u32 = 4;
 
+/// The same in a cycle that puts a motion on the path as well, which takes as long as two of them.
+const CHECKS_BESIDE_A_MOTION: u32 = 2;
+
 /// Where the motions of a skill come from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Source {
@@ -187,14 +190,17 @@ impl Execution {
     }
 
     /// Checks some more motions that are there but not on the path yet: those of a program, and those in the slots
-    /// behind a LIN force, as if it ended at its target. True when there is nothing left to check.
+    /// behind a LIN force, as if it ended at its target. `took_one` says that this cycle has put a motion on the path.
+    /// True when there is nothing left to check.
     pub(super) fn check_ahead(
         &mut self,
+        took_one: bool,
         command: Option<&Command>,
         config: &RobotConfig,
         programs: &Programs,
     ) -> bool {
-        for _ in 0..CHECKS_PER_CYCLE {
+        let checks = if took_one { CHECKS_BESIDE_A_MOTION } else { CHECKS_PER_CYCLE };
+        for _ in 0..checks {
             let next = self.check.next;
             let in_slots = self.source == Source::Slots && (self.accepted..self.written).contains(&next);
             let in_slot = command.filter(|_| in_slots).map(|command| *command.slot(next));

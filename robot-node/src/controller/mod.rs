@@ -272,8 +272,8 @@ impl Controller {
         let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
         let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
-            let checked =
-                execution.bad.is_some() || execution.check_ahead(command, &self.config, &self.programs);
+            let checked = execution.bad.is_some()
+                || execution.check_ahead(took_one, command, &self.config, &self.programs);
             if let Some((motion, violation)) = execution.bad {
                 self.refuse(execution.number, motion, violation);
                 return self.finish(at, &execution, Ending::of(violation, motion));

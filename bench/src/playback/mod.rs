@@ -1,0 +1,159 @@
+//! A run as `motion.mcap`: the arm's joints, the way of its tool and the speed along it, as Foxglove and Rerun play it.
+//!
+//! The messages are ROS 2's, since those are the ones that both know as joints and poses; messages in JSON Rerun shows as
+//! text. The first repetitions of the types stand beside each other, each from its start edge on, which is time zero:
+//!
+//! ```text
+//! /rc/joint_states      sensor_msgs/JointState     every robot cycle, in rad, m on a linear axis
+//! /rc/tool              geometry_msgs/PoseStamped  every robot cycle, in m, in the frame `base`
+//! /rc/path_speed        std_msgs/Float64           every robot cycle, in m/s
+//! /rc/programmed_speed  std_msgs/Float64           every robot cycle, in m/s
+//! /rc/path              nav_msgs/Path              once, the whole way of the tool
+//! /sm/…, /cm/…
+//! ```
+
+mod programmed;
+mod ros2;
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::time::Duration;
+
+use mcap::records::MessageHeader;
+use mcap::{McapResult, WriteOptions, Writer};
+use planning::Plan;
+use plc_node::ExecutionType;
+use robot_node::arm::Rotation;
+use setup::{Kinematics, Setup};
+
+use crate::trace::{RobotTick, Trace};
+use ros2::{Message, Pose};
+
+/// The file, in the run directory.
+pub const FILE: &str = "motion.mcap";
+
+/// Frame of the poses: the base that the motions are programmed in.
+const FRAME: &str = "base";
+
+/// A trace as the bytes of an MCAP file.
+///
+/// # Errors
+///
+/// None is known; the writer reserves it.
+pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
+    let options = WriteOptions::new()
+        .compression(None)
+        .profile("ros2")
+        .library(concat!("skillbench ", env!("CARGO_PKG_VERSION")));
+    let mut file = File { writer: options.create(Cursor::new(Vec::new()))?, sequences: BTreeMap::new() };
+    let arm = Arm::of(setup);
+    let motions = plan.wire_motions(setup);
+    let mut moments = Vec::new();
+    for of in ExecutionType::ALL {
+        let ticks = ticks(trace, of);
+        if ticks.is_empty() {
+            continue;
+        }
+        let channels = Channels::open(&mut file, of)?;
+        // Until it moves for the first time the robot reports its pose in no base in particular.
+        let moved = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0);
+        let way: Vec<_> = moved.map(|(at, tick)| (*at, pose(tick))).collect();
+        file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
+        let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| *tick), &motions);
+        moments.extend(ticks.into_iter().zip(speeds).map(|((at, tick), speed)| (at, channels, tick, speed)));
+    }
+    // The types are one after the other so far, and players want a file in order of time.
+    moments.sort_by_key(|(at, ..)| *at);
+    for (at, channels, tick, programmed_mm_s) in moments {
+        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.joints(tick)))?;
+        file.write(channels.tool, at, &Message::pose(at, FRAME, &pose(tick)))?;
+        file.write(channels.speed, at, &Message::float(f64::from(tick.path_speed_mm_s) / 1e3))?;
+        file.write(channels.programmed, at, &Message::float(programmed_mm_s / 1e3))?;
+    }
+    file.writer.finish()?;
+    Ok(file.writer.into_inner().into_inner())
+}
+
+/// The robot's cycles of a run with their times. A cycle that began before the start edge is none of the run.
+fn ticks(trace: &Trace, of: ExecutionType) -> Vec<(Duration, &RobotTick)> {
+    let all = trace.types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
+    let since_start = |tick: &RobotTick| Duration::from_nanos((tick.at_ms * 1e6).round() as u64);
+    all.iter().filter(|tick| tick.at_ms >= 0.0).map(|tick| (since_start(tick), tick)).collect()
+}
+
+fn pose(tick: &RobotTick) -> Pose {
+    let [x, y, z, a, b, c] = tick.pose.map(f64::from);
+    Pose {
+        position_m: [x, y, z].map(|mm| mm / 1e3),
+        orientation: Rotation::from_angles([a, b, c]).quaternion(),
+    }
+}
+
+/// Which joints there are.
+struct Arm {
+    axes: usize,
+    linear: Option<usize>,
+}
+
+impl Arm {
+    const fn of(setup: &Setup) -> Self {
+        match &setup.robot.kinematics {
+            Kinematics::Scara(_) => Self { axes: 4, linear: Some(2) },
+            Kinematics::Opw(_) => Self { axes: 6, linear: None },
+        }
+    }
+
+    /// Name and value of each joint, in rad or m.
+    fn joints(&self, tick: &RobotTick) -> Vec<(String, f64)> {
+        let value = |(axis, value): (usize, f32)| {
+            let value = f64::from(value);
+            let si = if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() };
+            (format!("joint_{}", axis + 1), si)
+        };
+        tick.joints.into_iter().take(self.axes).enumerate().map(value).collect()
+    }
+}
+
+/// The channels of one type.
+#[derive(Clone, Copy)]
+struct Channels {
+    joints: u16,
+    tool: u16,
+    speed: u16,
+    programmed: u16,
+    path: u16,
+}
+
+impl Channels {
+    fn open(file: &mut File, of: ExecutionType) -> McapResult<Self> {
+        let mut open = |topic: &str, schema| file.open(&format!("/{of}/{topic}"), schema);
+        Ok(Self {
+            joints: open("joint_states", ros2::JOINT_STATE)?,
+            tool: open("tool", ros2::POSE_STAMPED)?,
+            speed: open("path_speed", ros2::FLOAT)?,
+            programmed: open("programmed_speed", ros2::FLOAT)?,
+            path: open("path", ros2::PATH)?,
+        })
+    }
+}
+
+struct File {
+    writer: Writer<Cursor<Vec<u8>>>,
+    /// The number of each channel's next message.
+    sequences: BTreeMap<u16, u32>,
+}
+
+impl File {
+    fn open(&mut self, topic: &str, schema: ros2::Schema) -> McapResult<u16> {
+        let schema = self.writer.add_schema(schema.name, "ros2msg", schema.definition.as_bytes())?;
+        self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
+    }
+
+    fn write(&mut self, channel_id: u16, at: Duration, message: &Message) -> McapResult<()> {
+        let log_time = u64::try_from(at.as_nanos()).unwrap_or(u64::MAX);
+        let next = self.sequences.entry(channel_id).or_default();
+        let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time: log_time };
+        *next += 1;
+        self.writer.write_to_known_channel(&header, message.as_bytes())
+    }
+}

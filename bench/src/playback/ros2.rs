@@ -1,0 +1,170 @@
+//! The messages of ROS 2 that a run is told in, and their encoding.
+//!
+//! CDR, little-endian (OMG DDSI-RTPS 2.5, section 10.2; the classic encoding of section 7.4.1 of OMG DDS-XTypes): four
+//! bytes that say so, then the fields one after the other, each at a multiple of its own size counted from behind those
+//! four. Strings and sequences begin with a u32, the number of bytes with the zero at the end, or of elements.
+
+use std::time::Duration;
+
+/// A message type: its name and its definition, which has those of its parts behind it.
+#[derive(Clone, Copy)]
+pub(super) struct Schema {
+    pub(super) name: &'static str,
+    pub(super) definition: &'static str,
+}
+
+/// A definition with those of its parts behind it, in the form that the schema encoding `ros2msg` wants.
+macro_rules! definition {
+    ($fields:literal $(, $part:literal: $of_part:literal)*) => {
+        concat!($fields, $("================================================================================\n",
+            "MSG: ", $part, "\n", $of_part,)*)
+    };
+}
+
+pub(super) const JOINT_STATE: Schema = Schema {
+    name: "sensor_msgs/msg/JointState",
+    definition: definition!(
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+        "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+        "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n"
+    ),
+};
+
+pub(super) const POSE_STAMPED: Schema = Schema {
+    name: "geometry_msgs/msg/PoseStamped",
+    definition: definition!(
+        "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+        "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+        "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+        "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+        "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+        "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+    ),
+};
+
+pub(super) const PATH: Schema = Schema {
+    name: "nav_msgs/msg/Path",
+    definition: definition!(
+        "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n",
+        "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+        "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+        "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+        "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+        "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+        "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+    ),
+};
+
+pub(super) const FLOAT: Schema = Schema { name: "std_msgs/msg/Float64", definition: "float64 data\n" };
+
+/// Where the tool is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pose {
+    /// x, y, z in m.
+    pub(super) position_m: [f64; 3],
+    /// The unit quaternion w, x, y, z.
+    pub(super) orientation: [f64; 4],
+}
+
+/// An encoded message.
+pub(super) struct Message(Vec<u8>);
+
+/// The encapsulation header: CDR, little-endian, no options.
+const CDR_LE: [u8; 4] = [0, 1, 0, 0];
+
+impl Message {
+    /// [`JOINT_STATE`]: names and positions in rad or m. Speeds and efforts are not known, and left empty.
+    pub(super) fn joint_state(at: Duration, frame: &str, joints: &[(String, f64)]) -> Self {
+        let mut message = Self::new();
+        message.header(at, frame);
+        message.u32(joints.len() as u32);
+        joints.iter().for_each(|(name, _)| message.string(name));
+        message.u32(joints.len() as u32);
+        joints.iter().for_each(|(_, position)| message.f64(*position));
+        message.u32(0);
+        message.u32(0);
+        message
+    }
+
+    /// [`POSE_STAMPED`].
+    pub(super) fn pose(at: Duration, frame: &str, pose: &Pose) -> Self {
+        let mut message = Self::new();
+        message.pose_stamped(at, frame, pose);
+        message
+    }
+
+    /// [`PATH`] of timed poses.
+    pub(super) fn path(frame: &str, way: &[(Duration, Pose)]) -> Self {
+        let mut message = Self::new();
+        message.header(Duration::ZERO, frame);
+        message.u32(way.len() as u32);
+        way.iter().for_each(|(at, pose)| message.pose_stamped(*at, frame, pose));
+        message
+    }
+
+    /// [`FLOAT`].
+    pub(super) fn float(value: f64) -> Self {
+        let mut message = Self::new();
+        message.f64(value);
+        message
+    }
+
+    pub(super) fn as_bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    fn new() -> Self {
+        Self(CDR_LE.to_vec())
+    }
+
+    fn header(&mut self, at: Duration, frame: &str) {
+        self.u32(at.as_secs() as u32);
+        self.u32(at.subsec_nanos());
+        self.string(frame);
+    }
+
+    fn pose_stamped(&mut self, at: Duration, frame: &str, pose: &Pose) {
+        self.header(at, frame);
+        let [w, x, y, z] = pose.orientation;
+        pose.position_m.into_iter().chain([x, y, z, w]).for_each(|value| self.f64(value));
+    }
+
+    fn string(&mut self, text: &str) {
+        self.u32(text.len() as u32 + 1);
+        self.0.extend_from_slice(text.as_bytes());
+        self.0.push(0);
+    }
+
+    fn u32(&mut self, value: u32) {
+        self.align(4);
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn f64(&mut self, value: f64) {
+        self.align(8);
+        self.0.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn align(&mut self, size: usize) {
+        let body = self.0.len() - CDR_LE.len();
+        self.0.resize(CDR_LE.len() + body.next_multiple_of(size), 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_field_stands_at_a_multiple_of_its_size_behind_the_four_bytes() {
+        let joints = [("j1".to_owned(), 1.0), ("j2".to_owned(), -0.5)];
+        let message = Message::joint_state(Duration::new(3, 7), "base", &joints);
+        let hex: Vec<String> = message
+            .as_bytes()
+            .chunks(4)
+            .map(|word| word.iter().map(|byte| format!("{byte:02x}")).collect())
+            .collect();
+        // What each word is: head; stamp; frame with its length and padding; names; positions; speeds; efforts.
+        insta::assert_snapshot!(hex.join(" "), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 00000000 00000000");
+    }
+}

@@ -1,0 +1,157 @@
+//! A full disk: what was saved before stays readable, no half file takes its place, and it is said what to do.
+//!
+//! The disks are file systems in memory, in a mount namespace of the test's own: it needs root or user namespaces, and fails
+//! without.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// What a script on a small disk said.
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+/// Runs a script in `place`, with a disk of so many KiB at `disk` and the bench as `$BENCH`.
+fn on_a_disk(place: &Path, kib: u32, script: &str) -> Said {
+    let script = format!("mkdir -p disk && mount -t tmpfs -o size={kib}k tmpfs disk\n{script}");
+    let output = Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", &script])
+        .env("BENCH", env!("CARGO_BIN_EXE_bench"))
+        .current_dir(place)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+const FULL: &str = "No space left on device";
+
+/// Where a run into a disk of some size came to its end.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum End {
+    BeforeTheFirstRepetition,
+    AmongTheRepetitions,
+    BehindTheLastRepetition,
+    AtTheReport,
+    Whole,
+}
+
+/// Runs with 100 repetitions into a disk of so many KiB, and checks what is left there.
+fn run_into(kib: u32) -> End {
+    let place = tempfile::tempdir().unwrap();
+    let script = "
+        $BENCH --mode virtual --types cm --reps 100 --out disk/run
+        code=$?
+        $BENCH report disk/run --out report.html >said 2>&1; echo $? >code
+        cp -r disk/run copy
+        exit $code";
+    let Said { code, stdout, stderr } = on_a_disk(place.path(), kib, script);
+    let copy = place.path().join("copy");
+    let left: Vec<_> = fs::read_dir(&copy)
+        .map(|files| files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect())
+        .unwrap_or_default();
+    assert!(!left.iter().any(|name| name.ends_with(".new")), "{kib} KiB: half a file is left: {left:?}");
+    let samples = fs::read_to_string(copy.join("samples.csv")).unwrap_or_default();
+    assert!(samples.is_empty() || samples.ends_with('\n'), "{kib} KiB: half a line is left");
+    let saved = samples.lines().count().saturating_sub(1);
+    let report = fs::read_to_string(place.path().join("code")).unwrap();
+    let said = fs::read_to_string(place.path().join("said")).unwrap();
+    if stderr.contains("but their report is not") {
+        assert_eq!((code, report.trim(), saved), (Some(0), "0", 100), "{kib} KiB: {stderr}{said}");
+        assert!(
+            stderr.contains(FULL) && stderr.contains("`bench report disk/run` draws it again"),
+            "{stderr}"
+        );
+        return End::AtTheReport;
+    }
+    if code == Some(0) {
+        assert_eq!(
+            (report.trim(), saved, stderr.contains(FULL)),
+            ("0", 100, false),
+            "{kib} KiB: {stderr}{said}"
+        );
+        return End::Whole;
+    }
+    assert_eq!(code, Some(1), "{kib} KiB: {stderr}");
+    assert!(stderr.contains("cannot write disk/run/") && stderr.contains(FULL), "{kib} KiB: {stderr}");
+    if !copy.join("results.json").exists() {
+        assert!(!report.starts_with('0') && said.contains("disk/run"), "{said}");
+        return End::BeforeTheFirstRepetition;
+    }
+    assert_eq!(report.trim(), "0", "{kib} KiB: what was saved cannot be read: {said}");
+    if saved == 0 {
+        return End::BeforeTheFirstRepetition;
+    }
+    assert!(stdout.contains("CM"), "what was measured is shown: {stdout}");
+    assert!(stdout.contains("as far as the disk took it"), "{stdout}");
+    if saved == 100 {
+        return End::BehindTheLastRepetition;
+    }
+    assert!(stderr.contains("the run ends here, since the disk does not take its results"), "{stderr}");
+    End::AmongTheRepetitions
+}
+
+#[test]
+fn a_run_ends_in_order_wherever_the_disk_becomes_full_and_what_is_there_can_be_read() {
+    let sizes = (4..48).step_by(4).chain((48..=1_024).step_by(256)).chain([8_192]);
+    let ends: Vec<End> = sizes.map(run_into).collect();
+    assert!(ends.is_sorted(), "a larger disk takes more: {ends:?}");
+    for end in
+        [End::BeforeTheFirstRepetition, End::AmongTheRepetitions, End::BehindTheLastRepetition, End::Whole]
+    {
+        assert!(ends.contains(&end), "no disk was full {end:?}: {ends:?}");
+    }
+}
+
+#[test]
+fn a_report_that_finds_no_room_leaves_the_old_one_as_it_was() {
+    let place = tempfile::tempdir().unwrap();
+    let script = "
+        $BENCH --mode virtual --types cm --reps 2 --out disk/run --quiet >/dev/null || exit 9
+        echo old >disk/run/report.html
+        cat /dev/zero >disk/rest 2>/dev/null
+        $BENCH report disk/run
+        code=$?
+        cp -r disk/run copy
+        exit $code";
+    let said = on_a_disk(place.path(), 4_096, script);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    insta::assert_snapshot!(said.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write disk/run/report.html: No space left on device (os error 28)");
+    assert_eq!(fs::read_to_string(place.path().join("copy/report.html")).unwrap(), "old\n");
+    assert!(!place.path().join("copy/report.html.new").exists());
+}
+
+#[test]
+fn a_baseline_that_finds_no_room_leaves_the_old_one_as_it_was() {
+    let place = tempfile::tempdir().unwrap();
+    let baseline =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("baselines/A.json")).unwrap();
+    fs::write(place.path().join("A.json"), &baseline).unwrap();
+    let script = "
+        cp A.json disk/A.json
+        cat /dev/zero >disk/rest 2>/dev/null
+        $BENCH gate --setup A --baseline disk/A.json --update
+        code=$?
+        mkdir copy && cp disk/A.json* copy
+        exit $code";
+    let said = on_a_disk(place.path(), 64, script);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""), "{}", said.stderr);
+    insta::assert_snapshot!(said.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write disk/A.json: No space left on device (os error 28)");
+    assert_eq!(fs::read_to_string(place.path().join("copy/A.json")).unwrap(), baseline);
+    assert_eq!(fs::read_dir(place.path().join("copy")).unwrap().count(), 1);
+}
+
+/// The captures and the rows of both nodes fill the disk while the arm moves.
+#[test]
+fn a_real_run_into_a_full_disk_ends_with_its_reason_and_leaves_nothing_running() {
+    let place = tempfile::tempdir().unwrap();
+    let script = "$BENCH --mode real --types cm --reps 3 --capture always --out disk/run";
+    let said = on_a_disk(place.path(), 512, script);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    assert!(said.stderr.contains("cannot write") && said.stderr.contains(FULL), "{}", said.stderr);
+}

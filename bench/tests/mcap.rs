@@ -1,0 +1,153 @@
+//! `--mcap`: what a reader of MCAP files finds in one, held against the table of the same run. Built with the feature
+//! `mcap` only.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+/// A message as the reader gives it.
+struct Heard {
+    at_ns: u64,
+    sequence: u32,
+    data: Vec<u8>,
+}
+
+struct Topic {
+    schema: String,
+    heard: Vec<Heard>,
+}
+
+/// A run with one repetition of each of these types, and what its file has by topic.
+fn run(directory: &Path, mode: &str, setup: &str, types: &str) -> BTreeMap<String, Topic> {
+    let arguments = [
+        "--setup", setup, "--mode", mode, "--types", types, "--reps", "1", "--mcap", "--quiet", "--out",
+        "run",
+    ];
+    let mut command = Command::cargo_bin("bench").unwrap();
+    let output = command.current_dir(directory).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let bytes = fs::read(directory.join("run/motion.mcap")).unwrap();
+    let mut topics = BTreeMap::new();
+    let mut last = 0;
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        assert!(message.log_time >= last, "the file goes back in time at {}", message.channel.topic);
+        last = message.log_time;
+        let schema = message.channel.schema.as_ref().unwrap();
+        assert_eq!((schema.encoding.as_str(), message.channel.message_encoding.as_str()), ("ros2msg", "cdr"));
+        let topic = topics
+            .entry(message.channel.topic.clone())
+            .or_insert_with(|| Topic { schema: schema.name.clone(), heard: Vec::new() });
+        let (at_ns, sequence) = (message.log_time, message.sequence);
+        topic.heard.push(Heard { at_ns, sequence, data: message.data.into_owned() });
+    }
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(summary.channels.len(), topics.len(), "the summary names every channel");
+    topics
+}
+
+/// The rows of the robot's table that are of this type, from the start edge on.
+fn rows(directory: &Path, of: &str) -> Vec<Vec<String>> {
+    let table = fs::read_to_string(directory.join("run/trace-robot.csv")).unwrap();
+    let rows = table.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    rows.filter(|row| row[0] == of && !row[1].starts_with('-')).collect()
+}
+
+fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
+    let of_all = types.iter().flat_map(|of| {
+        ["joint_states", "path", "path_speed", "programmed_speed", "tool"]
+            .map(|topic| format!("/{of}/{topic}"))
+    });
+    let mut wanted: Vec<_> = of_all.collect();
+    wanted.sort();
+    assert_eq!(topics.keys().cloned().collect::<Vec<_>>(), wanted);
+    for of in types {
+        let topic = |name: &str| &topics[&format!("/{of}/{name}")];
+        let rows = rows(directory, of);
+        assert!(rows.len() > 200, "{} cycles of {of}", rows.len());
+        for (name, schema) in [
+            ("joint_states", "sensor_msgs/msg/JointState"),
+            ("tool", "geometry_msgs/msg/PoseStamped"),
+            ("path_speed", "std_msgs/msg/Float64"),
+            ("programmed_speed", "std_msgs/msg/Float64"),
+        ] {
+            let Topic { schema: found, heard } = topic(name);
+            assert_eq!((found.as_str(), heard.len()), (schema, rows.len()), "/{of}/{name}");
+            assert!(heard.iter().enumerate().all(|(index, heard)| heard.sequence as usize == index));
+            for (heard, row) in heard.iter().zip(&rows) {
+                let at_ms: f64 = row[1].parse().unwrap();
+                assert!((heard.at_ns as f64 / 1e6 - at_ms).abs() < 0.001, "/{of}/{name} at {at_ms} ms");
+            }
+        }
+        assert_eq!(topic("path").schema, "nav_msgs/msg/Path");
+        assert_eq!(topic("path").heard.len(), 1);
+    }
+}
+
+/// The last f64 of a message.
+fn last_f64(data: &[u8]) -> f64 {
+    f64::from_le_bytes(data[data.len() - 8..].try_into().unwrap())
+}
+
+/// The positions of a JointState: their number of elements is behind the header and the names, their end before the two
+/// empty sequences.
+fn positions(data: &[u8], joints: usize) -> Vec<f64> {
+    let end = data.len() - 8;
+    let values = data[end - 8 * joints..end].chunks(8);
+    values.map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect()
+}
+
+#[test]
+fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
+    for (setup, joints, linear) in [("A", 4, Some(2)), ("B", 6, None)] {
+        let directory = tempfile::tempdir().unwrap();
+        let topics = run(directory.path(), "virtual", setup, "rc,sm,cm");
+        check(directory.path(), &topics, &["rc", "sm", "cm"]);
+        for (row, heard) in rows(directory.path(), "cm").iter().zip(&topics["/cm/joint_states"].heard) {
+            for (axis, found) in positions(&heard.data, joints).into_iter().enumerate() {
+                let value: f64 = row[15 + axis].parse().unwrap();
+                let wanted = if linear == Some(axis) { value / 1e3 } else { value.to_radians() };
+                assert!((found - wanted).abs() < 1e-5, "joint {} is {found}, not {wanted}", axis + 1);
+            }
+        }
+    }
+}
+
+/// Lines are too short here for the arm to reach its speed; that it never passes it shows that both speeds are of the same
+/// motion. A point-to-point motion programs none.
+#[test]
+fn the_path_speed_stays_below_the_programmed_one() {
+    let directory = tempfile::tempdir().unwrap();
+    let topics = run(directory.path(), "virtual", "A", "rc,sm,cm");
+    for of in ["rc", "sm", "cm"] {
+        let speeds = |name: &str| -> Vec<f64> {
+            topics[&format!("/{of}/{name}")].heard.iter().map(|heard| last_f64(&heard.data)).collect()
+        };
+        let (actual, programmed) = (speeds("path_speed"), speeds("programmed_speed"));
+        let (lines, others): (Vec<_>, Vec<_>) =
+            actual.iter().zip(&programmed).partition(|(_, programmed)| programmed.is_finite());
+        assert!(
+            lines.len() > 100 && others.len() > 100,
+            "{of}: {} cycles on lines, {} not",
+            lines.len(),
+            others.len()
+        );
+        let highest = lines.iter().map(|(actual, programmed)| *actual / *programmed).fold(0.0, f64::max);
+        assert!((0.3..1.0).contains(&highest), "{of} reaches {highest} of its programmed speed");
+        // Between the lines the tool is faster than any line allows.
+        let fastest = |cycles: &[(&f64, &f64)]| cycles.iter().map(|(actual, _)| **actual).fold(0.0, f64::max);
+        assert!(fastest(&others) > fastest(&lines), "{of}");
+    }
+}
+
+/// Real sockets, real time: needs root or user namespaces.
+#[test]
+fn a_real_run_has_the_same_topics() {
+    let directory = tempfile::tempdir().unwrap();
+    let topics = run(directory.path(), "real", "A", "rc");
+    check(directory.path(), &topics, &["rc"]);
+}

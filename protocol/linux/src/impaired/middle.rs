@@ -1,0 +1,281 @@
+//! The middle of an impaired cable without its sockets: what becomes of each frame, and when it goes on.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::time::Duration;
+
+use protocol::Instant;
+use protocol::virtual_time::{Fate, Impairment, Link, LinkCounters, Side};
+
+use super::frame::{Contents, put_in};
+use crate::capture::Note;
+
+/// Frames that may be under way at once: a second of both directions at two frames a millisecond.
+const PLACES: usize = 4_096;
+
+/// Longest frame: what an interface with 1500 bytes of payload carries, with its header and a tag.
+pub(super) const ROOM: usize = 1_536;
+
+/// What the cable is to do to frames, and when it is cut.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Plan {
+    /// What becomes of the frames that the first end, and that the second end sends.
+    pub links: [Impairment; 2],
+    /// When it is cut (true) or mended, counted from the moment that both ends are ready; in order.
+    pub cuts: Vec<(Duration, bool)>,
+    /// Seed of what chance decides: the same as of a virtual cable's links.
+    pub seed: u64,
+}
+
+/// A frame under way; ordered by arrival, then by the order in which frames came.
+#[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct UnderWay {
+    arrives: Instant,
+    number: u64,
+    to: Side,
+    fate: Fate,
+    place: usize,
+    len: usize,
+}
+
+/// Something that is due.
+#[derive(Debug)]
+pub(super) enum Due<'a> {
+    /// The cable changes.
+    Change(Note),
+    /// A frame arrives.
+    Frame { to: Side, fate: Fate, frame: &'a [u8] },
+}
+
+#[derive(Debug)]
+pub(super) struct Middle {
+    links: [Link; 2],
+    /// What the talk of the hosts takes.
+    delays: [Duration; 2],
+    under_way: BinaryHeap<Reverse<UnderWay>>,
+    places: Box<[[u8; ROOM]]>,
+    free: Vec<usize>,
+    next_number: u64,
+    cut: bool,
+    cuts: Vec<(Duration, bool)>,
+    next_cut: usize,
+    ready: Option<Instant>,
+}
+
+impl Middle {
+    /// All memory that it will ever need is taken here.
+    pub(super) fn new(plan: &Plan) -> Self {
+        let [to_second, to_first] = plan.links;
+        Self {
+            links: [Link::new(to_second, plan.seed, 0), Link::new(to_first, plan.seed, 1)],
+            delays: [to_second.delay, to_first.delay],
+            under_way: BinaryHeap::with_capacity(PLACES),
+            places: vec![[0; ROOM]; PLACES].into_boxed_slice(),
+            free: (0..PLACES).collect(),
+            next_number: 0,
+            cut: false,
+            cuts: plan.cuts.clone(),
+            next_cut: 0,
+            ready: None,
+        }
+    }
+
+    /// Both ends are ready: the times of the cuts count from here.
+    pub(super) fn set_ready(&mut self, at: Instant) {
+        self.ready.get_or_insert(at);
+    }
+
+    /// What was done to the frames of each sender.
+    pub(super) fn counters(&self) -> [LinkCounters; 2] {
+        let [first, second] = &self.links;
+        [first.counters(), second.counters()]
+    }
+
+    /// A frame that `from` sent; what becomes of it.
+    pub(super) fn take(&mut self, now: Instant, from: Side, frame: &[u8]) -> Fate {
+        let contents = Contents::of(frame);
+        let (cut, delay) = (self.cut, self.delays[from.index()]);
+        let Self { links, under_way, places, free, next_number, .. } = self;
+        let link = &mut links[from.index()];
+        let mut has_room = true;
+        let mut put = |arrives, fate, seen: &[u8]| {
+            let fits = if frame.len() <= ROOM { free.pop() } else { None };
+            let copy = fits.and_then(|place| Some((place, places.get_mut(place)?.get_mut(..frame.len())?)));
+            let Some((place, copy)) = copy else {
+                has_room = false;
+                return;
+            };
+            copy.copy_from_slice(frame);
+            put_in(copy, &contents, seen);
+            *next_number += 1;
+            let (number, to, len) = (*next_number, from.other(), frame.len());
+            under_way.push(Reverse(UnderWay { arrives, number, to, fate, place, len }));
+        };
+        let mut fate = match &contents {
+            Contents::Machine { seen, .. } => {
+                link.pass(now, frame.get(seen.clone()).unwrap_or_default(), &mut put)
+            }
+            // Nothing of it is corrupted: its receiver would find that, and it would only be lost.
+            Contents::Piece => link.pass(now, &[], &mut put),
+            Contents::Hosts if cut => Fate { cut, ..Fate::default() },
+            Contents::Hosts => {
+                put(now + delay, Fate::default(), &[]);
+                Fate::default()
+            }
+        };
+        if !has_room {
+            link.lose_in_flight();
+            fate.lost = true;
+        }
+        fate
+    }
+
+    /// When [`next_due`](Self::next_due) has something next.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        let arrival = self.under_way.peek().map(|Reverse(next)| next.arrives);
+        Instant::earlier(arrival, self.cut_due().map(|(at, _)| at))
+    }
+
+    /// What is due by now, one after the other.
+    pub(super) fn next_due(&mut self, now: Instant) -> Option<Due<'_>> {
+        let due = self.deadline().filter(|due| *due <= now)?;
+        if let Some((_, cut)) = self.cut_due().filter(|(at, _)| *at <= due) {
+            self.next_cut += 1;
+            return Some(Due::Change(self.set_cut(cut)));
+        }
+        let Reverse(UnderWay { to, fate, place, len, .. }) = self.under_way.pop()?;
+        self.free.push(place);
+        Some(Due::Frame { to, fate, frame: self.places.get(place)?.get(..len)? })
+    }
+
+    fn cut_due(&self) -> Option<(Instant, bool)> {
+        let (after, cut) = self.cuts.get(self.next_cut)?;
+        Some((self.ready? + *after, *cut))
+    }
+
+    fn set_cut(&mut self, cut: bool) -> Note {
+        self.cut = cut;
+        self.links.iter_mut().for_each(|link| link.set_cut(cut));
+        if !cut {
+            return Note::Mended;
+        }
+        let lost_under_way = self.under_way.len() as u64;
+        for Reverse(UnderWay { to, place, .. }) in self.under_way.drain() {
+            self.links[to.other().index()].lose_in_flight();
+            self.free.push(place);
+        }
+        Note::Cut { lost_under_way }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: fn(u64) -> Duration = Duration::from_millis;
+
+    fn profinet(number: u8) -> Vec<u8> {
+        [&[0; 12][..], &[0x88, 0x92], &[number; 50]].concat()
+    }
+
+    fn arp() -> Vec<u8> {
+        [&[0; 12][..], &[0x08, 0x06], &[0; 46]].concat()
+    }
+
+    /// What is due up to `until`, in words.
+    fn due(middle: &mut Middle, until: Instant) -> Vec<String> {
+        let mut found = Vec::new();
+        while let Some(due) = middle.next_due(until) {
+            found.push(match due {
+                Due::Change(note) => note.to_string(),
+                Due::Frame { to, fate, frame } => {
+                    format!("{to:?} {} {fate}", frame[20]).trim_end().to_owned()
+                }
+            });
+        }
+        found
+    }
+
+    #[test]
+    fn what_chance_does_is_what_a_link_of_the_same_seed_does() {
+        let hostile = Impairment {
+            loss_ppm: 100_000,
+            duplicate_ppm: 100_000,
+            corrupt_ppm: 100_000,
+            reorder_ppm: 100_000,
+            reorder_by: MS(3),
+            jitter: MS(1),
+            ..Impairment::default()
+        };
+        let plan = Plan { links: [hostile; 2], seed: 7, ..Plan::default() };
+        let (mut middle, mut link) = (Middle::new(&plan), Link::new(hostile, 7, 1));
+        for number in 0..=255 {
+            let now = Instant::from_millis(u64::from(number));
+            assert_eq!(
+                middle.take(now, Side::B, &profinet(number)),
+                link.pass(now, &profinet(number), |_, _, _| {})
+            );
+            while middle.next_due(now).is_some() {}
+        }
+        assert_eq!(middle.counters()[1], link.counters());
+        assert!(link.counters().corrupted > 10 && middle.counters()[0] == LinkCounters::default());
+    }
+
+    #[test]
+    fn a_frame_that_is_held_back_is_passed_by_later_ones() {
+        let held = Impairment { reorder_ppm: 1_000_000, reorder_by: MS(2), ..Impairment::default() };
+        let plan =
+            Plan { links: [held, Impairment { delay: MS(1), ..Impairment::default() }], ..Plan::default() };
+        let mut middle = Middle::new(&plan);
+        middle.take(Instant::ZERO, Side::A, &profinet(1));
+        middle.take(Instant::ZERO, Side::B, &profinet(2));
+        assert_eq!(middle.deadline(), Some(Instant::from_millis(1)));
+        assert_eq!(due(&mut middle, Instant::from_millis(5)), ["A 2", "B 1 fault: held back by 2ms"]);
+    }
+
+    #[test]
+    fn a_cut_counts_from_the_moment_that_both_are_ready_and_loses_what_is_under_way() {
+        let slow = Impairment { delay: MS(4), ..Impairment::default() };
+        let cuts = vec![(MS(10), true), (MS(20), false)];
+        let mut middle = Middle::new(&Plan { links: [slow; 2], cuts, seed: 1 });
+        middle.take(Instant::ZERO, Side::A, &profinet(1));
+        assert_eq!(due(&mut middle, Instant::from_millis(90)), ["B 1"]);
+        middle.set_ready(Instant::from_millis(100));
+        middle.take(Instant::from_millis(109), Side::A, &profinet(2));
+        assert_eq!(
+            due(&mut middle, Instant::from_millis(110)),
+            ["fault: the cable is cut from here on; 1 frames under way are lost"]
+        );
+        for frame in [profinet(3), arp()] {
+            let fate = middle.take(Instant::from_millis(111), Side::B, &frame);
+            assert_eq!(fate.to_string(), "fault: lost, the cable is cut");
+        }
+        assert_eq!(due(&mut middle, Instant::from_millis(120)), ["the cable is mended"]);
+        assert!(middle.take(Instant::from_millis(121), Side::B, &profinet(4)).is_clean());
+        assert_eq!(middle.counters().map(|link| link.lost), [1, 1], "ARP is no frame of a machine");
+    }
+
+    #[test]
+    fn chance_spares_what_the_hosts_tell_each_other() {
+        let lossy = Impairment { loss_ppm: 1_000_000, ..Impairment::default() };
+        let mut middle = Middle::new(&Plan { links: [lossy; 2], ..Plan::default() });
+        assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).lost);
+        assert!(middle.take(Instant::ZERO, Side::A, &arp()).is_clean());
+        assert_eq!(due(&mut middle, Instant::ZERO), ["B 0"]);
+    }
+
+    #[test]
+    fn what_finds_no_room_is_lost_and_counted_and_places_are_used_again() {
+        let slow = Impairment { delay: MS(1_000), ..Impairment::default() };
+        let mut middle = Middle::new(&Plan { links: [slow; 2], ..Plan::default() });
+        for _ in 0..2 {
+            for _ in 0..PLACES {
+                assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).is_clean());
+            }
+            assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).lost);
+            assert_eq!(due(&mut middle, Instant::from_millis(1_000)).len(), PLACES);
+        }
+        assert!(middle.take(Instant::ZERO, Side::A, &[0; ROOM + 1]).lost, "a frame that is too long");
+        assert_eq!(middle.counters()[0].lost, 3);
+    }
+}
