@@ -20,7 +20,7 @@ pub struct RigConfig {
     pub seed: u64,
     /// Records what passes both interfaces into this directory, from before the first frame, and how much of it.
     pub capture: Option<(PathBuf, Keep)>,
-    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`] asks for it.
+    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`](super::Rig::record) asks for it.
     pub trace: Option<PathBuf>,
     /// Takes up what passes both interfaces while cycles are recorded.
     pub frames: Option<FrameLog>,
