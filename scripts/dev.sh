@@ -81,7 +81,7 @@ browser() {
 verb_browser() { #: open reports in a headless Chromium, wide, on a phone and in print
     CHROMIUM=$(browser) || { echo "there is no Chromium: scripts/dev.sh setup installs it" >&2; return 1; }
     export CHROMIUM
-    cargo test -p bench --locked --test browser -- --ignored
+    cargo test --workspace --all-features --locked --test browser -- --ignored
 }
 
 # gate_profinet CAPTURE: prints what is wrong in a capture; fails where something is, or where nothing is in it.
