@@ -50,6 +50,11 @@ impl Rotation {
         [self.w, x, y, z]
     }
 
+    /// From a unit quaternion w, x, y, z.
+    pub(super) const fn from_unit([w, x, y, z]: [f64; 4]) -> Self {
+        Self { w, v: [x, y, z] }
+    }
+
     /// From a quaternion w, x, y, z of any length but zero.
     #[must_use]
     pub fn from_quaternion(quaternion: [f64; 4]) -> Self {
@@ -73,6 +78,19 @@ impl Rotation {
             return ([0.0, 0.0, 1.0], 0.0);
         }
         (self.v.map(|part| sign * part / sin), 2.0 * sin.atan2(sign * self.w).to_degrees())
+    }
+
+    /// The rotated z axis.
+    #[must_use]
+    pub fn z_axis(self) -> [f64; 3] {
+        let Self { w, v: [x, y, z] } = self;
+        [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
+    }
+
+    /// The square of the sine of half of [`tilt_from_down`](Self::tilt_from_down).
+    #[must_use]
+    pub fn half_tilt_square(self) -> f64 {
+        self.w * self.w + self.v[2] * self.v[2]
     }
 
     /// The angle in degrees between the rotated z axis and straight down.

@@ -110,19 +110,24 @@ impl Load {
 pub struct Arm {
     kinematics: Arc<dyn Kinematics>,
     limits: AxisLimits,
+    axes: usize,
+    /// Which joints are rotary.
+    rotary: [bool; AXES],
 }
 
 impl Arm {
     /// An arm of this geometry within these limits.
     #[must_use]
     pub fn new(kinematics: Arc<dyn Kinematics>, limits: AxisLimits) -> Self {
-        Self { kinematics, limits }
+        let axes = kinematics.axes();
+        let rotary = core::array::from_fn(|axis| axis < axes && kinematics.is_rotary(axis));
+        Self { kinematics, limits, axes, rotary }
     }
 
     /// How many joints it has.
     #[must_use]
-    pub fn axes(&self) -> usize {
-        self.kinematics.axes()
+    pub const fn axes(&self) -> usize {
+        self.axes
     }
 
     /// What the joints may do.
@@ -141,8 +146,8 @@ impl Arm {
     /// point of a path.
     pub fn follow(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
         let mut joints = self.kinematics.inverse(flange, near)?;
-        for (axis, (joint, near)) in joints.iter_mut().zip(near).enumerate().take(self.axes()) {
-            if self.kinematics.is_rotary(axis) {
+        for ((joint, near), is_rotary) in joints.iter_mut().zip(near).zip(self.rotary) {
+            if is_rotary {
                 *joint = near + shortest_turn(*joint - near);
             }
         }
@@ -155,9 +160,10 @@ impl Arm {
     pub fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
         let mut joints = self.kinematics.inverse(flange, near)?;
         let range = self.limits.lower.iter().zip(&self.limits.upper);
-        let axes = joints.iter_mut().zip(near).zip(range).enumerate().take(self.axes());
-        for (axis, ((joint, near), (lower, upper))) in axes {
-            if self.kinematics.is_rotary(axis) {
+        for (((joint, near), (lower, upper)), is_rotary) in
+            joints.iter_mut().zip(near).zip(range).zip(self.rotary)
+        {
+            if is_rotary {
                 let shortest = near + shortest_turn(*joint - near);
                 let within = [shortest, shortest - 360.0, shortest + 360.0];
                 *joint = within.into_iter().find(|turn| (lower..=upper).contains(&turn)).unwrap_or(shortest);
@@ -173,7 +179,7 @@ impl Arm {
         let mut largest = (1, 0.0);
         for (axis, (from, to)) in from.iter().zip(to).enumerate() {
             let turn = (to - from).abs();
-            if turn > largest.1 && self.kinematics.is_rotary(axis) {
+            if turn > largest.1 && self.rotary[axis] {
                 largest = (axis as u8 + 1, turn);
             }
         }

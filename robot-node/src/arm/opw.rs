@@ -12,6 +12,8 @@
 //! in a new `Vec`: several microseconds and an allocation, 50 times for one line with its corner. A path wants one
 //! configuration, that of the point before, so [`Opw`] solves for that one alone; tests compare it with the crate's.
 
+use core::f64::consts::{FRAC_PI_2, PI};
+
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 
@@ -54,6 +56,7 @@ pub struct Opw {
     forearm: f64,
     /// ψ, in degrees: what the forearm leans from axis 4.
     lean: f64,
+    lean_direction: Direction,
     solver: OPWKinematics,
 }
 
@@ -79,6 +82,7 @@ impl Opw {
             parameters,
             forearm: a2.hypot(c3),
             lean: a2.atan2(c3).to_degrees(),
+            lean_direction: Direction::of(c3, a2),
             solver: OPWKinematics::new(numbers),
         }
     }
@@ -97,16 +101,23 @@ impl Opw {
     fn configuration(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Configuration {
         let elbow = q3 + self.lean;
         let OpwParameters { a1, c2, .. } = self.parameters;
-        let forward = a1 + c2 * q2.to_radians().sin() + self.forearm * (q2 + elbow).to_radians().sin();
+        // Where all of its parts lie in front, nothing needs to be summed up.
+        let front =
+            (a1 >= 0.0 && is_within_the_first_half_turn(q2) && is_within_the_first_half_turn(q2 + elbow))
+                || a1 + c2 * q2.to_radians().sin() + self.forearm * (q2 + elbow).to_radians().sin() >= 0.0;
         Configuration {
-            front: forward >= 0.0,
+            front,
             elbow_positive: is_within_the_first_half_turn(elbow),
             wrist_positive: is_within_the_first_half_turn(q5),
         }
     }
 
-    /// Axes 1 to 3 of the model that bring the wrist centre there, in degrees.
-    fn arm(&self, [x, y, z]: [f64; 3], configuration: Configuration) -> Result<[f64; 3], Violation> {
+    /// Axes 1 to 3 of the model that bring the wrist centre there, in degrees, and how the forearm is turned then.
+    fn arm(
+        &self,
+        [x, y, z]: [f64; 3],
+        configuration: Configuration,
+    ) -> Result<([f64; 3], Rotation), Violation> {
         let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
         let forearm = self.forearm;
         let square = x * x + y * y - b * b;
@@ -124,31 +135,104 @@ impl Opw {
         let bend = bend.clamp(-1.0, 1.0);
         let sine = (1.0 - bend * bend).sqrt();
         let sine = if configuration.elbow_positive { sine } else { -sine };
-        let q1 = if b == 0.0 && configuration.front { y.atan2(x) } else { y.atan2(x) - b.atan2(radial) };
         let (along, across) = (c2 + forearm * bend, forearm * sine);
-        let q2 = (n * along - h * across).atan2(h * along + n * across);
-        let q3 = sine.atan2(bend).to_degrees() - self.lean;
-        Ok([q1.to_degrees(), q2.to_degrees(), q3])
+        let base = Direction::of(x * radial + y * b, y * radial - x * b);
+        let shoulder = Direction::of(h * along + n * across, n * along - h * across);
+        let elbow = Direction { cos: bend, sin: sine };
+        let joints = [base.degrees(), shoulder.degrees(), elbow.degrees() - self.lean];
+        // Rz(θ1)·Ry(θ2 + θ3)
+        let (base, lift) = (base.half(), shoulder.and(elbow).and(self.lean_direction.opposite()).half());
+        let turned = Rotation::from_unit([
+            base.cos * lift.cos,
+            -base.sin * lift.sin,
+            base.cos * lift.sin,
+            base.sin * lift.cos,
+        ]);
+        Ok((joints, turned))
     }
 
     /// Axes 4 to 6 of the model for a rotation of the flange against the forearm, in degrees.
     fn wrist(rotation: Rotation, positive: bool, near: &Joints) -> [f64; 3] {
         let [w, x, y, z] = rotation.quaternion();
         let (sine, cosine) = ((x * x + y * y).sqrt(), (w * w + z * z).sqrt());
-        let half_sum = z.atan2(w).to_degrees();
+        let half_sum = degrees(w, z);
         if sine < WRIST_STRETCHED {
             return [near[3], 0.0, 2.0 * half_sum - near[3]];
         }
-        let half_difference = x.atan2(y).to_degrees();
+        let half_difference = degrees(y, x);
         let (q4, q5, q6) =
-            (half_sum - half_difference, 2.0 * sine.atan2(cosine).to_degrees(), half_sum + half_difference);
+            (half_sum - half_difference, 2.0 * degrees(cosine, sine), half_sum + half_difference);
         if positive { [q4, q5, q6] } else { [q4 + 180.0, -q5, q6 - 180.0] }
     }
 }
 
 /// Whether the sine of an angle in degrees is not below 0.
 fn is_within_the_first_half_turn(degrees: f64) -> bool {
+    if degrees.abs() < 360.0 {
+        return (0.0..=180.0).contains(&degrees) || degrees <= -180.0;
+    }
     degrees - 360.0 * (degrees / 360.0).floor() <= 180.0
+}
+
+/// The angle in degrees, −180 to 180, of a vector in the plane; 0 where it has no length. An arc tangent of two arguments
+/// would do, but takes half as long again for digits that nobody needs here.
+fn degrees(x: f64, y: f64) -> f64 {
+    let (along, across) = (x.abs(), y.abs());
+    let acute = if across <= along {
+        (across / along.max(f64::MIN_POSITIVE)).atan()
+    } else {
+        FRAC_PI_2 - (along / across).atan()
+    };
+    let angle = if x < 0.0 { PI - acute } else { acute };
+    angle.copysign(y).to_degrees()
+}
+
+/// An angle by its cosine and sine, so that angles can be added and halved without computing any.
+#[derive(Clone, Copy, Debug)]
+struct Direction {
+    cos: f64,
+    sin: f64,
+}
+
+impl Direction {
+    /// That of a vector in the plane; 0 where it has no length.
+    fn of(x: f64, y: f64) -> Self {
+        let length = (x * x + y * y).sqrt();
+        if length > 0.0 {
+            let scale = 1.0 / length;
+            Self { cos: x * scale, sin: y * scale }
+        } else {
+            Self { cos: 1.0, sin: 0.0 }
+        }
+    }
+
+    fn degrees(self) -> f64 {
+        degrees(self.cos, self.sin)
+    }
+
+    const fn opposite(self) -> Self {
+        Self { cos: self.cos, sin: -self.sin }
+    }
+
+    /// The sum of two angles.
+    const fn and(self, other: Self) -> Self {
+        Self {
+            cos: self.cos * other.cos - self.sin * other.sin,
+            sin: self.sin * other.cos + self.cos * other.sin,
+        }
+    }
+
+    /// Half of the angle, which counts from −180° to 180°.
+    fn half(self) -> Self {
+        // Of both halves the larger one by its root, for the other one's root would lose digits.
+        if self.cos >= 0.0 {
+            let cos = ((1.0 + self.cos) / 2.0).sqrt();
+            Self { cos, sin: self.sin / (2.0 * cos) }
+        } else {
+            let sin = ((1.0 - self.cos) / 2.0).sqrt().copysign(self.sin);
+            Self { cos: self.sin / (2.0 * sin), sin }
+        }
+    }
 }
 
 impl Kinematics for Opw {
@@ -177,10 +261,9 @@ impl Kinematics for Opw {
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
         let near = self.model(near);
         let configuration = self.configuration(&near);
-        let hand = flange.rotation.rotate([0.0, 0.0, self.parameters.c4]);
+        let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
         let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
-        let [q1, q2, q3] = self.arm(centre, configuration)?;
-        let forearm = Rotation::about([0.0, 0.0, 1.0], q1) * Rotation::about([0.0, 1.0, 0.0], q2 + q3);
+        let ([q1, q2, q3], forearm) = self.arm(centre, configuration)?;
         let [q4, q5, q6] =
             Self::wrist(forearm.inverse() * flange.rotation, configuration.wrist_positive, &near);
         Ok(self.joints(&[q1, q2, q3, q4, q5, q6]))

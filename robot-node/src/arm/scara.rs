@@ -10,6 +10,9 @@ use super::{Frame, Joints, Kinematics, Rotation, Violation};
 /// How far the commanded orientation may be off from straight down, in degrees: what single precision leaves.
 const TILT_TOLERANCE_DEG: f64 = 0.01;
 
+/// Half of that in radians, which is its sine.
+const HALF_TILT_TOLERANCE: f64 = TILT_TOLERANCE_DEG.to_radians() / 2.0;
+
 /// The geometry of a SCARA. Joints 1, 2 and 4 are in degrees, joint 3 in mm upward.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Scara {
@@ -44,9 +47,8 @@ impl Kinematics for Scara {
     }
 
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
-        let tilt_deg = flange.rotation.tilt_from_down();
-        if tilt_deg > TILT_TOLERANCE_DEG {
-            return Err(Violation::Tilt { tilt_deg });
+        if flange.rotation.half_tilt_square() > HALF_TILT_TOLERANCE * HALF_TILT_TOLERANCE {
+            return Err(Violation::Tilt { tilt_deg: flange.rotation.tilt_from_down() });
         }
         let (l1, l2) = (self.link_1_mm, self.link_2_mm);
         let [x, y, z] = flange.position;

@@ -11,7 +11,7 @@
 //! slower.
 
 use super::curve::Curve;
-use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
+use super::derivatives::{Channel, Derivatives, PLACES, SHARES, Samples, largest};
 use super::profile::Limits;
 use super::segment::Segment;
 use super::spline::Spline;
@@ -22,6 +22,9 @@ const RESERVE: f64 = 0.97;
 
 /// Into so many pieces a curve is cut at most.
 const PIECES: u32 = 2;
+
+/// An arc that goes round farther than this, in degrees, is cut at once: the samples of one piece never tell enough of it.
+const RESOLVED_ARC_DEG: f64 = 135.0;
 
 /// The most that a joint turns, in degrees, from one sample to the next in a piece that need not be cut.
 const RESOLVED_DEG: f64 = 75.0;
@@ -48,7 +51,8 @@ pub(super) fn along(
     arm: &Arm,
 ) -> Result<(Joints, Limits), Violation> {
     let mut found = Found { limits: programmed, slowest_axis: 1 };
-    let (mut joints, mut done, mut size) = (*from, 0, PIECES);
+    let is_cut = matches!(curve, Curve::Arc(arc) if arc.opening_deg() > RESOLVED_ARC_DEG);
+    let (mut joints, mut done, mut size) = (*from, 0, if is_cut { 1 } else { PIECES });
     while done < PIECES {
         let unit = curve.length() / f64::from(PIECES);
         let (start, width) = (unit * f64::from(done), unit * f64::from(size));
@@ -90,10 +94,10 @@ fn sampled(
     start: f64,
     width: f64,
     arm: &Arm,
-) -> Result<([Sample; NODES], Joints, Turn), Violation> {
-    let mut samples = [Sample::default(); NODES];
+) -> Result<(Samples, Joints, Turn), Violation> {
+    let mut samples = Samples::default();
     let (mut joints, mut turn, mut before) = (*from, (start, (1, 0.0)), start);
-    for (node, (sample, share)) in samples.iter_mut().zip(*SHARES).enumerate() {
+    for (node, share) in SHARES.iter().enumerate() {
         let way = start + share * width;
         let (next, tool) =
             if node == 0 { (joints, curve.tool(way)) } else { curve.joints_and_tool(way, arm, &joints)? };
@@ -103,9 +107,7 @@ fn sampled(
         }
         before = way;
         joints = next;
-        let [x, y, z] = tool.map_or([0.0; 3], |tool| tool.position);
-        let [q1, q2, q3, q4, q5, q6] = joints;
-        *sample = [q1, q2, q3, q4, q5, q6, x, y, z];
+        samples.set(node, &joints, &tool.map_or([0.0; 3], |tool| tool.position));
     }
     Ok((samples, joints, turn))
 }
@@ -122,13 +124,13 @@ impl Found {
     fn keep(&mut self, curve: &Curve, piece: &Derivatives, programmed: Limits, with_off: bool, arm: &Arm) {
         let scale = if with_off { 1.0 } else { 0.0 };
         if !matches!(curve, Curve::Line(_)) {
-            let (mut curvature, mut change) = (0.0_f64, 0.0_f64);
-            for point in 0..POINTS {
-                let (bend, third) = (length(piece.tool(1, point)), length(piece.tool(2, point)));
+            let (mut bends, mut changes) = ([0.0; PLACES], [0.0; PLACES]);
+            for (at, (bend, change)) in bends.iter_mut().zip(&mut changes).enumerate() {
+                *bend = piece.tool_square(1, at);
                 // By the way, the third derivative is -curvature² along the path. The rest of it is across.
-                curvature = curvature.max(bend);
-                change = change.max((third * third - bend.powi(4)).max(0.0).sqrt());
+                *change = (piece.tool_square(2, at) - *bend * *bend).max(0.0);
             }
+            let (mut curvature, mut change) = (largest(&bends).sqrt(), largest(&changes).sqrt());
             curvature += scale * length(piece.tool_off(1));
             change += scale * length(piece.tool_off(2));
             self.keep_tool(curvature, change, programmed);
@@ -136,33 +138,19 @@ impl Found {
         let rated = arm.limits();
         let limits = &mut self.limits;
         let joints = || piece.joints().iter().enumerate().take(arm.axes());
-        for (axis, Channel { at: [slopes, ..], off: [off, ..], .. }) in joints() {
-            let steepest = slopes.iter().fold(0.0, |most: f64, slope| most.max(slope.abs())) + scale * off;
+        for (axis, joint) in joints() {
+            let steepest = joint.largest(0, scale);
             limits.acceleration =
                 limits.acceleration.min(RESERVE * rated.acceleration[axis] / (2.0 * steepest));
             limits.jerk = limits.jerk.min(RESERVE * rated.jerk[axis] / (2.0 * steepest));
         }
-        for (axis, Channel { at: [slopes, bends, twists], off, .. }) in joints() {
-            let mut slowest = limits.speed;
-            let (speed, acceleration, jerk) =
-                (RESERVE * rated.speed[axis], RESERVE * rated.acceleration[axis], RESERVE * rated.jerk[axis]);
-            for ((slope, bend), twist) in slopes.iter().zip(bends).zip(twists) {
-                let slope = slope.abs() + scale * off[0];
-                let bend = bend.abs() + scale * off[1];
-                let twist = twist.abs() + scale * off[2];
-                let acceleration = acceleration - slope * limits.acceleration;
-                let jerk = jerk - slope * limits.jerk;
-                let (turning, square) = (3.0 * bend * limits.acceleration, slowest * slowest);
-                // At most points nothing is too fast, and so there is nothing to divide.
-                if slope * slowest <= speed
-                    && bend * square <= acceleration
-                    && (turning + twist * square) * slowest <= jerk
-                {
-                    continue;
-                }
-                slowest = slowest.min(speed / slope).min((acceleration / bend).sqrt());
-                slowest = speed_within_jerk(slowest, turning, twist, jerk);
-            }
+        for (axis, joint) in joints() {
+            let rated = Limits {
+                speed: RESERVE * rated.speed[axis],
+                acceleration: RESERVE * rated.acceleration[axis],
+                jerk: RESERVE * rated.jerk[axis],
+            };
+            let slowest = speed_of_joint(joint, scale, limits, &rated);
             if slowest < limits.speed {
                 (limits.speed, self.slowest_axis) = (slowest, axis as u8 + 1);
             }
@@ -203,6 +191,41 @@ impl Found {
             && 3.0 * bend * speed * acceleration + twist * speed.powi(3) <= 1e-3 * jerk;
         of_joints && (of_tool || matches!(curve, Curve::Line(_)))
     }
+}
+
+/// The highest speed up to that of `limits` at which a joint stays within what it is rated for, while the other limits
+/// are made use of; with `share` of what its derivatives may be off.
+fn speed_of_joint(joint: &Channel, share: f64, limits: &Limits, rated: &Limits) -> f64 {
+    // What the speed makes of slope, bend and twist, and what acceleration and jerk along the curve leave for it.
+    let loads = |at: usize, speed: f64| {
+        let [slope, bend, twist] = [0, 1, 2].map(|order| joint.size(order, at, share));
+        let turning = 3.0 * bend * limits.acceleration;
+        let square = speed * speed;
+        (
+            (slope * speed, rated.speed),
+            (bend * square, rated.acceleration - slope * limits.acceleration),
+            ((turning + twist * square) * speed, rated.jerk - slope * limits.jerk),
+        )
+    };
+    let mut slowest = limits.speed;
+    // As a rule nothing is too fast at any point, and so there is nothing to divide.
+    let is_too_fast = (0..PLACES).fold(false, |too_fast, at| {
+        let (speed, acceleration, jerk) = loads(at, slowest);
+        too_fast | (speed.0 > speed.1) | (acceleration.0 > acceleration.1) | (jerk.0 > jerk.1)
+    });
+    if !is_too_fast {
+        return slowest;
+    }
+    for at in 0..PLACES {
+        let (speed, acceleration, jerk) = loads(at, slowest);
+        if speed.0 <= speed.1 && acceleration.0 <= acceleration.1 && jerk.0 <= jerk.1 {
+            continue;
+        }
+        let [slope, bend, twist] = [0, 1, 2].map(|order| joint.size(order, at, share));
+        slowest = slowest.min(speed.1 / slope).min((acceleration.1 / bend).sqrt());
+        slowest = speed_within_jerk(slowest, 3.0 * bend * limits.acceleration, twist, jerk.1);
+    }
+    slowest
 }
 
 /// The highest speed v up to `speed` with linear·v + cubic·v³ ≤ jerk.

@@ -21,6 +21,15 @@ pub enum Appended {
     Late,
 }
 
+/// Two motions of a spline as pieces of one.
+struct Joined {
+    one: Segment,
+    /// The second one, if it was not shaped by the first already.
+    next: Option<Segment>,
+    /// If there is a corner before the first one: what is left of it.
+    corner: Option<Option<Blend>>,
+}
+
 impl Path {
     /// Checks a motion that is to be [appended](Self::append) next. One that goes on with a spline has its shape from
     /// there already.
@@ -64,8 +73,11 @@ impl Path {
                 _ => None,
             };
             self.set_blend(before, blend);
-            if blend.is_none() || self.is_feasible() {
+            if blend.is_none() {
                 self.plan();
+                return Appended::Planned;
+            }
+            if self.plan_if_feasible() {
                 return Appended::Planned;
             }
         }
@@ -83,56 +95,80 @@ impl Path {
             return None;
         };
         let (is_ahead, goes_on) = (self.is_ahead(before), first.goes_on_to(second));
-        let separate = (one.segment, next.segment);
-        let (first, second) = (*first, *second);
-        let shaped = second.before() == Some(*first.from());
-        let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
-        let start = corner.map_or(self.start, |corner| corner.segment.end);
-        let joined = (is_ahead && goes_on).then(|| {
-            let shape = first.with_neighbours(first.before(), Some(*second.to()));
-            let one = along::reshaped(&separate.0, shape, &start, arm)?;
-            let next = if shaped {
-                separate.1
-            } else {
-                let shape = second.with_neighbours(Some(*first.from()), None);
-                along::reshaped(&separate.1, shape, &one.end, arm)?
-            };
-            let old = corner.and_then(Planned::blend);
-            let new = corner
-                .filter(|_| old.is_some())
-                .and_then(|corner| Blend::after_zone(corner.zone, &corner.segment, &one, 1.0, arm));
-            Some(((one, next), old, new))
-        });
-        let joined = joined.flatten();
-        if let Some((pieces, old, new)) = joined {
-            self.set_pieces(before, pieces, true, arm);
-            if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
-                self.set_blend(corner, new);
-            }
-            if self.is_feasible() {
-                self.plan();
-                return Some(Appended::Planned);
-            }
-            self.set_pieces(before, separate, false, arm);
-            if let Some(corner) = before.checked_sub(1).filter(|_| old.is_some()) {
-                self.set_blend(corner, old);
-            }
+        let is_shaped = second.before() == Some(*first.from());
+        let joined =
+            if is_ahead && goes_on { self.join(before, (first, second), is_shaped, arm) } else { None };
+        if joined.is_some_and(|joined| self.take_if_feasible(before, joined, arm)) {
+            return Some(Appended::Planned);
         }
-        if shaped {
-            self.straighten_last(&second, &separate.0, arm);
+        if is_shaped {
+            self.straighten_last(before, arm);
         }
         self.stop_after(before);
         self.plan();
         Some(if is_ahead { Appended::Planned } else { Appended::Late })
     }
 
+    /// Two motions of a spline as pieces of one; none where the arm cannot follow that.
+    fn join(
+        &self,
+        before: usize,
+        (first, second): (&Spline, &Spline),
+        is_shaped: bool,
+        arm: &Arm,
+    ) -> Option<Joined> {
+        let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
+        let start = corner.map_or(&self.start, |corner| &corner.segment.end);
+        let shape = first.with_neighbours(first.before(), Some(*second.to()));
+        let one = along::reshaped(&self.queue.get(before)?.segment, shape, start, arm)?;
+        let next = if is_shaped {
+            None
+        } else {
+            let shape = second.with_neighbours(Some(*first.from()), None);
+            Some(along::reshaped(&self.queue.back()?.segment, shape, &one.end, arm)?)
+        };
+        let corner = corner
+            .filter(|corner| corner.corner.is_some())
+            .map(|corner| Blend::after_zone(corner.zone, &corner.segment, &one, 1.0, arm));
+        Some(Joined { one, next, corner })
+    }
+
+    /// Puts pieces of one spline in place of two motions and plans; returns false, with all as it was, where the arm
+    /// cannot go on into that.
+    fn take_if_feasible(&mut self, before: usize, mut joined: Joined, arm: &Arm) -> bool {
+        self.swap(before, &mut joined, arm);
+        self.set_goes_on(before, true);
+        let is_feasible = self.plan_if_feasible();
+        if !is_feasible {
+            self.swap(before, &mut joined, arm);
+            self.set_goes_on(before, false);
+        }
+        is_feasible
+    }
+
+    fn swap(&mut self, before: usize, joined: &mut Joined, arm: &Arm) {
+        if let Some(planned) = self.queue.get_mut(before) {
+            core::mem::swap(&mut planned.segment, &mut joined.one);
+        }
+        if let Some(next) = &mut joined.next {
+            let was = self.queue.back().map(|last| last.segment);
+            self.set_last(*next, arm);
+            *next = was.unwrap_or(*next);
+        }
+        if let (Some(corner), Some(blend)) = (before.checked_sub(1), &mut joined.corner) {
+            let was = self.queue.get(corner).and_then(Planned::blend);
+            self.set_blend(corner, *blend);
+            *blend = was;
+        }
+    }
+
     /// The last piece of a spline begins at a stop after all: it is the straight line that it is alone, if the arm can
     /// follow that.
-    fn straighten_last(&mut self, piece: &Spline, before: &Segment, arm: &Arm) {
+    fn straighten_last(&mut self, before: usize, arm: &Arm) {
+        let (Some(before), Some(last)) = (self.queue.get(before), self.queue.back()) else { return };
+        let Curve::Spline(piece) = &last.segment.curve else { return };
         let alone = piece.with_neighbours(None, None);
-        let last = self.queue.back().map(|last| last.segment);
-        let straight = last.and_then(|last| along::reshaped(&last, alone, &before.end, arm));
-        if let Some(straight) = straight {
+        if let Some(straight) = along::reshaped(&last.segment, alone, &before.segment.end, arm) {
             self.set_last(straight, arm);
         }
     }
@@ -150,11 +186,10 @@ impl Path {
         }
     }
 
-    fn set_pieces(&mut self, before: usize, pieces: (Segment, Segment), goes_on: bool, arm: &Arm) {
-        if let Some(planned) = self.queue.get_mut(before) {
-            (planned.segment, planned.goes_on) = (pieces.0, goes_on);
+    fn set_goes_on(&mut self, index: usize, goes_on: bool) {
+        if let Some(planned) = self.queue.get_mut(index) {
+            planned.goes_on = goes_on;
         }
-        self.set_last(pieces.1, arm);
     }
 
     /// Gives the last motion another shape.

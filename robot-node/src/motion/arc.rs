@@ -72,6 +72,12 @@ impl Arc {
         self.radius
     }
 
+    /// How much of the circle it is, in degrees: 0…360.
+    #[must_use]
+    pub const fn opening_deg(&self) -> f64 {
+        self.opening.to_degrees()
+    }
+
     /// The centre in the root, in mm.
     #[must_use]
     pub const fn centre(&self) -> [f64; 3] {
@@ -93,6 +99,12 @@ impl Arc {
     pub(super) fn position(&self, way: f64) -> [f64; 3] {
         let (sin, cos) = (way / self.radius).sin_cos();
         core::array::from_fn(|i| self.centre[i] + cos * self.outward[i] + sin * self.forward[i])
+    }
+
+    /// Its target: the tool in the root.
+    #[must_use]
+    pub const fn to(&self) -> &Frame {
+        &self.to
     }
 
     /// How the flange follows from the tool.

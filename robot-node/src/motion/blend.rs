@@ -17,10 +17,10 @@
 //! the path may come at any moment.
 
 use super::curve::Curve;
-use super::derivatives::{Channel, Derivatives, NODES, POINTS, SHARES, Sample};
+use super::derivatives::{Channel, Derivatives, NODES, PLACES, SHARES, Samples};
 use super::profile::Limits;
 use super::segment::Segment;
-use crate::arm::{Arm, Frame, Joints, Violation, distance, length};
+use crate::arm::{AXES, Arm, Frame, Joints, Violation, distance};
 
 /// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of h at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
@@ -121,9 +121,9 @@ impl Blend {
         let to = self.to_zone * eased(w);
         let flange = first.curve.flange().filter(|flange| second.curve.flange() == Some(*flange));
         if let (Some(flange), Some(one), Some(corner), Some(two)) =
-            (flange, first.curve.tool(from), first.curve.tool(first.curve.length()), second.curve.tool(to))
+            (flange, first.curve.tool(from), first.curve.end_tool(), second.curve.tool(to))
         {
-            let tool = sum(&one, &corner, &two);
+            let tool = sum(&one, corner, &two);
             let joints = arm.follow(&flange.when_tool_at(tool), near)?;
             return Ok((joints, Some(tool.position)));
         }
@@ -136,23 +136,23 @@ impl Blend {
 
     /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows.
     fn find_limits(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
-        let mut samples = [Sample::default(); NODES];
+        let mut samples = Samples::default();
         let (mut near, corner) = (first.end, first.tool_at(&first.end, arm));
-        for (node, (sample, share)) in samples.iter_mut().zip(*SHARES).enumerate() {
+        for (node, share) in SHARES.iter().enumerate() {
             let (joints, tool) =
-                self.joints_and_tool(first, second, share, arm, &near).map_err(|_| Unfit::Arm)?;
+                self.joints_and_tool(first, second, *share, arm, &near).map_err(|_| Unfit::Arm)?;
             let tool = tool.unwrap_or_else(|| first.tool_at(&joints, arm));
             let is_border = node == 0 || node == NODES - 1;
             if !is_border && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);
             }
-            let ([q1, q2, q3, q4, q5, q6], [x, y, z]) = (joints, tool);
-            (*sample, near) = ([q1, q2, q3, q4, q5, q6, x, y, z], joints);
+            samples.set(node, &joints, &tool);
+            near = joints;
         }
         let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
-        let corner = Derivatives::of(&samples, 1.0, arm.axes(), has_tool);
+        let mut corner = Derivatives::of(&samples, 1.0, arm.axes(), has_tool);
         corner.within_range(1.0, arm).map_err(|_| Unfit::Arm)?;
-        let load = Load::of(first, second, &corner, arm);
+        let load = Load::of(first, second, corner.with_tool_lengths(), arm);
         self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
         self.limits = load.limits(self.programmed_rate);
@@ -165,89 +165,82 @@ fn eased(w: f64) -> f64 {
     w * w * w * (2.0 - w)
 }
 
-/// What a corner asks of the arm at each of its points, as shares of the limits at rate 1: the largest of all joints
-/// and the tool, by the order of the derivative and by the order of the limit.
-struct Load {
-    /// Slope to speed, bend to acceleration, twist to jerk.
-    speed: f64,
-    points: [PointLoad; POINTS],
+/// What a corner asks of each joint, and last of the tool: the derivatives by the corner's share, and one over the limits
+/// that they are held against.
+struct Load<'a> {
+    channels: &'a [Channel; AXES + 1],
+    of_speed: [f64; AXES + 1],
+    of_acceleration: [f64; AXES + 1],
+    of_jerk: [f64; AXES + 1],
 }
 
-/// Of each joint, and last the tool: slope, bend and twist as shares of a limit.
-#[derive(Clone, Copy, Default)]
-struct PointLoad {
-    /// Slope and bend to acceleration.
-    acceleration: [[f64; 2]; 7],
-    /// Slope, bend and twist to jerk.
-    jerk: [[f64; 3]; 7],
-}
-
-impl Load {
-    fn of(first: &Segment, second: &Segment, corner: &Derivatives, arm: &Arm) -> Self {
+impl<'a> Load<'a> {
+    fn of(first: &Segment, second: &Segment, channels: &'a [Channel; AXES + 1], arm: &Arm) -> Self {
         let share = first.axis_share.min(second.axis_share);
         let rated = arm.limits();
-        let mut load = Self { speed: 0.0, points: [PointLoad::default(); POINTS] };
+        let one_over = |joints: &Joints, share: f64, tool: f64| {
+            let joints = joints.map(|limit| 1.0 / (RESERVE * share * limit));
+            core::array::from_fn(|axis| joints.get(axis).copied().unwrap_or(1.0 / tool))
+        };
         let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
-        let tool_jerk = first.tool_jerk.min(second.tool_jerk);
-        for (axis, Channel { at: [slopes, bends, twists], off, .. }) in
-            corner.joints().iter().enumerate().take(arm.axes())
-        {
-            let of_speed = 1.0 / (RESERVE * rated.speed[axis]);
-            let of_acceleration = 1.0 / (RESERVE * share * rated.acceleration[axis]);
-            let of_jerk = 1.0 / (RESERVE * share * rated.jerk[axis]);
-            let derivatives = slopes.iter().zip(bends).zip(twists);
-            for (found, ((slope, bend), twist)) in load.points.iter_mut().zip(derivatives) {
-                let (slope, bend, twist) = (slope.abs() + off[0], bend.abs() + off[1], twist.abs() + off[2]);
-                load.speed = load.speed.max(slope * of_speed);
-                found.acceleration[axis] = [slope * of_acceleration, bend * of_acceleration];
-                found.jerk[axis] = [slope * of_jerk, bend * of_jerk, twist * of_jerk];
-            }
+        Self {
+            channels,
+            of_speed: one_over(&rated.speed, 1.0, f64::INFINITY),
+            of_acceleration: one_over(&rated.acceleration, share, tool_acceleration),
+            of_jerk: one_over(&rated.jerk, share, first.tool_jerk.min(second.tool_jerk)),
         }
-        if tool_acceleration.is_finite() {
-            for (point, found) in load.points.iter_mut().enumerate() {
-                let (slope, bend, twist) = (
-                    length(corner.tool(0, point)),
-                    length(corner.tool(1, point)),
-                    length(corner.tool(2, point)),
-                );
-                found.acceleration[6] = [slope / tool_acceleration, bend / tool_acceleration];
-                found.jerk[6] = [slope / tool_jerk, bend / tool_jerk, twist / tool_jerk];
-            }
-        }
-        load
     }
 
     /// The highest rate up to `speed`, and how it may change.
     fn limits(&self, speed: f64) -> Limits {
-        let (mut bend, mut twist) = (0.0_f64, 0.0_f64);
-        for point in &self.points {
-            for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
-                (bend, twist) = (bend.max(acceleration[1]), twist.max(jerk[2]));
-            }
-        }
-        let rate = speed.min(1.0 / self.speed).min((BENDING / bend).sqrt()).min((TWISTING / twist).cbrt());
-        let cube = rate * rate * rate;
-        let mut limits = Limits { speed: rate, acceleration: f64::MAX, jerk: f64::MAX };
-        // Divided only where it would be less.
-        let least = |least: &mut f64, part: f64, by: f64| {
-            if part < *least * by {
-                *least = part / by;
-            }
+        let most = |order: usize, by: &[f64; AXES + 1]| {
+            let channels = self.channels.iter().zip(by).filter(|(_, by)| **by > 0.0);
+            channels.map(|(channel, by)| by * channel.largest(order, 1.0)).fold(0.0, f64::max)
         };
-        for point in &self.points {
-            for (acceleration, jerk) in point.acceleration.iter().zip(&point.jerk) {
-                let left = 1.0 - jerk[2] * cube;
-                least(&mut limits.acceleration, 1.0 - acceleration[1] * rate * rate, acceleration[0]);
-                least(&mut limits.acceleration, left, 6.0 * jerk[1] * rate);
+        let rate = speed
+            .min(1.0 / most(0, &self.of_speed))
+            .min((BENDING / most(1, &self.of_acceleration)).sqrt())
+            .min((TWISTING / most(2, &self.of_jerk)).cbrt());
+        let (square, cube) = (rate * rate, rate * rate * rate);
+        let (mut acceleration, mut jerk) = (f64::MAX, f64::MAX);
+        let limited = || {
+            let limits = self.of_acceleration.iter().zip(&self.of_jerk);
+            self.channels.iter().zip(limits).filter(|(_, (_, of_jerk))| **of_jerk > 0.0)
+        };
+        for (channel, (of_acceleration, of_jerk)) in limited() {
+            let size = |order: usize, at: usize| channel.size(order, at, 1.0);
+            least(&mut acceleration, |at| {
+                (1.0 - size(1, at) * of_acceleration * square, size(0, at) * of_acceleration)
+            });
+            least(&mut acceleration, |at| {
+                (1.0 - size(2, at) * of_jerk * cube, size(1, at) * 6.0 * of_jerk * rate)
+            });
+        }
+        for (channel, (_, of_jerk)) in limited() {
+            let size = |order: usize, at: usize| channel.size(order, at, 1.0);
+            least(&mut jerk, |at| {
+                let taken = size(2, at) * cube + 3.0 * size(1, at) * rate * acceleration;
+                (1.0 - taken * of_jerk, size(0, at) * of_jerk)
+            });
+        }
+        Limits { speed: rate, acceleration, jerk }
+    }
+}
+
+/// Reduces a limit to what is left at each point divided by what it counts there.
+fn least(limit: &mut f64, left_and_count: impl Fn(usize) -> (f64, f64)) {
+    // As a rule there is more at every point, and nothing to divide.
+    let is_less = (0..PLACES).fold(false, |is_less, at| {
+        let (left, count) = left_and_count(at);
+        is_less | (left < *limit * count)
+    });
+    if is_less {
+        for at in 0..PLACES {
+            let (left, count) = left_and_count(at);
+            if left < *limit * count {
+                *limit = left / count;
             }
         }
-        for point in &self.points {
-            for [slope, bend, twist] in point.jerk {
-                let taken = twist * cube + 3.0 * bend * rate * limits.acceleration;
-                least(&mut limits.jerk, 1.0 - taken, slope);
-            }
-        }
-        limits
     }
 }
 

@@ -191,6 +191,16 @@ impl Curve {
         }
     }
 
+    /// The tool in the root at the end; none point to point.
+    pub(super) const fn end_tool(&self) -> Option<&Frame> {
+        match self {
+            Self::Line(line) => Some(line.end()),
+            Self::Arc(arc) => Some(arc.to()),
+            Self::Spline(spline) => Some(spline.to()),
+            Self::Axes(_) => None,
+        }
+    }
+
     /// Where the tool is in the root after `way`, without its orientation; none point to point.
     #[must_use]
     pub(crate) fn position(&self, way: f64) -> Option<[f64; 3]> {

@@ -7,54 +7,70 @@
 use core::f64::consts::PI;
 use std::sync::LazyLock;
 
-use crate::arm::{AXES, Arm, Violation};
+use crate::arm::{AXES, Arm, Joints, Violation};
 
 /// Samples of a part.
 pub(super) const NODES: usize = 9;
 
 /// Points at which the derivatives are known: the samples and one between each two of them.
-pub(super) const POINTS: usize = 2 * NODES - 1;
+const POINTS: usize = 2 * NODES - 1;
 
 /// How much more than found a joint may go between two points before it turns round.
 const EXTREMUM: f64 = 1.25;
 
 /// Six joints and the three coordinates of the tool.
-pub(super) const CHANNELS: usize = AXES + 3;
-
-/// Joints in degrees (mm), and the tool in mm.
-pub(super) type Sample = [f64; CHANNELS];
+const CHANNELS: usize = AXES + 3;
 
 /// Shares of a part at which it is sampled, from 0 to 1.
 pub(super) static SHARES: LazyLock<[f64; NODES]> =
     LazyLock::new(|| core::array::from_fn(|node| (1.0 - chebyshev_point(node, NODES)) / 2.0));
 
+/// Where joints and tool are at [`SHARES`] of a part: for each joint in degrees (mm), and for each coordinate of the
+/// tool in mm, its samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Samples([[f64; NODES]; CHANNELS]);
+
+impl Samples {
+    pub(super) fn set(&mut self, node: usize, joints: &Joints, tool: &[f64; 3]) {
+        for (channel, value) in self.0.iter_mut().zip(joints.iter().chain(tool)) {
+            channel[node] = *value;
+        }
+    }
+}
+
 /// By order: the first, second and third derivative.
 type ByOrder<T> = [T; 3];
+
+/// One value for each point, as they are found: a point and its mirror image about the middle of the part are found
+/// together, so those up to the middle come first, and then from the end those down to it. The few in the middle come
+/// twice, so that the processor has a full row to work on.
+type AtPoints = [f64; PLACES];
+
+/// How many these are.
+pub(super) const PLACES: usize = 2 * LANES;
 
 /// The derivatives of one joint, or of one coordinate of the tool, along a part.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Channel {
-    /// Itself at each point.
-    values: [f64; POINTS],
+    samples: [f64; NODES],
     /// Its derivatives at each point.
-    pub(super) at: ByOrder<[f64; POINTS]>,
+    pub(super) at: ByOrder<AtPoints>,
     /// What they may be off.
     pub(super) off: ByOrder<f64>,
 }
 
 impl Channel {
-    const NONE: Self = Self { values: [0.0; POINTS], at: [[0.0; POINTS]; 3], off: [0.0; 3] };
+    const NONE: Self = Self { samples: [0.0; NODES], at: [[0.0; PLACES]; 3], off: [0.0; 3] };
 
     /// Those of a polynomial through samples at [`SHARES`] of a part that is `width` long.
-    fn find(&mut self, samples: &[f64; NODES], width: f64) {
-        let operators = &*OPERATORS;
+    fn find(&mut self, samples: &[f64; NODES], width: f64, operators: &Operators) {
+        self.samples = *samples;
         let halves = Halves::of(samples);
-        operators.values.apply(&halves, 1.0, &mut self.values);
-        let mut scale = 1.0;
-        let last = operators.factors.map(|factor| halves.sum(&factor));
-        let (before, end) = (last[0].abs() + last[1].abs(), last[2].abs() + last[3].abs());
+        let [last_even, last_odd] = operators.factors.apply(&halves);
+        let (before, end) = (last_odd[0].abs() + last_even[0].abs(), last_odd[1].abs() + last_even[1].abs());
         // The factors fall off evenly. Those left out have the slope of their polynomial's end at most.
         let left_out = if end < before { end * end / before } else { end };
+        let mut scale = 1.0;
         for (order, operator) in operators.derivatives.iter().enumerate() {
             scale /= width;
             operator.apply(&halves, scale, &mut self.at[order]);
@@ -62,22 +78,67 @@ impl Channel {
         }
     }
 
+    /// How large a derivative (order 0: the first) is at one of the places, and `share` of what it may be off.
+    pub(super) fn size(&self, order: usize, at: usize, share: f64) -> f64 {
+        self.at[order][at].abs() + share * self.off[order]
+    }
+
+    /// The largest of those of all points.
+    pub(super) fn largest(&self, order: usize, share: f64) -> f64 {
+        largest(&self.at[order]) + share * self.off[order]
+    }
+
+    /// What lies around all values along a part that is `width` long: found at once, and wider than [`range`](Self::range).
+    fn bounds(&self, width: f64) -> (f64, f64) {
+        let steepest = largest(&self.at[0]);
+        // From two samples toward each other, as steep as anywhere.
+        let beyond = EXTREMUM * steepest * width * OPERATORS.longest_step / 2.0;
+        let (lowest, highest) = lowest_and_highest(&self.samples);
+        (lowest - beyond, highest + beyond)
+    }
+
     /// The lowest and the highest value along a part that is `width` long, also between the points.
-    pub(super) fn range(&self, width: f64) -> (f64, f64) {
-        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
-        let slopes = &self.at[0];
-        for (point, value) in self.values.iter().enumerate() {
-            (lowest, highest) = (lowest.min(*value), highest.max(*value));
-            let (Some(next), Some(before)) = (slopes.get(point + 1), slopes.get(point)) else { break };
+    fn range(&self, width: f64) -> (f64, f64) {
+        let mut values = [0.0; PLACES];
+        OPERATORS.values.apply(&Halves::of(&self.samples), 1.0, &mut values);
+        let (mut lowest, mut highest) = lowest_and_highest(&values);
+        for point in 0..POINTS - 1 {
+            let slope = |point| self.at[0][place_of(point)];
+            let (before, next) = (slope(point), slope(point + 1));
             if before * next < 0.0 {
                 // It turns round in between: about where the slope, drawn straight, is 0.
                 let step = width * OPERATORS.steps[point];
                 let beyond = EXTREMUM * before * step / 2.0 * before / (before - next);
+                let value = values[place_of(point)];
                 (lowest, highest) = (lowest.min(value + beyond), highest.max(value + beyond));
             }
         }
         (lowest, highest)
     }
+}
+
+/// Where a point is among [`AtPoints`].
+const fn place_of(point: usize) -> usize {
+    if point < HALF_POINTS { point } else { LANES + POINTS - 1 - point }
+}
+
+/// The size of the largest of some values; those that are no numbers do not count.
+pub(super) fn largest(values: &AtPoints) -> f64 {
+    // Four at a time, since each comparison waits for the one before.
+    let mut most = [0.0; 4];
+    for four in values.chunks_exact(4) {
+        for (most, value) in most.iter_mut().zip(four) {
+            *most = if value.abs() > *most { value.abs() } else { *most };
+        }
+    }
+    most.into_iter().fold(0.0, f64::max)
+}
+
+fn lowest_and_highest(values: &[f64]) -> (f64, f64) {
+    let start = (f64::INFINITY, f64::NEG_INFINITY);
+    values.iter().fold(start, |(lowest, highest), value| {
+        (if *value < lowest { *value } else { lowest }, if *value > highest { *value } else { highest })
+    })
 }
 
 /// The derivatives along a part: of six joints, and of the tool's three coordinates if asked for.
@@ -86,11 +147,11 @@ pub(super) struct Derivatives([Channel; CHANNELS]);
 
 impl Derivatives {
     /// From samples at [`SHARES`] of a part that is `width` long.
-    pub(super) fn of(samples: &[Sample; NODES], width: f64, axes: usize, with_tool: bool) -> Self {
-        let mut found = Self([Channel::NONE; CHANNELS]);
-        for (channel, slot) in found.0.iter_mut().enumerate() {
+    pub(super) fn of(samples: &Samples, width: f64, axes: usize, with_tool: bool) -> Self {
+        let (mut found, operators) = (Self([Channel::NONE; CHANNELS]), &*OPERATORS);
+        for (channel, (slot, samples)) in found.0.iter_mut().zip(&samples.0).enumerate() {
             if channel < axes || (with_tool && channel >= AXES) {
-                slot.find(&samples.map(|sample| sample[channel]), width);
+                slot.find(samples, width, operators);
             }
         }
         found
@@ -103,18 +164,34 @@ impl Derivatives {
 
     /// Whether the joints stay within their ranges along a part that is `width` long, also between the samples.
     pub(super) fn within_range(&self, width: f64, arm: &Arm) -> Result<(), Violation> {
-        let (mut lowest, mut highest) = ([0.0; AXES], [0.0; AXES]);
-        for (axis, joint) in self.joints().iter().enumerate().take(arm.axes()) {
-            (lowest[axis], highest[axis]) = joint.range(width);
-        }
-        arm.within_range(&lowest)?;
-        arm.within_range(&highest)
+        let within = |find: fn(&Channel, f64) -> (f64, f64)| {
+            let (mut lowest, mut highest) = ([0.0; AXES], [0.0; AXES]);
+            for (axis, joint) in self.joints().iter().enumerate().take(arm.axes()) {
+                (lowest[axis], highest[axis]) = find(joint, width);
+            }
+            arm.within_range(&lowest).and_then(|()| arm.within_range(&highest))
+        };
+        // As a rule the joints are far from the ends of their ranges.
+        within(Channel::bounds).or_else(|_| within(Channel::range))
     }
 
-    /// The tool's derivative of an order (0: the first) at a point.
-    pub(super) fn tool(&self, order: usize, point: usize) -> [f64; 3] {
+    /// The square of the length of the tool's derivative (order 0: the first) at one of the places.
+    pub(super) fn tool_square(&self, order: usize, at: usize) -> f64 {
         let [.., x, y, z] = &self.0;
-        [x.at[order][point], y.at[order][point], z.at[order][point]]
+        let [x, y, z] = [x, y, z].map(|coordinate| coordinate.at[order][at]);
+        x * x + y * y + z * z
+    }
+
+    /// Those of each joint, and in place of the tool's coordinates the lengths of its derivatives.
+    pub(super) fn with_tool_lengths(&mut self) -> &[Channel; AXES + 1] {
+        for order in 0..3 {
+            for at in 0..PLACES {
+                self.0[AXES].at[order][at] = self.tool_square(order, at).sqrt();
+            }
+        }
+        self.0[AXES].off = [0.0; 3];
+        let [joints_and_tool @ .., _, _] = &self.0;
+        joints_and_tool
     }
 
     /// What the tool's derivative of an order may be off.
@@ -150,73 +227,46 @@ impl Halves {
             middle: samples[HALF],
         }
     }
-
-    /// The sum of the samples, each by its weight.
-    fn sum(&self, Weights { even, odd, middle }: &Weights) -> f64 {
-        let pairs = self.even.iter().zip(even).chain(self.odd.iter().zip(odd));
-        pairs.map(|(value, weight)| value * weight).sum::<f64>() + self.middle * middle
-    }
 }
 
-/// What each sample counts, as [`Halves`] have them.
-#[derive(Clone, Copy)]
-struct Weights {
-    even: [f64; HALF],
-    odd: [f64; HALF],
-    middle: f64,
+/// What each sample counts for so many values, as [`Halves`] have the samples: for the even ones of them and the
+/// middle one, and for the odd ones.
+struct Weights<const N: usize> {
+    even: [[f64; N]; HALF],
+    middle: [f64; N],
+    odd: [[f64; N]; HALF],
 }
 
-impl Weights {
-    fn of(weights: [f64; NODES]) -> Self {
-        let mirrored = |node: usize| weights[NODES - 1 - node];
+impl<const N: usize> Weights<N> {
+    /// From the weights of a sample for the even and for the odd part of each value.
+    fn of(even: impl Fn(usize, usize) -> f64, odd: impl Fn(usize, usize) -> f64) -> Self {
+        let mirrored = |node: usize| NODES - 1 - node;
         Self {
-            even: core::array::from_fn(|node| (weights[node] + mirrored(node)) / 2.0),
-            odd: core::array::from_fn(|node| (weights[node] - mirrored(node)) / 2.0),
-            middle: weights[HALF],
-        }
-    }
-}
-
-/// From samples to what is found at the points: for each half of the samples the weights at all points up to the middle.
-struct Operator {
-    even: [[f64; LANES]; HALF],
-    odd: [[f64; LANES]; HALF],
-    middle: [f64; LANES],
-    /// What is even in the samples comes out opposite at the mirror image of a point, as a slope does.
-    turns: bool,
-}
-
-impl Operator {
-    /// From the weight of a sample at a point.
-    fn of(turns: bool, weight: impl Fn(usize, usize) -> f64) -> Self {
-        let points: [Weights; LANES] =
-            core::array::from_fn(|point| Weights::of(core::array::from_fn(|node| weight(point, node))));
-        let rows = |of: fn(&Weights, usize) -> f64| {
-            core::array::from_fn(|node| core::array::from_fn(|point| of(&points[point], node)))
-        };
-        Self {
-            even: rows(|weights, node| weights.even[node]),
-            odd: rows(|weights, node| weights.odd[node]),
-            middle: points.map(|weights| weights.middle),
-            turns,
+            even: core::array::from_fn(|node| {
+                core::array::from_fn(|value| (even(value, node) + even(value, mirrored(node))) / 2.0)
+            }),
+            middle: core::array::from_fn(|value| even(value, HALF)),
+            odd: core::array::from_fn(|node| {
+                core::array::from_fn(|value| (odd(value, node) - odd(value, mirrored(node))) / 2.0)
+            }),
         }
     }
 
-    /// What it finds, times `scale`.
-    fn apply(&self, samples: &Halves, scale: f64, found: &mut [f64; POINTS]) {
+    /// What the even samples give, and what the odd ones give.
+    #[inline]
+    fn apply(&self, samples: &Halves) -> [[f64; N]; 2] {
         let middle = self.middle.map(|weight| weight * samples.middle);
-        let even = weighted(middle, &self.even, &samples.even);
-        let odd = weighted([0.0; LANES], &self.odd, &samples.odd);
-        let (kept, turned) = if self.turns { (odd, even) } else { (even, odd) };
-        for point in 0..HALF_POINTS {
-            found[point] = (kept[point] + turned[point]) * scale;
-            found[POINTS - 1 - point] = (kept[point] - turned[point]) * scale;
-        }
+        [weighted(middle, &self.even, &samples.even), weighted([0.0; N], &self.odd, &samples.odd)]
     }
 }
 
 /// Adds samples to sums, each by its weights. One half at a time, so that its sums stay in registers.
-fn weighted(mut sums: [f64; LANES], weights: &[[f64; LANES]; HALF], samples: &[f64; HALF]) -> [f64; LANES] {
+#[inline]
+fn weighted<const N: usize>(
+    mut sums: [f64; N],
+    weights: &[[f64; N]; HALF],
+    samples: &[f64; HALF],
+) -> [f64; N] {
     for (row, sample) in weights.iter().zip(samples) {
         for (sum, weight) in sums.iter_mut().zip(row) {
             *sum += weight * sample;
@@ -225,13 +275,41 @@ fn weighted(mut sums: [f64; LANES], weights: &[[f64; LANES]; HALF], samples: &[f
     sums
 }
 
+/// From samples to what is found at the points.
+struct Operator {
+    /// To the points up to the middle.
+    weights: Weights<LANES>,
+    /// What is even in the samples comes out opposite at the mirror image of a point, as a slope does.
+    turns: bool,
+}
+
+impl Operator {
+    /// From the weight of a sample at a point.
+    fn of(turns: bool, weight: impl Fn(usize, usize) -> f64) -> Self {
+        Self { weights: Weights::of(&weight, &weight), turns }
+    }
+
+    /// What it finds, times `scale`.
+    fn apply(&self, samples: &Halves, scale: f64, found: &mut AtPoints) {
+        let [even, odd] = self.weights.apply(samples);
+        let (kept, turned) = if self.turns { (odd, even) } else { (even, odd) };
+        let (points, mirrored) = found.split_at_mut(LANES);
+        for lane in 0..LANES {
+            points[lane] = (kept[lane] + turned[lane]) * scale;
+            mirrored[lane] = (kept[lane] - turned[lane]) * scale;
+        }
+    }
+}
+
 struct Operators {
     values: Operator,
     derivatives: ByOrder<Operator>,
-    /// The polynomial's last four factors, in the order of their degrees.
-    factors: [Weights; 4],
+    /// The polynomial's last four factors in the order of their degrees: the even ones from the even samples.
+    factors: Weights<2>,
     /// From each point to the next one, as shares of the part.
     steps: [f64; POINTS - 1],
+    /// The longest way from one sample to the next one, as a share of the part.
+    longest_step: f64,
     /// The derivatives at the end of the next but one Chebyshev polynomial.
     ends: ByOrder<f64>,
 }
@@ -255,10 +333,12 @@ static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
     Operators {
         values: operator(0),
         derivatives: [operator(1), operator(2), operator(3)],
-        factors: core::array::from_fn(|last| {
-            Weights::of(core::array::from_fn(|node| factor(NODES - 4 + last, node)))
-        }),
+        factors: Weights::of(
+            |last, node| factor(NODES - 3 + 2 * last, node),
+            |last, node| factor(NODES - 4 + 2 * last, node),
+        ),
         steps: core::array::from_fn(|point| place(point + 1) - place(point)),
+        longest_step: SHARES.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max),
         ends,
     }
 });
@@ -289,18 +369,22 @@ fn polynomial_at(degree: usize, x: f64) -> [f64; 4] {
 mod tests {
     use super::*;
 
+    /// The same for every joint and coordinate.
+    fn samples(of_share: impl Fn(f64) -> f64) -> Samples {
+        Samples([SHARES.map(of_share); CHANNELS])
+    }
+
     #[test]
     fn nine_samples_of_a_smooth_part_give_its_derivatives_everywhere() {
         let width = 3.0;
         let function = |s: f64| (0.4 * s).sin();
-        let samples = SHARES.map(|share| [function(share * width); CHANNELS]);
-        let found = Derivatives::of(&samples, width, AXES, true);
+        let found = Derivatives::of(&samples(|share| function(share * width)), width, AXES, true);
         for point in 0..POINTS {
             let s = width * (1.0 - chebyshev_point(point, POINTS)) / 2.0;
             let (sin, cos) = (0.4 * s).sin_cos();
             let expected = [0.4 * cos, -0.16 * sin, -0.064 * cos];
             for (order, expected) in expected.into_iter().enumerate() {
-                let off = (found.joints()[0].at[order][point] - expected).abs();
+                let off = (found.joints()[0].at[order][place_of(point)] - expected).abs();
                 assert!(off < 1e-5, "order {order} at {s}: off by {off}");
                 assert!(found.joints()[0].off[order] < 1e-4, "{:?}", found.joints()[0].off);
             }
@@ -310,16 +394,18 @@ mod tests {
     #[test]
     fn a_turn_between_two_samples_counts_to_the_range() {
         let width = 2.0;
-        let samples = SHARES.map(|share| [(share * width - 0.7_f64).powi(2); CHANNELS]);
-        let (lowest, highest) = Derivatives::of(&samples, width, AXES, false).joints()[0].range(width);
+        let samples = samples(|share| (share * width - 0.7).powi(2));
+        let found = Derivatives::of(&samples, width, AXES, false).joints()[0];
+        let (lowest, highest) = found.range(width);
         assert!((-0.01..1e-12).contains(&lowest), "{lowest}");
         assert!((highest - 1.69).abs() < 1e-9, "{highest}");
+        let bounds = found.bounds(width);
+        assert!(bounds.0 <= lowest && bounds.1 >= highest, "{bounds:?}");
     }
 
     #[test]
     fn a_kink_is_seen_in_what_is_left_out() {
-        let samples = SHARES.map(|share| [(share - 0.4).abs(); CHANNELS]);
-        let found = Derivatives::of(&samples, 1.0, AXES, true);
+        let found = Derivatives::of(&samples(|share| (share - 0.4).abs()), 1.0, AXES, true);
         assert!(found.joints()[0].off[0] > 0.1, "{:?}", found.joints()[0].off);
     }
 }

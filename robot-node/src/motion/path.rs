@@ -290,16 +290,26 @@ impl Path {
         (parts, count, pace)
     }
 
-    /// Whether the arm can go on into what is ahead.
-    pub(super) fn is_feasible(&self) -> bool {
-        let (parts, count, pace) = self.parts();
-        parts.get(..count).is_none_or(|parts| plan::is_feasible(parts, pace))
+    /// Plans what is ahead anew if the arm can go on into it; returns false, and changes nothing, if it cannot.
+    pub(super) fn plan_if_feasible(&mut self) -> bool {
+        let (mut parts, count, pace) = self.parts();
+        let Some(parts) = parts.get_mut(..count) else { return true };
+        let is_feasible = plan::is_feasible(parts, pace);
+        if is_feasible {
+            self.take_plan(parts);
+        }
+        is_feasible
     }
 
     /// Plans what is ahead anew, from what the arm does now.
     pub(super) fn plan(&mut self) {
         let (mut parts, count, _) = self.parts();
-        let Some(parts) = parts.get_mut(..count) else { return };
+        if let Some(parts) = parts.get_mut(..count) {
+            self.take_plan(parts);
+        }
+    }
+
+    fn take_plan(&mut self, parts: &mut [Part]) {
         let is_new = plan::plan(parts, self.place.time, self.factor);
         let (in_blend, time) = (self.place.in_blend, self.place.time);
         if is_new && let Some(front) = self.queue.front_mut() {
