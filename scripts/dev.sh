@@ -69,6 +69,16 @@ verb_purity() { #: prove that `protocol` can name no clock, socket, thread or fi
     echo "protocol is pure; unsafe stands in protocol-linux alone"
 }
 
+# build: every program as the tests have it, so that after `test` nothing is left to build.
+build() {
+    cargo build --workspace --all-features --all-targets --locked
+}
+
+# built PROGRAM ARGUMENT...: runs one of them.
+built() {
+    "${CARGO_TARGET_DIR:-target}/debug/$1" "${@:2}"
+}
+
 verb_test() { #: the README's test command
     cargo test --workspace --all-features --locked --no-fail-fast
 }
@@ -134,22 +144,22 @@ gate_run() {
 }
 
 verb_wire() { #: short real and virtual runs, the captures of both ends through tshark's gates
-    cargo build -p bench --locked
+    build
     local out
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
     for cyclic in udp rt1; do
         for mode in real virtual; do
-            cargo run -p bench --locked -- --setup A --mode "$mode" --cyclic "$cyclic" --types cm --reps 1 \
+            built bench --setup A --mode "$mode" --cyclic "$cyclic" --types cm --reps 1 \
                 --capture always --out "$out/$mode-$cyclic"
             gate_run gate_profinet "$out/$mode-$cyclic"
         done
     done
-    cargo run -p bench --locked -- --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
+    built bench --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
     gate_run gate_ethernet_ip "$out/virtual-B"
     local fault capture
-    cargo run -p bench --locked -- --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
+    built bench --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
         --fault loss=0.01 --fault duplicate=0.01 --fault reorder=0.01@3ms
     gate_run gate_profinet "$out/faults"
     for capture in "$out"/faults/*.pcapng; do
@@ -161,23 +171,19 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
 }
 
 verb_gate() { #: fail where the virtual figures of a setup left their committed baseline, or CM lost ground in real time
-    cargo build -p bench --locked
+    build
     local out status=0
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
     for setup in A B; do
-        run_bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
+        built bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
         summarise "$out/$setup.txt"
     done
-    run_bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
-    run_bench gate --run "$out/real" >"$out/real.txt" || status=$?
+    built bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
+    built bench gate --run "$out/real" >"$out/real.txt" || status=$?
     summarise "$out/real.txt"
     return "$status"
-}
-
-run_bench() {
-    "${CARGO_TARGET_DIR:-target}/debug/bench" "$@"
 }
 
 # summarise FILE: prints it, and puts it into the summary of a job of GitHub Actions.
@@ -205,7 +211,7 @@ verb_interop() { #: our stacks against those of others, each in a process of its
     local target="${CARGO_TARGET_DIR:-$PWD/target}" interop=scripts/interop
     export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python"
     export NODE_MODULES="$target/interop/node_modules" OUT
-    cargo build -p plc-node -p robot-node --locked
+    build
     cargo build --manifest-path "$interop/peers/Cargo.toml" --target-dir "$target/interop/peers" --locked
     if ! cmp -s "$interop/peers/python.txt" "$VENV/python.txt"; then
         rm -rf "$VENV"
@@ -234,19 +240,20 @@ verb_interop() { #: our stacks against those of others, each in a process of its
 }
 
 verb_instructions() { #: count the instructions of the hot paths; fail where one takes over 1 % more than committed (--update)
-    cargo run -p hot-path --locked -- "$@"
+    build
+    built hot-path "$@"
 }
 
 verb_timing() { #: how evenly cyclic frames come, beside a bare loop and the adapter of the crate `ciplink` (as root)
     local peers="${CARGO_TARGET_DIR:-$PWD/target}/interop/peers"
-    cargo build -p bench --locked
+    build
     cargo build --manifest-path scripts/interop/peers/Cargo.toml --target-dir "$peers" --locked
     # All of them with the same priority: what is compared is what a program does with it.
-    cargo run -p bench --locked -- timing "$@" -- chrt --fifo 49 "$peers/debug/ciplink-robot"
+    built bench timing "$@" -- chrt --fifo 49 "$peers/debug/ciplink-robot"
 }
 
 verb_user() { #: the same run as an ordinary user, without any privilege (as root)
-    cargo build -p bench --locked
+    build
     local home
     home=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
@@ -255,10 +262,6 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
     chown 65534:65534 "$home"
     (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
         ./bench --setup A --reps 1 --out run)
-    # What a plain build lacks it refuses in words.
-    local said
-    said=$("$home/bench" --mode virtual --mcap 2>&1) && return 1
-    grep -q -- '--features mcap' <<<"$said"
 }
 
 # demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the
@@ -316,6 +319,9 @@ verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of
         demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$output"
         for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done
         ls "$RUNS"/*"-$SETUP-real/results.json"
+        # What a plain build lacks it refuses in words.
+        output=$(demo_compose run --rm --no-deps bench --mode virtual --mcap 2>&1) && return 1
+        grep -q -- '--features mcap' <<<"$output"
         demo_compose down
     done
     docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"

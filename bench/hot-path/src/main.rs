@@ -12,9 +12,6 @@ use serde::{Deserialize, Serialize};
 /// A path may take so much more than its committed count.
 const LIMIT_PERCENT: f64 = 1.0;
 
-/// Packages with hot paths.
-const PACKAGES: [&str; 5] = ["protocol", "planning", "plc-node", "robot-node", "bench"];
-
 /// glibc picks its copies and sines by what the processor has, and each pick takes another number of instructions (a
 /// class 1 frame 655 or 834). These switches leave it one pick on every x86-64.
 const ONE_PICK: &str =
@@ -164,13 +161,11 @@ fn count(program: &str, name: &str, out: &Path) -> anyhow::Result<u64> {
     }
 }
 
-/// The bench programs, in the dev profile: what `cargo run` and the tests are made of, so mostly built already.
+/// The bench programs, in the dev profile and with the features that the tests have, so mostly built already.
 fn bench_programs() -> anyhow::Result<Vec<String>> {
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.args(["build", "--locked", "--bench", "*", "--message-format", "json-render-diagnostics"]);
-    for package in PACKAGES {
-        cargo.args(["--package", package]);
-    }
+    cargo.args(["build", "--workspace", "--all-features", "--benches", "--locked"]);
+    cargo.args(["--message-format", "json-render-diagnostics"]);
     let output = cargo.stderr(Stdio::inherit()).output().context("starting cargo")?;
     ensure!(output.status.success(), "the bench programs do not build");
     let messages = String::from_utf8(output.stdout).context("reading what cargo says")?;
