@@ -76,15 +76,17 @@ impl Trace {
     ///
     /// It cannot be read, or is not what nodes write.
     pub fn collect(directory: &Path, windows: &[Window]) -> anyhow::Result<Self> {
-        let read = |name: &str| {
-            let path = directory.join(name);
-            let rows =
-                std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
-            anyhow::Ok(rows)
+        let read = |path: &Path| {
+            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
         };
-        let (robot, plc) = (read(ROBOT_ROWS)?, read(PLC_ROWS)?);
-        Ok(Self::from_csv(&table(ROBOT_HEADER, &robot, windows), &table(PLC_HEADER, &plc, windows))?)
+        let paths = [ROBOT_ROWS, PLC_ROWS].map(|name| directory.join(name));
+        let [robot, plc] = paths.each_ref().map(|path| read(path));
+        let trace =
+            Self::from_csv(&table(ROBOT_HEADER, &robot?, windows), &table(PLC_HEADER, &plc?, windows))?;
+        for path in &paths {
+            std::fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+        Ok(trace)
     }
 
     /// Reads both tables; the room of the recordings is what they hold.

@@ -174,8 +174,8 @@ fn is_within_the_first_half_turn(degrees: f64) -> bool {
     degrees - 360.0 * (degrees / 360.0).floor() <= 180.0
 }
 
-/// The angle in degrees, −180 to 180, of a vector in the plane; 0 where it has no length. An arc tangent of two arguments
-/// would do, but takes half as long again for digits that nobody needs here.
+/// The angle in degrees, −180 to 180, of a vector in the plane; 0 where it has no length. An arc tangent of two
+/// arguments would do, but takes half as long again for digits that nobody needs here.
 fn degrees(x: f64, y: f64) -> f64 {
     let (along, across) = (x.abs(), y.abs());
     let acute = if across <= along {

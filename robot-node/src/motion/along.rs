@@ -23,7 +23,7 @@ const RESERVE: f64 = 0.97;
 /// Into so many pieces a curve is cut at most.
 const PIECES: u32 = 2;
 
-/// An arc that goes round farther than this, in degrees, is cut at once: the samples of one piece never tell enough of it.
+/// An arc that goes round farther than this, in degrees, is cut at once: one piece's samples never tell enough of it.
 const RESOLVED_ARC_DEG: f64 = 135.0;
 
 /// The most that a joint turns, in degrees, from one sample to the next in a piece that need not be cut.

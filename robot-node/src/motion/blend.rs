@@ -165,8 +165,8 @@ fn eased(w: f64) -> f64 {
     w * w * w * (2.0 - w)
 }
 
-/// What a corner asks of each joint, and last of the tool: the derivatives by the corner's share, and one over the limits
-/// that they are held against.
+/// What a corner asks of each joint, and last of the tool: the derivatives by the corner's share, and one over the
+/// limits that they are held against.
 struct Load<'a> {
     channels: &'a [Channel; AXES + 1],
     of_speed: [f64; AXES + 1],
