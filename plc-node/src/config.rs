@@ -89,10 +89,10 @@ mod tests {
             (Duration::from_millis(1), Duration::from_micros(150))
         );
         assert_eq!(config.motions.total(), 13);
-        // 1 s, the interpreter's quantum and the call's overhead; a watchdog of 100 bus cycles of 1 ms.
+        // 1 s, the interpreter's quantum and the call's overhead; a watchdog of 250 bus cycles of 1 ms.
         let robot = &setup.robot;
         let of_robot = (robot.interpreter_quantum_us.value + robot.skill_overhead_us.value).div_ceil(1_000);
-        assert_eq!(config.patience(), Patience { answer_scans: 1_000 + of_robot, silent_scans: 100 });
+        assert_eq!(config.patience(), Patience { answer_scans: 1_000 + of_robot, silent_scans: 250 });
     }
 
     #[test]

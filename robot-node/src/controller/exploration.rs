@@ -17,6 +17,7 @@ use plc_node::function_blocks::{Halt, MoveContinuous, Outputs, Reset, Resume, Su
 use plc_node::{AxesGroup, MotionList, Patience};
 use protocol::image::{Motion, MotionKind};
 
+use super::execution::Phase;
 use super::*;
 use crate::ForceControl;
 use crate::arm::Surface;
