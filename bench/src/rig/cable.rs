@@ -150,18 +150,17 @@ impl Cable {
     /// Shows frames to the log from now on, or no more. Where nobody sees them anyway, somebody listens only that long.
     pub(super) fn watch(&mut self, on: bool) -> Result<(), RigError> {
         let Some(frames) = &self.frames else { return Ok(()) };
-        frames.want(on);
-        if self.middle.is_some() {
-            return Ok(());
+        if !on {
+            // What passed until now is seen before nobody wants it any more.
+            let stopped = self.watchers.drain(..).try_for_each(|watcher| watcher.stop().map(drop));
+            frames.want(false);
+            return Ok(stopped?);
         }
-        if on && self.watchers.is_empty() {
+        frames.want(true);
+        if self.middle.is_none() && self.watchers.is_empty() {
             for (network, interface, end) in [(&self.plc, PLC, Side::A), (&self.robot, ROBOT, Side::B)] {
                 let see = frames.at(end);
                 self.watchers.push(network.run(|| Recorder::watch(interface, see))??);
-            }
-        } else if !on {
-            for watcher in self.watchers.drain(..) {
-                watcher.stop()?;
             }
         }
         Ok(())

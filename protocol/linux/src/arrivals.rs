@@ -11,6 +11,9 @@ use protocol::profinet::ethernet::EthernetHeader;
 use crate::capture::SNAP_LEN;
 use crate::{Interface, RecorderError, recorder};
 
+/// Without a frame the thread looks after so long whether it is to stop.
+const LOOK_UP_AFTER: Duration = Duration::from_millis(100);
+
 /// A frame that arrived.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Arrival {
@@ -34,6 +37,7 @@ impl ArrivalLog {
         let name = interface.name().to_owned();
         let failed = |source| RecorderError::Socket { interface: name.clone(), source };
         let socket = recorder::open(&name).map_err(failed)?;
+        socket.set_read_timeout(Some(LOOK_UP_AFTER)).map_err(failed)?;
         let (stop, own) = (Arc::new(AtomicBool::new(false)), interface.mac());
         let stopped = Arc::clone(&stop);
         let listen = move || {

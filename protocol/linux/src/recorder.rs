@@ -21,8 +21,12 @@ use crate::clock;
 /// Room for the frames of about a second while the disk is busy, in bytes.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
-/// Frames are on disk after this time even if the process is killed.
-const FLUSH_AFTER: Duration = Duration::from_millis(100);
+/// How long the thread sleeps when it has taken all frames that are there. Were it woken by every frame, the node that
+/// sends the frame would do the waking, within its cycle.
+const REST: Duration = Duration::from_millis(5);
+
+/// Frames are on disk after so many rests even if the process is killed.
+const FLUSH_EVERY: u32 = 20;
 
 /// Why a capture could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -78,6 +82,7 @@ impl Recorder {
     fn start_with(interface: &str, listener: impl Listener + 'static) -> Result<Self, RecorderError> {
         let no_socket = |source| RecorderError::Socket { interface: interface.to_owned(), source };
         let socket = open(interface).map_err(no_socket)?;
+        socket.set_nonblocking(true).map_err(no_socket)?;
         let shared = Arc::new(Shared::default());
         let recorder = socket.try_clone().map_err(no_socket)?;
         let recording =
@@ -133,8 +138,8 @@ struct Shared {
 trait Listener: Send {
     fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError>;
 
-    /// Nothing passed for a while.
-    fn idle(&mut self) -> Result<(), RecorderError> {
+    /// Some time has passed: what was heard is to outlive the process.
+    fn flush(&mut self) -> Result<(), RecorderError> {
         Ok(())
     }
 
@@ -147,8 +152,8 @@ impl Listener for CaptureFile {
         self.write(packet).map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
     }
 
-    fn idle(&mut self) -> Result<(), RecorderError> {
-        self.flush().map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
+    fn flush(&mut self) -> Result<(), RecorderError> {
+        Self::flush(self).map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
     }
 
     fn finish(self) -> Result<u64, RecorderError> {
@@ -180,21 +185,38 @@ struct Recording<L> {
 
 impl<L: Listener> Recording<L> {
     fn run(mut self) -> Result<u64, RecorderError> {
-        let mut buf = [0; SNAP_LEN];
-        while !self.shared.stop.load(Ordering::Relaxed) {
-            match receive(&self.socket, &mut buf) {
-                Ok(frame) => self.listener.hear(&frame)?,
-                Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
-                    self.listener.idle()?;
-                }
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(source) => return Err(RecorderError::Socket { interface: self.interface, source }),
+        let mut rests = 0;
+        loop {
+            // Asked first, so that all that passed before the end is taken.
+            let is_last = self.shared.stop.load(Ordering::Relaxed);
+            if self.shared.discard.load(Ordering::Relaxed) {
+                return Ok(0);
+            }
+            self.take_all()?;
+            if is_last {
+                return self.listener.finish();
+            }
+            std::thread::sleep(REST);
+            rests += 1;
+            if rests % FLUSH_EVERY == 0 {
+                self.listener.flush()?;
             }
         }
-        if self.shared.discard.load(Ordering::Relaxed) {
-            return Ok(0);
+    }
+
+    /// Takes the frames that are there.
+    fn take_all(&mut self) -> Result<(), RecorderError> {
+        let mut buf = [0; SNAP_LEN];
+        loop {
+            match receive(&self.socket, &mut buf) {
+                Ok(frame) => self.listener.hear(&frame)?,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(source) => {
+                    return Err(RecorderError::Socket { interface: self.interface.clone(), source });
+                }
+            }
         }
-        self.listener.finish()
     }
 }
 
@@ -203,7 +225,6 @@ pub(crate) fn open(interface: &str) -> io::Result<Socket> {
     let socket = Socket::new(Domain::PACKET, Type::RAW, Some(Protocol::from(i32::from(all))))?;
     // The buffer is a wish: without CAP_NET_ADMIN the kernel cuts it to its limit.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
-    socket.set_read_timeout(Some(FLUSH_AFTER))?;
     socket.bind_device(Some(interface.as_bytes()))?;
     set_flag(&socket, libc::SOL_SOCKET, libc::SO_TIMESTAMPNS)?;
     set_flag(&socket, libc::SOL_PACKET, libc::PACKET_AUXDATA)?;
