@@ -65,7 +65,7 @@ fn suspended_anywhere_on_a_curve_it_rests_on_it_and_goes_on_along_it() {
     for setup in ["A", "B"] {
         for (name, motions) in curves() {
             let course = undisturbed(setup, &motions);
-            for share in [0.1, 0.35, 0.6, 0.85] {
+            for share in [0.1, 0.35, 0.6, 0.9] {
                 let mut robot = at_the_start(setup);
                 robot.call(Skill::MoveContinuous, motions.clone());
                 (0..(course.len() as f64 * share) as usize).for_each(|_| robot.tick());

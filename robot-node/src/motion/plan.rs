@@ -7,7 +7,7 @@
 //! At override 0 the arm stops as soon as it can, wherever that is. Within a part that is one change to rest; where a
 //! part is too short for that, it slows down as far as it can and goes on in the next.
 
-use super::profile::{Limits, Pace, Profile, nearest_exit, reachable_speed};
+use super::profile::{Limits, Pace, Profile, fits, nearest_exit, reachable_speed};
 
 /// Parts that a path has at most.
 pub(super) const PARTS: usize = 16;
@@ -45,12 +45,9 @@ pub(super) fn plan(parts: &mut [Part], time: f64, factor: f64) -> bool {
     let mut pace = parts.first().map_or(Pace::REST, |part| part.profile.at(time).1);
     let mut is_new = true;
     for (index, (part, (allowed, wanted))) in parts.iter_mut().zip(allowed.iter().zip(&wanted)).enumerate() {
-        if factor == 0.0 {
-            let stop = Profile::stop(pace, &part.limits);
-            if stop.length() <= part.length {
-                part.profile = stop;
-                return is_new;
-            }
+        if factor == 0.0 && fits(pace, 0.0, part.length, &part.limits) {
+            part.profile = Profile::stop(pace, &part.limits);
+            return is_new;
         }
         let (before, time) = if index == 0 { (part.profile.exit(), time) } else { (*allowed, 0.0) };
         let known = [before, *allowed, pace.settled_speed(&part.limits)];
