@@ -62,7 +62,7 @@ pub enum Command {
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
-    /// Measure in real mode what captures and traces cost, recorded and unrecorded repetitions in turn.
+    /// Measure in real mode what captures and traces cost, recorded and unrecorded seconds in turn.
     Overhead(OverheadOptions),
     /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
     Long(LongOptions),

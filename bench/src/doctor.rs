@@ -2,8 +2,6 @@
 //!
 //! What the machine says is gathered first; what follows from it is decided by functions that are given it.
 
-use std::fs;
-use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -13,7 +11,7 @@ use protocol_linux::wakeups::{self, Wakeups};
 use serde::Serialize;
 
 use crate::exit::{Exit, Failure};
-use crate::host::Host;
+use crate::host::{Host, ProcessorTime};
 use crate::rig;
 
 /// Options of the look at this machine.
@@ -212,26 +210,6 @@ fn ip(found: bool) -> Finding {
 fn in_path(program: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).any(|directory| directory.join(program).is_file())
-}
-
-/// Processor time of all cores since the machine started, in ticks of the kernel's clock.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-struct ProcessorTime {
-    stolen: u64,
-    all: u64,
-}
-
-impl ProcessorTime {
-    fn now() -> Option<Self> {
-        Self::parse(&fs::read_to_string(Path::new("/proc/stat")).ok()?)
-    }
-
-    /// From the first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal (proc(5)).
-    fn parse(stat: &str) -> Option<Self> {
-        let line = stat.lines().next()?.strip_prefix("cpu ")?;
-        let ticks: Vec<u64> = line.split_whitespace().take(8).map_while(|field| field.parse().ok()).collect();
-        Some(Self { stolen: *ticks.get(7)?, all: ticks.iter().sum() })
-    }
 }
 
 fn stolen(before: Option<ProcessorTime>, after: Option<ProcessorTime>) -> Option<Finding> {

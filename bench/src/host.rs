@@ -113,6 +113,29 @@ const fn days_in_month(year: u64, month: u64) -> u64 {
     }
 }
 
+/// Processor time of all cores since the machine started, in ticks of the kernel's clock.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct ProcessorTime {
+    /// Taken by other virtual machines.
+    pub(crate) stolen: u64,
+    /// All of it.
+    pub(crate) all: u64,
+}
+
+impl ProcessorTime {
+    /// None where the kernel does not say.
+    pub(crate) fn now() -> Option<Self> {
+        Self::parse(&fs::read_to_string("/proc/stat").ok()?)
+    }
+
+    /// From the first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal (proc(5)).
+    pub(crate) fn parse(stat: &str) -> Option<Self> {
+        let line = stat.lines().next()?.strip_prefix("cpu ")?;
+        let ticks: Vec<u64> = line.split_whitespace().take(8).map_while(|field| field.parse().ok()).collect();
+        Some(Self { stolen: *ticks.get(7)?, all: ticks.iter().sum() })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

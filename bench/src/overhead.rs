@@ -1,11 +1,15 @@
-//! What recording costs: `bench overhead` runs the sequence in real mode with captures and traces switched on and off in
-//! turn, within one run, and compares how late the cycles were.
+//! What recording costs: `bench overhead` runs the sequence over and over in real mode, switches captures and traces on
+//! and off meanwhile, and compares how late the cycles were.
 //!
-//! A repetition's figure is the 99th percentile of the lateness of its cycles. Recorded and unrecorded repetitions come
-//! in pairs, in an order that the seed draws, so that a drift of the host hits both alike.
+//! A second of cycles has one figure, the 99th percentile of their lateness. Recorded and unrecorded seconds come in
+//! pairs, in an order that the seed draws, and are compared pair by pair: a drift of the host hits both alike, and a
+//! stall one of the many. A pair in which the hypervisor ran others, by the kernel's count of stolen time, says nothing of
+//! either and is left out. Whole repetitions would take four to eight times as long, and a host that many share is seldom
+//! the same for so long.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::Args;
@@ -16,15 +20,21 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::exit::{Exit, Failure};
-use crate::plan::Plan;
-use crate::ratio::{Ratio, RatioVerdict};
+use crate::host::ProcessorTime;
+use crate::ratio::{Ratio, RatioVerdict, median};
 use crate::rig::{Rig, RigConfig, RigError};
 
 /// Recording may cost this much of the p99 cycle lateness.
 const LIMIT: f64 = 1.05;
 
-/// Resamples of the pairs.
-const RESAMPLES: usize = 10_000;
+/// How long cycles are counted: some hundred of them, so that the 99th percentile is no single one.
+const COUNTED: Duration = Duration::from_secs(1);
+
+/// How long they are not, from switching on or off: listeners come and go then, which is no part of recording.
+const SETTLING: Duration = Duration::from_millis(100);
+
+/// Pairs between two lines of progress.
+const TOLD_EVERY: u32 = 10;
 
 /// Options of the measurement.
 #[derive(Args, Debug)]
@@ -32,13 +42,13 @@ pub struct OverheadOptions {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     pub setup: String,
-    /// Pairs of repetitions, one recorded and one not.
-    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(5..=100_000))]
-    pub reps: u32,
-    /// Execution type to run.
+    /// Pairs of seconds, one recorded and one not.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(5..=100_000))]
+    pub pairs: u32,
+    /// Execution type to run, over and over.
     #[arg(long = "type", value_name = "TYPE", default_value = "cm")]
     pub execution_type: ExecutionType,
-    /// Seed of the order within the pairs, of the pauses and of the intervals.
+    /// Seed of the order within the pairs and of the intervals.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Keep what was recorded in this directory; otherwise it is removed.
@@ -46,7 +56,7 @@ pub struct OverheadOptions {
     pub out: Option<PathBuf>,
 }
 
-/// The p99 lateness in µs of two repetitions of one node, one after the other.
+/// The p99 lateness in µs of a node's cycles in two seconds, one after the other.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Pair {
     /// Of the one that was recorded.
@@ -65,16 +75,15 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Compares the repetitions of a node: by their medians, for a stall of the host hits the one of a pair or the other.
+    /// Compares the seconds of a node, pair by pair.
     #[must_use]
     pub fn new(node: &'static str, pairs: &[Pair], seed: u64) -> Self {
         let pairs: Vec<_> = pairs.iter().map(|pair| (pair.recorded_us, pair.unrecorded_us)).collect();
-        let (recorded, unrecorded): (Vec<_>, Vec<_>) = pairs.iter().map(|(a, b)| (a, b)).unzip();
         Self {
             node,
-            recorded_us: median(&recorded),
-            unrecorded_us: median(&unrecorded),
-            ratio: Ratio::of_pairs(&pairs, RESAMPLES, seed, median),
+            recorded_us: median(pairs.iter().map(|(recorded, _)| *recorded)),
+            unrecorded_us: median(pairs.iter().map(|(_, unrecorded)| *unrecorded)),
+            ratio: Ratio::median_of_pairs(&pairs, seed),
         }
     }
 
@@ -96,17 +105,10 @@ impl fmt::Display for Cost {
         let verdict = match self.verdict() {
             RatioVerdict::Within => "pass",
             RatioVerdict::Beyond => "fail",
-            RatioVerdict::Inconclusive => "inconclusive, more --reps narrow the interval",
+            RatioVerdict::Inconclusive => "inconclusive, more --pairs narrow the interval",
         };
         write!(f, "; {verdict}")
     }
-}
-
-/// The middle one of some times, the later of two.
-fn median(times: &[&f64]) -> f64 {
-    let mut times: Vec<f64> = times.iter().copied().copied().collect();
-    times.sort_by(f64::total_cmp);
-    times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Measures and prints what recording costs.
@@ -132,20 +134,25 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         let removed = std::fs::remove_dir_all(&directory);
         removed.with_context(|| format!("cannot remove {}", directory.display()))?;
     }
-    let costs = measured?;
+    let (costs, left_out) = measured?;
     println!(
-        "Setup {}, {} pairs of {}, limit {:+.0} % of the p99 cycle lateness:",
+        "Setup {}, {} pairs of seconds of {}, limit {:+.0} % of the p99 cycle lateness; medians of the seconds, and of \
+         the pairs' ratios:",
         setup.name,
-        options.reps,
+        options.pairs,
         options.execution_type,
         (LIMIT - 1.0) * 100.0
     );
     costs.iter().for_each(|cost| println!("  {cost}"));
+    if left_out > 0 {
+        println!("  {left_out} of the pairs are left out: the hypervisor ran others meanwhile.");
+    }
     let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
     Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
 }
 
-async fn measure(options: &OverheadOptions, directory: &Path) -> Result<[Cost; 2], Failure> {
+/// The cost for either node, and how many pairs were left out.
+async fn measure(options: &OverheadOptions, directory: &Path) -> Result<([Cost; 2], u32), Failure> {
     let config = RigConfig {
         seed: options.seed,
         capture: Some((directory.to_owned(), Keep::All)),
@@ -154,40 +161,45 @@ async fn measure(options: &OverheadOptions, directory: &Path) -> Result<[Cost; 2
     };
     let unusable = |error: RigError| Failure::new(error.exit(), error);
     let mut rig = Rig::start(&config).await.map_err(unusable)?;
+    let failed = |error: RigError| Failure::new(Exit::RunFailed, error);
+    // The first run of all warms the nodes up.
+    rig.execute(options.execution_type).await.map_err(failed)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
-    let mut pairs: [Vec<Pair>; 2] = [Vec::new(), Vec::new()];
-    let mut pair = [Pair::default(); 2];
-    let mut before = [rig.reports().plc.cycle.clone(), rig.reports().robot.cycle.clone()];
-    let mut recorded_first = false;
-    // The first run of all warms the nodes up: it belongs to no pair.
-    let plan = Plan::new(&[options.execution_type], options.reps * 2 + 1, options.seed);
-    for (index, step) in plan.steps().enumerate() {
-        let in_pair = index.checked_sub(1);
-        if in_pair.is_some_and(|index| index % 2 == 0) {
-            recorded_first = random.next_u32().is_multiple_of(2);
-        }
-        let recorded = in_pair.is_some_and(|index| (index % 2 == 0) == recorded_first);
-        rig.pause_capture(!recorded).context("cannot pause the capture")?;
-        rig.record(recorded).await.map_err(unusable)?;
-        tokio::time::sleep(step.pause).await;
-        let executed = rig.execute(step.execution_type).await;
-        executed.map_err(|error| Failure::new(Exit::RunFailed, error))?;
-        let after = [rig.reports().plc.cycle.clone(), rig.reports().robot.cycle.clone()];
-        if let Some(index) = in_pair {
-            for (pair, (before, after)) in pair.iter_mut().zip(before.iter().zip(&after)) {
+    let (mut pairs, mut left_out): ([Vec<Pair>; 2], _) = ([Vec::new(), Vec::new()], 0);
+    for number in 1..=options.pairs {
+        let recorded_first = random.next_u32().is_multiple_of(2);
+        let (mut pair, stolen) = ([Pair::default(); 2], stolen_ticks());
+        for recorded in [recorded_first, !recorded_first] {
+            rig.pause_capture(!recorded).context("cannot pause the capture")?;
+            rig.record(recorded).await.map_err(unusable)?;
+            rig.keep_running(options.execution_type, SETTLING).await.map_err(failed)?;
+            let before = rig.reports();
+            rig.keep_running(options.execution_type, COUNTED).await.map_err(failed)?;
+            let after = rig.reports();
+            let cycles = [(&before.plc.cycle, &after.plc.cycle), (&before.robot.cycle, &after.robot.cycle)];
+            for (pair, (before, after)) in pair.iter_mut().zip(cycles) {
                 let of = if recorded { &mut pair.recorded_us } else { &mut pair.unrecorded_us };
-                *of = p99_us(before, after).context("a repetition had no cycle")?;
+                *of = p99_us(before, after).context("a second had no cycle")?;
             }
-            if index % 2 == 1 {
-                pairs.iter_mut().zip(pair).for_each(|(pairs, pair)| pairs.push(pair));
-            }
-            eprintln!("{} of {}", index + 1, options.reps * 2);
         }
-        before = after;
+        if stolen_ticks() == stolen {
+            pairs.iter_mut().zip(pair).for_each(|(pairs, pair)| pairs.push(pair));
+        } else {
+            left_out += 1;
+        }
+        if number % TOLD_EVERY == 0 {
+            let left = (COUNTED + SETTLING) * 2 * (options.pairs - number);
+            eprintln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
+        }
     }
     rig.stop().await.map_err(unusable)?;
     let [plc, robot] = pairs;
-    Ok([Cost::new("PLC", &plc, options.seed), Cost::new("robot", &robot, options.seed)])
+    Ok(([Cost::new("PLC", &plc, options.seed), Cost::new("robot", &robot, options.seed)], left_out))
+}
+
+/// Processor time that other virtual machines took so far; none where the kernel does not say.
+fn stolen_ticks() -> Option<u64> {
+    ProcessorTime::now().map(|time| time.stolen)
 }
 
 /// The 99th percentile of the runs between two reports, in µs; within its bucket, runs are taken as evenly spread.

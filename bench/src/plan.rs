@@ -7,7 +7,7 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 /// The shortest pause before a start edge: the arm has settled and every node has seen the end of the run before.
-const PAUSE: Duration = Duration::from_millis(40);
+pub(crate) const PAUSE: Duration = Duration::from_millis(40);
 
 /// Up to this much more, evenly spread: several of the longest cycle there is, so that start edges fall on every phase
 /// of every cycle alike.

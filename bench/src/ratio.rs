@@ -84,6 +84,22 @@ impl Ratio {
         Self::with_interval(ratio(&pairs.iter().collect::<Vec<_>>()), resamples, resample)
     }
 
+    /// The median of the ratios of samples that were taken in pairs, pairs with a sample that is not above zero left
+    /// out. What befalls the host for longer than a pair takes is no part of a ratio, and what befalls one of a pair
+    /// moves the median no further than any other outlier. None with fewer than five pairs.
+    #[must_use]
+    pub fn median_of_pairs(pairs: &[(f64, f64)], seed: u64) -> Option<Self> {
+        let usable = pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0);
+        let ratios: Vec<f64> = usable.map(|(a, b)| a / b).collect();
+        if ratios.len() < FEWEST {
+            return None;
+        }
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let resample =
+            || median(draws(ratios.len(), &mut random).filter_map(|index| ratios.get(index).copied()));
+        Self::with_interval(median(ratios.iter().copied()), RESAMPLES, resample)
+    }
+
     fn with_interval(ratio: f64, resamples: usize, mut resample: impl FnMut() -> f64) -> Option<Self> {
         let mut ratios: Vec<f64> = (0..resamples).map(|_| resample()).collect();
         ratios.sort_by(f64::total_cmp);
@@ -103,6 +119,16 @@ impl Ratio {
             RatioVerdict::Inconclusive
         }
     }
+}
+
+/// The middle one of some figures, the higher of two; not a number if there is none.
+pub(crate) fn median(figures: impl Iterator<Item = f64>) -> f64 {
+    let mut figures: Vec<f64> = figures.collect();
+    let middle = figures.len() / 2;
+    if middle >= figures.len() {
+        return f64::NAN;
+    }
+    *figures.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// As many indices as there are samples, each drawn from all of them.
@@ -136,6 +162,20 @@ mod tests {
         assert_eq!(found.against(1.01), RatioVerdict::Within);
         assert_eq!(found.against(0.99), RatioVerdict::Beyond);
         assert_eq!(found.against(found.ratio), RatioVerdict::Inconclusive);
+    }
+
+    #[test]
+    fn pairs_are_compared_one_by_one_so_that_a_drift_and_a_stall_of_the_host_do_not_count() {
+        // The host gets eleven times slower meanwhile, and every seventh sample of either is a stall.
+        let sample = |index: u32, factor: f64, phase| {
+            let stall = if index % 7 == phase { 300.0 } else { 1.0 };
+            (1.0 + f64::from(index) / 10.0) * factor * stall * (1.0 + f64::from(index % (phase + 3)) / 100.0)
+        };
+        let pairs: Vec<_> = (0..100).map(|index| (sample(index, 1.03, 2), sample(index, 1.0, 5))).collect();
+        let found = Ratio::median_of_pairs(&pairs, 1).unwrap();
+        assert!((found.ratio - 1.03).abs() < 0.02, "{found:?}");
+        assert!(found.low > 1.0 && found.high < 1.06, "{found:?}");
+        assert_eq!(Ratio::median_of_pairs(&[(1.0, 0.0); 100], 1), None);
     }
 
     #[test]

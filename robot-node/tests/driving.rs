@@ -285,6 +285,29 @@ proptest! {
     }
 }
 
+/// The property above once found this one.
+#[test]
+fn a_spline_that_nearly_turns_back_keeps_the_tools_jerk() {
+    let motion = |kind, [x, y, z]: [f32; 3], approximation| Motion {
+        kind,
+        target: [x, y, z, 0.0, 0.0, 180.0],
+        velocity: 400,
+        acceleration: 500,
+        approximation,
+        base: 1,
+        ..Motion::EMPTY
+    };
+    let motions = [
+        motion(MotionKind::LinCartesian, [0.0, 0.0, 10.0], 0),
+        motion(MotionKind::Spline, [80.50962, 0.0, 40.36383], 1),
+        motion(MotionKind::Spline, [257.54468, 101.74147, 61.26754], 1),
+        motion(MotionKind::Spline, [-42.78796, 19.687872, 107.09796], 0),
+    ];
+    let [_, jerk] = run("B", &motions, &[]).unwrap().tool;
+    let most = config("B").path_jerk_mm_s3;
+    assert!(jerk <= most * TOLERANCE, "{jerk} mm/s³ of {most}");
+}
+
 #[test]
 fn nothing_is_measured_that_is_not_there() {
     let mut watched = Watched::at_home(&config("A"));

@@ -6,6 +6,7 @@
 //! page       the report's words and tables, for page.html
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! │  └─ chart                                 widths, colours, axes of all figures
+//! └─ numbers                                  what the setup says, and from where
 //! compare    several runs beside each other
 //! sweep      the page of a starvation sweep
 //! ```
@@ -14,6 +15,7 @@ mod chart;
 mod compare;
 mod document;
 mod lateness;
+mod numbers;
 mod page;
 mod path;
 mod queue;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::chart::{Format, colour, short};
 use super::document::fill;
 use super::run::Run;
-use super::{lateness, path, queue, samples, speed};
+use super::{lateness, numbers, path, queue, samples, speed};
 use crate::progress::label;
 use crate::quality;
 use crate::ratio::Ratio;
@@ -68,7 +68,7 @@ struct Page {
     queue: Option<Figure>,
     lateness: Option<Figure>,
     cycles: Vec<[String; 5]>,
-    numbers: Vec<Number>,
+    numbers: Vec<numbers::Number>,
     host: Vec<[String; 2]>,
     failures: Vec<[String; 2]>,
     missing: Vec<String>,
@@ -109,15 +109,6 @@ struct Improvement {
 struct QualityRow {
     name: String,
     cells: [String; quality::COLUMNS.len()],
-}
-
-/// A number of the setup with its provenance.
-#[derive(Serialize)]
-struct Number {
-    key: String,
-    value: String,
-    from: String,
-    note: String,
 }
 
 const NONE: &str = "–";
@@ -179,7 +170,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
             if results.mode == "real" { lateness::draw(&results.cycle, format) } else { Ok(None) }
         })?,
         cycles: cycles(results),
-        numbers: numbers(run)?,
+        numbers: numbers::of(run)?,
         host: host(run),
         failures: failures(results),
         missing: run.missing.clone(),
@@ -384,50 +375,4 @@ fn host(run: &Run) -> Vec<[String; 2]> {
         other => other.to_string(),
     };
     host.iter().map(|(key, value)| [key.replace('_', " "), text(value)]).collect()
-}
-
-/// Every number of the setup that has a provenance; what was calibrated first, what is known last.
-fn numbers(run: &Run) -> anyhow::Result<Vec<Number>> {
-    let mut numbers = Vec::new();
-    if let Some(setup) = &run.setup {
-        sourced(&serde_json::to_value(setup)?, String::new(), &mut numbers);
-    }
-    let rank = |number: &Number| {
-        ["calibrated", "assumed", "datasheet", "paper"].iter().position(|from| number.from == *from)
-    };
-    numbers.sort_by_key(rank);
-    Ok(numbers)
-}
-
-fn sourced(value: &serde_json::Value, key: String, numbers: &mut Vec<Number>) {
-    use serde_json::Value as Json;
-    let below = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
-    match value {
-        Json::Object(object) => match (object.get("value"), object.get("from").and_then(Json::as_str)) {
-            (Some(value), Some(from)) => {
-                let note = object.get("note").and_then(Json::as_str).unwrap_or_default().replace('`', "");
-                numbers.push(Number { key, value: written(value), from: from.to_owned(), note });
-            }
-            _ => object.iter().for_each(|(name, value)| sourced(value, below(name), numbers)),
-        },
-        Json::Array(items) => {
-            items.iter().enumerate().for_each(|(index, item)| {
-                let number = item.get("number").and_then(Json::as_u64).unwrap_or(index as u64 + 1);
-                sourced(item, below(&number.to_string()), numbers);
-            });
-        }
-        _ => {}
-    }
-}
-
-fn written(value: &serde_json::Value) -> String {
-    match value {
-        serde_json::Value::Array(items) => items.iter().map(written).collect::<Vec<_>>().join(", "),
-        serde_json::Value::Number(number) => match number.as_f64() {
-            Some(number) => number.to_string().replace('-', "−"),
-            None => number.to_string(),
-        },
-        serde_json::Value::String(text) => text.clone(),
-        other => other.to_string(),
-    }
 }

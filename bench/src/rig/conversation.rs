@@ -116,6 +116,9 @@ impl Rig {
                 self.moved.motions = self.moved.motions.saturating_add(*motions);
                 self.moved.quality = self.moved.quality.then(*quality);
             }
+            Said::Plc(Message::Node(PlcMessage::Finished(_) | PlcMessage::Failed { .. })) => {
+                self.is_running = false;
+            }
             Said::Plc(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Plc, controller: *controller });
             }

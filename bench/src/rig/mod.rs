@@ -47,7 +47,7 @@ use protocol_linux::{Interface, PortError, Wire};
 use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
-use tokio::time::{Instant, timeout};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use cable::{Cable, Fittings};
 use conversation::Beginning;
@@ -56,6 +56,7 @@ use node::{NodeProcess, Said};
 use party::Party;
 
 use crate::faults::FaultReport;
+use crate::plan::PAUSE;
 use crate::trace::{Window, tables};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
@@ -121,6 +122,8 @@ pub struct Rig {
     traced: Vec<Window>,
     recording: bool,
     is_traced: bool,
+    /// A run was started, and neither its end nor its failure was heard of.
+    is_running: bool,
     kills: Kills,
     /// None where the nodes ran already.
     connected_after: Option<Duration>,
@@ -201,6 +204,7 @@ impl Rig {
             traced: Vec::new(),
             recording: false,
             is_traced: false,
+            is_running: false,
             kills: Kills::default(),
             connected_after: None,
             cable,
@@ -299,23 +303,8 @@ impl Rig {
     ///
     /// The run failed, the connection was lost, or a node ended: within two seconds of it.
     pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
-        self.moved = Moved::default();
-        self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
-        let finished = async {
-            loop {
-                match self.next_plc_message().await? {
-                    PlcMessage::Finished(run) => return Ok(run),
-                    PlcMessage::Failed { execution_type, reason } => {
-                        return Err(RigError::RunFailed { execution_type, reason });
-                    }
-                    PlcMessage::Started { execution_type, at_ns } if self.recording => {
-                        self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
-                    }
-                    PlcMessage::Ready | PlcMessage::Started { .. } => {}
-                }
-            }
-        };
-        let result = match timeout(LONGEST_RUN, finished).await {
+        self.start_run(execution_type).await;
+        let result = match timeout(LONGEST_RUN, self.finished()).await {
             Ok(result) => result,
             Err(_) => Err(RigError::NoAnswer { which: Which::Plc, waited: LONGEST_RUN }),
         };
@@ -330,6 +319,52 @@ impl Rig {
         }
         self.ask_for_reports().await?;
         Ok(run)
+    }
+
+    /// Runs the sequence over and over for so long. A run that is not over by then goes on, and the next call with it.
+    ///
+    /// # Errors
+    ///
+    /// As of [`Rig::execute`].
+    pub async fn keep_running(
+        &mut self,
+        execution_type: ExecutionType,
+        length: Duration,
+    ) -> Result<(), RigError> {
+        let end = Instant::now() + length;
+        while Instant::now() < end {
+            if !self.is_running {
+                self.start_run(execution_type).await;
+            }
+            match timeout_at(end, self.finished()).await {
+                Ok(Ok(_)) => sleep(PAUSE).await,
+                Err(_) => {}
+                Ok(Err(error)) => return Err(self.explained(error).await),
+            }
+        }
+        self.ask_for_reports().await
+    }
+
+    async fn start_run(&mut self, execution_type: ExecutionType) {
+        self.moved = Moved::default();
+        self.is_running = true;
+        self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
+    }
+
+    /// The end of the run. Whoever stops waiting for it may ask again.
+    async fn finished(&mut self) -> Result<FinishedRun, RigError> {
+        loop {
+            match self.next_plc_message().await? {
+                PlcMessage::Finished(run) => return Ok(run),
+                PlcMessage::Failed { execution_type, reason } => {
+                    return Err(RigError::RunFailed { execution_type, reason });
+                }
+                PlcMessage::Started { execution_type, at_ns } if self.recording => {
+                    self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
+                }
+                PlcMessage::Ready | PlcMessage::Started { .. } => {}
+            }
+        }
     }
 
     /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.

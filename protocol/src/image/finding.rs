@@ -128,11 +128,12 @@ impl fmt::Display for InWords {
                     " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)"
                 )
             }
+            // What rounding makes of nothing is not worth its digits.
             ErrorNumber::ZeroLength => {
-                write!(f, " (it is {value} mm away, at least {lower} mm are a motion)")
+                write!(f, " (it is {value:.6} mm away, at least {lower} mm are a motion)")
             }
             ErrorNumber::CollinearCircle => {
-                write!(f, " (the intermediate point is {value} mm off it, at least {lower} mm are needed)")
+                write!(f, " (the intermediate point is {value:.6} mm off it, at least {lower} mm are needed)")
             }
             ErrorNumber::TargetNotFinite => write!(f, " (coordinate {index} of target and auxiliary)"),
             ErrorNumber::UnknownTool | ErrorNumber::UnknownBase | ErrorNumber::UnknownMotionKind => {

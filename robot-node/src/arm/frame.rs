@@ -100,10 +100,11 @@ impl Rotation {
         2.0 * w.hypot(z).atan2(x.hypot(y)).to_degrees()
     }
 
-    /// How far, in degrees about z, a tool that points straight down is turned; within [−360, 360].
+    /// Half of the angle by which a tool that points straight down is turned about z, as its cosine and sine.
     #[must_use]
-    pub fn yaw_pointing_down(self) -> f64 {
-        2.0 * self.v[1].atan2(self.v[0]).to_degrees()
+    pub const fn half_yaw_pointing_down(self) -> [f64; 2] {
+        let [cos, sin, _] = self.v;
+        [cos, sin]
     }
 
     /// A vector, rotated.

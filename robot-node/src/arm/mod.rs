@@ -1,5 +1,6 @@
 //! The arm: from joints to poses and back, and what each joint may do.
 
+mod angles;
 mod frame;
 mod opw;
 mod scara;

@@ -12,11 +12,10 @@
 //! in a new `Vec`: several microseconds and an allocation, 50 times for one line with its corner. A path wants one
 //! configuration, that of the point before, so [`Opw`] solves for that one alone; tests compare it with the crate's.
 
-use core::f64::consts::{FRAC_PI_2, PI};
-
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
 use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 
+use super::angles::degrees;
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
 /// Below this sine of half of axis 5's angle, axes 4 and 6 turn about one line: axis 4 stays.
@@ -112,12 +111,13 @@ impl Opw {
         }
     }
 
-    /// Axes 1 to 3 of the model that bring the wrist centre there, in degrees, and how the forearm is turned then.
+    /// Axes 1 and 2 of the model that bring the wrist centre there, the forearm's angle against the upper arm, which is
+    /// axis 3 and ψ, and how the forearm is turned then.
     fn arm(
         &self,
         [x, y, z]: [f64; 3],
         configuration: Configuration,
-    ) -> Result<([f64; 3], Rotation), Violation> {
+    ) -> Result<([Direction; 3], Rotation), Violation> {
         let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
         let forearm = self.forearm;
         let square = x * x + y * y - b * b;
@@ -139,30 +139,15 @@ impl Opw {
         let base = Direction::of(x * radial + y * b, y * radial - x * b);
         let shoulder = Direction::of(h * along + n * across, n * along - h * across);
         let elbow = Direction { cos: bend, sin: sine };
-        let joints = [base.degrees(), shoulder.degrees(), elbow.degrees() - self.lean];
         // Rz(θ1)·Ry(θ2 + θ3)
-        let (base, lift) = (base.half(), shoulder.and(elbow).and(self.lean_direction.opposite()).half());
+        let (turn, lift) = (base.half(), shoulder.and(elbow).and(self.lean_direction.opposite()).half());
         let turned = Rotation::from_unit([
-            base.cos * lift.cos,
-            -base.sin * lift.sin,
-            base.cos * lift.sin,
-            base.sin * lift.cos,
+            turn.cos * lift.cos,
+            -turn.sin * lift.sin,
+            turn.cos * lift.sin,
+            turn.sin * lift.cos,
         ]);
-        Ok((joints, turned))
-    }
-
-    /// Axes 4 to 6 of the model for a rotation of the flange against the forearm, in degrees.
-    fn wrist(rotation: Rotation, positive: bool, near: &Joints) -> [f64; 3] {
-        let [w, x, y, z] = rotation.quaternion();
-        let (sine, cosine) = ((x * x + y * y).sqrt(), (w * w + z * z).sqrt());
-        let half_sum = degrees(w, z);
-        if sine < WRIST_STRETCHED {
-            return [near[3], 0.0, 2.0 * half_sum - near[3]];
-        }
-        let half_difference = degrees(y, x);
-        let (q4, q5, q6) =
-            (half_sum - half_difference, 2.0 * degrees(cosine, sine), half_sum + half_difference);
-        if positive { [q4, q5, q6] } else { [q4 + 180.0, -q5, q6 - 180.0] }
+        Ok(([base, shoulder, elbow], turned))
     }
 }
 
@@ -172,19 +157,6 @@ fn is_within_the_first_half_turn(degrees: f64) -> bool {
         return (0.0..=180.0).contains(&degrees) || degrees <= -180.0;
     }
     degrees - 360.0 * (degrees / 360.0).floor() <= 180.0
-}
-
-/// The angle in degrees, −180 to 180, of a vector in the plane; 0 where it has no length. An arc tangent of two
-/// arguments would do, but takes half as long again for digits that nobody needs here.
-fn degrees(x: f64, y: f64) -> f64 {
-    let (along, across) = (x.abs(), y.abs());
-    let acute = if across <= along {
-        (across / along.max(f64::MIN_POSITIVE)).atan()
-    } else {
-        FRAC_PI_2 - (along / across).atan()
-    };
-    let angle = if x < 0.0 { PI - acute } else { acute };
-    angle.copysign(y).to_degrees()
 }
 
 /// An angle by its cosine and sine, so that angles can be added and halved without computing any.
@@ -204,10 +176,6 @@ impl Direction {
         } else {
             Self { cos: 1.0, sin: 0.0 }
         }
-    }
-
-    fn degrees(self) -> f64 {
-        degrees(self.cos, self.sin)
     }
 
     const fn opposite(self) -> Self {
@@ -263,10 +231,23 @@ impl Kinematics for Opw {
         let configuration = self.configuration(&near);
         let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
         let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
-        let ([q1, q2, q3], forearm) = self.arm(centre, configuration)?;
-        let [q4, q5, q6] =
-            Self::wrist(forearm.inverse() * flange.rotation, configuration.wrist_positive, &near);
-        Ok(self.joints(&[q1, q2, q3, q4, q5, q6]))
+        let ([base, shoulder, elbow], forearm) = self.arm(centre, configuration)?;
+        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and half of axis 5.
+        let [w, x, y, z] = (forearm.inverse() * flange.rotation).quaternion();
+        let (sine, cosine) = ((x * x + y * y).sqrt(), (w * w + z * z).sqrt());
+        let [q1, q2, bend, half_sum, half_difference, half_q5] = degrees(
+            [base.cos, shoulder.cos, elbow.cos, w, y, cosine],
+            [base.sin, shoulder.sin, elbow.sin, z, x, sine],
+        );
+        let (q4, q5, q6) = (half_sum - half_difference, 2.0 * half_q5, half_sum + half_difference);
+        let [q4, q5, q6] = if sine < WRIST_STRETCHED {
+            [near[3], 0.0, 2.0 * half_sum - near[3]]
+        } else if configuration.wrist_positive {
+            [q4, q5, q6]
+        } else {
+            [q4 + 180.0, -q5, q6 - 180.0]
+        };
+        Ok(self.joints(&[q1, q2, bend - self.lean, q4, q5, q6]))
     }
 }
 

@@ -5,6 +5,7 @@
 //! y = l1·sin(q1) + l2·sin(q1 + q2)        a = q1 + q2 + q4, b = 0, c = 180: the tool points down
 //! ```
 
+use super::angles::degrees;
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
 /// How far the commanded orientation may be off from straight down, in degrees: what single precision leaves.
@@ -64,12 +65,12 @@ impl Kinematics for Scara {
         let cos_2 = cos_2.clamp(-1.0, 1.0);
         let elbow = if near[1] < 0.0 { -1.0 } else { 1.0 };
         let sin_2 = elbow * (1.0 - cos_2 * cos_2).sqrt();
-        let q2 = sin_2.atan2(cos_2);
         // One arc tangent of the rotated target instead of a difference of two.
         let (along, across) = (l1 + l2 * cos_2, l2 * sin_2);
-        let q1 = (y * along - x * across).atan2(x * along + y * across);
-        let (q1, q2) = (q1.to_degrees(), q2.to_degrees());
-        let q4 = flange.rotation.yaw_pointing_down() - q1 - q2;
+        let [half_cos, half_sin] = flange.rotation.half_yaw_pointing_down();
+        let [q1, q2, half_yaw] =
+            degrees([x * along + y * across, cos_2, half_cos], [y * along - x * across, sin_2, half_sin]);
+        let q4 = 2.0 * half_yaw - q1 - q2;
         Ok([q1, q2, z - self.height_mm, q4, 0.0, 0.0])
     }
 }

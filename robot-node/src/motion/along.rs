@@ -11,7 +11,7 @@
 //! slower.
 
 use super::curve::Curve;
-use super::derivatives::{Channel, Derivatives, PLACES, SHARES, Samples, largest};
+use super::derivatives::{Channel, Derivatives, PLACES, SHARES, Samples, largest, most};
 use super::profile::Limits;
 use super::segment::Segment;
 use super::spline::Spline;
@@ -209,11 +209,14 @@ fn speed_of_joint(joint: &Channel, share: f64, limits: &Limits, rated: &Limits) 
     };
     let mut slowest = limits.speed;
     // As a rule nothing is too fast at any point, and so there is nothing to divide.
-    let is_too_fast = (0..PLACES).fold(false, |too_fast, at| {
+    let too_much = most(0.0, |at| {
         let (speed, acceleration, jerk) = loads(at, slowest);
-        too_fast | (speed.0 > speed.1) | (acceleration.0 > acceleration.1) | (jerk.0 > jerk.1)
+        let (speed, acceleration, jerk) =
+            (speed.0 - speed.1, acceleration.0 - acceleration.1, jerk.0 - jerk.1);
+        let more = if speed > acceleration { speed } else { acceleration };
+        if jerk > more { jerk } else { more }
     });
-    if !is_too_fast {
+    if too_much == 0.0 {
         return slowest;
     }
     for at in 0..PLACES {

@@ -17,7 +17,7 @@
 //! the path may come at any moment.
 
 use super::curve::Curve;
-use super::derivatives::{Channel, Derivatives, NODES, PLACES, SHARES, Samples};
+use super::derivatives::{Channel, Derivatives, NODES, SHARES, Samples, most};
 use super::profile::Limits;
 use super::segment::Segment;
 use crate::arm::{AXES, Arm, Frame, Joints, Violation, distance};
@@ -137,7 +137,9 @@ impl Blend {
     /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows.
     fn find_limits(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
         let mut samples = Samples::default();
-        let (mut near, corner) = (first.end, first.tool_at(&first.end, arm));
+        let corner =
+            first.curve.end_tool().map_or_else(|| first.tool_at(&first.end, arm), |tool| tool.position);
+        let mut near = first.end;
         for (node, share) in SHARES.iter().enumerate() {
             let (joints, tool) =
                 self.joints_and_tool(first, second, *share, arm, &near).map_err(|_| Unfit::Arm)?;
@@ -193,14 +195,14 @@ impl<'a> Load<'a> {
 
     /// The highest rate up to `speed`, and how it may change.
     fn limits(&self, speed: f64) -> Limits {
-        let most = |order: usize, by: &[f64; AXES + 1]| {
+        let highest = |order: usize, by: &[f64; AXES + 1]| {
             let channels = self.channels.iter().zip(by).filter(|(_, by)| **by > 0.0);
             channels.map(|(channel, by)| by * channel.largest(order, 1.0)).fold(0.0, f64::max)
         };
         let rate = speed
-            .min(1.0 / most(0, &self.of_speed))
-            .min((BENDING / most(1, &self.of_acceleration)).sqrt())
-            .min((TWISTING / most(2, &self.of_jerk)).cbrt());
+            .min(1.0 / highest(0, &self.of_speed))
+            .min((BENDING / highest(1, &self.of_acceleration)).sqrt())
+            .min((TWISTING / highest(2, &self.of_jerk)).cbrt());
         let (square, cube) = (rate * rate, rate * rate * rate);
         let (mut acceleration, mut jerk) = (f64::MAX, f64::MAX);
         let limited = || {
@@ -228,19 +230,18 @@ impl<'a> Load<'a> {
 }
 
 /// Reduces a limit to what is left at each point divided by what it counts there.
+#[inline]
 fn least(limit: &mut f64, left_and_count: impl Fn(usize) -> (f64, f64)) {
     // As a rule there is more at every point, and nothing to divide.
-    let is_less = (0..PLACES).fold(false, |is_less, at| {
+    let missing = most(0.0, |at| {
         let (left, count) = left_and_count(at);
-        is_less | (left < *limit * count)
+        *limit * count - left
     });
-    if is_less {
-        for at in 0..PLACES {
+    if missing > 0.0 {
+        *limit = -most(-*limit, |at| {
             let (left, count) = left_and_count(at);
-            if left < *limit * count {
-                *limit = left / count;
-            }
-        }
+            -(left / count)
+        });
     }
 }
 

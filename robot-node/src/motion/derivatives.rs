@@ -48,6 +48,7 @@ type AtPoints = [f64; PLACES];
 
 /// How many these are.
 pub(super) const PLACES: usize = 2 * LANES;
+const _: () = assert!(PLACES.is_multiple_of(4), "they are worked on four at a time");
 
 /// The derivatives of one joint, or of one coordinate of the tool, along a part.
 #[derive(Clone, Copy, Debug)]
@@ -124,14 +125,22 @@ const fn place_of(point: usize) -> usize {
 
 /// The size of the largest of some values; those that are no numbers do not count.
 pub(super) fn largest(values: &AtPoints) -> f64 {
-    // Four at a time, since each comparison waits for the one before.
-    let mut most = [0.0; 4];
-    for four in values.chunks_exact(4) {
-        for (most, value) in most.iter_mut().zip(four) {
-            *most = if value.abs() > *most { value.abs() } else { *most };
+    most(0.0, |at| values[at].abs())
+}
+
+/// The largest of what a figure is at the places and of `least`. What is no number does not count.
+#[inline]
+pub(super) fn most(least: f64, figure: impl Fn(usize) -> f64) -> f64 {
+    // So many side by side, since each comparison waits for the one before.
+    const LANES: usize = 4;
+    let mut most = [least; LANES];
+    for row in 0..PLACES / LANES {
+        for (lane, most) in most.iter_mut().enumerate() {
+            let figure = figure(row * LANES + lane);
+            *most = if figure > *most { figure } else { *most };
         }
     }
-    most.into_iter().fold(0.0, f64::max)
+    most.into_iter().fold(least, f64::max)
 }
 
 fn lowest_and_highest(values: &[f64]) -> (f64, f64) {

@@ -33,16 +33,20 @@ const PART: f64 = 1.0 / PARTS as f64;
 /// step squares what is off.
 const LAST_STEP: f64 = 1e-4;
 
+/// Where the way hardly grows with τ, more steps than one may be needed.
+const NEWTON_STEPS: usize = 4;
+
 /// Position in mm and quaternion.
 type Pose = [f64; 7];
 
 /// Points and weights of Gauss-Legendre quadrature over 0…1.
-const GAUSS: [(f64, f64); 4] = [
-    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
-    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
-    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
-    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
-];
+const GAUSS: ([f64; LANES], [f64; LANES]) = (
+    [0.069_431_844_202_973_71, 0.330_009_478_207_571_87, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3],
+    [0.173_927_422_568_726_93, 0.326_072_577_431_273_07, 0.326_072_577_431_273_07, 0.173_927_422_568_726_93],
+);
+
+/// So many shares are worked on side by side.
+const LANES: usize = 4;
 
 /// Chords that enclose more than this many degrees, counted from straight on, turn back: the arm stops there.
 const TURNS_BACK_DEG: f64 = 160.0;
@@ -58,8 +62,8 @@ pub struct Spline {
     factors: [Pose; 6],
     /// The way at the end of each part, in mm.
     ways: [f64; PARTS],
-    /// How fast the way grows with τ where each part begins, and at the end, in mm.
-    speeds: [f64; PARTS + 1],
+    /// How τ grows with the way where each part begins, and at the end: its first two derivatives, by mm.
+    growth: [[f64; 2]; PARTS + 1],
     flange: Flange,
     programmed: Limits,
 }
@@ -113,20 +117,20 @@ impl Spline {
                 factor[i] = value;
             }
         }
-        let (ways, speeds) = ([0.0; PARTS], [0.0; PARTS + 1]);
-        let mut piece = Self { before, from, to, after, factors, ways, speeds, flange, programmed };
+        let (ways, growth) = ([0.0; PARTS], [[0.0; 2]; PARTS + 1]);
+        let mut piece = Self { before, from, to, after, factors, ways, growth, flange, programmed };
         if before.is_none() && after.is_none() {
             let way = distance(from.position, to.position);
             piece.ways = core::array::from_fn(|part| way * (part + 1) as f64 * PART);
-            piece.speeds = [way; PARTS + 1];
+            piece.growth = [[1.0 / way, 0.0]; PARTS + 1];
             return piece;
         }
         let mut way = 0.0;
         for part in 0..PARTS {
-            way += piece.way_between(part as f64 * PART, (part + 1) as f64 * PART);
-            (piece.ways[part], piece.speeds[part]) = (way, piece.speed(part as f64 * PART));
+            way += piece.way_from(part as f64 * PART, PART);
+            piece.ways[part] = way;
         }
-        piece.speeds[PARTS] = piece.speed(1.0);
+        piece.growth = core::array::from_fn(|border| piece.growth_at(border as f64 * PART));
         piece
     }
 
@@ -200,21 +204,29 @@ impl Spline {
         [x, y, z]
     }
 
-    /// The share τ of the piece after `way`: first by the cubic that has the part's ends and how fast the way grows
-    /// there, then by Newton's method.
+    /// The share τ of the piece after `way`: first by the polynomial of degree five that has the part's ends and how τ
+    /// grows with the way there, then by Newton's method, of which one step is enough as a rule.
     fn share(&self, way: f64) -> f64 {
         let part = self.ways.partition_point(|end| *end < way).min(PARTS - 1);
+        let (start, end) = (part as f64 * PART, (part + 1) as f64 * PART);
         let start_way = if part == 0 { 0.0 } else { self.ways[part - 1] };
-        let (start, width) = (part as f64 * PART, (self.ways[part] - start_way).max(1e-12));
+        let width = (self.ways[part] - start_way).max(1e-12);
         let t = (way - start_way) / width;
-        // What the share would grow over the part if it grew all along as at its start, and as at its end.
-        let [grows, grew] = [self.speeds[part], self.speeds[part + 1]].map(|speed| width / speed.max(1e-9));
-        let cubic = t * (grows + t * (3.0 * PART - 2.0 * grows - grew + t * (grows + grew - 2.0 * PART)));
-        let mut share = (start + cubic).clamp(start, start + PART);
-        for _ in 0..2 {
-            let off = start_way + self.way_between(start, share) - way;
-            let step = off / self.speed(share).max(1e-9);
-            share = (share - step).clamp(start, start + PART);
+        let [[slope, bend], [end_slope, end_bend]] = [self.growth[part], self.growth[part + 1]]
+            .map(|[first, second]| [first * width, second * width * width]);
+        // Beyond the parabola of the start: what is missing at the end, of τ and of its derivatives.
+        let [rest, of_slope, of_bend] =
+            [PART - slope - bend / 2.0, end_slope - slope - bend, end_bend - bend];
+        let cubic = 10.0 * rest - 4.0 * of_slope + of_bend / 2.0;
+        let quartic = -15.0 * rest + 7.0 * of_slope - of_bend;
+        let quintic = 6.0 * rest - 3.0 * of_slope + of_bend / 2.0;
+        let grown = t * (slope + t * (bend / 2.0 + t * (cubic + t * (quartic + t * quintic))));
+        let mut share = (start + grown).clamp(start, end);
+        for _ in 0..NEWTON_STEPS {
+            let off = start_way + self.way_from(start, share - start) - way;
+            let [speed] = self.speeds([share]);
+            let step = off / speed.max(1e-9);
+            share = (share - step).clamp(start, end);
             if step.abs() < LAST_STEP * PART {
                 break;
             }
@@ -222,18 +234,41 @@ impl Spline {
         share
     }
 
-    /// The way in mm from one share to another.
-    fn way_between(&self, from: f64, to: f64) -> f64 {
-        let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * self.speed(from + at * (to - from))).sum();
-        sum * (to - from)
+    /// The way in mm from one share over a width.
+    #[inline]
+    fn way_from(&self, from: f64, width: f64) -> f64 {
+        let (points, weights) = &GAUSS;
+        let speeds = self.speeds(points.map(|point| from + point * width));
+        let way: f64 = weights.iter().zip(&speeds).map(|(weight, speed)| weight * speed).sum();
+        way * width
     }
 
-    /// How fast the way grows with the share, in mm.
-    fn speed(&self, share: f64) -> f64 {
+    /// How fast the way grows with the share at some shares, in mm.
+    #[inline]
+    fn speeds<const N: usize>(&self, shares: [f64; N]) -> [f64; N] {
         let [_, b, c, d, e, f] = &self.factors;
-        length(core::array::from_fn(|i| {
+        let mut squares = [0.0; N];
+        for i in 0..3 {
+            let [b, c, d, e, f] = [b[i], 2.0 * c[i], 3.0 * d[i], 4.0 * e[i], 5.0 * f[i]];
+            let slopes = shares.map(|share| (((f * share + e) * share + d) * share + c) * share + b);
+            for (square, slope) in squares.iter_mut().zip(slopes) {
+                *square += slope * slope;
+            }
+        }
+        squares.map(f64::sqrt)
+    }
+
+    /// How the share grows with the way: its first two derivatives, by mm.
+    fn growth_at(&self, share: f64) -> [f64; 2] {
+        let [_, b, c, d, e, f] = &self.factors;
+        let first: [f64; 3] = core::array::from_fn(|i| {
             (((5.0 * f[i] * share + 4.0 * e[i]) * share + 3.0 * d[i]) * share + 2.0 * c[i]) * share + b[i]
-        }))
+        });
+        let second = core::array::from_fn(|i| {
+            ((20.0 * f[i] * share + 12.0 * e[i]) * share + 6.0 * d[i]) * share + 2.0 * c[i]
+        });
+        let square = dot(first, first).max(1e-18);
+        [1.0 / square.sqrt(), -dot(first, second) / (square * square)]
     }
 
     /// The pose at a share τ, its quaternion of any length.
