@@ -97,7 +97,11 @@ impl Cost {
 impl fmt::Display for Cost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (with, without) = (self.recorded_us, self.unrecorded_us);
-        write!(f, "{:5}  p99 {with:7.1} µs recorded, {without:7.1} µs not", self.node)?;
+        if with.is_nan() {
+            write!(f, "{:5}  no pair that says anything", self.node)?;
+        } else {
+            write!(f, "{:5}  p99 {with:7.1} µs recorded, {without:7.1} µs not", self.node)?;
+        }
         if let Some(Ratio { ratio, low, high }) = self.ratio {
             let percent = |ratio: f64| (ratio - 1.0) * 100.0;
             write!(f, ": {:+.1} %, 95 % of {:+.1} … {:+.1} %", percent(ratio), percent(low), percent(high))?;
@@ -261,5 +265,10 @@ mod tests {
             "{said}"
         );
         assert!(said.ends_with("; fail"), "{said}");
+        let nothing = Cost::new("robot", &[], 1).to_string();
+        assert_eq!(
+            nothing,
+            "robot  no pair that says anything; inconclusive, more --pairs narrow the interval"
+        );
     }
 }

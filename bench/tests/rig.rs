@@ -332,3 +332,27 @@ fn a_run_of_setup_b_outlives_a_lossy_real_cable() {
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
     assert!(ended.results["faults"]["lost"].as_u64() > Some(5), "{}", ended.results["faults"]);
 }
+
+#[test]
+fn what_recording_costs_is_told_of_both_nodes_and_what_was_recorded_is_kept() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    let place = tempfile::tempdir().unwrap();
+    let ended = Command::new(env!("CARGO_BIN_EXE_bench"))
+        .args(["overhead", "--pairs", "5", "--out"])
+        .arg(place.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8(ended.stdout).unwrap();
+    assert!(said.starts_with("Setup A, 5 pairs of seconds of cm"), "{said}");
+    for node in ["\n  PLC    ", "\n  robot  "] {
+        assert!(said.contains(node), "{said}");
+    }
+    // What it costs is this host's to say; the exit code says the same as the words.
+    assert_eq!(ended.status.code(), Some(if said.contains("; fail") { 3 } else { 0 }), "{said}");
+    let length = |file| fs::metadata(place.path().join(file)).unwrap().len();
+    for file in ["plc.pcapng", "robot.pcapng"] {
+        // Half of the time: all of it would be 12 MB.
+        assert!((500_000..9_000_000).contains(&length(file)), "{file} has {} bytes", length(file));
+    }
+    assert!(length("trace-plc.rows") > 50_000 && length("trace-robot.rows") > 50_000);
+}
