@@ -40,13 +40,12 @@ const NEWTON_STEPS: usize = 4;
 type Pose = [f64; 7];
 
 /// Points and weights of Gauss-Legendre quadrature over 0…1.
-const GAUSS: ([f64; LANES], [f64; LANES]) = (
-    [0.069_431_844_202_973_71, 0.330_009_478_207_571_87, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3],
-    [0.173_927_422_568_726_93, 0.326_072_577_431_273_07, 0.326_072_577_431_273_07, 0.173_927_422_568_726_93],
-);
-
-/// So many shares are worked on side by side.
-const LANES: usize = 4;
+const GAUSS: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
 
 /// Chords that enclose more than this many degrees, counted from straight on, turn back: the arm stops there.
 const TURNS_BACK_DEG: f64 = 160.0;
@@ -127,7 +126,7 @@ impl Spline {
         }
         let mut way = 0.0;
         for part in 0..PARTS {
-            way += piece.way_from(part as f64 * PART, PART);
+            way += piece.way_between(part as f64 * PART, (part + 1) as f64 * PART);
             piece.ways[part] = way;
         }
         piece.growth = core::array::from_fn(|border| piece.growth_at(border as f64 * PART));
@@ -223,9 +222,8 @@ impl Spline {
         let grown = t * (slope + t * (bend / 2.0 + t * (cubic + t * (quartic + t * quintic))));
         let mut share = (start + grown).clamp(start, end);
         for _ in 0..NEWTON_STEPS {
-            let off = start_way + self.way_from(start, share - start) - way;
-            let [speed] = self.speeds([share]);
-            let step = off / speed.max(1e-9);
+            let off = start_way + self.way_between(start, share) - way;
+            let step = off / self.speed(share).max(1e-9);
             share = (share - step).clamp(start, end);
             if step.abs() < LAST_STEP * PART {
                 break;
@@ -234,41 +232,34 @@ impl Spline {
         share
     }
 
-    /// The way in mm from one share over a width.
-    #[inline]
-    fn way_from(&self, from: f64, width: f64) -> f64 {
-        let (points, weights) = &GAUSS;
-        let speeds = self.speeds(points.map(|point| from + point * width));
-        let way: f64 = weights.iter().zip(&speeds).map(|(weight, speed)| weight * speed).sum();
-        way * width
+    /// The way in mm from one share to another.
+    fn way_between(&self, from: f64, to: f64) -> f64 {
+        let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * self.speed(from + at * (to - from))).sum();
+        sum * (to - from)
     }
 
-    /// How fast the way grows with the share at some shares, in mm.
-    #[inline]
-    fn speeds<const N: usize>(&self, shares: [f64; N]) -> [f64; N] {
-        let [_, b, c, d, e, f] = &self.factors;
-        let mut squares = [0.0; N];
-        for i in 0..3 {
-            let [b, c, d, e, f] = [b[i], 2.0 * c[i], 3.0 * d[i], 4.0 * e[i], 5.0 * f[i]];
-            let slopes = shares.map(|share| (((f * share + e) * share + d) * share + c) * share + b);
-            for (square, slope) in squares.iter_mut().zip(slopes) {
-                *square += slope * slope;
-            }
-        }
-        squares.map(f64::sqrt)
+    /// How fast the way grows with the share, in mm.
+    fn speed(&self, share: f64) -> f64 {
+        length(self.slope(share))
     }
 
     /// How the share grows with the way: its first two derivatives, by mm.
     fn growth_at(&self, share: f64) -> [f64; 2] {
-        let [_, b, c, d, e, f] = &self.factors;
-        let first: [f64; 3] = core::array::from_fn(|i| {
-            (((5.0 * f[i] * share + 4.0 * e[i]) * share + 3.0 * d[i]) * share + 2.0 * c[i]) * share + b[i]
-        });
-        let second = core::array::from_fn(|i| {
+        let [_, _, c, d, e, f] = &self.factors;
+        let bend = core::array::from_fn(|i| {
             ((20.0 * f[i] * share + 12.0 * e[i]) * share + 6.0 * d[i]) * share + 2.0 * c[i]
         });
-        let square = dot(first, first).max(1e-18);
-        [1.0 / square.sqrt(), -dot(first, second) / (square * square)]
+        let slope = self.slope(share);
+        let square = dot(slope, slope).max(1e-18);
+        [1.0 / square.sqrt(), -dot(slope, bend) / (square * square)]
+    }
+
+    /// The position's derivative by the share, in mm.
+    fn slope(&self, share: f64) -> [f64; 3] {
+        let [_, b, c, d, e, f] = &self.factors;
+        core::array::from_fn(|i| {
+            (((5.0 * f[i] * share + 4.0 * e[i]) * share + 3.0 * d[i]) * share + 2.0 * c[i]) * share + b[i]
+        })
     }
 
     /// The pose at a share τ, its quaternion of any length.
