@@ -79,20 +79,6 @@ built() {
     "${CARGO_TARGET_DIR:-target}/debug/$1" "${@:2}"
 }
 
-# thrice DIRECTORY COMMAND...: a real run into that directory, three times at most. Where the host holds a node up for longer
-# than the setup's watchdog, the run ends with exit code 4, and that says nothing of the program.
-thrice() {
-    local try status
-    for try in 1 2 3; do
-        status=0
-        "${@:2}" || status=$?
-        [ "$status" -eq 4 ] || break
-        echo "try $try of 3 ended with exit code 4, see above" >&2
-        [ "$try" -eq 3 ] || rm -rf "$1"
-    done
-    return "$status"
-}
-
 verb_test() { #: the README's test command
     cargo test --workspace --all-features --locked --no-fail-fast
 }
@@ -168,7 +154,7 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
     trap "rm -rf '$out'" EXIT
     for cyclic in udp rt1; do
         for mode in real virtual; do
-            thrice "$out/$mode-$cyclic" built bench --setup A --mode "$mode" --cyclic "$cyclic" --types cm --reps 1 \
+            built bench --setup A --mode "$mode" --cyclic "$cyclic" --types cm --reps 1 \
                 --capture always --out "$out/$mode-$cyclic"
             gate_run gate_profinet "$out/$mode-$cyclic"
         done
@@ -176,7 +162,7 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
     built bench --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
     gate_run gate_ethernet_ip "$out/virtual-B"
     local fault capture
-    thrice "$out/faults" built bench --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
+    built bench --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
         --fault loss=0.01 --fault duplicate=0.01 --fault reorder=0.01@3ms
     gate_run gate_profinet "$out/faults"
     for capture in "$out"/faults/*.pcapng; do
@@ -197,7 +183,7 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
         built bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
         summarise "$out/$setup.txt"
     done
-    thrice "$out/real" built bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
+    built bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
     built bench gate --run "$out/real" >"$out/real.txt" || status=$?
     summarise "$out/real.txt"
     return "$status"
@@ -277,7 +263,7 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
     trap "rm -rf '$home'" EXIT
     install -m 755 "${CARGO_TARGET_DIR:-target}/debug/bench" "$home/bench"
     chown 65534:65534 "$home"
-    (cd "$home" && HOME="$home" thrice run setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
+    (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
         ./bench --setup A --reps 1 --out run)
 }
 
@@ -338,7 +324,7 @@ verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of
     local output type
     for SETUP in A B; do
         output="$RUNS/$SETUP.txt"
-        thrice "$output" demo_up "$output"
+        demo_up "$output"
         for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done
         ls "$RUNS"/*"-$SETUP-real/results.json"
         # What a plain build lacks it refuses in words.

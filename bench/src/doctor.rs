@@ -83,8 +83,6 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     findings.push(governor(host.governor.as_deref()));
     findings.push(ip(in_path("ip")));
     let scan = Duration::from_micros(setup.plc.scan_cycle_us.value.into());
-    let bus_cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
-    let watchdog = bus_cycle * setup.bus.watchdog_cycles.value;
     if !options.json {
         eprintln!("measuring wake-ups every {} µs for {} s …", scan.as_micros(), options.seconds);
     }
@@ -93,7 +91,7 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let measured = wakeups::measure(scan, count).context("cannot measure wake-ups")?;
     findings.extend(stolen(before, ProcessorTime::now()));
     findings.extend(granted(&measured));
-    findings.push(lateness(&measured, scan, watchdog));
+    findings.push(lateness(&measured, scan, setup.bus.watchdog()));
     print(&findings, options.json)?;
     let runs = findings.iter().all(|finding| finding.verdict != Verdict::Missing);
     Ok(if runs { Exit::Pass } else { Exit::EnvironmentUnusable })

@@ -24,7 +24,6 @@ use crate::results::{self, Results, Status};
 use crate::rig::{FrameLog, Rig, RigConfig, RigError};
 use crate::run_directory::{self, Durability, RunDirectory, replace};
 use crate::session::{Ended, Session};
-use crate::stand::Health;
 use crate::table;
 use crate::timeline;
 use crate::trace::Trace;
@@ -222,13 +221,13 @@ impl Measurement<'_> {
             trace: Some(session.directory.path().to_owned()),
             frames: self.options.trace.then(FrameLog::default),
             faults: self.options.fault.clone(),
-            ..RigConfig::new(session.directory.path().join("setup.toml"))
+            ..RigConfig::new(&self.setup, session.directory.path().join("setup.toml"))
         };
         let unusable = |error: RigError| Failure::new(error.exit(), error);
         let mut interrupt = std::pin::pin!(interrupt);
         let start = async {
             match &self.options.attach {
-                Some(nodes) => Rig::attach(nodes, &self.setup.name).await,
+                Some(nodes) => Rig::attach(nodes, &self.setup).await,
                 None => Rig::start(&config).await,
             }
         };
@@ -252,11 +251,10 @@ impl Measurement<'_> {
         session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
         refused.iter().for_each(|warning| session.progress.warn(warning));
         let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
-        let connected_after = rig.connected_after();
         if !self.wants_capture(ended.exit) {
             rig.discard_capture();
         }
-        let (traced, faults) = (rig.traced().to_vec(), rig.fault_report());
+        let traced = rig.traced().to_vec();
         let stopped = rig.stop().await;
         if self.options.attach.is_none() {
             // A node that was killed may have left nothing; the run's results do not depend on it.
@@ -272,9 +270,7 @@ impl Measurement<'_> {
         }
         match stopped {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
-            Ok(reports) if ended.failures.is_empty() => {
-                ended.results.set_health(&Health { faults, ..reports.health(connected_after) });
-            }
+            Ok(health) if ended.failures.is_empty() => ended.results.set_health(&health),
             // A run that failed has said why; its nodes then have little to add.
             Err(error) if ended.exit != Exit::RunFailed => {
                 // No repetition failed, so it is no such code.

@@ -18,6 +18,7 @@ use protocol_linux::capture::Keep;
 use protocol_linux::report::LatenessReport;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use setup::Setup;
 
 use crate::exit::{Exit, Failure};
 use crate::host::ProcessorTime;
@@ -133,7 +134,7 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         .enable_all()
         .build()
         .context("cannot start the bench's event loop")?;
-    let measured = runtime.block_on(measure(options, &directory));
+    let measured = runtime.block_on(measure(options, &setup, &directory));
     if kept.is_none() {
         let removed = std::fs::remove_dir_all(&directory);
         removed.with_context(|| format!("cannot remove {}", directory.display()))?;
@@ -149,19 +150,23 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     );
     costs.iter().for_each(|cost| println!("  {cost}"));
     if left_out > 0 {
-        println!("  {left_out} of the pairs are left out: the hypervisor ran others meanwhile.");
+        println!("  {left_out} of the pairs are left out: the host ran others meanwhile.");
     }
     let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
     Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
 }
 
 /// The cost for either node, and how many pairs were left out.
-async fn measure(options: &OverheadOptions, directory: &Path) -> Result<([Cost; 2], u32), Failure> {
+async fn measure(
+    options: &OverheadOptions,
+    setup: &Setup,
+    directory: &Path,
+) -> Result<([Cost; 2], u32), Failure> {
     let config = RigConfig {
         seed: options.seed,
         capture: Some((directory.to_owned(), Keep::All)),
         trace: Some(directory.to_owned()),
-        ..RigConfig::new(&options.setup)
+        ..RigConfig::new(setup, &options.setup)
     };
     let unusable = |error: RigError| Failure::new(error.exit(), error);
     let mut rig = Rig::start(&config).await.map_err(unusable)?;
@@ -172,7 +177,7 @@ async fn measure(options: &OverheadOptions, directory: &Path) -> Result<([Cost; 
     let (mut pairs, mut left_out): ([Vec<Pair>; 2], _) = ([Vec::new(), Vec::new()], 0);
     for number in 1..=options.pairs {
         let recorded_first = random.next_u32().is_multiple_of(2);
-        let (mut pair, stolen) = ([Pair::default(); 2], stolen_ticks());
+        let (mut pair, mut whole, stolen) = ([Pair::default(); 2], true, stolen_ticks());
         for recorded in [recorded_first, !recorded_first] {
             rig.pause_capture(!recorded).context("cannot pause the capture")?;
             rig.record(recorded).await.map_err(unusable)?;
@@ -183,10 +188,13 @@ async fn measure(options: &OverheadOptions, directory: &Path) -> Result<([Cost; 
             let cycles = [(&before.plc.cycle, &after.plc.cycle), (&before.robot.cycle, &after.robot.cycle)];
             for (pair, (before, after)) in pair.iter_mut().zip(cycles) {
                 let of = if recorded { &mut pair.recorded_us } else { &mut pair.unrecorded_us };
-                *of = p99_us(before, after).context("a second had no cycle")?;
+                match p99_us(before, after) {
+                    Some(p99) => *of = p99,
+                    None => whole = false,
+                }
             }
         }
-        if stolen_ticks() == stolen {
+        if whole && stolen_ticks() == stolen {
             pairs.iter_mut().zip(pair).for_each(|(pairs, pair)| pairs.push(pair));
         } else {
             left_out += 1;
@@ -208,17 +216,11 @@ fn stolen_ticks() -> Option<u64> {
 
 /// The 99th percentile of the runs between two reports, in µs; within its bucket, runs are taken as evenly spread.
 fn p99_us(before: &LatenessReport, after: &LatenessReport) -> Option<f64> {
-    let count_before =
-        |upper: f64| before.buckets.iter().find(|(other, _)| *other == upper).map_or(0, |(_, count)| *count);
-    let runs: Vec<(f64, f64)> = after
-        .buckets
-        .iter()
-        .map(|(upper, count)| (*upper, f64::from(count.saturating_sub(count_before(*upper)))))
-        .collect();
-    let wanted = runs.iter().map(|(_, count)| count).sum::<f64>() * 0.99;
-    let mut seen = 0.0;
-    for (upper, count) in runs {
-        if count > 0.0 && seen + count >= wanted {
+    let LatenessReport { runs, buckets, .. } = after.since(before);
+    let (wanted, mut seen) = (runs as f64 * 0.99, 0.0);
+    for (upper, count) in buckets {
+        let count = f64::from(count);
+        if seen + count >= wanted {
             // A bucket is a sixteenth of its lower end wide.
             let lower = upper * 16.0 / 17.0;
             return Some(lower + (upper - lower) * (wanted - seen) / count);

@@ -57,6 +57,10 @@ pub struct Results {
     /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
     #[serde(default)]
     pub cyclic_allocations: Option<Allocations>,
+    /// Repetitions that were run again, because the host held a node up until the connection was lost. What was lost with it
+    /// is among no samples.
+    #[serde(default)]
+    pub repeated: u32,
     /// Faults that were put into the cable, and what came of them; absent without any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultReport>,
@@ -281,6 +285,7 @@ impl Results {
             bus: Frames::default(),
             connected_after_ms: None,
             cyclic_allocations: None,
+            repeated: 0,
             faults: None,
         }
     }
@@ -319,6 +324,7 @@ impl Results {
         };
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
+        self.repeated = u32::try_from(health.repeated.len()).unwrap_or(u32::MAX);
         self.faults.clone_from(&health.faults);
     }
 

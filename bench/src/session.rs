@@ -103,7 +103,11 @@ impl Session {
                     results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
                 }
             }
-            results.set_health(&stand.health());
+            let health = stand.health();
+            for lost in health.repeated.iter().skip(results.repeated as usize) {
+                self.progress.warn(&format!("run again, {lost}"));
+            }
+            results.set_health(&health);
             let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
             let status = std::mem::replace(&mut results.status, so_far);
             let saved = self

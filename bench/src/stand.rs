@@ -47,6 +47,8 @@ pub struct Health {
     /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
     /// not counted.
     pub allocations: Option<[u64; 2]>,
+    /// Repetitions that were run again because a host that held a node up took the connection from them: which, and why.
+    pub repeated: Vec<String>,
     /// What came of the faults that were put in, where some were.
     pub faults: Option<FaultReport>,
 }

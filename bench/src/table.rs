@@ -188,6 +188,12 @@ fn legend(results: &Results) -> String {
         frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
     }
     lines.push(frames + ".");
+    if results.repeated > 0 {
+        lines.push(format!(
+            "  Repetitions run again, because the host held a node up until the connection was lost: {}.",
+            results.repeated
+        ));
+    }
     if let Some(faults) = &results.faults {
         lines.push(format!("  {faults}"));
     }
@@ -271,6 +277,16 @@ mod tests {
           h = 0: a skill call costs nothing but its motion and the cycles it waits for.
           Cyclic frames: 0 sent, 0 received, 0 lost.
         ");
+    }
+
+    #[test]
+    fn repetitions_that_were_run_again_are_told_where_there_were_some() {
+        let told = |repeated| {
+            let table = render(&Results { repeated, ..results(Mode::Real, &[ExecutionType::Rc]) });
+            table.lines().find(|line| line.contains("again")).map(str::to_owned)
+        };
+        assert_eq!(told(0), None);
+        insta::assert_snapshot!(told(2).unwrap(), @"  Repetitions run again, because the host held a node up until the connection was lost: 2.");
     }
 
     #[test]

@@ -204,6 +204,7 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .paper.rc.mad_ms
     .paper.sm.aet_ms
     .paper.sm.mad_ms
+    .repeated
     .reps
     .results.cm.aet_ms
     .results.cm.blends_suppressed[]

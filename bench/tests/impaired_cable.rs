@@ -75,5 +75,5 @@ fn a_flipped_bit_reaches_the_receiver_and_the_cable_allocates_nothing() {
     assert_eq!(back, LinkCounters { sent: 500, ..LinkCounters::default() });
     // The bench's allocator counts, and is that of whoever links it.
     assert!(allocation::arm(), "nobody counts");
-    assert_eq!(cable.stop(true).unwrap(), 0);
+    assert_eq!(cable.stop(true).unwrap().allocations, 0);
 }

@@ -45,7 +45,6 @@ impl PlcConfig {
     #[must_use]
     pub fn from_setup(setup: &Setup, motions: Vec<image::Motion>, program: u16) -> Self {
         let micros = |value: u32| Duration::from_micros(u64::from(value));
-        let watchdog = micros(setup.bus.cycle_us.value).saturating_mul(setup.bus.watchdog_cycles.value);
         let robot_cycles = micros(setup.robot.cycle_us.value).saturating_mul(SILENT_ROBOT_CYCLES);
         Self {
             scan_cycle: micros(setup.plc.scan_cycle_us.value),
@@ -55,7 +54,7 @@ impl PlcConfig {
                 + micros(setup.robot.interpreter_quantum_us.value)
                 + micros(setup.robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value))
                 + micros(setup.robot.skill_overhead_us.value),
-            silent_timeout: watchdog.max(robot_cycles),
+            silent_timeout: setup.bus.watchdog().max(robot_cycles),
             queue_depth: setup.plc.slots_in_use(),
             program,
             motions: Box::new(MotionList::from(motions)),
@@ -89,10 +88,10 @@ mod tests {
             (Duration::from_millis(1), Duration::from_micros(150))
         );
         assert_eq!(config.motions.total(), 13);
-        // 1 s, the interpreter's quantum and the call's overhead; a watchdog of 250 bus cycles of 1 ms.
+        // 1 s, the interpreter's quantum and the call's overhead; a watchdog of 500 bus cycles of 1 ms.
         let robot = &setup.robot;
         let of_robot = (robot.interpreter_quantum_us.value + robot.skill_overhead_us.value).div_ceil(1_000);
-        assert_eq!(config.patience(), Patience { answer_scans: 1_000 + of_robot, silent_scans: 250 });
+        assert_eq!(config.patience(), Patience { answer_scans: 1_000 + of_robot, silent_scans: 500 });
     }
 
     #[test]

@@ -57,6 +57,7 @@ struct Page {
     ratio: Option<String>,
     suppressed: u32,
     frames: [u64; 4],
+    repeated: u32,
     quality: Vec<QualityRow>,
     quality_columns: [[&'static str; 2]; quality::COLUMNS.len()],
     quality_legend: [&'static str; quality::LEGEND.len()],
@@ -148,6 +149,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
             .flat_map(|result| &result.blends_suppressed)
             .sum(),
         frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
+        repeated: results.repeated,
         quality: qualities(results),
         quality_columns: quality::COLUMNS,
         quality_legend: quality::LEGEND,

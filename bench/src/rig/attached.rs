@@ -8,6 +8,7 @@ use plc_node::process::PlcInstruction;
 use protocol_linux::message::Instruction;
 use robot_node::process::RobotInstruction;
 use serde::Serialize;
+use setup::Setup;
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
 use tokio::net::tcp::OwnedWriteHalf;
@@ -84,13 +85,13 @@ impl Rig {
     ///
     /// A node that is not there, is not the one that is wanted or has another controller; or a connection between them
     /// that does not come about.
-    pub async fn attach(to: &Attach, setup: &str) -> Result<Self, RigError> {
+    pub async fn attach(to: &Attach, setup: &Setup) -> Result<Self, RigError> {
         let (sayings, said) = mpsc::channel(1_024);
         let mut plc = AttachedNode::reach(Which::Plc, &to.plc, sayings.clone()).await?;
         // Whoever says nothing yields the control port to the next that comes.
         plc.tell(&Instruction::<PlcInstruction>::Report).await;
-        let mut rig = Self::of(Party::Attached(plc), None, said, None);
-        let mut beginning = Beginning::new(Some(setup));
+        let mut rig = Self::of(Party::Attached(plc), None, said, None, setup.bus.watchdog());
+        let mut beginning = Beginning::new(Some(&setup.name));
         // One after the other: what is wrong with the PLC is often wrong with both, and is told of the PLC then.
         rig.meet(&mut beginning).await?;
         if let Some(address) = &to.robot {

@@ -170,18 +170,19 @@ impl Cable {
         self.discarded = true;
     }
 
-    /// Ends whoever listens in, so that the last frame is in the file.
-    pub(super) fn end_capture(&mut self) -> Result<(), RigError> {
+    /// Ends whoever listens in, so that the last frame is in the file. Says what came of the faults until then.
+    pub(super) fn end_capture(&mut self) -> Result<Option<FaultReport>, RigError> {
         let watched = self.watch(false);
         let ended: Vec<_> = self
             .recorders
             .drain(..)
             .map(|recorder| if self.discarded { recorder.discard() } else { recorder.stop().map(drop) })
             .collect();
-        let middle = self.middle.take().map_or(Ok(0), |middle| middle.stop(!self.discarded));
+        let middle = self.middle.take().map(|middle| middle.stop(!self.discarded)).transpose();
         watched?;
-        middle?;
-        Ok(ended.into_iter().collect::<Result<_, _>>()?)
+        let faults = middle?.map(|stopped| FaultReport::new(&self.faults, stopped.counters));
+        ended.into_iter().collect::<Result<(), _>>()?;
+        Ok(faults)
     }
 }
 

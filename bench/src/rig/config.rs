@@ -2,9 +2,10 @@
 
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use protocol_linux::capture::Keep;
-use setup::Cyclic;
+use setup::{Cyclic, Setup};
 
 use super::frames::FrameLog;
 use crate::faults::Fault;
@@ -14,6 +15,8 @@ use crate::faults::Fault;
 pub struct RigConfig {
     /// A built-in setup's name, or the path of a file.
     pub setup: OsString,
+    /// How long the setup's connection bears no frame.
+    pub watchdog: Duration,
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     pub cyclic: Option<Cyclic>,
     /// Seed of the robot's interpreter.
@@ -33,10 +36,11 @@ pub struct RigConfig {
 }
 
 impl RigConfig {
-    /// A rig of this setup with nothing special about it.
-    pub fn new(setup: impl Into<OsString>) -> Self {
+    /// A rig of this setup, and where the nodes read it, with nothing special about it.
+    pub fn new(setup: &Setup, read_from: impl Into<OsString>) -> Self {
         Self {
-            setup: setup.into(),
+            setup: read_from.into(),
+            watchdog: setup.bus.watchdog(),
             cyclic: None,
             seed: 1,
             capture: None,

@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use plc_node::process::{PlcInstruction, PlcMessage};
 use protocol_linux::message::{Instruction, Message};
+use protocol_linux::report::NodeReport;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::time::timeout;
 
 use super::node::Said;
 use super::party::Party;
-use super::{Rig, RigError, Which};
+use super::{Links, Reports, Rig, RigError, Which};
 
 /// How long a connection may take before the rig gives up. A real one takes less than a second.
 const CONNECT: Duration = Duration::from_secs(10);
@@ -17,29 +18,23 @@ const CONNECT: Duration = Duration::from_secs(10);
 /// How long a node may take to answer a question or to end, beyond which it counts as hanging.
 const ANSWER: Duration = Duration::from_secs(1);
 
-/// How long after the first bad news the rig waits for news that explain it: a lost connection is often a dead node.
-const EXPLANATION: Duration = Duration::from_millis(300);
-
 /// What is waited for before a run, and what was heard of it.
 #[derive(Debug)]
 pub(super) struct Beginning<'a> {
     /// The setup that nodes which ran before have to be of.
     setup: Option<&'a str>,
-    robot_ready: bool,
     /// Why the last attempt to connect failed.
     last_attempt: Option<String>,
 }
 
 impl<'a> Beginning<'a> {
     pub(super) const fn new(setup: Option<&'a str>) -> Self {
-        Self { setup, robot_ready: false, last_attempt: None }
+        Self { setup, last_attempt: None }
     }
 
     fn hear(&mut self, said: Said) {
-        match said {
-            Said::Plc(Message::Node(PlcMessage::Ready)) => self.robot_ready = true,
-            Said::Plc(Message::LinkDown { reason }) => self.last_attempt = Some(reason),
-            _ => {}
+        if let Said::Plc(Message::LinkDown { reason }) = said {
+            self.last_attempt = Some(reason);
         }
     }
 }
@@ -62,13 +57,19 @@ impl Rig {
     pub(super) async fn wait_until_ready(&mut self, mut beginning: Beginning<'_>) -> Result<(), RigError> {
         self.meet(&mut beginning).await?;
         let ready = async {
-            while !beginning.robot_ready {
+            while !self.is_ready() {
                 beginning.hear(self.next_saying().await?);
             }
             Ok(())
         };
         let ready = timeout(CONNECT, ready).await;
         ready.unwrap_or_else(|_| Err(self.not_connected(&beginning)))
+    }
+
+    /// Whether both nodes are connected, and the robot is ready.
+    const fn is_ready(&self) -> bool {
+        let Links { plc, robot, ready } = self.links;
+        plc && (robot || self.robot.is_none()) && ready
     }
 
     fn not_connected(&self, beginning: &Beginning<'_>) -> RigError {
@@ -116,8 +117,16 @@ impl Rig {
                 self.moved.motions = self.moved.motions.saturating_add(*motions);
                 self.moved.quality = self.moved.quality.then(*quality);
             }
-            Said::Plc(Message::Node(PlcMessage::Finished(_) | PlcMessage::Failed { .. })) => {
-                self.is_running = false;
+            Said::Plc(Message::LinkUp) => self.links.plc = true,
+            Said::Plc(Message::LinkDown { .. }) => {
+                self.links = Links { plc: false, ready: false, ..self.links }
+            }
+            Said::Robot(Message::LinkUp) => self.links.robot = true,
+            Said::Robot(Message::LinkDown { .. }) => self.links.robot = false,
+            Said::Plc(Message::Node(PlcMessage::Ready)) => self.links.ready = true,
+            Said::Plc(Message::Node(PlcMessage::Finished(_))) => self.is_running = false,
+            Said::Plc(Message::Node(PlcMessage::Failed { .. })) => {
+                (self.is_running, self.links.ready) = (false, false);
             }
             Said::Plc(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Plc, controller: *controller });
@@ -139,21 +148,46 @@ impl Rig {
         Ok(said)
     }
 
-    /// A lost connection is often the work of a node that died: if that is so, the node's end is the better story.
+    /// The better story of a lost connection or of a failed run: a node that died, or a host that held one up. Neither is
+    /// told by whom it happened to, so both are asked.
     pub(super) async fn explained(&mut self, error: RigError) -> RigError {
         if !matches!(error, RigError::ConnectionLost { .. } | RigError::RunFailed { .. }) {
             return error;
         }
-        let end = async {
-            loop {
-                if let Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) =
-                    self.next_saying().await
-                {
-                    return better;
+        let before = self.reports.clone();
+        match self.ask_for_reports().await {
+            Ok(()) => match self.held_up_since(&before) {
+                (which, held) if held >= self.watchdog / 2 => {
+                    RigError::HeldUp { which, held, error: Box::new(error) }
                 }
+                _ => error,
+            },
+            Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) => better,
+            Err(RigError::NoAnswer { which, .. }) => {
+                // It has had its time; the end of the rig need not wait for it again.
+                self.node(which).into_iter().for_each(Party::kill);
+                error
             }
-        };
-        timeout(EXPLANATION, end).await.unwrap_or(error)
+            Err(_) => error,
+        }
+    }
+
+    /// The node whose cycle was latest since those reports, and by how much. A node that sends nothing for the time of the
+    /// watchdog, and is there, came late by about as much.
+    fn held_up_since(&self, before: &Reports) -> (Which, Duration) {
+        let Reports { plc, robot } = self.reports.since(before);
+        let latest = |report: &NodeReport| Duration::from_secs_f64(report.cycle.max_us.max(0.0) / 1e6);
+        let (plc, robot) = (latest(&plc), latest(&robot));
+        if plc >= robot { (Which::Plc, plc) } else { (Which::Robot, robot) }
+    }
+
+    /// Waits until the nodes have again the connection that a host took from them by holding one up. Any other error is
+    /// there to stay, and comes back.
+    pub(super) async fn recovered(&mut self, error: RigError) -> Result<(), RigError> {
+        match error {
+            RigError::HeldUp { .. } => self.wait_until_ready(Beginning::new(None)).await,
+            lasting => Err(lasting),
+        }
     }
 
     pub(super) async fn ask_for_reports(&mut self) -> Result<(), RigError> {

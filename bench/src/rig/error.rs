@@ -126,6 +126,16 @@ pub enum RigError {
         /// What it said.
         reason: String,
     },
+    /// The host did not run a node for about as long as its peer bears no frame.
+    #[error("{error}; the host held the {which} up for {} ms", held.as_millis())]
+    HeldUp {
+        /// The node that was held up longest.
+        which: Which,
+        /// For how long.
+        held: Duration,
+        /// What came of it.
+        error: Box<RigError>,
+    },
     /// The PLC says that a run failed.
     #[error("{execution_type} failed: {reason}")]
     RunFailed {
@@ -181,6 +191,7 @@ impl RigError {
             Self::NodeEnded { .. }
             | Self::Detached { .. }
             | Self::ConnectionLost { .. }
+            | Self::HeldUp { .. }
             | Self::RunFailed { .. }
             | Self::NoAnswer { .. }
             | Self::Gibberish { .. } => Exit::RunFailed,

@@ -26,6 +26,7 @@ mod frames;
 mod kills;
 mod node;
 mod party;
+mod runs;
 mod stand;
 
 pub use attached::{Attach, AttachError};
@@ -38,25 +39,24 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use plc_node::ExecutionType;
-use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
+use plc_node::process::{PlcInstruction, PlcMessage};
 use protocol::virtual_time::Side;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
 use protocol_linux::{Interface, PortError, Wire};
-use robot_node::Quality;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep, timeout, timeout_at};
+use tokio::time::Instant;
 
 use cable::{Cable, Fittings};
 use conversation::Beginning;
 use kills::Kills;
 use node::{NodeProcess, Said};
 use party::Party;
+use runs::Moved;
 
 use crate::faults::FaultReport;
-use crate::plan::PAUSE;
+use crate::stand::{Health, Stand as _};
 use crate::trace::{Window, tables};
 
 /// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
@@ -67,9 +67,6 @@ static ALLOCATOR: protocol_linux::allocation::AllocationCounter =
 /// First arguments with which this program is a node; no option of the bench begins like that.
 const PLC_NODE: &str = "__plc-node";
 const ROBOT_NODE: &str = "__robot-node";
-
-/// The longest run; a PLC gives up a silent robot long before.
-const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
 /// Runs a node if this process was started as one. Call it first in `main`.
 #[must_use]
@@ -124,6 +121,11 @@ pub struct Rig {
     is_traced: bool,
     /// A run was started, and neither its end nor its failure was heard of.
     is_running: bool,
+    links: Links,
+    /// How long the connection bears no frame.
+    watchdog: Duration,
+    /// Why repetitions were run again.
+    repeated: Vec<String>,
     kills: Kills,
     /// None where the nodes ran already.
     connected_after: Option<Duration>,
@@ -181,7 +183,8 @@ impl Rig {
             cable.plc(),
             sayings,
         )?;
-        let mut rig = Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable));
+        let mut rig =
+            Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable), config.watchdog);
         rig.wait_until_ready(Beginning::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.kills = Kills::from_now(faults);
@@ -192,7 +195,13 @@ impl Rig {
         Ok(rig)
     }
 
-    fn of(plc: Party, robot: Option<Party>, said: mpsc::Receiver<Said>, cable: Option<Cable>) -> Self {
+    fn of(
+        plc: Party,
+        robot: Option<Party>,
+        said: mpsc::Receiver<Said>,
+        cable: Option<Cable>,
+        watchdog: Duration,
+    ) -> Self {
         Self {
             plc,
             robot,
@@ -205,16 +214,13 @@ impl Rig {
             recording: false,
             is_traced: false,
             is_running: false,
+            links: Links::default(),
+            watchdog,
+            repeated: Vec::new(),
             kills: Kills::default(),
             connected_after: None,
             cable,
         }
-    }
-
-    /// From the start of the nodes until the PLC found the robot ready; none where they ran already.
-    #[must_use]
-    pub const fn connected_after(&self) -> Option<Duration> {
-        self.connected_after
     }
 
     /// What the host did not grant the nodes, in words, each once.
@@ -260,8 +266,7 @@ impl Rig {
     }
 
     /// What came of the faults so far; none where none were asked for.
-    #[must_use]
-    pub fn fault_report(&self) -> Option<FaultReport> {
+    fn fault_report(&self) -> Option<FaultReport> {
         self.cable.as_ref().and_then(Cable::fault_report)
     }
 
@@ -297,108 +302,35 @@ impl Rig {
         [self.plc.id(), self.robot.as_ref().and_then(Party::id)]
     }
 
-    /// Runs the sequence once.
-    ///
-    /// # Errors
-    ///
-    /// The run failed, the connection was lost, or a node ended: within two seconds of it.
-    pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
-        self.start_run(execution_type).await;
-        let result = match timeout(LONGEST_RUN, self.finished()).await {
-            Ok(result) => result,
-            Err(_) => Err(RigError::NoAnswer { which: Which::Plc, waited: LONGEST_RUN }),
-        };
-        let run = match result {
-            Ok(run) => run,
-            Err(error) => return Err(self.explained(error).await),
-        };
-        if self.recording
-            && let Some(window) = self.traced.last_mut()
-        {
-            window.length_ns = Some(run.execution_time_ns);
-        }
-        self.ask_for_reports().await?;
-        Ok(run)
-    }
-
-    /// Runs the sequence over and over for so long. A run that is not over by then goes on, and the next call with it.
-    ///
-    /// # Errors
-    ///
-    /// As of [`Rig::execute`].
-    pub async fn keep_running(
-        &mut self,
-        execution_type: ExecutionType,
-        length: Duration,
-    ) -> Result<(), RigError> {
-        let end = Instant::now() + length;
-        while Instant::now() < end {
-            if !self.is_running {
-                self.start_run(execution_type).await;
-            }
-            match timeout_at(end, self.finished()).await {
-                Ok(Ok(_)) => sleep(PAUSE).await,
-                Err(_) => {}
-                Ok(Err(error)) => return Err(self.explained(error).await),
-            }
-        }
-        self.ask_for_reports().await
-    }
-
-    async fn start_run(&mut self, execution_type: ExecutionType) {
-        self.moved = Moved::default();
-        self.is_running = true;
-        self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
-    }
-
-    /// The end of the run. Whoever stops waiting for it may ask again.
-    async fn finished(&mut self) -> Result<FinishedRun, RigError> {
-        loop {
-            match self.next_plc_message().await? {
-                PlcMessage::Finished(run) => return Ok(run),
-                PlcMessage::Failed { execution_type, reason } => {
-                    return Err(RigError::RunFailed { execution_type, reason });
-                }
-                PlcMessage::Started { execution_type, at_ns } if self.recording => {
-                    self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
-                }
-                PlcMessage::Ready | PlcMessage::Started { .. } => {}
-            }
-        }
-    }
-
-    /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.
-    #[must_use]
-    pub fn quality_of(&self, motions: u32) -> Option<Quality> {
-        (self.moved.motions == motions).then_some(self.moved.quality)
-    }
-
-    /// Ends the connection in order, then both nodes, then the capture. Nodes that ran before the rig run on.
+    /// Ends the connection in order, then both nodes, then the capture, and says how it went until then. Nodes that ran
+    /// before the rig run on.
     ///
     /// # Errors
     ///
     /// A node that did not end by itself was killed, or the capture could not be written. Nothing is left behind
     /// then either.
-    pub async fn stop(mut self) -> Result<Reports, RigError> {
+    pub async fn stop(mut self) -> Result<Health, RigError> {
         let Some(mut cable) = self.cable.take() else {
             if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Party::has_ended) {
                 self.ask_for_reports().await?;
             }
-            return Ok(self.reports());
+            return Ok(self.health());
         };
         // The controller goes first: it releases the connection, and the device sees it go in order.
         let plc = self.end(Which::Plc).await;
         let robot = self.end(Which::Robot).await;
-        cable.end_capture()?;
-        plc.and(robot).map(|()| self.reports())
+        let faults = cable.end_capture()?;
+        plc.and(robot).map(|()| Health { faults, ..self.health() })
     }
 }
 
-/// What the robot said of its motions in a run.
+/// What the nodes said last of their connection.
 #[derive(Clone, Copy, Debug, Default)]
-struct Moved {
-    motions: u32,
-    quality: Quality,
+struct Links {
+    plc: bool,
+    robot: bool,
+    /// The PLC found the robot ready.
+    ready: bool,
 }
 
 /// What a PLC's process says.

@@ -4,16 +4,32 @@ use std::time::Duration;
 
 use protocol_linux::report::{LatenessReport, NodeReport};
 
-use super::{Reports, Rig};
+use super::{Reports, Rig, RigError};
 use crate::plan::Step;
 use crate::stand::{CycleHealth, Health, Measured, Stand};
+
+/// How often a repetition is started that the host takes the connection from. One that lets no run pass is not repeated for
+/// ever.
+const TRIES: u32 = 10;
 
 impl Stand for Rig {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
         // Before the pause, so that it is no work of the measured run.
         self.record(step.repetition == 1).await?;
-        tokio::time::sleep(step.pause).await;
-        let run = Self::execute(self, step.execution_type).await?;
+        let mut tries = 1;
+        let run = loop {
+            tokio::time::sleep(step.pause).await;
+            match Self::execute(self, step.execution_type).await {
+                Err(error @ RigError::HeldUp { .. }) if tries < TRIES => {
+                    tries += 1;
+                    self.repeated.push(format!("{} {}: {error}", step.execution_type, step.repetition));
+                    // No run of it is to be seen in a trace.
+                    self.traced.pop_if(|window| window.length_ns.is_none());
+                    self.recovered(error).await?;
+                }
+                run => break run?,
+            }
+        };
         Ok(Measured {
             execution: Duration::from_nanos(run.execution_time_ns),
             robot_execution: Duration::from_nanos(run.robot_execution_ns),
@@ -23,22 +39,28 @@ impl Stand for Rig {
     }
 
     fn health(&self) -> Health {
-        Health { faults: self.fault_report(), ..self.reports().health(self.connected_after()) }
+        Health {
+            faults: self.fault_report(),
+            repeated: self.repeated.clone(),
+            connected_after: self.connected_after,
+            ..self.reports().health()
+        }
     }
 }
 
 impl Reports {
-    /// What the nodes reported, as the conditions of a run without faults.
-    pub fn health(&self, connected_after: Option<Duration>) -> Health {
+    /// What the nodes reported, as the conditions of a run, without what the rig knows of it.
+    fn health(&self) -> Health {
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {
             plc: (&self.plc.cycle).into(),
             robot: (&self.robot.cycle).into(),
             bus: self.plc.bus.into(),
             robot_bus: self.robot.bus.into(),
-            connected_after,
+            connected_after: None,
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,
+            repeated: Vec::new(),
         }
     }
 }

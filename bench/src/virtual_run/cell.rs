@@ -238,6 +238,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
             robot_bus: self.pair.b().bus().counters(),
             connected_after: None,
             allocations: None,
+            repeated: Vec::new(),
             faults: (!self.faults.is_empty()).then(|| {
                 FaultReport::new(&self.faults, [Side::A, Side::B].map(|side| self.pair.link_counters(side)))
             }),

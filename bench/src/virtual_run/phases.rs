@@ -45,10 +45,6 @@ impl Phases {
 
     pub(super) fn direct(&mut self, setup: &Setup, side: Side) -> Direct {
         let cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
-        Direct::new(
-            self.first(side, setup.bus.cycle_us.value),
-            cycle,
-            cycle * setup.bus.watchdog_cycles.value,
-        )
+        Direct::new(self.first(side, setup.bus.cycle_us.value), cycle, setup.bus.watchdog())
     }
 }

@@ -109,9 +109,8 @@ impl Prepared {
     pub fn direct(&self, peer: Ipv4Addr, start: Instant) -> Result<(Direct, Vec<Wire>), PortError> {
         let wire = Wire::udp(&self.interface, Udp { port: DIRECT_PORT })?;
         let cycle = Duration::from_micros(self.setup.bus.cycle_us.value.into());
-        let watchdog = cycle * self.setup.bus.watchdog_cycles.value;
-        let bus =
-            Direct::new(start, cycle, watchdog).over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT));
+        let bus = Direct::new(start, cycle, self.setup.bus.watchdog());
+        let bus = bus.over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT));
         Ok((bus, vec![wire]))
     }
 

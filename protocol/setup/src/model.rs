@@ -1,5 +1,7 @@
 //! What a setup file says.
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 use crate::Sourced;
@@ -248,6 +250,12 @@ pub struct EthernetIpKey {
 }
 
 impl Bus {
+    /// How long a side bears no frame before it gives the connection up.
+    #[must_use]
+    pub fn watchdog(&self) -> Duration {
+        Duration::from_micros(self.cycle_us.value.into()) * self.watchdog_cycles.value
+    }
+
     /// Packet intervals without a frame that an EtherNet/IP connection must bear at least.
     #[must_use]
     pub fn timeout_intervals(&self) -> u32 {

@@ -90,8 +90,8 @@ fn values_that_make_no_sense_are_refused_with_their_key() {
         ("scan_cycle_us = { value = 1000", "scan_cycle_us = { value = 0"),
         ("scan_cost_us = { value = 150", "scan_cost_us = { value = 1500"),
         ("\ncycle_us = { value = 1000", "\ncycle_us = { value = 1100"),
-        ("watchdog_cycles = { value = 250", "watchdog_cycles = { value = 0"),
-        ("watchdog_cycles = { value = 250", "watchdog_cycles = { value = 61441"),
+        ("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 0"),
+        ("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 61441"),
         ("\ncycle_us = { value = 4000", "\ncycle_us = { value = 0"),
         (
             "[bus.profinet]\ncyclic = \"udp\"\nplc_station_name = \"skillbench-plc\"\nrobot_station_name = \"skillbench-robot\"\n",
@@ -134,7 +134,7 @@ fn values_that_make_no_sense_are_refused_with_their_key() {
 #[test]
 fn the_watchdog_is_bound_by_what_the_cyclic_frames_travel_in() {
     let text = changed("\"udp\"", "\"rt1\"")
-        .replace("watchdog_cycles = { value = 250", "watchdog_cycles = { value = 1921");
+        .replace("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 1921");
     insta::assert_snapshot!(refusal(&text), @"DIR/my.toml: `bus.watchdog_cycles`: 1921 cycles of 1000 µs hold for 1921 ms; PROFINET allows 1920 ms over rt1, so at most 1920 cycles");
 }
 
@@ -209,7 +209,7 @@ fn a_written_setup_reads_like_one() {
 fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of_them() {
     let with = |cycle_us: u32, watchdog: u32, section: &str| {
         let text = changed("\"profinet\"", "\"ethernet-ip\"")
-            .replacen("cycle_us = { value = 1000, from = \"paper\", note = \"section 6.2\" }\nwatchdog_cycles = { value = 250,",
+            .replacen("cycle_us = { value = 1000, from = \"paper\", note = \"section 6.2\" }\nwatchdog_cycles = { value = 500,",
                 &format!("cycle_us = {{ value = {cycle_us}, from = \"paper\" }}\nwatchdog_cycles = {{ value = {watchdog},"), 1)
             .replacen("[robot]", &format!("{section}\n[robot]"), 1);
         refusal(&text)
@@ -226,7 +226,7 @@ fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of
     let mut setup = setup("A").unwrap();
     setup.bus.kind = crate::BusKind::EthernetIp;
     crate::check(&setup).unwrap();
-    assert_eq!(setup.bus.timeout_intervals(), 250);
+    assert_eq!(setup.bus.timeout_intervals(), 500);
 }
 
 #[test]

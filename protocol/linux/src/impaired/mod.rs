@@ -55,6 +55,15 @@ pub struct ImpairedCable {
     writer: Option<Writer>,
 }
 
+/// What a cable that was stopped did.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Stopped {
+    /// To the frames of each sender, until the last one.
+    pub counters: [LinkCounters; 2],
+    /// How often its thread allocated once it ran, where somebody counts.
+    pub allocations: u64,
+}
+
 /// What the thread is told, and what it tells. Every part stands for itself, so no order of them matters.
 #[derive(Debug, Default)]
 struct Told {
@@ -130,23 +139,23 @@ impl ImpairedCable {
         })
     }
 
-    /// Ends it, with its captures where they are `wanted` or on disk already. Returns how often its thread allocated once
-    /// it ran, where somebody counts.
+    /// Ends it, with its captures where they are `wanted` or on disk already.
     ///
     /// # Errors
     ///
     /// A capture could not be written, or frames are missing in it.
-    pub fn stop(mut self, wanted: bool) -> Result<u64, RecorderError> {
+    pub fn stop(mut self, wanted: bool) -> Result<Stopped, RecorderError> {
         self.told.discard.store(!wanted, Ordering::Relaxed);
         self.end()
     }
 
-    fn end(&mut self) -> Result<u64, RecorderError> {
+    fn end(&mut self) -> Result<Stopped, RecorderError> {
         self.told.stop.store(true, Ordering::Relaxed);
         self.waker.notify();
         let allocations = self.thread.take().map_or(0, |thread| thread.join().unwrap_or(0));
         // Behind the thread's end the ring is complete.
-        self.writer.take().map_or(Ok(()), Writer::finish).map(|()| allocations)
+        self.writer.take().map_or(Ok(()), Writer::finish)?;
+        Ok(Stopped { counters: self.counters(), allocations })
     }
 }
 

@@ -1,0 +1,204 @@
+//! The bench as a process on a real rig, and how it ended.
+
+use std::fs;
+use std::io::Read as _;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rustix::process::Pid;
+
+/// Real time wants the host for itself: one test at a time.
+pub(crate) static HOST: Mutex<()> = Mutex::new(());
+
+/// How soon the bench has to notice and end, on a host that runs it at once.
+const NOTICE: Duration = Duration::from_secs(2);
+
+/// A host that runs it late has shown so before: by so many of what it took to lay the cable, to start and connect both
+/// nodes and to save what they did, ending may be later. It is much the same work.
+const SLOWNESS: u32 = 10;
+
+/// For what has no limit of its own but must not hang the tests.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The bench on a run that would take hours.
+pub(crate) struct Bench {
+    child: Child,
+    place: tempfile::TempDir,
+    started: Instant,
+    /// From the start until the first repetition was saved, without that; known once it is.
+    prepared: Duration,
+    _host: MutexGuard<'static, ()>,
+}
+
+/// The path of a setup as it is shipped, but that its connection bears stalls of the host for almost two seconds.
+pub(crate) fn patient(setup: &str, place: &Path) -> String {
+    let (shipped, changes) = match setup {
+        "A" => (
+            include_str!("../../setups/A.toml"),
+            [("watchdog_cycles", 500, 1_900), ("cycle_us", 1_000, 1_000)],
+        ),
+        // EtherNet/IP bears 512 packet intervals, so they have to be longer.
+        _ => {
+            (include_str!("../../setups/B.toml"), [("watchdog_cycles", 512, 512), ("cycle_us", 1_000, 4_000)])
+        }
+    };
+    let (before, bus) = shipped.split_once("[bus]").unwrap();
+    let mut bus = bus.to_owned();
+    for (key, usual, wanted) in changes {
+        let usual = format!("\n{key} = {{ value = {usual},");
+        assert!(bus.contains(&usual), "setup {setup} has another {key}");
+        bus = bus.replacen(&usual, &format!("\n{key} = {{ value = {wanted},"), 1);
+    }
+    let path = place.join("patient.toml");
+    fs::write(&path, format!("{before}[bus]{bus}")).unwrap();
+    path.into_os_string().into_string().unwrap()
+}
+
+/// How it ended.
+pub(crate) struct Ended {
+    pub(crate) status: ExitStatus,
+    after: Duration,
+    prepared: Duration,
+    pub(crate) stderr: String,
+    pub(crate) samples: String,
+    pub(crate) results: serde_json::Value,
+    pub(crate) timeline: serde_json::Value,
+    pub(crate) files: Vec<String>,
+    pub(crate) captures: Vec<(String, Vec<u8>)>,
+}
+
+impl Bench {
+    pub(crate) fn start(args: &[&str]) -> Self {
+        Self::start_in(tempfile::tempdir().unwrap(), "A", args)
+    }
+
+    /// On a setup that bears whatever the host does.
+    pub(crate) fn start_patient(setup: &str, args: &[&str]) -> Self {
+        let place = tempfile::tempdir().unwrap();
+        let setup = patient(setup, place.path());
+        Self::start_in(place, &setup, args)
+    }
+
+    fn start_in(place: tempfile::TempDir, setup: &str, args: &[&str]) -> Self {
+        let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+        let started = Instant::now();
+        let child = Command::new(env!("CARGO_BIN_EXE_bench"))
+            .args(["--setup", setup, "--types", "cm", "--out"])
+            .arg(place.path().join("run"))
+            .args(args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        Self { child, place, started, prepared: Duration::ZERO, _host: host }
+    }
+
+    /// Both nodes, PLC first, as soon as a run is under way: then the first repetition is saved.
+    pub(crate) fn nodes(&mut self) -> [Pid; 2] {
+        let samples = self.place.path().join("run/samples.csv");
+        self.until("a repetition is saved", || {
+            fs::read_to_string(&samples).is_ok_and(|samples| samples.lines().count() > 1)
+        });
+        let samples = fs::read_to_string(&samples).unwrap();
+        let first_ms = samples.lines().nth(1).and_then(|line| line.split(',').nth(2)?.parse().ok());
+        let first = Duration::from_secs_f64(first_ms.unwrap_or(0.0) / 1e3);
+        self.prepared = self.started.elapsed().saturating_sub(first);
+        ["__plc-node", "__robot-node"].map(|name| self.node(name).expect("a node that runs"))
+    }
+
+    fn node(&self, name: &str) -> Option<Pid> {
+        let bench = self.child.id().to_string();
+        let children = fs::read_to_string(format!("/proc/{bench}/task/{bench}/children")).ok()?;
+        let named = |pid: &&str| {
+            fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.contains(name))
+        };
+        let pid = children.split_whitespace().find(named)?;
+        Pid::from_raw(pid.parse().ok()?)
+    }
+
+    pub(crate) fn pid(&self) -> Pid {
+        Pid::from_child(&self.child)
+    }
+
+    fn until(&mut self, what: &str, mut done: impl FnMut() -> bool) {
+        let start = Instant::now();
+        while !done() {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                let mut stderr = String::new();
+                self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+                panic!(
+                    "the bench ended ({status}) before {what}: {stderr}\n(as an ordinary user it needs user namespaces)"
+                );
+            }
+            assert!(start.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    pub(crate) fn wait(mut self) -> Ended {
+        let start = Instant::now();
+        let status = self.child.wait().unwrap();
+        let after = start.elapsed();
+        let mut stderr = String::new();
+        self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        let samples = fs::read_to_string(self.place.path().join("run/samples.csv")).unwrap_or_default();
+        let json = |name| {
+            let text = fs::read_to_string(self.place.path().join(name)).unwrap_or_default();
+            serde_json::from_str(&text).unwrap_or_default()
+        };
+        let (results, timeline) = (json("run/results.json"), json("run/trace.json"));
+        let entries = fs::read_dir(self.place.path().join("run")).map(|entries| entries.map(Result::unwrap));
+        let files: Vec<_> =
+            entries.into_iter().flatten().map(|entry| entry.file_name().into_string().unwrap()).collect();
+        let captures = files.iter().filter(|name| name.ends_with(".pcapng"));
+        let captures = captures
+            .map(|name| (name.clone(), fs::read(self.place.path().join("run").join(name)).unwrap()))
+            .collect();
+        Ended { status, after, prepared: self.prepared, stderr, samples, results, timeline, files, captures }
+    }
+}
+
+/// The network that a process is in.
+fn network(pid: Pid) -> String {
+    fs::read_link(format!("/proc/{pid}/ns/net")).unwrap().to_string_lossy().into_owned()
+}
+
+impl Ended {
+    /// By when the bench has to have noticed, on this host.
+    fn limit(&self) -> Duration {
+        NOTICE + self.prepared * SLOWNESS
+    }
+
+    pub(crate) fn at_once(&self) {
+        let Self { after, prepared, .. } = self;
+        assert!(*after < self.limit(), "only after {after:?}, and starting took {prepared:?}");
+    }
+
+    /// Neither the nodes nor anybody in their networks is left, so the networks and their interfaces are gone too.
+    pub(crate) fn nothing_is_left(&self, networks: &[String]) {
+        let start = Instant::now();
+        loop {
+            let left: Vec<_> = fs::read_dir("/proc")
+                .unwrap()
+                .filter_map(|entry| fs::read_link(entry.unwrap().path().join("ns/net")).ok())
+                .filter(|link| networks.contains(&link.to_string_lossy().into_owned()))
+                .collect();
+            if left.is_empty() {
+                return;
+            }
+            assert!(start.elapsed() < self.limit(), "processes are left in {left:?}");
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+pub(crate) fn networks(nodes: [Pid; 2]) -> [String; 2] {
+    let networks = nodes.map(network);
+    let own = fs::read_link("/proc/self/ns/net").unwrap().to_string_lossy().into_owned();
+    assert!(networks[0] != networks[1] && !networks.contains(&own), "each node has a network of its own");
+    networks
+}
