@@ -234,6 +234,7 @@ verb_interop() { #: our stacks against those of others, each in a process of its
         echo "-- $name"
         timeout 90 bash "$test"
         case $name in
+            playback-*) continue ;; # no bus
             profinet-*) gate=gate_profinet ;;
             *) gate=gate_ethernet_ip ;;
         esac
