@@ -103,10 +103,8 @@ impl Press {
         control: ForceControl,
         cycle_s: f64,
     ) -> Result<Self, Violation> {
-        let (from, to) = match (segment.curve.tool(0.0), segment.curve.tool(segment.curve.length())) {
-            (Some(from), Some(to)) => (from.position, to.position),
-            _ => return Err(Violation::Kind(motion.kind.into())),
-        };
+        let ends = [0.0, segment.curve.length()].map(|way| segment.curve.position(way));
+        let [Some(from), Some(to)] = ends else { return Err(Violation::Kind(motion.kind.into())) };
         let way_mm = distance(from, to);
         if way_mm < LEAST_WAY_MM {
             return Err(Violation::ZeroLength { way_mm });

@@ -97,17 +97,22 @@ fn sampled(
 ) -> Result<(Samples, Joints, Turn), Violation> {
     let mut samples = Samples::default();
     let (mut joints, mut turn, mut before) = (*from, (start, (1, 0.0)), start);
-    for (node, share) in SHARES.iter().enumerate() {
-        let way = start + share * width;
-        let (next, tool) =
-            if node == 0 { (joints, curve.tool(way)) } else { curve.joints_and_tool(way, arm, &joints)? };
+    let ways = SHARES.map(|share| start + share * width);
+    let tools = curve.tools(&ways);
+    for (node, way) in ways.into_iter().enumerate() {
+        let tool = tools.as_ref().map(|(tools, flange)| (tools[node], flange));
+        let next = match tool {
+            _ if node == 0 => joints,
+            Some((tool, flange)) => arm.follow(&flange.when_tool_at(tool), &joints)?,
+            None => curve.joints(way, arm, &joints)?,
+        };
         let next_turn = arm.largest_turn(&joints, &next);
         if next_turn.1 > turn.1.1 {
             turn = (before, next_turn);
         }
         before = way;
         joints = next;
-        samples.set(node, &joints, &tool.map_or([0.0; 3], |tool| tool.position));
+        samples.set(node, &joints, &tool.map_or([0.0; 3], |(tool, _)| tool.position));
     }
     Ok((samples, joints, turn))
 }

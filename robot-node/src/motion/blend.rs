@@ -16,7 +16,7 @@
 //! A corner is passed at one rate as a rule. Its limits leave room to brake in it and to start again, for a stop on
 //! the path may come at any moment.
 
-use super::curve::Curve;
+use super::curve::{Curve, Flange};
 use super::derivatives::{Channel, Derivatives, NODES, SHARES, Samples, most};
 use super::profile::Limits;
 use super::segment::Segment;
@@ -105,33 +105,36 @@ impl Blend {
         arm: &Arm,
         near: &Joints,
     ) -> Result<Joints, Violation> {
-        self.joints_and_tool(first, second, w, arm, near).map(|(joints, _)| joints)
-    }
-
-    /// The joints, and the first motion's tool in the root where it is known without them.
-    fn joints_and_tool(
-        &self,
-        first: &Segment,
-        second: &Segment,
-        w: f64,
-        arm: &Arm,
-        near: &Joints,
-    ) -> Result<(Joints, Option<[f64; 3]>), Violation> {
-        let from = first.curve.length() - self.from_zone * eased(1.0 - w);
-        let to = self.to_zone * eased(w);
-        let flange = first.curve.flange().filter(|flange| second.curve.flange() == Some(*flange));
-        if let (Some(flange), Some(one), Some(corner), Some(two)) =
-            (flange, first.curve.tool(from), first.curve.end_tool(), second.curve.tool(to))
-        {
-            let tool = sum(&one, corner, &two);
-            let joints = arm.follow(&flange.when_tool_at(tool), near)?;
-            return Ok((joints, Some(tool.position)));
+        if let Some(([tool], flange)) = self.tools(first, second, &[w]) {
+            return arm.follow(&flange.when_tool_at(tool), near);
         }
+        let [(from, to)] = self.ways(first, &[w]);
         let one = first.curve.joints(from, arm, near)?;
         let two = second.curve.joints(to, arm, near)?;
         let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
         arm.within_range(&joints)?;
-        Ok((joints, None))
+        Ok(joints)
+    }
+
+    /// How far both motions are at some shares of the corner's time.
+    fn ways<const N: usize>(&self, first: &Segment, shares: &[f64; N]) -> [(f64, f64); N] {
+        let length = first.curve.length();
+        shares.map(|w| (length - self.from_zone * eased(1.0 - w), self.to_zone * eased(w)))
+    }
+
+    /// The tool in the root at some shares of the corner's time, and how the flange follows from it; none where the motions
+    /// do not lead the same tool.
+    fn tools<'a, const N: usize>(
+        &self,
+        first: &'a Segment,
+        second: &Segment,
+        shares: &[f64; N],
+    ) -> Option<([Frame; N], &'a Flange)> {
+        let corner = first.curve.end_tool().filter(|_| first.curve.flange() == second.curve.flange())?;
+        let ways = self.ways(first, shares);
+        let (one, flange) = first.curve.tools(&ways.map(|(from, _)| from))?;
+        let (two, _) = second.curve.tools(&ways.map(|(_, to)| to))?;
+        Some((core::array::from_fn(|i| sum(&one[i], corner, &two[i])), flange))
     }
 
     /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows.
@@ -140,10 +143,18 @@ impl Blend {
         let corner =
             first.curve.end_tool().map_or_else(|| first.tool_at(&first.end, arm), |tool| tool.position);
         let mut near = first.end;
+        let tools = self.tools(first, second, &SHARES);
         for (node, share) in SHARES.iter().enumerate() {
-            let (joints, tool) =
-                self.joints_and_tool(first, second, *share, arm, &near).map_err(|_| Unfit::Arm)?;
-            let tool = tool.unwrap_or_else(|| first.tool_at(&joints, arm));
+            let (joints, tool) = match &tools {
+                Some((tools, flange)) => {
+                    let joints = arm.follow(&flange.when_tool_at(tools[node]), &near);
+                    (joints.map_err(|_| Unfit::Arm)?, tools[node].position)
+                }
+                None => {
+                    let joints = self.joints(first, second, *share, arm, &near).map_err(|_| Unfit::Arm)?;
+                    (joints, first.tool_at(&joints, arm))
+                }
+            };
             let is_border = node == 0 || node == NODES - 1;
             if !is_border && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);

@@ -150,23 +150,13 @@ impl Curve {
 
     /// The joints after `way`, in the configuration of `near`, a point of the curve close by.
     pub fn joints(&self, way: f64, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
-        self.joints_and_tool(way, arm, near).map(|(joints, _)| joints)
-    }
-
-    /// As [`joints`](Self::joints), with the tool as of [`tool`](Self::tool).
-    pub(super) fn joints_and_tool(
-        &self,
-        way: f64,
-        arm: &Arm,
-        near: &Joints,
-    ) -> Result<(Joints, Option<Frame>), Violation> {
         let (tool, flange) = match self {
             Self::Line(line) => (line.tool(way), &line.flange),
             Self::Arc(arc) => (arc.tool(way), arc.flange()),
             Self::Spline(spline) => (spline.tool(way), spline.flange()),
-            Self::Axes(axes) => return Ok((axes.joints(way), None)),
+            Self::Axes(axes) => return Ok(axes.joints(way)),
         };
-        Ok((arm.follow(&flange.when_tool_at(tool), near)?, Some(tool)))
+        arm.follow(&flange.when_tool_at(tool), near)
     }
 
     /// How the flange follows from the tool; none point to point.
@@ -180,15 +170,16 @@ impl Curve {
         }
     }
 
-    /// The tool in the root after `way`; none point to point, where only the joints are given.
-    #[must_use]
-    pub fn tool(&self, way: f64) -> Option<Frame> {
-        match self {
-            Self::Line(line) => Some(line.tool(way)),
-            Self::Arc(arc) => Some(arc.tool(way)),
-            Self::Spline(spline) => Some(spline.tool(way)),
-            Self::Axes(_) => None,
-        }
+    /// The tool in the root after each of some ways, and how the flange follows from it; none point to point, where only the
+    /// joints are given.
+    pub(super) fn tools<const N: usize>(&self, ways: &[f64; N]) -> Option<([Frame; N], &Flange)> {
+        let tools = match self {
+            Self::Line(line) => ways.map(|way| line.tool(way)),
+            Self::Arc(arc) => ways.map(|way| arc.tool(way)),
+            Self::Spline(spline) => spline.tools(ways),
+            Self::Axes(_) => return None,
+        };
+        self.flange().map(|flange| (tools, flange))
     }
 
     /// The tool in the root at the end; none point to point.

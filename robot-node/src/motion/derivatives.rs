@@ -269,8 +269,9 @@ impl<const N: usize> Weights<N> {
     }
 }
 
-/// Adds samples to sums, each by its weights. One half at a time, so that its sums stay in registers.
-#[inline]
+/// Adds samples to sums, each by its weights. One half at a time, so that its sums stay in registers; called as a function
+/// they do not, and the compiler's choice depends on what else the crate has.
+#[inline(always)]
 fn weighted<const N: usize>(
     mut sums: [f64; N],
     weights: &[[f64; N]; HALF],

@@ -89,7 +89,7 @@ impl Planned {
 }
 
 /// The motions that are accepted and not yet left behind.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Path {
     pub(super) queue: VecDeque<Planned>,
     pub(super) place: Place,
@@ -99,6 +99,15 @@ pub struct Path {
     pub(super) start: Joints,
     pub(super) end: Joints,
     left_behind: u32,
+}
+
+impl Clone for Path {
+    /// With room for as many motions, as the first one has: appending must not allocate.
+    fn clone(&self) -> Self {
+        let mut queue = VecDeque::with_capacity(CAPACITY);
+        queue.extend(self.queue.iter().cloned());
+        Self { queue, ..*self }
+    }
 }
 
 impl Path {

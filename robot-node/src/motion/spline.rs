@@ -67,6 +67,15 @@ pub struct Spline {
     programmed: Limits,
 }
 
+/// About where a share is: within a part from `start` to `end`, which begins after a way in mm.
+#[derive(Clone, Copy)]
+struct Guess {
+    start: f64,
+    end: f64,
+    start_way: f64,
+    share: f64,
+}
+
 impl Spline {
     /// A piece without neighbours, a straight line, in mm; `programmed` is kept for when neighbours are known.
     #[must_use]
@@ -181,14 +190,24 @@ impl Spline {
     /// The tool in the root after `way`.
     #[must_use]
     pub fn tool(&self, way: f64) -> Frame {
-        if way <= 0.0 {
-            return self.from;
-        }
-        if way >= self.length() {
-            return self.to;
-        }
-        let [x, y, z, quaternion @ ..] = self.at(self.share(way));
-        Frame { position: [x, y, z], rotation: Rotation::from_quaternion(quaternion) }
+        let [tool] = self.tools(&[way]);
+        tool
+    }
+
+    /// The tool in the root after each of some ways.
+    #[must_use]
+    pub fn tools<const N: usize>(&self, ways: &[f64; N]) -> [Frame; N] {
+        let shares = self.shares(ways);
+        core::array::from_fn(|i| {
+            if ways[i] <= 0.0 {
+                return self.from;
+            }
+            if ways[i] >= self.length() {
+                return self.to;
+            }
+            let [x, y, z, quaternion @ ..] = self.at(shares[i]);
+            Frame { position: [x, y, z], rotation: Rotation::from_quaternion(quaternion) }
+        })
     }
 
     /// Where the tool is after `way`.
@@ -199,13 +218,32 @@ impl Spline {
         if way >= self.length() {
             return self.to.position;
         }
-        let [x, y, z, ..] = self.at(self.share(way));
+        let [share] = self.shares(&[way]);
+        let [x, y, z, ..] = self.at(share);
         [x, y, z]
     }
 
-    /// The share τ of the piece after `way`: first by the polynomial of degree five that has the part's ends and how τ
-    /// grows with the way there, then by Newton's method, of which one step is enough as a rule.
-    fn share(&self, way: f64) -> f64 {
+    /// The shares τ of the piece after some ways: first guessed, then by Newton's method, of which one step is enough as a
+    /// rule. Each step waits for roots and quotients, so all shares take it together.
+    fn shares<const N: usize>(&self, ways: &[f64; N]) -> [f64; N] {
+        let mut guesses = ways.map(|way| self.guess(way));
+        let mut is_off = [true; N];
+        for _ in 0..NEWTON_STEPS {
+            for ((guess, is_off), way) in guesses.iter_mut().zip(&mut is_off).zip(ways) {
+                if *is_off {
+                    let Guess { start, end, start_way, share } = *guess;
+                    let off = start_way + self.way_between(start, share) - way;
+                    let step = off / self.speed(share).max(1e-9);
+                    guess.share = (share - step).clamp(start, end);
+                    *is_off = step.abs() >= LAST_STEP * PART;
+                }
+            }
+        }
+        guesses.map(|guess| guess.share)
+    }
+
+    /// The share after `way` by the polynomial of degree five that has the part's ends and how τ grows with the way there.
+    fn guess(&self, way: f64) -> Guess {
         let part = self.ways.partition_point(|end| *end < way).min(PARTS - 1);
         let (start, end) = (part as f64 * PART, (part + 1) as f64 * PART);
         let start_way = if part == 0 { 0.0 } else { self.ways[part - 1] };
@@ -220,16 +258,7 @@ impl Spline {
         let quartic = -15.0 * rest + 7.0 * of_slope - of_bend;
         let quintic = 6.0 * rest - 3.0 * of_slope + of_bend / 2.0;
         let grown = t * (slope + t * (bend / 2.0 + t * (cubic + t * (quartic + t * quintic))));
-        let mut share = (start + grown).clamp(start, end);
-        for _ in 0..NEWTON_STEPS {
-            let off = start_way + self.way_between(start, share) - way;
-            let step = off / self.speed(share).max(1e-9);
-            share = (share - step).clamp(start, end);
-            if step.abs() < LAST_STEP * PART {
-                break;
-            }
-        }
-        share
+        Guess { start, end, start_way, share: (start + grown).clamp(start, end) }
     }
 
     /// The way in mm from one share to another.
