@@ -127,7 +127,11 @@ pub enum RigError {
         reason: String,
     },
     /// The host did not run a node for about as long as its peer bears no frame.
-    #[error("{error}; the host held the {which} up for {} ms", held.as_millis())]
+    #[error(
+        "{error}; the host held the {which} up for {} ms: `bench doctor` measures how it runs programs, and a higher \
+         bus.watchdog_cycles in a setup of your own bears more",
+        held.as_millis()
+    )]
     HeldUp {
         /// The node that was held up longest.
         which: Which,

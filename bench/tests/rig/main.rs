@@ -172,6 +172,11 @@ fn comments(ended: &Ended, file: &str, sent: bool) -> Vec<String> {
     comments
 }
 
+/// Cyclic frames either way, as the PLC counts them.
+fn passed(bus: &serde_json::Value) -> u64 {
+    ["frames_sent", "frames_received"].iter().map(|frames| bus[frames].as_u64().unwrap()).sum()
+}
+
 #[test]
 fn a_real_cable_does_the_faults_that_were_asked_for_and_each_is_a_comment_and_counted() {
     let mut args = vec!["--reps", "1", "--capture", "always", "--trace"];
@@ -193,7 +198,7 @@ fn a_real_cable_does_the_faults_that_were_asked_for_and_each_is_a_comment_and_co
     assert_eq!((count(&robot, "held back"), faults["reordered"].as_u64()), (0, Some(held)));
     // Each of them was to hit one frame in a hundred or two; a fifth of that is there by any chance.
     let bus = &ended.results["bus"];
-    let passed = bus["frames_sent"].as_u64().unwrap() + bus["frames_received"].as_u64().unwrap();
+    let passed = passed(bus);
     for fault in ["lost", "duplicated", "reordered"] {
         assert!(faults[fault].as_u64() > Some(passed / 1_000), "{fault} of {passed}: {faults}");
     }
@@ -224,9 +229,11 @@ fn a_cut_and_a_killed_node_are_told_beside_the_next_frames_of_a_real_capture() {
 /// EtherNet/IP has connections over TCP on the same cable: what is lost of them is sent again.
 #[test]
 fn a_run_of_setup_b_outlives_a_lossy_real_cable() {
-    let ended = Bench::start_patient("B", &["--reps", "1", "--fault", "loss=0.005"]).wait();
+    let ended = Bench::start_patient("B", &["--reps", "1", "--fault", "loss=0.02"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
-    assert!(ended.results["faults"]["lost"].as_u64() > Some(5), "{}", ended.results["faults"]);
+    // A quarter of what is to be expected is there by any chance.
+    let lost = ended.results["faults"]["lost"].as_u64().unwrap();
+    assert!(lost * 200 > passed(&ended.results["bus"]), "{lost} lost: {}", ended.results["bus"]);
 }
 
 #[test]
