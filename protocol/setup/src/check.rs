@@ -171,7 +171,7 @@ fn profinet(setup: &Setup) -> Check {
         );
         return Err(problem("bus.cycle_us", text));
     }
-    let hold = Duration::from_nanos(cycle_ns * u64::from(bus.watchdog_cycles.value));
+    let hold = bus.watchdog();
     let (class, longest) = match profinet.cyclic {
         Cyclic::Udp => ("udp", PROFINET_UDP_HOLD),
         Cyclic::Rt1 => ("rt1", PROFINET_RT1_HOLD),

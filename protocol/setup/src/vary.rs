@@ -23,8 +23,7 @@ impl Setup {
     #[must_use]
     pub fn with_bus_cycle(mut self, cycle_us: u32) -> Self {
         let bus = &mut self.bus;
-        let hold_us = u64::from(bus.cycle_us.value) * u64::from(bus.watchdog_cycles.value);
-        let cycles = hold_us.div_ceil(u64::from(cycle_us.max(1)));
+        let cycles = bus.watchdog().as_micros().div_ceil(u128::from(cycle_us.max(1)));
         let cycles = u32::try_from(cycles).unwrap_or(u32::MAX).max(LEAST_WATCHDOG_CYCLES);
         bus.watchdog_cycles = bus.watchdog_cycles.varied(cycles);
         bus.cycle_us = bus.cycle_us.varied(cycle_us);

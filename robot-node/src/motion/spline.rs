@@ -227,7 +227,8 @@ impl Spline {
     /// rule. Each step waits for roots and quotients, so all shares take it together.
     fn shares<const N: usize>(&self, ways: &[f64; N]) -> [f64; N] {
         let mut guesses = ways.map(|way| self.guess(way));
-        let mut is_off = [true; N];
+        // Where a way leaves the piece, nobody asks for its share.
+        let mut is_off = ways.map(|way| way > 0.0 && way < self.length());
         for _ in 0..NEWTON_STEPS {
             for ((guess, is_off), way) in guesses.iter_mut().zip(&mut is_off).zip(ways) {
                 if *is_off {
