@@ -104,7 +104,7 @@ fn a_line_that_ends_without_contact_is_an_error_that_says_what_was_found() {
     assert!(feedback.status.contains(Status::AT_REST) && (feedback.pose[2] - 8.0).abs() < 1e-2);
     insta::assert_snapshot!(
         feedback.finding.in_words(feedback.error),
-        @"the line came to its end without the contact force (found 0 N of 25 N after all of the 22 mm)"
+        @"an end of the line was reached without the contact force (found 0 N of 25 N after 22 mm)"
     );
     let refused = |event: &&RobotEvent| matches!(event, RobotEvent::Refused { motion: 1, .. });
     assert_eq!(robot.events.iter().filter(refused).count(), 1);
@@ -113,6 +113,28 @@ fn a_line_that_ends_without_contact_is_an_error_that_says_what_was_found() {
     robot.run(vec![press(7.8, 25.0)]);
     let found = robot.feedback().finding.value();
     assert!((found - 8.0).abs() < 0.2, "0.2 mm deep in 40 N/mm are 8 N, not {found} N");
+}
+
+#[test]
+fn it_is_done_at_the_lines_end_if_the_force_there_is_within_its_tolerance() {
+    // 8 − 25/40 mm is where it would rest: 0.4 N less are 0.01 mm.
+    for short_mm in [0.0, 0.004, 0.008, 0.01] {
+        let mut robot = above_the_seat();
+        robot.run(vec![press(8.0 - 25.0 / 40.0 + short_mm, 25.0)]);
+        assert!(robot.is_done(), "{short_mm}: {:?}", robot.feedback());
+        assert_force(&robot, 25.0);
+    }
+}
+
+#[test]
+fn a_line_that_starts_with_more_than_the_force_is_an_error_since_there_is_no_way_back() {
+    let mut robot = above_the_seat();
+    robot.run(vec![press(5.0, 50.0)]);
+    assert!(robot.is_done());
+    robot.run(vec![press(5.0, 25.0)]);
+    let feedback = *robot.feedback();
+    assert_eq!((feedback.error, feedback.state), (ErrorNumber::ForceNotReached, State::Halted));
+    assert!((feedback.contact_force - 50.0).abs() <= 0.5, "it stays: {feedback:?}");
 }
 
 #[test]

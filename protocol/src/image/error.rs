@@ -87,7 +87,7 @@ impl fmt::Display for ErrorNumber {
             Self::CollinearCircle => "start, intermediate point and target of the circle lie on one line",
             Self::ForceOutOfRange => "the force is zero or above what the robot may press with",
             Self::ForceDirection => "the force does not point along the line",
-            Self::ForceNotReached => "the line came to its end without the contact force",
+            Self::ForceNotReached => "an end of the line was reached without the contact force",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

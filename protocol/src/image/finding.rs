@@ -24,7 +24,7 @@ use super::ErrorNumber;
 /// | `UnknownTool`, `UnknownBase`, `UnknownMotionKind` | the number or kind | | |
 /// | `ForceOutOfRange` | | in N | above 0, at most |
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
-/// | `ForceNotReached` | | found, in N | wanted in N, way driven in mm |
+/// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
 ///
 /// The figures are kept as their bits, so that findings can be compared and hashed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -146,7 +146,7 @@ impl fmt::Display for InWords {
                 write!(f, " (it points {value}° away from the line, at most {upper}°)")
             }
             ErrorNumber::ForceNotReached => {
-                write!(f, " (found {value} N of {lower} N after all of the {upper} mm)")
+                write!(f, " (found {value} N of {lower} N after {upper} mm)")
             }
             _ => write!(f, " (it is {value}, allowed is {lower} to {upper})"),
         }

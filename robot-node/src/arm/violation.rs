@@ -155,14 +155,14 @@ pub enum Violation {
         /// Of the stiffest surface that the robot is set for.
         stiffness_n_per_mm: f64,
     },
-    /// The line came to its end without the contact force.
-    #[error("found {found_n:.3} N of {wanted_n} N at the line's end, after {way_mm:.3} mm")]
+    /// An end of the line was reached without the contact force: too little at its end, or too much at its start.
+    #[error("found {found_n:.3} N of {wanted_n} N at an end of the line, after {way_mm:.3} mm")]
     ForceNotReached {
         /// The force there, in N.
         found_n: f64,
         /// The force to be reached, in N.
         wanted_n: f64,
-        /// The line's length, in mm.
+        /// How far along the line that end is, in mm.
         way_mm: f64,
     },
     /// An acceleration: mm/s², or a share of the axes' rated accelerations.

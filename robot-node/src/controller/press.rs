@@ -35,7 +35,7 @@ const BLIND_CYCLES: f64 = 2.0;
 /// How far the force may point away from the line, in degrees: what rounding of frames may leave.
 const MOST_ASTRAY_DEG: f64 = 5.0;
 
-/// Nearer than this, in mm, is at the line's end.
+/// Nearer than this, in mm, is at an end of the line. The way left would get ever less and never end otherwise.
 const AT_END_MM: f64 = 1e-3;
 
 /// Slower than this, in mm/s, is at rest.
@@ -59,7 +59,7 @@ pub(super) enum Outcome {
     Open,
     /// The force is there.
     Reached,
-    /// The line came to its end without it.
+    /// The arm came to an end of the line without it.
     Missed(Violation),
 }
 
@@ -191,11 +191,14 @@ impl Press {
         let highest = share * self.segment.limits.speed;
         let toward = |way: f64| (SHARE * way / self.cycle_s).min(self.stops_within(way)).min(highest);
         let stiffest = self.control.stiffest_n_per_mm;
-        if missing_n < 0.0 {
-            return -toward((-missing_n / stiffest).min(self.way));
+        let left = if missing_n < 0.0 { self.way } else { self.segment.curve.length() - self.way };
+        if left < AT_END_MM {
+            return 0.0;
         }
-        let free = toward(self.segment.curve.length() - self.way);
-        if pressing_n > 0.0 { free.min(toward(missing_n / stiffest)) } else { free }
+        if missing_n < 0.0 {
+            return -toward((-missing_n / stiffest).min(left));
+        }
+        if pressing_n > 0.0 { toward(left).min(toward(missing_n / stiffest)) } else { toward(left) }
     }
 
     /// Goes to the wanted speed as fast as acceleration and jerk allow, without overshooting it.
@@ -222,9 +225,10 @@ impl Press {
         if is_at_rest && f64::from(self.settled) * self.cycle_s >= self.control.settling.as_secs_f64() {
             return Outcome::Reached;
         }
-        let way_mm = self.segment.curve.length();
-        let at_end = way_mm - self.way < AT_END_MM && self.speed < AT_END_MM / self.cycle_s;
-        if at_end && !within && found_n < self.wanted_n {
+        // Where there is too much of it, the line has its other end.
+        let way_mm = if found_n > self.wanted_n { 0.0 } else { self.segment.curve.length() };
+        let is_there = (way_mm - self.way).abs() < AT_END_MM && self.speed.abs() < AT_END_MM / self.cycle_s;
+        if is_there && !within {
             return Outcome::Missed(Violation::ForceNotReached { found_n, wanted_n: self.wanted_n, way_mm });
         }
         Outcome::Open
