@@ -10,7 +10,7 @@ use crate::fieldbus::Counters;
 use crate::image::Image;
 use crate::profinet::connect::{ConnectResponse, DiffModule, ModuleState};
 use crate::profinet::ethernet::Mac;
-use crate::profinet::rt::{CyclicReceiver, CyclicSender, IoxStatus, Route, Transport, UDP_PORT};
+use crate::profinet::rt::{self, CyclicReceiver, CyclicSender, IoxStatus, Route, Transport, UDP_PORT};
 
 /// A connected AR.
 #[derive(Debug)]
@@ -37,7 +37,11 @@ impl Link {
         }
         let frame_id = |reference| {
             let iocr = granted.iocrs.iter().find(|iocr| iocr.reference == reference);
-            iocr.map(|iocr| iocr.frame_id).ok_or(unfit)
+            match iocr.map(|iocr| iocr.frame_id) {
+                Some(frame_id) if rt::is_cyclic(frame_id) => Ok(frame_id),
+                Some(frame_id) => Err(Refusal { code: frame_id.into(), text: words::WRONG_FRAME_ID }),
+                None => Err(unfit),
+            }
         };
         let device = granted.ar.responder_mac;
         let route = match config.transport {

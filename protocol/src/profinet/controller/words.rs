@@ -16,6 +16,8 @@ pub(super) const NO_ALARM_ACK: &str = "the device sent an alarm and then did not
 pub(super) const REJECTED: &str = "the device rejected the call by a status of RPC (C706, appendix E)";
 pub(super) const UNFIT_ANSWER: &str =
     "the device's answer does not fit the request: compare both in a capture";
+pub(super) const WRONG_FRAME_ID: &str = "the device gave cyclic data a FrameID that is not one of cyclic data (the status \
+     is that FrameID): look at its answer to the Connect in a capture";
 pub(super) const TOO_LONG: &str =
     "the request does not fit into one call: leave modules out or shorten parameters";
 pub(super) const NO_MODULE: &str = "the device has no module in a slot where one is expected (the status is slot and \

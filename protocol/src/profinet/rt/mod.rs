@@ -33,6 +33,12 @@ pub const FRAME_IDS_RT_CLASS_2: core::ops::RangeInclusive<u16> = 0x8000..=0xBBFF
 /// FrameIDs of unicast cyclic data of RT_CLASS_UDP, and of RT_CLASS_1 in the older numbering (RTClass 1 in the IOCR).
 pub const FRAME_IDS_RT_CLASS_1_UDP: core::ops::RangeInclusive<u16> = 0xC000..=0xF7FF;
 
+/// Whether a FrameID is one of unicast cyclic data, of whichever class.
+#[must_use]
+pub fn is_cyclic(frame_id: u16) -> bool {
+    FRAME_IDS_RT_CLASS_2.contains(&frame_id) || FRAME_IDS_RT_CLASS_1_UDP.contains(&frame_id)
+}
+
 /// Longest C_SDU in bytes.
 pub const MAX_C_SDU_LEN: usize = 1440;
 

@@ -171,6 +171,25 @@ fn a_wrong_module_is_reported_with_its_slot_and_the_ar_is_aborted() {
 }
 
 #[test]
+fn a_frame_id_that_is_not_one_of_cyclic_data_is_refused_and_nothing_is_sent_with_it() {
+    for frame_id in [0, 0x7FFF, 0xBC00, 0xFBFF, FRAME_ID_HIGH, FRAME_ID_LOW, 0xFEFD] {
+        let script = Script { output_frame_id: Some(frame_id), ..Script::default() };
+        let mut cell = Cell::new(Transport::Udp, script);
+        assert_eq!(cell.downs(50), [(DownCause::Refused, frame_id.into(), words::WRONG_FRAME_ID)]);
+        assert_eq!((cell.controller.counters().sent, cell.peer.outputs.len()), (0, 0));
+    }
+}
+
+#[test]
+fn a_device_may_choose_any_frame_id_of_cyclic_data() {
+    for frame_id in [0x8000, 0xBBFF, 0xC0FF, 0xF7FF] {
+        let script = Script { output_frame_id: Some(frame_id), ..Script::default() };
+        let mut cell = Cell::new(Transport::Udp, script);
+        assert_eq!(cell.run(50), [LinkEvent::Up]);
+    }
+}
+
+#[test]
 fn a_refused_parameter_is_reported_with_its_status() {
     let status = Violation::WriteLength.status(Service::Write);
     let script = Script { refuses_write: Some(status), ..Script::default() };

@@ -1,8 +1,10 @@
 //! A device in as few lines as it takes: it answers each frame at once, as its script says.
 
 use super::*;
-use crate::profinet::alarm::{PduType, Rta, error_status};
-use crate::profinet::connect::{AlarmCrResponse, ArResponse, ConnectRequest, ConnectResponse, IocrResponse};
+use crate::profinet::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Rta, error_status};
+use crate::profinet::connect::{
+    AlarmCrResponse, ArResponse, ConnectRequest, ConnectResponse, IocrResponse, IocrType,
+};
 use crate::profinet::control::{Command, Control};
 use crate::profinet::dcp::{BlockError, Code, Content, Service as DcpService};
 use crate::profinet::record::{WriteRequest, WriteResponse};
@@ -23,6 +25,7 @@ pub(super) struct Script {
     pub(super) has_address: bool,
     pub(super) no_cyclic: bool,
     pub(super) bad_input: bool,
+    pub(super) output_frame_id: Option<u16>,
 }
 
 /// The device.
@@ -122,10 +125,14 @@ impl Peer {
         let connect = self.connect.as_ref().expect("connected first");
         let (input, output) = (&connect.iocrs[0], &connect.iocrs[1]);
         let frame_id = u16::from_be_bytes([payload[0], payload[1]]);
-        if frame_id != output.frame_id {
+        if matches!(frame_id, FRAME_ID_HIGH | FRAME_ID_LOW) {
             let (rta, variable) = Rta::parse(&payload[2..]).unwrap();
             self.alarm_pdus.push(rta.pdu_type);
             self.partings.extend(error_status(variable).filter(|_| rta.pdu_type == PduType::Error));
+            return Vec::new();
+        }
+        // A damaged answer may have named another one.
+        if frame_id != self.script.output_frame_id.unwrap_or(output.frame_id) {
             return Vec::new();
         }
         let frame = CyclicFrame::parse(payload, usize::from(output.data_length)).unwrap();
@@ -229,7 +236,10 @@ impl Peer {
                 .map(|iocr| IocrResponse {
                     iocr_type: iocr.iocr_type,
                     reference: iocr.reference,
-                    frame_id: iocr.frame_id,
+                    frame_id: match (iocr.iocr_type, self.script.output_frame_id) {
+                        (IocrType::Output, Some(frame_id)) => frame_id,
+                        _ => iocr.frame_id,
+                    },
                 })
                 .collect(),
             alarm_cr: Some(AlarmCrResponse { alarm_cr_type: 1, local_reference: 9, max_data_length: 200 }),
