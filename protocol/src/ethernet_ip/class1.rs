@@ -13,9 +13,15 @@
 //! 24..    data                  20.. without a header
 //! ```
 
-use super::cpf::{Item, Items, kind, write_item};
+use super::cpf::kind;
 use super::{Reader, Writer};
 use crate::wire::{Overflow, Truncated};
+
+/// An address and data.
+const ITEMS: u16 = 2;
+
+/// Connection and sequence number, in bytes.
+const ADDRESS_LEN: u16 = 8;
 
 /// What the sequence count adds to the data, in bytes.
 pub const SEQUENCE_LEN: u16 = 2;
@@ -53,21 +59,21 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// Reads a datagram.
     pub fn parse(datagram: &'a [u8]) -> Result<Self, FrameError> {
-        let mut items = Items::parse(Reader::new(datagram))?;
-        let (address, data) = (items.next().transpose()?, items.next().transpose()?);
-        let (Some(Item::SequencedAddress { connection, sequence }), Some(Item::ConnectedData(data))) =
-            (address, data)
-        else {
-            return Err(FrameError::WrongItems);
-        };
-        if items.next().is_some() {
+        let mut reader = Reader::new(datagram);
+        if reader.u16()? != ITEMS || reader.u16()? != kind::SEQUENCED_ADDRESS || reader.u16()? != ADDRESS_LEN
+        {
             return Err(FrameError::WrongItems);
         }
-        if !items.rest().is_empty() {
+        let (connection, sequence) = (reader.u32()?, reader.u32()?);
+        if reader.u16()? != kind::CONNECTED_DATA {
+            return Err(FrameError::WrongItems);
+        }
+        let length = reader.u16()?;
+        let mut data = Reader::new(reader.bytes(length.into())?);
+        if !reader.rest().is_empty() {
             return Err(FrameError::TrailingBytes);
         }
-        let mut reader = Reader::new(data);
-        Ok(Self { connection, sequence, count: reader.u16()?, payload: reader.rest() })
+        Ok(Self { connection, sequence, count: data.u16()?, payload: data.rest() })
     }
 
     /// Splits off the run/idle header: whether the sender runs, and the data.
@@ -85,19 +91,20 @@ pub fn emit(
     run: Option<bool>,
     data: &[u8],
 ) -> Result<usize, Overflow> {
+    let header = if run.is_some() { SEQUENCE_LEN + RUN_IDLE_LEN } else { SEQUENCE_LEN };
     let mut writer = Writer::new(buf);
-    writer.u16(2);
-    write_item(&mut writer, kind::SEQUENCED_ADDRESS, |writer| {
-        writer.u32(connection);
-        writer.u32(sequence);
-    });
-    write_item(&mut writer, kind::CONNECTED_DATA, |writer| {
-        writer.u16(count);
-        if let Some(run) = run {
-            writer.u32(run.into());
-        }
-        writer.bytes(data);
-    });
+    writer.u16(ITEMS);
+    writer.u16(kind::SEQUENCED_ADDRESS);
+    writer.u16(ADDRESS_LEN);
+    writer.u32(connection);
+    writer.u32(sequence);
+    writer.u16(kind::CONNECTED_DATA);
+    writer.u16(u16::try_from(usize::from(header) + data.len()).unwrap_or(u16::MAX));
+    writer.u16(count);
+    if let Some(run) = run {
+        writer.u32(run.into());
+    }
+    writer.bytes(data);
     writer.finish()
 }
 
