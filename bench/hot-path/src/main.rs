@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, anyhow, bail, ensure};
 use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
 use serde::{Deserialize, Serialize};
@@ -127,16 +129,36 @@ fn compare(committed: &BTreeMap<String, u64>, found: &BTreeMap<String, u64>) -> 
     (table, wrong)
 }
 
-/// Builds the bench programs as `cargo run` builds the nodes, and counts each of their paths.
+/// Builds the bench programs as `cargo run` builds the nodes, and counts each of their paths: one on each core at a time,
+/// since what else runs does not change a count.
 fn count_all() -> anyhow::Result<BTreeMap<String, u64>> {
-    let mut counts = BTreeMap::new();
-    let place = tempfile::tempdir().context("making a directory for callgrind's output")?;
+    let mut paths = Vec::new();
     for program in bench_programs()? {
-        for name in said(&program, &[hot_path::LIST])?.lines() {
+        let names = said(&program, &[hot_path::LIST])?;
+        paths.extend(names.lines().map(|name| (program.clone(), name.to_owned())));
+    }
+    let place = tempfile::tempdir().context("making a directory for callgrind's output")?;
+    let next = AtomicUsize::new(0);
+    let count_some = || -> anyhow::Result<Vec<(String, u64)>> {
+        let mut counted = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some((program, name)) = paths.get(index) else { return Ok(counted) };
             eprintln!("counting {name}");
-            let count = count(&program, name, &place.path().join("callgrind.out"))?;
-            ensure!(counts.insert(name.to_owned(), count).is_none(), "two hot paths are called {name}");
+            let out = place.path().join(format!("{index}.callgrind"));
+            counted.push((name.clone(), count(program, name, &out)?));
         }
+    };
+    let counted = thread::scope(|scope| {
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(count_some)).collect();
+        let counted =
+            workers.into_iter().map(|worker| worker.join().map_err(|_| anyhow!("a count broke off"))?);
+        counted.collect::<anyhow::Result<Vec<_>>>()
+    })?;
+    let mut counts = BTreeMap::new();
+    for (name, count) in counted.into_iter().flatten() {
+        ensure!(counts.insert(name.clone(), count).is_none(), "two hot paths are called {name}");
     }
     Ok(counts)
 }
