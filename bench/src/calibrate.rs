@@ -237,6 +237,31 @@ impl Calibration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::Mode;
+    use crate::stand::Measured;
+    use std::time::Duration;
+
+    #[test]
+    fn a_quantum_whose_mads_are_as_good_as_the_wanted_ones_is_kept_and_a_worse_one_is_bettered() {
+        let setup = setup::setup("A").unwrap();
+        // A MAD of a thousandth of the quantum.
+        let run = |setup: &Setup| {
+            let plan = Plan::new(&[ExecutionType::Sm], 2, 1);
+            let mut results = Results::new(setup, "of a test", Mode::Virtual, &plan);
+            let mad = Duration::from_nanos(setup.robot.interpreter_quantum_us.value.into());
+            for execution in [Duration::from_secs(1) - mad, Duration::from_secs(1) + mad] {
+                let measured =
+                    Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None };
+                results.record(ExecutionType::Sm, &measured);
+            }
+            Ok(results)
+        };
+        let wanted = [(ExecutionType::Sm, 0.012)];
+        for (own, kept) in [(12_000, true), (13_000, true), (11_200, true), (14_000, false), (0, false)] {
+            let found = quantum("quantum", own, &wanted, &setup, &set_interpreter, &run, &mut |_: &str| {});
+            assert_eq!(found.unwrap(), if kept { own } else { 12_000 });
+        }
+    }
 
     #[test]
     fn a_falling_curve_is_followed_up_and_down_to_the_wanted_value() {

@@ -15,7 +15,7 @@
 //!
 //! *Done* means: the force was within its tolerance for the whole settling time, and the arm came to rest. It is held
 //! from then on, also in `Ready`, until the robot takes up the next motion, halts or loses its connection; then the
-//! arm stays where it is. Held or not, it never goes beyond the line's end.
+//! arm stays where it is. Held or not, it never leaves the line. An end of the line without the force is an error.
 
 use protocol::image::{Motion, MotionKind};
 
