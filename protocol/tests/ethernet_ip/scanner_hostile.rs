@@ -211,26 +211,41 @@ fn replies_that_are_cut_off_or_answer_nothing_are_waited_out() {
     assert_eq!(dialogue.scanner.poll_timeout(), Some(dialogue.now + Duration::from_secs(1)));
 }
 
+/// The reply to a Forward_Open with one interval for both directions, in µs.
+fn opened(serial: u16, interval_us: u32) -> Vec<u8> {
+    let mut reply = vec![0xD4, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0x5C];
+    reply.extend(serial.to_le_bytes());
+    reply.extend([0xFF, 0xFF, 1, 0, 0, 0]);
+    reply.extend(interval_us.to_le_bytes());
+    reply.extend(interval_us.to_le_bytes());
+    reply.extend([0, 0]);
+    reply
+}
+
 #[test]
-fn a_forward_open_reply_of_another_connection_or_with_interval_0_opens_nothing() {
+fn a_forward_open_reply_that_is_cut_off_or_of_another_connection_opens_nothing() {
     let (mut dialogue, question) = asked_for_identity();
     let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
     let request = said[0].clone();
-    let opened = |serial: u16, api: u32| {
-        let mut reply = vec![0xD4, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0x5C];
-        reply.extend(serial.to_le_bytes());
-        reply.extend([0xFF, 0xFF, 1, 0, 0, 0]);
-        reply.extend(api.to_le_bytes());
-        reply.extend(api.to_le_bytes());
-        reply.extend([0, 0]);
-        reply
-    };
-    for reply in [opened(99, 1_000), opened(1, 0), opened(1, 1_000)[..20].to_vec()] {
+    for reply in [opened(99, 1_000), opened(1, 1_000)[..20].to_vec()] {
         let (said, events) = dialogue.reply_cip(&request, &reply);
         assert!(said.is_empty() && events.is_empty());
     }
     let (said, _) = dialogue.reply_cip(&request, &opened(1, 1_000));
     assert_eq!(said[0].len(), 280, "and the good one starts the cyclic data");
+}
+
+#[test]
+fn an_adapter_that_wants_data_all_the_time_gets_none_and_its_connection_closed() {
+    for interval_us in [0, 1, 99] {
+        let (mut dialogue, question) = asked_for_identity();
+        let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+        let (said, events) = dialogue.reply_cip(&said[0], &opened(1, interval_us));
+        let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+        assert_eq!((down.cause, down.code), (DownCause::Refused, interval_us));
+        // SendRRData with a Forward_Close, and UnRegisterSession.
+        assert_eq!((said.len(), said[0][0], said[0][40], said[1][0]), (2, 0x6F, 0x4E, 0x66));
+    }
 }
 
 #[test]

@@ -9,6 +9,9 @@ use crate::ethernet_ip::connection::{CloseRequest, OpenRequest, Opened, Transpor
 use crate::ethernet_ip::encapsulation::{Command, Header, Status};
 use crate::fieldbus::{Down, DownCause};
 
+/// The shortest interval at which an adapter may want its data: its word alone decides how often frames go out.
+const LEAST_INTERVAL_US: u32 = 100;
+
 impl Scanner {
     fn asked(&self) -> Asked {
         let config = &self.config;
@@ -80,7 +83,13 @@ impl Scanner {
                     return self.refused(now, reply);
                 }
                 match Opened::parse(reply.data) {
-                    Ok(opened) if opened.triad == self.triad && opened.o_t_api_us > 0 => {
+                    Ok(opened) if opened.triad == self.triad => {
+                        if opened.o_t_api_us < LEAST_INTERVAL_US {
+                            let text = "the adapter wants its data more often than every 100 µs (the status is its \
+                                        interval, in µs): ask for another one, or look at its answer in a capture";
+                            let code = opened.o_t_api_us;
+                            return self.fail(now, Down { cause: DownCause::Refused, code, text });
+                        }
                         let Some(io) = Io::new(now, &self.config, &opened, sockets) else {
                             let text =
                                 "the adapter opened a multicast connection but named no multicast group";

@@ -44,6 +44,9 @@ impl Link {
             }
         };
         let device = granted.ar.responder_mac;
+        if device.is_group() {
+            return Err(unfit);
+        }
         let route = match config.transport {
             Transport::Rt1 => Route::Ethernet { source: config.mac, destination: device },
             Transport::Udp => Route::Udp(SocketAddrV4::new(config.device_address, UDP_PORT)),

@@ -181,6 +181,14 @@ fn a_frame_id_that_is_not_one_of_cyclic_data_is_refused_and_nothing_is_sent_with
 }
 
 #[test]
+fn a_device_that_says_it_is_a_group_of_stations_gets_no_data() {
+    let script = Script { responder_mac: Some(Mac([0xFF; 6])), ..Script::default() };
+    let mut cell = Cell::new(Transport::Rt1, script);
+    assert_eq!(cell.downs(50), [(DownCause::Refused, 0, words::UNFIT_ANSWER)]);
+    assert_eq!(cell.peer.outputs.len(), 0);
+}
+
+#[test]
 fn a_device_may_choose_any_frame_id_of_cyclic_data() {
     for frame_id in [0x8000, 0xBBFF, 0xC0FF, 0xF7FF] {
         let script = Script { output_frame_id: Some(frame_id), ..Script::default() };

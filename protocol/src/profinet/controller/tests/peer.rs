@@ -26,6 +26,7 @@ pub(super) struct Script {
     pub(super) no_cyclic: bool,
     pub(super) bad_input: bool,
     pub(super) output_frame_id: Option<u16>,
+    pub(super) responder_mac: Option<Mac>,
 }
 
 /// The device.
@@ -227,7 +228,7 @@ impl Peer {
                 ar_type: 1,
                 uuid: request.ar.uuid,
                 session: request.ar.session,
-                responder_mac: ROBOT,
+                responder_mac: self.script.responder_mac.unwrap_or(ROBOT),
                 responder_rt_port: UDP_PORT,
             },
             iocrs: request
