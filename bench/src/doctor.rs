@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::exit::{Exit, Failure};
 use crate::host::{Host, ProcessorTime};
 use crate::rig;
+use crate::{errln, outln};
 
 /// Options of the look at this machine.
 #[derive(Args, Debug)]
@@ -84,7 +85,7 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     findings.push(ip(in_path("ip")));
     let scan = Duration::from_micros(setup.plc.scan_cycle_us.value.into());
     if !options.json {
-        eprintln!("measuring wake-ups every {} µs for {} s …", scan.as_micros(), options.seconds);
+        errln!("measuring wake-ups every {} µs for {} s …", scan.as_micros(), options.seconds);
     }
     let count = u64::from(options.seconds) * 1_000_000 / u64::from(setup.plc.scan_cycle_us.value.max(1));
     let before = ProcessorTime::now();
@@ -100,9 +101,9 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
 fn print(findings: &[Finding], as_json: bool) -> Result<(), Failure> {
     if as_json {
         let json = serde_json::to_string_pretty(findings).context("cannot write the findings as JSON")?;
-        println!("{json}");
+        outln!("{json}");
     } else {
-        println!("{}", table(findings));
+        outln!("{}", table(findings));
     }
     Ok(())
 }

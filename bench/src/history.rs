@@ -14,6 +14,7 @@ use crate::exit::{Exit, Failure};
 use crate::progress::label;
 use crate::results::{PaperFigure, PerType, Results, Status};
 use crate::run_directory;
+use crate::{errln, outln};
 
 /// Options of the list of runs.
 #[derive(Args, Debug)]
@@ -80,14 +81,14 @@ pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
     });
     if options.json {
         let json = serde_json::to_string_pretty(&history.entries).context("cannot write the list as JSON")?;
-        println!("{json}");
+        outln!("{json}");
     } else if history.entries.is_empty() {
-        println!("No such run in {}.", options.directory.display());
+        outln!("No such run in {}.", options.directory.display());
     } else {
-        println!("{}", history.table());
+        outln!("{}", history.table());
     }
     for unreadable in &history.unreadable {
-        eprintln!("warning: left out: {unreadable}");
+        errln!("warning: left out: {unreadable}");
     }
     Ok(Exit::Pass)
 }

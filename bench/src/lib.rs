@@ -27,7 +27,10 @@
 //! history        the runs that are kept
 //! doctor         what this machine can do
 //! exit           the exit codes
+//! output         printing, for a reader that may be gone
 //! ```
+
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod calibrate;
 pub mod capture;
@@ -42,6 +45,7 @@ pub mod host;
 pub mod jobs;
 pub mod long;
 pub mod measure;
+pub mod output;
 pub mod overhead;
 pub mod plan;
 #[cfg(feature = "mcap")]

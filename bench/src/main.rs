@@ -1,5 +1,7 @@
 //! `bench`: see [`bench::cli`].
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
@@ -7,6 +9,7 @@ use bench::exit::{Exit, Failure};
 use bench::{
     calibrate, doctor, gate, history, long, measure, overhead, report, rig, sensitivity, sweep, timing,
 };
+use bench::{errln, out};
 use clap::Parser;
 
 fn main() -> ExitCode {
@@ -34,7 +37,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(exit) => exit.into(),
         Err(Failure { exit, error }) => {
-            eprintln!("error: {error:#}");
+            errln!("error: {error:#}");
             exit.into()
         }
     }
@@ -51,8 +54,8 @@ fn measure(options: &RunOptions) -> Result<Exit, Failure> {
 fn calibrate(options: &CalibrateOptions) -> Result<Exit, Failure> {
     let (setup, found) = planning::setup_with_application(&options.setup)?;
     found.plan(&setup)?;
-    let progress = |text: &str| eprintln!("{text}");
+    let progress = |text: &str| errln!("{text}");
     let found = calibrate::calibrate(&setup, &found.application, options.reps, options.seed, progress)?;
-    print!("{}", found.report());
+    out!("{}", found.report());
     Ok(Exit::Pass)
 }

@@ -28,6 +28,7 @@ use crate::table;
 use crate::timeline;
 use crate::trace::Trace;
 use crate::virtual_run::{self, Extras, PlantSpeed, VirtualBus, VirtualRun};
+use crate::{errln, outln};
 
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;
@@ -82,19 +83,19 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         .context("cannot start the bench's event loop")?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
     let shown = directory.display();
-    println!("{}", table::render(&ended.results));
+    outln!("{}", table::render(&ended.results));
     if ended.exit == Exit::Internal {
-        println!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
+        outln!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
     } else {
-        println!("  Saved in {shown}.");
+        outln!("  Saved in {shown}.");
         match report::write(&directory) {
-            Ok(path) => println!("  Report: {}.", path.display()),
-            Err(Failure { error, .. }) => eprintln!(
+            Ok(path) => outln!("  Report: {}.", path.display()),
+            Err(Failure { error, .. }) => errln!(
                 "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
             ),
         }
     }
-    ended.failures.iter().for_each(|error| eprintln!("error: {error:#}"));
+    ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }
 

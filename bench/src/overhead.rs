@@ -24,6 +24,7 @@ use crate::exit::{Exit, Failure};
 use crate::host::ProcessorTime;
 use crate::ratio::{Ratio, RatioVerdict, median};
 use crate::rig::{Rig, RigConfig, RigError};
+use crate::{errln, outln};
 
 /// Recording may cost this much of the p99 cycle lateness.
 const LIMIT: f64 = 1.05;
@@ -140,7 +141,7 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         removed.with_context(|| format!("cannot remove {}", directory.display()))?;
     }
     let (costs, left_out) = measured?;
-    println!(
+    outln!(
         "Setup {}, {} pairs of seconds of {}, limit {:+.0} % of the p99 cycle lateness; medians of the seconds, and of \
          the pairs' ratios:",
         setup.name,
@@ -148,9 +149,9 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         options.execution_type,
         (LIMIT - 1.0) * 100.0
     );
-    costs.iter().for_each(|cost| println!("  {cost}"));
+    costs.iter().for_each(|cost| outln!("  {cost}"));
     if left_out > 0 {
-        println!("  {left_out} of the pairs are left out: the host ran others meanwhile.");
+        outln!("  {left_out} of the pairs are left out: the host ran others meanwhile.");
     }
     let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
     Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
@@ -201,7 +202,7 @@ async fn measure(
         }
         if number % TOLD_EVERY == 0 {
             let left = (COUNTED + SETTLING) * 2 * (options.pairs - number);
-            eprintln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
+            errln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
         }
     }
     rig.stop().await.map_err(unusable)?;

@@ -35,6 +35,11 @@ pub struct Plan {
     pub seed: u64,
 }
 
+/// How many there are, in words.
+pub(crate) fn repetitions(count: u32) -> String {
+    format!("{count} repetition{}", if count == 1 { "" } else { "s" })
+}
+
 impl Plan {
     /// A plan of `reps` rounds over `types`; a type that is named twice counts once.
     #[must_use]

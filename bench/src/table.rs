@@ -3,6 +3,7 @@
 use comfy_table::{Cell, CellAlignment, Table, TableComponent, presets};
 use plc_node::ExecutionType;
 
+use crate::plan::repetitions;
 use crate::progress::label;
 use crate::quality;
 use crate::results::{
@@ -16,8 +17,13 @@ const CALIBRATED: &str = "*";
 #[must_use]
 pub fn render(results: &Results) -> String {
     let mut text = format!(
-        "Setup {}: {}\n{}, {} repetitions, {} mode, seed {}\n\n",
-        results.setup, results.title, results.application, results.reps, results.mode, results.seed
+        "Setup {}: {}\n{}, {}, {} mode, seed {}\n\n",
+        results.setup,
+        results.title,
+        results.application,
+        repetitions(results.reps),
+        results.mode,
+        results.seed
     );
     text.push_str(&figures(results));
     text.push_str("\n\n");

@@ -23,6 +23,7 @@ use crate::plan::Plan;
 use crate::results::Results;
 use crate::run_directory::{Durability, replace};
 use crate::virtual_run;
+use crate::{out, outln};
 
 /// Where the committed baselines lie, from the repository's root.
 const DIRECTORY: &str = "bench/baselines";
@@ -77,7 +78,7 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
         Origin::File => path.display().to_string(),
         Origin::BuiltIn => "the one built in".to_owned(),
     };
-    print!("{}", verdict.render(&baseline, &origin));
+    out!("{}", verdict.render(&baseline, &origin));
     Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
 }
 
@@ -117,9 +118,9 @@ fn update(
         "no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline",
     )?;
     if diff.is_empty() {
-        println!("{} stays as it is.", path.display());
+        outln!("{} stays as it is.", path.display());
     } else {
-        print!("{diff}\n{} is rewritten; commit it with the reason of the change.\n", path.display());
+        out!("{diff}\n{} is rewritten; commit it with the reason of the change.\n", path.display());
     }
     Ok(Exit::Pass)
 }

@@ -9,6 +9,7 @@ use plc_node::ExecutionType;
 
 use super::{Baseline, GateOptions, default_path, find};
 use crate::exit::{Exit, Failure};
+use crate::out;
 use crate::progress::label;
 use crate::ratio::{Ratio, RatioVerdict};
 use crate::results::Results;
@@ -51,7 +52,7 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
     };
     baseline.is_for(&setup, &found.application).map_err(|refusal| refusal.at(&path))?;
     let compared = compare(&baseline, &results).map_err(usage)?;
-    print!("{}", render(&results, &compared));
+    out!("{}", render(&results, &compared));
     let is_beyond = compared.iter().any(|compared| compared.verdict() == RatioVerdict::Beyond);
     Ok(if is_beyond { Exit::TimingRegression } else { Exit::Pass })
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::baseline::{self, Baseline, Expected};
+use crate::plan::repetitions;
 use crate::results::Results;
 
 /// How one figure compares.
@@ -98,9 +99,14 @@ impl Verdict {
     pub fn render(&self, baseline: &Baseline, origin: &str) -> String {
         let Baseline { setup, application, reps, seed, .. } = baseline;
         let mut text = format!(
-            "Gate: setup {setup}, {application}, {reps} repetitions of each type in virtual time, seed {seed}\n\
+            "Gate: setup {setup}, {application}, {} of each type in virtual time, seed {seed}\n\
              Baseline: {origin}\n\n{:<28}{:>12}{:>12}{:>12}{:>9}\n",
-            "", "baseline", "now", "difference", "allowed"
+            repetitions(*reps),
+            "",
+            "baseline",
+            "now",
+            "difference",
+            "allowed"
         );
         for change in &self.changes {
             let _ = writeln!(text, "{}", change.line());

@@ -24,6 +24,7 @@ pub use supply::{Origin, Supplied, Supply};
 
 use crate::exit::{Exit, Failure};
 use crate::measure::interrupt;
+use crate::{errln, outln};
 
 /// What is repeated unless an application or a list is named: many short motions.
 const APPLICATION: &str = "engraving";
@@ -76,12 +77,12 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     };
     if let Some(path) = &options.write {
         let sum = origin.write(most, path).map_err(usage)?;
-        println!("{}: {sum}", path.display());
+        outln!("{}: {sum}", path.display());
         return Ok(Exit::Pass);
     }
     let total = origin.count(most).map_err(usage)?;
-    println!("Setup {}: {}", setup.name, setup.title);
-    println!("MoveContinuous of {total} motions of {}, virtual mode, seed {}\n", origin.name(), options.seed);
+    outln!("Setup {}: {}", setup.name, setup.title);
+    outln!("MoveContinuous of {total} motions of {}, virtual mode, seed {}\n", origin.name(), options.seed);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -160,9 +161,9 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
     };
     let finished = run.finish(ended).with_context(|| format!("the run failed {so_far}")).map_err(failed)?;
     let Finished { execution, list, sent, accepted } = finished;
-    println!("digest of the list   {list}\n       of the PLC    {sent}\n       of the robot  {accepted}");
+    outln!("digest of the list   {list}\n       of the PLC    {sent}\n       of the robot  {accepted}");
     let rate = f64::from(execution.motions) / elapsed.as_secs_f64();
-    println!(
+    outln!(
         "executed {} motions, {} blends suppressed, in {:.3} s of plant time\ntook {:.1} s: {rate:.0} motions/s, {:.0} times faster than the plant",
         execution.motions,
         execution.blends_suppressed,
@@ -171,9 +172,9 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
         plant.as_secs_f64() / elapsed.as_secs_f64(),
     );
     let tenth = at_a_tenth.map_or_else(String::new, |peak| format!("{peak} at 10 %, "));
-    println!("resident memory at most: {at_start} at the start, {tenth}{} at the end", PeakResident::now()?);
+    outln!("resident memory at most: {at_start} at the start, {tenth}{} at the end", PeakResident::now()?);
     finished.check().map_err(|mismatch| failed(mismatch.into()))?;
-    println!("every motion arrived, once and in order");
+    outln!("every motion arrived, once and in order");
     Ok(Exit::Pass)
 }
 
@@ -198,7 +199,7 @@ impl Progress {
     fn line(&self, text: &str) {
         match (self.quiet, self.bar.is_hidden()) {
             (true, _) => {}
-            (false, true) => eprintln!("{text}"),
+            (false, true) => errln!("{text}"),
             (false, false) => self.bar.println(text),
         }
     }

@@ -13,6 +13,8 @@ use super::page::Figure;
 use super::run::Run;
 use super::samples;
 use crate::exit::{Exit, Failure};
+use crate::outln;
+use crate::plan::repetitions;
 use crate::progress::label;
 use crate::results::Status;
 use crate::run_directory::{Durability, replace};
@@ -69,10 +71,10 @@ const ROWS: [&str; 10] = [
 pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
     let runs = options.runs.iter().map(|path| Run::load(path)).collect::<Result<Vec<_>, _>>()?;
     let columns = columns(&runs);
-    println!("{}", table(&columns));
+    outln!("{}", table(&columns));
     if let Some(path) = &options.html {
         replace(path, &page(&runs, columns)?, Durability::Written)?;
-        println!("\n{}", path.display());
+        outln!("\n{}", path.display());
     }
     Ok(Exit::Pass)
 }
@@ -102,8 +104,11 @@ fn columns(runs: &[Run]) -> Vec<Column> {
         let commit = run.host("commit").map_or_else(String::new, |commit| format!(", commit {commit}"));
         let results = &run.results;
         let about = format!(
-            "setup {}, {} mode, {} repetitions, seed {}{commit}{ended}",
-            results.setup, results.mode, results.reps, results.seed
+            "setup {}, {} mode, {}, seed {}{commit}{ended}",
+            results.setup,
+            results.mode,
+            repetitions(results.reps),
+            results.seed
         );
         Column { number: index + 1, name: run.name(), about, cells }
     };

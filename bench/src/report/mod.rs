@@ -32,6 +32,7 @@ pub use compare::{CompareOptions, compare};
 pub use sweep::page as sweep_page;
 
 use crate::exit::{Exit, Failure};
+use crate::outln;
 use crate::run_directory::{Durability, replace};
 use run::Run;
 
@@ -59,7 +60,7 @@ pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
     let html = render(&options.run)?;
     replace(&path, &html, Durability::Synced)
         .map_err(|error| error.context("the run is as it was; name a file that can be written by --out"))?;
-    println!("{}", path.display());
+    outln!("{}", path.display());
     Ok(Exit::Pass)
 }
 

@@ -8,6 +8,7 @@ use super::chart::{Format, colour, short};
 use super::document::fill;
 use super::run::Run;
 use super::{lateness, numbers, path, queue, samples, speed};
+use crate::plan::repetitions;
 use crate::progress::label;
 use crate::quality;
 use crate::ratio::Ratio;
@@ -130,8 +131,12 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         name: run.name(),
         title: results.title.clone(),
         subtitle: format!(
-            "Setup {} · {} · {} mode · {} repetitions of each type · seed {}",
-            results.setup, results.application, results.mode, results.reps, results.seed
+            "Setup {} · {} · {} mode · {} of each type · seed {}",
+            results.setup,
+            results.application,
+            results.mode,
+            repetitions(results.reps),
+            results.seed
         ),
         made: made(run),
         banner: banner(results),

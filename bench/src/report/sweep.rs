@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::chart::{self, Area, Format, GRID, INK, MUTED, colour, px, stroke, text};
 use super::document::fill;
 use super::page::Figure;
+use crate::plan::repetitions;
 use crate::sweep::table::{cell, depths, percent, rows, slots};
 use crate::sweep::{Point, Predicted, Sweep, sentences};
 
@@ -54,8 +55,11 @@ pub fn page(sweep: &Sweep) -> anyhow::Result<String> {
         setup: sweep.setup.clone(),
         title: sweep.title.clone(),
         conditions: format!(
-            "Setup {} · {} blended motions round a square · RC and CM · {} repetitions · virtual mode · seed {}",
-            sweep.setup, sweep.motions, sweep.reps, sweep.seed
+            "Setup {} · {} blended motions round a square · RC and CM · {} · virtual mode · seed {}",
+            sweep.setup,
+            sweep.motions,
+            repetitions(sweep.reps),
+            sweep.seed
         ),
         summary,
         sentences,

@@ -21,6 +21,7 @@ pub use table::{csv, render};
 
 use crate::exit::{Exit, Failure};
 use crate::jobs;
+use crate::outln;
 use crate::plan::Plan;
 use crate::results::{PaperFigure, PerType};
 use crate::study::{Found, StudyOptions};
@@ -137,14 +138,14 @@ pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let (setup, found) = planning::setup_with_application(&options.study.setup)?;
     found.plan(&setup)?;
     let study = study(&setup, &found.application, options)?;
-    println!("{}", render(&study));
+    outln!("{}", render(&study));
     let found = Found {
         json: &(serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n"),
         csv: &csv(&study),
         page: None,
     };
     let directory = options.study.save("sensitivity", &setup, started, found)?;
-    println!("  Saved in {}.", directory.display());
+    outln!("  Saved in {}.", directory.display());
     Ok(Exit::Pass)
 }
 

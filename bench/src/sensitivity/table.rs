@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Factor, Figures, Row, Sensitivity};
+use crate::plan::repetitions;
 use crate::table::{drawn, styled};
 
 const NONE: &str = "–";
@@ -57,7 +58,8 @@ pub fn render(study: &Sensitivity) -> String {
     }
     let mut text = format!(
         "Setup {setup}: {title}\n\
-         {application}, one number at a time, {reps} repetitions of each type, virtual mode, seed {seed}\n\n{}\n\n",
+         {application}, one number at a time, {} of each type, virtual mode, seed {seed}\n\n{}\n\n",
+        repetitions(*reps),
         drawn(table)
     );
     if let Some((sm, cm)) = study.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm)) {

@@ -27,6 +27,7 @@ pub use round_trip::RoundTrip;
 pub use table::{csv, render};
 
 use crate::exit::{Exit, Failure};
+use crate::outln;
 use crate::report;
 use crate::study::{Found, StudyOptions};
 
@@ -156,13 +157,13 @@ pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
     }
     let points = grid.run(&setup, &found.application, options.study.quiet)?;
     let sweep = Sweep::new(&setup, &grid, points);
-    println!("{}", render(&sweep));
+    outln!("{}", render(&sweep));
     let found = Found {
         json: &(serde_json::to_string_pretty(&sweep).map_err(anyhow::Error::from)? + "\n"),
         csv: &csv(&sweep),
         page: Some(&report::sweep_page(&sweep)?),
     };
     let directory = options.study.save("sweep", &setup, started, found)?;
-    println!("  Saved in {}.\n  Page: {}.", directory.display(), directory.join("sweep.html").display());
+    outln!("  Saved in {}.\n  Page: {}.", directory.display(), directory.join("sweep.html").display());
     Ok(Exit::Pass)
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Point, Sweep, sentences};
+use crate::plan::repetitions;
 use crate::table::{self, drawn, styled};
 
 /// All blocks and what they come to.
@@ -11,8 +12,9 @@ pub fn render(sweep: &Sweep) -> String {
     let Sweep { setup, title, motions, reps, seed, .. } = sweep;
     let mut text = format!(
         "Setup {setup}: {title}\n\
-         {motions} blended motions round a square, RC and CM, {reps} repetitions, virtual mode, seed {seed}\n\
+         {motions} blended motions round a square, RC and CM, {}, virtual mode, seed {seed}\n\
          How much longer CM takes than RC, and in brackets how many of {} blends became stops; · is none.\n",
+        repetitions(*reps),
         motions.saturating_sub(1)
     );
     for depth in depths(sweep) {

@@ -13,6 +13,7 @@ use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wi
 
 use super::cable::{Cable, MASK, ROBOT};
 use super::{INTERVAL, SETTLE, TURN};
+use crate::errln;
 
 /// How long a connection may take to come about, and to end.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -45,7 +46,7 @@ impl Adapter {
         };
         let thread = cable.robot.run(|interface| start(adapter(&interface), interface, Serve))?;
         if let Some(warning) = thread.warning() {
-            eprintln!("warning: {warning}");
+            errln!("warning: {warning}");
         }
         Ok(Self(thread))
     }

@@ -21,6 +21,7 @@ use protocol::Instant;
 use protocol_linux::clock;
 
 use crate::exit::{Exit, Failure};
+use crate::{errln, out};
 use cable::{Cable, Way};
 use comparison::Comparison;
 use evenness::{Evenness, Window};
@@ -50,7 +51,7 @@ const SETTLE: Duration = Duration::from_millis(100);
 pub fn run(options: &TimingOptions) -> Result<Exit, Failure> {
     crate::rig::enter_user_namespace().map_err(|error| Failure::new(error.exit(), error))?;
     let comparison = measure(options).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))?;
-    print!("{comparison}");
+    out!("{comparison}");
     Ok(if comparison.fails() { Exit::TimingRegression } else { Exit::Pass })
 }
 
@@ -67,7 +68,7 @@ fn measure(options: &TimingOptions) -> anyhow::Result<Comparison> {
     };
     let mut turns = Vec::new();
     for turn in 0..options.seconds {
-        eprintln!("turn {} of {}", turn + 1, options.seconds);
+        errln!("turn {} of {}", turn + 1, options.seconds);
         turns.push(thread::scope(|scope| {
             let theirs = peer.as_ref().map(|(cable, _)| {
                 scope.spawn(move || window(|| class1::exchange(cable, class1::Peer::Foreign, turn)))

@@ -36,10 +36,8 @@ fn a_run_of_setup_b_passes_and_loses_no_frame() {
     let bus = &ended.results["bus"];
     // What is under way when the host takes the connection is lost with it.
     assert!(bus["lost"] == 0 || ended.results["repeated"] != 0, "{bus}");
-    assert!(
-        bus["frames_sent"].as_u64() > Some(1_000) && bus["frames_received"].as_u64() > Some(1_000),
-        "{bus}"
-    );
+    let [sent, received] = ["frames_sent", "frames_received"].map(|key| bus[key].as_u64().unwrap());
+    assert!(sent > 500 && received > sent * 9 / 10, "{bus}");
     let allocations = &ended.results["cyclic_allocations"];
     assert_eq!((&allocations["plc"], &allocations["robot"]), (&0.into(), &0.into()));
 }

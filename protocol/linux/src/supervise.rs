@@ -104,7 +104,7 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     let report = snapshot.as_ref().map(Into::into);
     console.tell::<C::Message>(&Message::Farewell { report, problem: problem.clone() });
     if let Some(problem) = problem {
-        eprintln!("error: {problem}");
+        complain(format_args!("error: {problem}"));
     }
     match (told, ended) {
         (Ok(outcome), Ok(())) => outcome,
@@ -173,7 +173,7 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
             Err(error) => {
                 match self.process.control() {
                     Some(port) => port.dismiss(format!("what it said is no instruction: {error}")),
-                    None => eprintln!("not understood, and ignored: `{line}`: {error}"),
+                    None => complain(format_args!("not understood, and ignored: `{line}`: {error}")),
                 }
                 Next::Wait
             }
@@ -241,6 +241,11 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
 fn note(words: std::fmt::Arguments<'_>) {
     // Unlike `println!`, it does not end the node where nobody reads any more.
     let _ = writeln!(std::io::stdout(), "{words}");
+}
+
+/// The same of what is wrong, as a line on standard error.
+fn complain(words: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr(), "{words}");
 }
 
 fn link_message<M>(event: LinkEvent, explanation: Option<Words>) -> Message<M> {
