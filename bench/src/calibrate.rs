@@ -65,20 +65,15 @@ pub fn calibrate(
             Plan::new(&[ExecutionType::Rc, ExecutionType::Sm], reps.saturating_mul(MAD_REPETITIONS), seed);
         virtual_run::whole(setup, application, &plan)
     };
-    if let Some(own_start) = setup.robot.start_quantum_us.as_ref().map(|start| start.value) {
+    if setup.robot.start_quantum_us.is_some() {
         // SM's motions are no starts, so its MAD knows nothing of the start's quantum: two searches, one after the other.
         let sm = [(ExecutionType::Sm, paper.sm.mad_ms)];
-        let own = setup.robot.interpreter_quantum_us.value;
-        setup.robot.interpreter_quantum_us.value =
-            quantum(QUANTUM, own, &sm, &setup, &set_interpreter, &mads, &mut progress)?;
+        setup = with_quantum(QUANTUM, &sm, setup, interpreter, &mads, &mut progress)?;
         let rc = [(ExecutionType::Rc, paper.rc.mad_ms)];
-        let start = quantum(START_QUANTUM, own_start, &rc, &setup, &set_start, &mads, &mut progress)?;
-        set_start(&mut setup, start);
+        setup = with_quantum(START_QUANTUM, &rc, setup, start, &mads, &mut progress)?;
     } else {
         let both = [(ExecutionType::Rc, paper.rc.mad_ms), (ExecutionType::Sm, paper.sm.mad_ms)];
-        let own = setup.robot.interpreter_quantum_us.value;
-        setup.robot.interpreter_quantum_us.value =
-            quantum(QUANTUM, own, &both, &setup, &set_interpreter, &mads, &mut progress)?;
+        setup = with_quantum(QUANTUM, &both, setup, interpreter, &mads, &mut progress)?;
     }
 
     // RC pays the overhead once, and SM's motions have RC's speed: each round takes back what the other did. Motions end on
@@ -125,50 +120,55 @@ fn aet(results: &Results, of: ExecutionType) -> anyhow::Result<f64> {
     Ok(results.figure(of).context("no sample")?.aet_ms)
 }
 
-fn set_interpreter(setup: &mut Setup, quantum_us: u32) {
-    setup.robot.interpreter_quantum_us.value = quantum_us;
+/// Where a setup has a quantum in µs, if it has it.
+type Quantum = fn(&mut Setup) -> Option<&mut u32>;
+
+fn interpreter(setup: &mut Setup) -> Option<&mut u32> {
+    Some(&mut setup.robot.interpreter_quantum_us.value)
 }
 
-fn set_start(setup: &mut Setup, quantum_us: u32) {
-    if let Some(start) = &mut setup.robot.start_quantum_us {
-        start.value = quantum_us;
-    }
+fn start(setup: &mut Setup) -> Option<&mut u32> {
+    setup.robot.start_quantum_us.as_mut().map(|start| &mut start.value)
 }
 
-/// The quantum whose MADs differ least from the `wanted` ones (in ms), found in coarse and then in fine steps; the setup's
-/// `own` one where nobody could tell them from those.
-fn quantum(
+/// The setup with the quantum whose MADs differ least from the `wanted` ones (in ms), found in coarse and then in fine steps;
+/// with its own one where nobody could tell them from those.
+fn with_quantum(
     key: &str,
-    own: u32,
     wanted: &[(ExecutionType, f64)],
-    setup: &Setup,
-    set: &impl Fn(&mut Setup, u32),
+    mut setup: Setup,
+    quantum: Quantum,
     run: &impl Fn(&Setup) -> anyhow::Result<Results>,
     progress: &mut impl FnMut(&str),
-) -> anyhow::Result<u32> {
-    let mut trial = setup.clone();
-    let mut error_of = |quantum_us: u32| -> anyhow::Result<f64> {
-        set(&mut trial, quantum_us);
-        let results = run(&trial)?;
+) -> anyhow::Result<Setup> {
+    let mut error_of = |setup: &mut Setup, quantum_us: u32| -> anyhow::Result<f64> {
+        if let Some(quantum) = quantum(setup) {
+            *quantum = quantum_us;
+        }
+        let results = run(setup)?;
         let mad = |of| results.figure(of).map_or(0.0, |figure| figure.mad_ms);
         let (rc, sm) = (mad(ExecutionType::Rc), mad(ExecutionType::Sm));
         progress(&format!("{key} = {quantum_us}: MAD of RC {rc:.1} ms, of SM {sm:.1} ms"));
         Ok(wanted.iter().map(|(of, wanted)| (mad(*of) / wanted - 1.0).powi(2)).sum())
     };
-    if error_of(own)? <= wanted.len() as f64 * MAD_KNOWN_TO.powi(2) {
-        return Ok(own);
+    let own = quantum(&mut setup).map_or(0, |quantum| *quantum);
+    if error_of(&mut setup, own)? <= wanted.len() as f64 * MAD_KNOWN_TO.powi(2) {
+        return Ok(setup);
     }
     let mut best = (f64::INFINITY, 0_u32);
     for (step, reach) in [(8_000, 40_000), (2_000, 6_000), (500, 1_500)] {
         let (middle, first) = (best.1, best.1.saturating_sub(reach));
         for quantum_us in (first..=middle + reach).step_by(step).filter(|quantum_us| *quantum_us != middle) {
-            let error = error_of(quantum_us)?;
+            let error = error_of(&mut setup, quantum_us)?;
             if error < best.0 {
                 best = (error, quantum_us);
             }
         }
     }
-    Ok(best.1)
+    if let Some(quantum) = quantum(&mut setup) {
+        *quantum = best.1;
+    }
+    Ok(setup)
 }
 
 /// The percentage near `start` at which what falls with it falls to `wanted`. Only near it: a faster program need not
@@ -258,8 +258,11 @@ mod tests {
         };
         let wanted = [(ExecutionType::Sm, 0.012)];
         for (own, kept) in [(12_000, true), (13_000, true), (11_200, true), (14_000, false), (0, false)] {
-            let found = quantum("quantum", own, &wanted, &setup, &set_interpreter, &run, &mut |_: &str| {});
-            assert_eq!(found.unwrap(), if kept { own } else { 12_000 });
+            let mut setup = setup.clone();
+            setup.robot.interpreter_quantum_us.value = own;
+            let found =
+                with_quantum("quantum", &wanted, setup, interpreter, &run, &mut |_: &str| {}).unwrap();
+            assert_eq!(found.robot.interpreter_quantum_us.value, if kept { own } else { 12_000 });
         }
     }
 

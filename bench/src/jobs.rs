@@ -1,12 +1,14 @@
 //! Many virtual runs that know nothing of each other, on all cores, with a line that says how far they are.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::errln;
 
 /// At most one plain line in this time.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
@@ -99,8 +101,7 @@ impl Progress {
             View::Plain { last_line } => {
                 if last_line.elapsed() >= PLAIN_LINE_EVERY || self.done == self.all {
                     *last_line = Instant::now();
-                    // Whoever closed stderr does not want to know.
-                    let _ = writeln!(io::stderr(), "{} {:>4}/{}  {left}", self.name, self.done, self.all);
+                    errln!("{} {:>4}/{}  {left}", self.name, self.done, self.all);
                 }
             }
             View::Quiet => {}

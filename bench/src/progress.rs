@@ -1,12 +1,13 @@
 //! What a person sees while a run runs: a live line a type on a terminal, plain lines elsewhere. All on stderr, so
 //! that stdout holds the table alone.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use plc_node::ExecutionType;
 
+use crate::errln;
 use crate::plan::Plan;
 use crate::results::Results;
 
@@ -73,8 +74,7 @@ impl Progress {
             && (is_last || last_line.is_none_or(|last| last.elapsed() >= PLAIN_LINE_EVERY))
         {
             *last_line = Some(Instant::now());
-            // Whoever closed stderr does not want to know.
-            let _ = writeln!(io::stderr(), "{:<3} {repetition:>3}/{}  {text}", label(of), self.reps);
+            errln!("{:<3} {repetition:>3}/{}  {text}", label(of), self.reps);
         }
     }
 
@@ -90,7 +90,7 @@ impl Progress {
                 let _ = _screen.println(line);
             }
             View::Plain { .. } => {
-                let _ = writeln!(io::stderr(), "{line}");
+                errln!("{line}");
             }
             View::Quiet => {}
         }

@@ -54,6 +54,22 @@ fn a_reader_that_goes_away_is_no_failure_and_the_run_is_saved() {
 }
 
 #[test]
+fn words_that_a_full_disk_does_not_take_are_an_error_and_the_run_is_saved() {
+    let directory = tempfile::tempdir().unwrap();
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_bench"))
+        .current_dir(directory.path())
+        .args(["--mode", "virtual", "--reps", "1", "--quiet", "--out", "run"])
+        .stdout(full)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("error: cannot write to standard output: No space left on device"), "{stderr}");
+    assert!(directory.path().join("run/results.json").exists());
+}
+
+#[test]
 fn an_unknown_execution_type_is_answered_by_those_there_are() {
     insta::assert_snapshot!(refused(&["--types", "rc,xm"]), @"
     error: invalid value 'xm' for '--types <TYPES>': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill

@@ -75,12 +75,6 @@ impl<'a> Items<'a> {
         Ok(Self { reader, left })
     }
 
-    /// What stands behind the items that were read.
-    #[must_use]
-    pub fn rest(&self) -> &'a [u8] {
-        self.reader.rest()
-    }
-
     fn read(&mut self) -> Result<Item<'a>, Truncated> {
         let kind = self.reader.u16()?;
         let length = self.reader.u16()?;

@@ -195,10 +195,9 @@ impl Press {
         if left < AT_END_MM {
             return 0.0;
         }
-        if missing_n < 0.0 {
-            return -toward((-missing_n / stiffest).min(left));
-        }
-        if pressing_n > 0.0 { toward(left).min(toward(missing_n / stiffest)) } else { toward(left) }
+        let is_in_contact = pressing_n > 0.0;
+        let by_force = missing_n.abs() / stiffest;
+        toward(if is_in_contact { left.min(by_force) } else { left }).copysign(missing_n)
     }
 
     /// Goes to the wanted speed as fast as acceleration and jerk allow, without overshooting it.
