@@ -7,24 +7,20 @@
 const TAN: f64 = core::f64::consts::SQRT_2 - 1.0;
 
 /// The polynomial in u that is nearest to atan(√u)/√u, in degrees, from u = 0 to tan²(22.5°): a Chebyshev fit, off by
-/// 2·10⁻¹⁵° at most, which is less than rounding. The highest power first.
-const FACTORS: [f64; 11] = [
-    1.210_967_680_369_910_5,
-    -2.491_250_410_630_595,
-    3.259_184_030_926_613_6,
-    -3.804_573_791_931_714,
-    4.406_018_799_902_542,
-    -5.208_629_296_976_883,
-    6.366_194_898_618_501,
-    -8.185_111_299_001_411,
-    11.459_155_901_960_491,
-    -19.098_593_171_024_635,
-    57.295_779_513_082_316,
+/// 2·10⁻¹⁵° at most, which is less than rounding. The highest power first, and then two powers at a time: pairs need not
+/// wait for each other.
+const HIGHEST: f64 = 1.210_967_680_369_910_5;
+const PAIRS: [[f64; 2]; 5] = [
+    [-2.491_250_410_630_595, 3.259_184_030_926_613_6],
+    [-3.804_573_791_931_714, 4.406_018_799_902_542],
+    [-5.208_629_296_976_883, 6.366_194_898_618_501],
+    [-8.185_111_299_001_411, 11.459_155_901_960_491],
+    [-19.098_593_171_024_635, 57.295_779_513_082_316],
 ];
 
 /// The angles in degrees, −180 to 180, of the vectors (x, y), to some 10⁻¹⁴°; about 0 for one without length.
 pub(super) fn degrees<const N: usize>(x: [f64; N], y: [f64; N]) -> [f64; N] {
-    let (mut tangent, mut square, mut sum) = ([0.0; N], [0.0; N], [FACTORS[0]; N]);
+    let (mut tangent, mut square, mut sum) = ([0.0; N], [0.0; N], [HIGHEST; N]);
     for i in 0..N {
         let (along, across) = (x[i].abs(), y[i].abs());
         let (long, short) = if across > along { (across, along) } else { (along, across) };
@@ -33,9 +29,9 @@ pub(super) fn degrees<const N: usize>(x: [f64; N], y: [f64; N]) -> [f64; N] {
         tangent[i] = (short - long * TAN) / (long + short * TAN);
         square[i] = tangent[i] * tangent[i];
     }
-    for factor in &FACTORS[1..] {
+    for [odd, even] in &PAIRS {
         for i in 0..N {
-            sum[i] = sum[i] * square[i] + factor;
+            sum[i] = sum[i] * (square[i] * square[i]) + (odd * square[i] + even);
         }
     }
     core::array::from_fn(|i| {

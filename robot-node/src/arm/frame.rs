@@ -50,16 +50,17 @@ impl Rotation {
         [self.w, x, y, z]
     }
 
-    /// From a unit quaternion w, x, y, z.
-    pub(super) const fn from_unit([w, x, y, z]: [f64; 4]) -> Self {
+    /// From a quaternion w, x, y, z as it is. One that is not of length 1 is only good for products, and for the ratios
+    /// of their parts.
+    pub(super) const fn from_parts([w, x, y, z]: [f64; 4]) -> Self {
         Self { w, v: [x, y, z] }
     }
 
     /// From a quaternion w, x, y, z of any length but zero.
     #[must_use]
     pub fn from_quaternion(quaternion: [f64; 4]) -> Self {
-        let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let [w, x, y, z] = quaternion.map(|part| part / length);
+        let scale = 1.0 / quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let [w, x, y, z] = quaternion.map(|part| part * scale);
         Self { w, v: [x, y, z] }
     }
 

@@ -18,7 +18,7 @@ use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 use super::angles::degrees;
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
-/// Below this sine of half of axis 5's angle, axes 4 and 6 turn about one line: axis 4 stays.
+/// Below this tangent of half of axis 5's angle, axes 4 and 6 turn about one line: axis 4 stays.
 const WRIST_STRETCHED: f64 = 1e-9;
 
 /// What rounding may add to the reach, as a share of it: the arm may be stretched out straight.
@@ -56,6 +56,10 @@ pub struct Opw {
     /// ψ, in degrees: what the forearm leans from axis 4.
     lean: f64,
     lean_direction: Direction,
+    /// c2² + k²: the square of the wrist centre's distance from axis 2 where the forearm is bent by 90°.
+    stretch: f64,
+    /// 1 / (2·c2·k): how the cosine of that bend grows with the square of the distance.
+    bend_per_reach: f64,
     solver: OPWKinematics,
 }
 
@@ -77,11 +81,14 @@ impl Opw {
         let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
         let offsets = offsets.map(|offset| offset.clamp(-360.0, 360.0).to_radians());
         let numbers = Parameters { a1, a2, b, c1, c2, c3, c4, offsets, sign_corrections: signs, dof: 6 };
+        let forearm = a2.hypot(c3);
         Self {
             parameters,
-            forearm: a2.hypot(c3),
+            forearm,
             lean: a2.atan2(c3).to_degrees(),
-            lean_direction: Direction::of(c3, a2),
+            lean_direction: Direction::of(c3, a2, forearm),
+            stretch: c2 * c2 + forearm * forearm,
+            bend_per_reach: 1.0 / (2.0 * c2 * forearm),
             solver: OPWKinematics::new(numbers),
         }
     }
@@ -112,7 +119,7 @@ impl Opw {
     }
 
     /// Axes 1 and 2 of the model that bring the wrist centre there, the forearm's angle against the upper arm, which is
-    /// axis 3 and ψ, and how the forearm is turned then.
+    /// axis 3 and ψ, and how the forearm is turned then, as a quaternion of any length.
     fn arm(
         &self,
         [x, y, z]: [f64; 3],
@@ -120,11 +127,13 @@ impl Opw {
     ) -> Result<([Direction; 3], Rotation), Violation> {
         let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
         let forearm = self.forearm;
-        let square = x * x + y * y - b * b;
+        let ground = x * x + y * y;
+        let square = ground - b * b;
         // Below zero the wrist centre is nearer to axis 1 than the arm's own plane.
         let radial = if configuration.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
         let (n, h) = (radial - a1, z - c1);
-        let bend = (n * n + h * h - c2 * c2 - forearm * forearm) / (2.0 * c2 * forearm);
+        let reach = n * n + h * h;
+        let bend = (reach - self.stretch) * self.bend_per_reach;
         if square < 0.0 || bend.abs() > 1.0 + ROUNDING {
             return Err(Violation::WristReach {
                 distance_mm: n.hypot(h),
@@ -136,18 +145,14 @@ impl Opw {
         let sine = (1.0 - bend * bend).sqrt();
         let sine = if configuration.elbow_positive { sine } else { -sine };
         let (along, across) = (c2 + forearm * bend, forearm * sine);
-        let base = Direction::of(x * radial + y * b, y * radial - x * b);
-        let shoulder = Direction::of(h * along + n * across, n * along - h * across);
-        let elbow = Direction { cos: bend, sin: sine };
+        // Products of two vectors that are as long as each other, so that nobody needs to take a root for their length.
+        let base = Direction::of(x * radial + y * b, y * radial - x * b, ground);
+        let shoulder = Direction::of(h * along + n * across, n * along - h * across, reach);
+        let elbow = Direction { cos: bend, sin: sine, length: 1.0 };
         // Rz(θ1)·Ry(θ2 + θ3)
         let (turn, lift) = (base.half(), shoulder.and(elbow).and(self.lean_direction.opposite()).half());
-        let turned = Rotation::from_unit([
-            turn.cos * lift.cos,
-            -turn.sin * lift.sin,
-            turn.cos * lift.sin,
-            turn.sin * lift.cos,
-        ]);
-        Ok(([base, shoulder, elbow], turned))
+        let turned = [turn.0 * lift.0, -turn.1 * lift.1, turn.0 * lift.1, turn.1 * lift.0];
+        Ok(([base, shoulder, elbow], Rotation::from_parts(turned)))
     }
 }
 
@@ -159,27 +164,23 @@ fn is_within_the_first_half_turn(degrees: f64) -> bool {
     degrees - 360.0 * (degrees / 360.0).floor() <= 180.0
 }
 
-/// An angle by its cosine and sine, so that angles can be added and halved without computing any.
+/// An angle as a vector in the plane, so that angles are added and halved without computing any. Cosine and sine are both
+/// `length` times what they are of an angle: only ratios count, and a length of 1 would cost a root and a division each time.
 #[derive(Clone, Copy, Debug)]
 struct Direction {
     cos: f64,
     sin: f64,
+    length: f64,
 }
 
 impl Direction {
-    /// That of a vector in the plane; 0 where it has no length.
-    fn of(x: f64, y: f64) -> Self {
-        let length = (x * x + y * y).sqrt();
-        if length > 0.0 {
-            let scale = 1.0 / length;
-            Self { cos: x * scale, sin: y * scale }
-        } else {
-            Self { cos: 1.0, sin: 0.0 }
-        }
+    /// That of a vector of this length; 0 where it has none.
+    const fn of(cos: f64, sin: f64, length: f64) -> Self {
+        if length > 0.0 { Self { cos, sin, length } } else { Self { cos: 1.0, sin: 0.0, length: 1.0 } }
     }
 
     const fn opposite(self) -> Self {
-        Self { cos: self.cos, sin: -self.sin }
+        Self { sin: -self.sin, ..self }
     }
 
     /// The sum of two angles.
@@ -187,18 +188,17 @@ impl Direction {
         Self {
             cos: self.cos * other.cos - self.sin * other.sin,
             sin: self.sin * other.cos + self.cos * other.sin,
+            length: self.length * other.length,
         }
     }
 
-    /// Half of the angle, which counts from −180° to 180°.
-    fn half(self) -> Self {
-        // Of both halves the larger one by its root, for the other one's root would lose digits.
+    /// Cosine and sine, times some length, of half of the angle, which counts from −180° to 180°.
+    fn half(self) -> (f64, f64) {
+        // Of both ways to say it the one that subtracts nothing, and so loses no digits.
         if self.cos >= 0.0 {
-            let cos = ((1.0 + self.cos) / 2.0).sqrt();
-            Self { cos, sin: self.sin / (2.0 * cos) }
+            (self.length + self.cos, self.sin)
         } else {
-            let sin = ((1.0 - self.cos) / 2.0).sqrt().copysign(self.sin);
-            Self { cos: self.sin / (2.0 * sin), sin }
+            (self.sin.abs(), (self.length - self.cos).copysign(self.sin))
         }
     }
 }
@@ -232,15 +232,16 @@ impl Kinematics for Opw {
         let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
         let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
         let ([base, shoulder, elbow], forearm) = self.arm(centre, configuration)?;
-        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and half of axis 5.
+        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and axis 5.
         let [w, x, y, z] = (forearm.inverse() * flange.rotation).quaternion();
-        let (sine, cosine) = ((x * x + y * y).sqrt(), (w * w + z * z).sqrt());
-        let [q1, q2, bend, half_sum, half_difference, half_q5] = degrees(
-            [base.cos, shoulder.cos, elbow.cos, w, y, cosine],
-            [base.sin, shoulder.sin, elbow.sin, z, x, sine],
+        // The squares of the sine and of the cosine of half of axis 5.
+        let (sine, cosine) = (x * x + y * y, w * w + z * z);
+        let [q1, q2, bend, half_sum, half_difference, q5] = degrees(
+            [base.cos, shoulder.cos, elbow.cos, w, y, cosine - sine],
+            [base.sin, shoulder.sin, elbow.sin, z, x, 2.0 * (sine * cosine).sqrt()],
         );
-        let (q4, q5, q6) = (half_sum - half_difference, 2.0 * half_q5, half_sum + half_difference);
-        let [q4, q5, q6] = if sine < WRIST_STRETCHED {
+        let (q4, q6) = (half_sum - half_difference, half_sum + half_difference);
+        let [q4, q5, q6] = if sine < WRIST_STRETCHED * WRIST_STRETCHED * cosine {
             [near[3], 0.0, 2.0 * half_sum - near[3]]
         } else if configuration.wrist_positive {
             [q4, q5, q6]

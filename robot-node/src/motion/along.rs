@@ -65,7 +65,10 @@ pub(super) fn along(
             size /= 2;
             continue;
         }
-        let derivatives = Derivatives::of(&samples, width, arm.axes(), !matches!(curve, Curve::Line(_)));
+        // By the way, the tool's first derivative is 1.
+        let tool_from = (!matches!(curve, Curve::Line(_))).then_some(1);
+        let mut derivatives = Derivatives::NONE;
+        derivatives.find(&samples, width, arm.axes(), tool_from);
         let mut next = found;
         next.keep(curve, &derivatives, programmed, size == 1, arm);
         let is_resolved = next.limits.speed >= programmed.speed * SINGULAR_SHARE

@@ -163,7 +163,8 @@ impl Blend {
             near = joints;
         }
         let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
-        let mut corner = Derivatives::of(&samples, 1.0, arm.axes(), has_tool);
+        let mut corner = Derivatives::NONE;
+        corner.find(&samples, 1.0, arm.axes(), has_tool.then_some(0));
         corner.within_range(1.0, arm).map_err(|_| Unfit::Arm)?;
         let load = Load::of(first, second, corner.with_tool_lengths(), arm);
         self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))

@@ -63,8 +63,8 @@ pub(super) struct Channel {
 impl Channel {
     const NONE: Self = Self { samples: [0.0; NODES], at: [[0.0; PLACES]; 3], off: [0.0; 3] };
 
-    /// Those of a polynomial through samples at [`SHARES`] of a part that is `width` long.
-    fn find(&mut self, samples: &[f64; NODES], width: f64, operators: &Operators) {
+    /// Those of a polynomial through samples at [`SHARES`] of a part that is `width` long, from the order `first` on.
+    fn find(&mut self, samples: &[f64; NODES], width: f64, first: usize, operators: &Operators) {
         self.samples = *samples;
         let halves = Halves::of(samples);
         let [last_even, last_odd] = operators.factors.apply(&halves);
@@ -74,6 +74,9 @@ impl Channel {
         let mut scale = 1.0;
         for (order, operator) in operators.derivatives.iter().enumerate() {
             scale /= width;
+            if order < first {
+                continue;
+            }
             operator.apply(&halves, scale, &mut self.at[order]);
             self.off[order] = left_out * operators.ends[order] * scale;
         }
@@ -155,15 +158,19 @@ fn lowest_and_highest(values: &[f64]) -> (f64, f64) {
 pub(super) struct Derivatives([Channel; CHANNELS]);
 
 impl Derivatives {
-    /// From samples at [`SHARES`] of a part that is `width` long.
-    pub(super) fn of(samples: &Samples, width: f64, axes: usize, with_tool: bool) -> Self {
-        let (mut found, operators) = (Self([Channel::NONE; CHANNELS]), &*OPERATORS);
-        for (channel, (slot, samples)) in found.0.iter_mut().zip(&samples.0).enumerate() {
-            if channel < axes || (with_tool && channel >= AXES) {
-                slot.find(samples, width, operators);
+    /// None yet. They are so many that they are [found](Self::find) in place.
+    pub(super) const NONE: Self = Self([Channel::NONE; CHANNELS]);
+
+    /// From samples at [`SHARES`] of a part that is `width` long. Of the tool's derivatives those from the order `tool_from`
+    /// on are asked for.
+    pub(super) fn find(&mut self, samples: &Samples, width: f64, axes: usize, tool_from: Option<usize>) {
+        let operators = &*OPERATORS;
+        for (channel, (slot, samples)) in self.0.iter_mut().zip(&samples.0).enumerate() {
+            let first = if channel < AXES { (channel < axes).then_some(0) } else { tool_from };
+            if let Some(first) = first {
+                slot.find(samples, width, first, operators);
             }
         }
-        found
     }
 
     /// Those of each joint.
@@ -384,11 +391,17 @@ mod tests {
         Samples([SHARES.map(of_share); CHANNELS])
     }
 
+    fn derivatives(samples: &Samples, width: f64) -> Derivatives {
+        let mut found = Derivatives::NONE;
+        found.find(samples, width, AXES, Some(0));
+        found
+    }
+
     #[test]
     fn nine_samples_of_a_smooth_part_give_its_derivatives_everywhere() {
         let width = 3.0;
         let function = |s: f64| (0.4 * s).sin();
-        let found = Derivatives::of(&samples(|share| function(share * width)), width, AXES, true);
+        let found = derivatives(&samples(|share| function(share * width)), width);
         for point in 0..POINTS {
             let s = width * (1.0 - chebyshev_point(point, POINTS)) / 2.0;
             let (sin, cos) = (0.4 * s).sin_cos();
@@ -405,7 +418,7 @@ mod tests {
     fn a_turn_between_two_samples_counts_to_the_range() {
         let width = 2.0;
         let samples = samples(|share| (share * width - 0.7).powi(2));
-        let found = Derivatives::of(&samples, width, AXES, false).joints()[0];
+        let found = derivatives(&samples, width).joints()[0];
         let (lowest, highest) = found.range(width);
         assert!((-0.01..1e-12).contains(&lowest), "{lowest}");
         assert!((highest - 1.69).abs() < 1e-9, "{highest}");
@@ -415,7 +428,7 @@ mod tests {
 
     #[test]
     fn a_kink_is_seen_in_what_is_left_out() {
-        let found = Derivatives::of(&samples(|share| (share - 0.4).abs()), 1.0, AXES, true);
+        let found = derivatives(&samples(|share| (share - 0.4).abs()), 1.0);
         assert!(found.joints()[0].off[0] > 0.1, "{:?}", found.joints()[0].off);
     }
 }

@@ -6,9 +6,11 @@
 
 use std::collections::VecDeque;
 
+use arrayvec::ArrayVec;
+
 use super::blend::{BORDER_SLOPE, Blend};
 use super::plan::{self, PARTS, Part};
-use super::profile::{Limits, Pace, Profile};
+use super::profile::{Pace, Profile};
 use super::segment::Segment;
 use crate::arm::{Arm, Joints, Violation};
 
@@ -249,25 +251,15 @@ impl Path {
         Some(self.left_behind)
     }
 
-    /// What is ahead, part by part, and how the arm moves now.
-    fn parts(&self) -> ([Part; PARTS], usize, Pace) {
-        let empty = Part {
-            length: 0.0,
-            limits: Limits { speed: 0.0, acceleration: 1.0, jerk: 1.0 },
-            programmed: 0.0,
-            ratio: 0.0,
-            is_corner: false,
-            profile: Profile::REST,
-        };
-        let (mut parts, mut count) = ([empty; PARTS], 0);
+    /// What is ahead, part by part. Returns how the arm moves now.
+    fn add_parts(&self, parts: &mut ArrayVec<Part, PARTS>) -> Pace {
         let pace = self
             .queue
             .front()
             .map_or(Pace::REST, |front| front.law(self.place.in_blend).profile.at(self.place.time).1);
         let mut add = |part: Part| {
-            if let Some(slot) = parts.get_mut(count) {
-                *slot = part;
-                count += 1;
+            if !parts.is_full() {
+                parts.push(part);
             }
         };
         for (index, planned) in self.queue.iter().enumerate() {
@@ -296,26 +288,25 @@ impl Path {
                 });
             }
         }
-        (parts, count, pace)
+        pace
     }
 
     /// Plans what is ahead anew if the arm can go on into it; returns false, and changes nothing, if it cannot.
     pub(super) fn plan_if_feasible(&mut self) -> bool {
-        let (mut parts, count, pace) = self.parts();
-        let Some(parts) = parts.get_mut(..count) else { return true };
-        let is_feasible = plan::is_feasible(parts, pace);
+        let mut parts = ArrayVec::new();
+        let pace = self.add_parts(&mut parts);
+        let is_feasible = plan::is_feasible(&parts, pace);
         if is_feasible {
-            self.take_plan(parts);
+            self.take_plan(&mut parts);
         }
         is_feasible
     }
 
     /// Plans what is ahead anew, from what the arm does now.
     pub(super) fn plan(&mut self) {
-        let (mut parts, count, _) = self.parts();
-        if let Some(parts) = parts.get_mut(..count) {
-            self.take_plan(parts);
-        }
+        let mut parts = ArrayVec::new();
+        self.add_parts(&mut parts);
+        self.take_plan(&mut parts);
     }
 
     fn take_plan(&mut self, parts: &mut [Part]) {
