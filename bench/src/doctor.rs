@@ -12,8 +12,9 @@ use serde::Serialize;
 
 use crate::exit::{Exit, Failure};
 use crate::host::{Host, ProcessorTime};
+use crate::outln;
+use crate::output::errln;
 use crate::rig;
-use crate::{errln, outln};
 
 /// Options of the look at this machine.
 #[derive(Args, Debug)]

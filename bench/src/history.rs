@@ -11,10 +11,11 @@ use serde::Serialize;
 
 use crate::cli::Mode;
 use crate::exit::{Exit, Failure};
+use crate::outln;
+use crate::output::errln;
 use crate::progress::label;
 use crate::results::{PaperFigure, PerType, Results, Status};
 use crate::run_directory;
-use crate::{errln, outln};
 
 /// Options of the list of runs.
 #[derive(Args, Debug)]

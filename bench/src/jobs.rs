@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::errln;
+use crate::output::errln;
 
 /// At most one plain line in this time.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);

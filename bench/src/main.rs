@@ -6,10 +6,11 @@ use std::process::ExitCode;
 
 use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
 use bench::exit::{Exit, Failure};
+use bench::out;
+use bench::output::errln;
 use bench::{
     calibrate, doctor, gate, history, long, measure, overhead, report, rig, sensitivity, sweep, timing,
 };
-use bench::{errln, out};
 use clap::Parser;
 
 fn main() -> ExitCode {

@@ -15,6 +15,8 @@ use crate::cli::{Capture, Mode, RunOptions};
 use crate::exit::{Exit, Failure};
 use crate::faults;
 use crate::host::Host;
+use crate::outln;
+use crate::output::errln;
 use crate::plan::Plan;
 #[cfg(feature = "mcap")]
 use crate::playback;
@@ -28,7 +30,6 @@ use crate::table;
 use crate::timeline;
 use crate::trace::Trace;
 use crate::virtual_run::{self, Extras, PlantSpeed, VirtualBus, VirtualRun};
-use crate::{errln, outln};
 
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;

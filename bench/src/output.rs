@@ -1,11 +1,12 @@
-//! `print!`, `println!` and `eprintln!` for a reader that may be gone.
+//! `print!` and `println!` for a reader that may be gone; [`errln!`] is that of the nodes.
 //!
-//! Who closes the other end of a pipe, as `head` does, wants no more; that is no failure of a run whose results are saved.
-//! Words that are lost otherwise, on a full disk for instance, are one: they were to be kept.
+//! Words that are lost although somebody wants them, on a full disk for instance, are a failure: they were to be kept.
 
 use std::fmt::Arguments;
-use std::io::{ErrorKind, Write as _, stderr, stdout};
 use std::process;
+
+pub use protocol_linux::errln;
+use protocol_linux::output;
 
 use crate::exit::Exit;
 
@@ -21,24 +22,10 @@ macro_rules! outln {
     ($($words:tt)*) => { $crate::out!("{}\n", format_args!($($words)*)) };
 }
 
-/// As [`eprintln!`], and no panic where nobody reads any more.
-#[macro_export]
-macro_rules! errln {
-    ($($words:tt)*) => { $crate::output::to_stderr(format_args!($($words)*)) };
-}
-
 /// What [`out!`] does. Ends the program where the words cannot be written although somebody wants them.
 pub fn to_stdout(words: Arguments<'_>) {
-    match stdout().write_fmt(words) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            to_stderr(format_args!("error: cannot write to standard output: {error}"));
-            process::exit(Exit::Internal as i32);
-        }
-        _ => {}
+    if let Err(error) = output::to_stdout(words) {
+        errln!("error: cannot write to standard output: {error}");
+        process::exit(Exit::Internal as i32);
     }
-}
-
-/// What [`errln!`] does, with a line. Nobody could be told that it failed.
-pub fn to_stderr(words: Arguments<'_>) {
-    let _ = writeln!(stderr(), "{words}");
 }

@@ -22,9 +22,10 @@ use setup::Setup;
 
 use crate::exit::{Exit, Failure};
 use crate::host::ProcessorTime;
+use crate::outln;
+use crate::output::errln;
 use crate::ratio::{Ratio, RatioVerdict, median};
 use crate::rig::{Rig, RigConfig, RigError};
-use crate::{errln, outln};
 
 /// Recording may cost this much of the p99 cycle lateness.
 const LIMIT: f64 = 1.05;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use plc_node::ExecutionType;
 
-use crate::errln;
+use crate::output::errln;
 use crate::plan::Plan;
 use crate::results::Results;
 

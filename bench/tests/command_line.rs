@@ -38,17 +38,11 @@ fn an_unknown_setup_is_answered_by_those_there_are() {
 fn a_reader_that_goes_away_is_no_failure_and_the_run_is_saved() {
     let directory = tempfile::tempdir().unwrap();
     let arguments = ["--mode", "virtual", "--reps", "1", "--out", "run"];
+    let without_reader = || std::io::pipe().unwrap().1;
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_bench"));
-    let pipes = || std::process::Stdio::piped();
-    let mut child = command
-        .current_dir(directory.path())
-        .args(arguments)
-        .stdout(pipes())
-        .stderr(pipes())
-        .spawn()
-        .unwrap();
-    drop((child.stdout.take(), child.stderr.take()));
-    assert_eq!(child.wait().unwrap().code(), Some(0));
+    command.current_dir(directory.path()).args(arguments);
+    let ended = command.stdout(without_reader()).stderr(without_reader()).status().unwrap();
+    assert_eq!(ended.code(), Some(0));
     let results = fs::read_to_string(directory.path().join("run/results.json")).unwrap();
     assert!(results.contains("\"complete\""), "{results}");
 }

@@ -12,6 +12,8 @@
 //!
 //! Nothing here reads a clock, opens a socket or allocates after [`PlcNode::new`]; time and frames are arguments.
 
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
+
 mod axes_group;
 pub mod bus;
 mod config;

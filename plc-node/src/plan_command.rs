@@ -1,7 +1,7 @@
 //! `plc-node plan`: what becomes of an application, for the process engineer who writes it.
 
-use std::io::{ErrorKind, Write as _, stdout};
-
+use protocol_linux::errln;
+use protocol_linux::output::to_stdout;
 use protocol_linux::supervise::Outcome;
 
 /// An application and a setup to plan it for.
@@ -27,16 +27,12 @@ impl PlanCommand {
         let setup = setup::setup(&self.setup)?;
         let plan = planning::application(&self.application, None)?.plan(&setup)?;
         let text = if self.all { format!("{plan:#}") } else { plan.to_string() };
-        // Whoever reads on may stop early: `| head` is no fault.
-        match stdout().lock().write_all(text.as_bytes()) {
-            Err(error) if error.kind() != ErrorKind::BrokenPipe => return Err(error.into()),
-            _ => {}
-        }
+        to_stdout(format_args!("{text}"))?;
         let shown = if self.all { usize::MAX } else { WARNINGS };
-        plan.warnings().take(shown).for_each(|warning| eprintln!("warning: {warning}"));
+        plan.warnings().take(shown).for_each(|warning| errln!("warning: {warning}"));
         let unseen = plan.warnings().skip(shown).count();
         if unseen > 0 {
-            eprintln!("{unseen} more warnings; --all prints them");
+            errln!("{unseen} more warnings; --all prints them");
         }
         Ok(Outcome::Done)
     }

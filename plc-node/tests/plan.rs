@@ -62,6 +62,19 @@ fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
 }
 
 #[test]
+fn readers_that_went_away_are_no_failure_of_a_plan_with_warnings() {
+    let directory = tempfile::tempdir().unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    fs::write(directory.path().join("my.toml"), text.replace("retreat_mm = 70.0", "retreat_mm = 12.0"))
+        .unwrap();
+    let without_reader = || std::io::pipe().unwrap().1;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plc-node"));
+    command.current_dir(directory.path()).args(["plan", "my.toml"]);
+    let ended = command.stdout(without_reader()).stderr(without_reader()).status().unwrap();
+    assert_eq!(ended.code(), Some(0));
+}
+
+#[test]
 fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
     let unknown = plan(&["juggle"]);
     let key = changed("approach_mm", "aproach_mm");

@@ -6,6 +6,8 @@
 //!
 //! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
 
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
+
 pub mod arm;
 pub mod bus;
 mod config;

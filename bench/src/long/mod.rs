@@ -24,7 +24,8 @@ pub use supply::{Origin, Supplied, Supply};
 
 use crate::exit::{Exit, Failure};
 use crate::measure::interrupt;
-use crate::{errln, outln};
+use crate::outln;
+use crate::output::errln;
 
 /// What is repeated unless an application or a list is named: many short motions.
 const APPLICATION: &str = "engraving";

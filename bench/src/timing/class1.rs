@@ -13,7 +13,7 @@ use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wi
 
 use super::cable::{Cable, MASK, ROBOT};
 use super::{INTERVAL, SETTLE, TURN};
-use crate::errln;
+use crate::output::errln;
 
 /// How long a connection may take to come about, and to end.
 const PATIENCE: Duration = Duration::from_secs(5);

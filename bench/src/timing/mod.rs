@@ -21,7 +21,8 @@ use protocol::Instant;
 use protocol_linux::clock;
 
 use crate::exit::{Exit, Failure};
-use crate::{errln, out};
+use crate::out;
+use crate::output::errln;
 use cable::{Cable, Way};
 use comparison::Comparison;
 use evenness::{Evenness, Window};

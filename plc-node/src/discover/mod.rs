@@ -2,14 +2,14 @@
 
 mod listing;
 
-use std::io::{ErrorKind, Write as _, stdout};
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
 use protocol::search::{EthernetIpQuestion, Over, ProfinetQuestion, Search, SearchConfig};
 use protocol::{Duration, Instant};
+use protocol_linux::output::to_stdout;
 use protocol_linux::supervise::Outcome;
-use protocol_linux::{Driver, Interface, Notifier, Owner, PROFINET, Statistics, Udp, Wire, clock};
+use protocol_linux::{Driver, Interface, Notifier, Owner, PROFINET, Statistics, Udp, Wire, clock, errln};
 
 use listing::{Bus, Listing, Skipped};
 
@@ -109,10 +109,11 @@ impl DiscoverCommand {
             anyhow::bail!("no question left `{}`: {error}; is the cable plugged in?", self.interface);
         }
         for Skipped { bus, reason } in &skipped {
-            eprintln!("warning: {bus} was not searched: {reason}");
+            errln!("warning: {bus} was not searched: {reason}");
         }
         let listing = Listing::new(self.interface, self.timeout, driver.machine(), skipped);
-        print(&if self.json { listing.to_json()? } else { listing.to_string() })?;
+        let text = if self.json { listing.to_json()? } else { listing.to_string() };
+        to_stdout(format_args!("{text}"))?;
         Ok(Outcome::Done)
     }
 }
@@ -130,14 +131,6 @@ fn ethernet_ip(interface: &Interface) -> anyhow::Result<(EthernetIpQuestion, Wir
     let wire = Wire::udp(interface, Udp { port: 0 })?;
     let protocol::Port::Udp(port) = wire.port() else { anyhow::bail!("a UDP port without a number") };
     Ok((EthernetIpQuestion::from_address(port, address, mask), wire))
-}
-
-/// Whoever reads on may stop early: `| head` is no fault.
-fn print(text: &str) -> std::io::Result<()> {
-    match stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
-        _ => Ok(()),
-    }
 }
 
 /// Waits for the search to end.

@@ -13,6 +13,7 @@
     unsafe_code,
     reason = "system calls that neither rustix nor socket2 wraps; each use says why it is sound"
 )]
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod allocation;
 mod arrivals;
@@ -31,6 +32,7 @@ pub mod message;
 pub mod namespace;
 mod node;
 mod notifier;
+pub mod output;
 mod recorder;
 pub mod report;
 pub mod scheduling;

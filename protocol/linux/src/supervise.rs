@@ -5,7 +5,6 @@
 //! gives up what the one that left had started.
 
 use std::fmt::Display;
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use protocol::fieldbus::LinkEvent;
@@ -13,7 +12,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
-use crate::{Command, Happening, News, Node, NodeError, NodeProcess, Words};
+use crate::output::to_stdout;
+use crate::{Command, Happening, News, Node, NodeError, NodeProcess, Words, errln};
 
 /// What one kind of node adds to what all nodes do.
 pub trait Conductor<N: Node> {
@@ -104,7 +104,7 @@ pub fn supervise<N: Node, C: Conductor<N>>(
     let report = snapshot.as_ref().map(Into::into);
     console.tell::<C::Message>(&Message::Farewell { report, problem: problem.clone() });
     if let Some(problem) = problem {
-        complain(format_args!("error: {problem}"));
+        errln!("error: {problem}");
     }
     match (told, ended) {
         (Ok(outcome), Ok(())) => outcome,
@@ -173,7 +173,7 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
             Err(error) => {
                 match self.process.control() {
                     Some(port) => port.dismiss(format!("what it said is no instruction: {error}")),
-                    None => complain(format_args!("not understood, and ignored: `{line}`: {error}")),
+                    None => errln!("not understood, and ignored: `{line}`: {error}"),
                 }
                 Next::Wait
             }
@@ -239,13 +239,8 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
 
 /// Tells whoever looks at the node about its controllers, which none of those needs to hear.
 fn note(words: std::fmt::Arguments<'_>) {
-    // Unlike `println!`, it does not end the node where nobody reads any more.
-    let _ = writeln!(std::io::stdout(), "{words}");
-}
-
-/// The same of what is wrong, as a line on standard error.
-fn complain(words: std::fmt::Arguments<'_>) {
-    let _ = writeln!(std::io::stderr(), "{words}");
+    // A node that runs does not end because a disk is full.
+    let _ = to_stdout(format_args!("{words}\n"));
 }
 
 fn link_message<M>(event: LinkEvent, explanation: Option<Words>) -> Message<M> {

@@ -7,6 +7,8 @@
 //! exit_code              what the process ends with
 //! ```
 
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
+
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,7 +21,7 @@ use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Outcome, supervise};
 use protocol_linux::{
     Commands, ControlPort, Interface, Node, NodeProcess, PortError, StopSignals, Udp, Wire, capabilities,
-    clock,
+    clock, errln,
 };
 use setup::{BusKind, Cyclic, Setup};
 
@@ -169,7 +171,7 @@ pub fn exit_code(
     is_usage: impl FnOnce(&anyhow::Error) -> bool,
 ) -> ExitCode {
     let outcome = outcome.unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        errln!("error: {error:#}");
         if error.is::<setup::Error>() || error.is::<planning::Error>() || is_usage(&error) {
             Outcome::Usage
         } else {
