@@ -226,7 +226,9 @@ fn put_in_place(new: &Path, path: &Path) -> std::io::Result<()> {
     // An exchange would take a directory for a file.
     let replaces_file = fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
     if replaces_file && renameat_with(CWD, new, CWD, path, RenameFlags::EXCHANGE).is_ok() {
-        return fs::remove_file(new);
+        // The old content. Left behind, the next one would take its place.
+        let _ = fs::remove_file(new);
+        return Ok(());
     }
     fs::rename(new, path)
 }

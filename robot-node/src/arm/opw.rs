@@ -328,6 +328,16 @@ mod tests {
     }
 
     #[test]
+    fn a_wrist_right_above_axis_1_has_no_direction_and_is_reached_nevertheless() {
+        let opw = Opw::new(IRB_1100);
+        let target = Frame::from_mm_deg([0.0, 0.0, 691.0, 0.0, 0.0, 0.0]);
+        let found = opw.inverse(&target, &[0.0, 10.0, 10.0, 0.0, 10.0, 0.0]).unwrap();
+        let again = opw.forward(&found);
+        assert!(distance(again.position, target.position) < 1e-9, "{found:?}");
+        assert!((again.rotation.inverse() * target.rotation).axis_angle().1 < 1e-6, "{found:?}");
+    }
+
+    #[test]
     fn axis_6_goes_on_past_a_full_half_turn_and_comes_back_where_it_must() {
         let arm = arm();
         let at = |q6: f64| [0.0, 0.0, 0.0, 0.0, 60.0, q6];
