@@ -203,11 +203,8 @@ pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -
     let write = || {
         let mut file = File::create(&new)?;
         file.write_all(content.as_ref())?;
-        if durability == Durability::Synced {
-            file.sync_data()?;
-        }
         match durability {
-            Durability::Synced => fs::rename(&new, path),
+            Durability::Synced => file.sync_data().and_then(|()| fs::rename(&new, path)),
             Durability::Written => put_in_place(&new, path),
         }
     };

@@ -6,6 +6,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use tempfile::TempDir;
+
 /// What a call printed and how it ended.
 struct Said {
     code: Option<i32>,
@@ -28,13 +30,18 @@ fn plan(arguments: &[&str]) -> Said {
     plan_in(Path::new("."), arguments)
 }
 
-/// What is said about the shipped pick and place with one passage replaced.
-fn changed(from: &str, to: &str) -> Said {
+/// A directory with the shipped pick and place, as `my.toml`, with one passage replaced.
+fn with_change(from: &str, to: &str) -> TempDir {
     let directory = tempfile::tempdir().unwrap();
     let (_, text) = planning::APPLICATIONS[0];
     assert!(text.contains(from), "{from}");
     fs::write(directory.path().join("my.toml"), text.replacen(from, to, 1)).unwrap();
-    plan_in(directory.path(), &["my.toml", "--setup", "A"])
+    directory
+}
+
+/// What is said about it.
+fn changed(from: &str, to: &str) -> Said {
+    plan_in(with_change(from, to).path(), &["my.toml", "--setup", "A"])
 }
 
 #[test]
@@ -63,10 +70,7 @@ fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
 
 #[test]
 fn readers_that_went_away_are_no_failure_of_a_plan_with_warnings() {
-    let directory = tempfile::tempdir().unwrap();
-    let (_, text) = planning::APPLICATIONS[0];
-    fs::write(directory.path().join("my.toml"), text.replace("retreat_mm = 70.0", "retreat_mm = 12.0"))
-        .unwrap();
+    let directory = with_change("retreat_mm = 70.0", "retreat_mm = 12.0");
     let without_reader = || std::io::pipe().unwrap().1;
     let mut command = Command::new(env!("CARGO_BIN_EXE_plc-node"));
     command.current_dir(directory.path()).args(["plan", "my.toml"]);

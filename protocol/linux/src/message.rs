@@ -2,11 +2,11 @@
 //! the control port; and the same as lines that a person reads.
 
 use std::fmt;
-use std::io::Write as _;
 use std::net::{Ipv4Addr, SocketAddr};
 
 use serde::{Deserialize, Serialize};
 
+use crate::output::to_stdout;
 use crate::report::NodeReport;
 
 /// What a node says. `M` is what only this kind of node says.
@@ -130,8 +130,7 @@ impl Console {
             Self::Words => message.to_string(),
             Self::Json => message.to_json(),
         };
-        let mut stdout = std::io::stdout().lock();
-        let _ = writeln!(stdout, "{line}").and_then(|()| stdout.flush());
+        let _ = to_stdout(format_args!("{line}\n"));
     }
 }
 

@@ -27,13 +27,6 @@ pub struct Impairment {
     pub corrupt_ppm: u32,
 }
 
-impl Impairment {
-    /// Whether frames only take their time: nothing is left to chance.
-    fn is_faultless(&self) -> bool {
-        *self == Self { delay: self.delay, ..Self::default() }
-    }
-}
-
 /// What a cable did to the frames of one direction.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LinkCounters {
@@ -105,7 +98,6 @@ impl fmt::Display for Fate {
 #[derive(Debug)]
 pub struct Link {
     impairment: Impairment,
-    is_faultless: bool,
     cut: bool,
     random: Pcg64Mcg,
     counters: LinkCounters,
@@ -119,7 +111,6 @@ impl Link {
     pub fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
         Self {
             impairment,
-            is_faultless: impairment.is_faultless(),
             cut: false,
             random: Pcg64Mcg::seed_from_u64(
                 seed.rotate_left(17) ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15),
@@ -129,8 +120,7 @@ impl Link {
         }
     }
 
-    pub(super) fn set_impairment(&mut self, impairment: Impairment) {
-        self.is_faultless = impairment.is_faultless();
+    pub(super) const fn set_impairment(&mut self, impairment: Impairment) {
         self.impairment = impairment;
     }
 
@@ -172,10 +162,6 @@ impl Link {
     /// What becomes of a frame of `len` bytes that leaves now, and when it arrives; never, if it vanishes.
     pub(super) fn decide(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
         self.counters.sent += 1;
-        if self.is_faultless && !self.cut {
-            self.last_arrival = self.last_arrival.max(now + self.impairment.delay);
-            return (Fate::default(), Some(self.last_arrival));
-        }
         let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
             self.impairment;
         let mut fate = Fate { cut: self.cut, ..Fate::default() };

@@ -353,8 +353,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Apart from [`settle`](Self::settle), which mostly finds nothing to send.
-    #[inline(never)]
     fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
         if let Port::Stream(id) = port {
             return self.send_stream(from, id, len);
