@@ -22,6 +22,7 @@ use setup::Setup;
 
 use crate::exit::{Exit, Failure};
 use crate::host::ProcessorTime;
+use crate::measure::interrupt;
 use crate::outln;
 use crate::output::errln;
 use crate::ratio::{Ratio, RatioVerdict, median};
@@ -36,7 +37,7 @@ const COUNTED: Duration = Duration::from_secs(1);
 /// How long they are not, from switching on or off: listeners come and go then, which is no part of recording.
 const SETTLING: Duration = Duration::from_millis(100);
 
-/// Pairs between two lines of progress.
+/// Pairs between two lines of progress, after that of the first.
 const TOLD_EVERY: u32 = 10;
 
 /// Options of the measurement.
@@ -136,34 +137,65 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         .enable_all()
         .build()
         .context("cannot start the bench's event loop")?;
-    let measured = runtime.block_on(measure(options, &setup, &directory));
+    let mut seen = Seen::default();
+    let ended = runtime.block_on(async {
+        let interrupt = interrupt()?;
+        tokio::select! {
+            biased;
+            () = interrupt => Ok(Some(Exit::Interrupted)),
+            ended = measure(options, &setup, &directory, &mut seen) => ended.map(|()| None),
+        }
+    });
     if kept.is_none() {
         let removed = std::fs::remove_dir_all(&directory);
         removed.with_context(|| format!("cannot remove {}", directory.display()))?;
     }
-    let (costs, left_out) = measured?;
-    outln!(
-        "Setup {}, {} pairs of seconds of {}, limit {:+.0} % of the p99 cycle lateness; medians of the seconds, and of \
-         the pairs' ratios:",
-        setup.name,
-        options.pairs,
-        options.execution_type,
-        (LIMIT - 1.0) * 100.0
-    );
-    costs.iter().for_each(|cost| outln!("  {cost}"));
-    if left_out > 0 {
-        outln!("  {left_out} of the pairs are left out: the host ran others meanwhile.");
+    // Whatever ended it: an hour's pairs are not lost by the last one.
+    let costs = seen.tell(options, &setup);
+    if let Some(interrupted) = ended? {
+        return Ok(interrupted);
     }
     let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
     Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
 }
 
-/// The cost for either node, and how many pairs were left out.
+/// What was seen so far.
+#[derive(Default)]
+struct Seen {
+    plc: Vec<Pair>,
+    robot: Vec<Pair>,
+    /// Pairs that say nothing.
+    left_out: u32,
+}
+
+impl Seen {
+    /// Prints what recording costs either node.
+    fn tell(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
+        let costs = [("PLC", &self.plc), ("robot", &self.robot)]
+            .map(|(node, pairs)| Cost::new(node, pairs, options.seed));
+        outln!(
+            "Setup {}, seconds of {} in pairs: {}; limit {:+.0} % of the p99 cycle lateness; medians of the seconds, and \
+             of the pairs' ratios:",
+            setup.name,
+            options.execution_type,
+            self.plc.len() + self.left_out as usize,
+            (LIMIT - 1.0) * 100.0
+        );
+        costs.iter().for_each(|cost| outln!("  {cost}"));
+        if self.left_out > 0 {
+            outln!("  {} of the pairs are left out: the host ran others meanwhile.", self.left_out);
+        }
+        costs
+    }
+}
+
+/// Measures pair after pair and adds each to what was seen.
 async fn measure(
     options: &OverheadOptions,
     setup: &Setup,
     directory: &Path,
-) -> Result<([Cost; 2], u32), Failure> {
+    seen: &mut Seen,
+) -> Result<(), Failure> {
     let config = RigConfig {
         seed: options.seed,
         capture: Some((directory.to_owned(), Keep::All)),
@@ -176,7 +208,6 @@ async fn measure(
     // The first run of all warms the nodes up.
     rig.execute(options.execution_type).await.map_err(failed)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
-    let (mut pairs, mut left_out): ([Vec<Pair>; 2], _) = ([Vec::new(), Vec::new()], 0);
     for number in 1..=options.pairs {
         let recorded_first = random.next_u32().is_multiple_of(2);
         let (mut pair, mut whole, stolen) = ([Pair::default(); 2], true, stolen_ticks());
@@ -197,18 +228,18 @@ async fn measure(
             }
         }
         if whole && stolen_ticks() == stolen {
-            pairs.iter_mut().zip(pair).for_each(|(pairs, pair)| pairs.push(pair));
+            let [plc, robot] = pair;
+            seen.plc.push(plc);
+            seen.robot.push(robot);
         } else {
-            left_out += 1;
+            seen.left_out += 1;
         }
-        if number % TOLD_EVERY == 0 {
+        if number == 1 || number % TOLD_EVERY == 0 {
             let left = (COUNTED + SETTLING) * 2 * (options.pairs - number);
             errln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
         }
     }
-    rig.stop().await.map_err(unusable)?;
-    let [plc, robot] = pairs;
-    Ok(([Cost::new("PLC", &plc, options.seed), Cost::new("robot", &robot, options.seed)], left_out))
+    rig.stop().await.map(drop).map_err(unusable)
 }
 
 /// Processor time that other virtual machines took so far; none where the kernel does not say.

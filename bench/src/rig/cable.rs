@@ -80,7 +80,9 @@ impl Cable {
         if let Some((directory, keep)) = capture {
             for (network, interface, file) in [(&self.plc, PLC, PLC_FILE), (&self.robot, ROBOT, ROBOT_FILE)] {
                 let path = directory.join(file);
-                self.recorders.push(network.run(|| Recorder::start(interface, &path, "", *keep))??);
+                let start =
+                    || Ok::<_, RigError>(Recorder::start(&Interface::open(interface)?, &path, "", *keep)?);
+                self.recorders.push(network.run(start)??);
             }
         }
         Ok(())
@@ -160,7 +162,8 @@ impl Cable {
         if self.middle.is_none() && self.watchers.is_empty() {
             for (network, interface, end) in [(&self.plc, PLC, Side::A), (&self.robot, ROBOT, Side::B)] {
                 let see = frames.at(end);
-                self.watchers.push(network.run(|| Recorder::watch(interface, see))??);
+                let start = || Ok::<_, RigError>(Recorder::watch(&Interface::open(interface)?, see)?);
+                self.watchers.push(network.run(start)??);
             }
         }
         Ok(())

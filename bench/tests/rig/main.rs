@@ -7,8 +7,9 @@
 mod process;
 
 use std::fs;
+use std::io::{BufRead as _, BufReader};
 use std::os::unix::process::ExitStatusExt as _;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::PoisonError;
 use std::thread;
 use std::time::Duration;
@@ -16,7 +17,7 @@ use std::time::Duration;
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use process::{Bench, Ended, HOST, networks, patient};
-use rustix::process::{Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process};
 
 #[test]
 fn a_run_over_either_cyclic_transport_passes() {
@@ -246,7 +247,7 @@ fn what_recording_costs_is_told_of_both_nodes_and_what_was_recorded_is_kept() {
         .output()
         .unwrap();
     let said = String::from_utf8(ended.stdout).unwrap();
-    assert!(said.starts_with("Setup A, 5 pairs of seconds of cm"), "{said}");
+    assert!(said.starts_with("Setup A, seconds of cm in pairs: 5; limit +5 %"), "{said}");
     for node in ["\n  PLC    ", "\n  robot  "] {
         assert!(said.contains(node), "{said}");
     }
@@ -258,4 +259,28 @@ fn what_recording_costs_is_told_of_both_nodes_and_what_was_recorded_is_kept() {
         assert!((50_000..9_000_000).contains(&length(file)), "{file} has {} bytes", length(file));
     }
     assert!(length("trace-plc.rows") > 5_000 && length("trace-robot.rows") > 5_000);
+}
+
+#[test]
+fn an_interrupted_measurement_of_what_recording_costs_tells_of_the_pairs_so_far() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    let place = tempfile::tempdir().unwrap();
+    let mut bench = Command::new(env!("CARGO_BIN_EXE_bench"))
+        .args(["overhead", "--pairs", "1000", "--setup"])
+        .arg(patient("A", place.path()))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut progress = BufReader::new(bench.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let first = progress.find(|line| line.contains(" pairs, "));
+    assert_eq!(first.as_deref(), Some("1 of 1000 pairs, 2197 s left"));
+    kill_process(Pid::from_child(&bench), Signal::INT).unwrap();
+    let ended = bench.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(130));
+    let said = String::from_utf8(ended.stdout).unwrap();
+    assert!(said.starts_with("Setup A, seconds of cm in pairs: "), "{said}");
+    assert!(!said.contains("in pairs: 0"), "{said}");
+    // The pair is in the medians, or the host ran others meanwhile.
+    assert!(said.contains("µs recorded") || said.contains("of the pairs are left out"), "{said}");
 }

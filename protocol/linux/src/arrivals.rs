@@ -7,9 +7,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use protocol::profinet::ethernet::EthernetHeader;
+use socket2::Socket;
 
-use crate::capture::SNAP_LEN;
-use crate::{Interface, RecorderError, recorder};
+use crate::packet_socket::{self, FrameBuffer};
+use crate::{Interface, RecorderError};
 
 /// Without a frame the thread looks after so long whether it is to stop.
 const LOOK_UP_AFTER: Duration = Duration::from_millis(100);
@@ -36,15 +37,15 @@ impl ArrivalLog {
     pub fn start(interface: &Interface) -> Result<Self, RecorderError> {
         let name = interface.name().to_owned();
         let failed = |source| RecorderError::Socket { interface: name.clone(), source };
-        let socket = recorder::open(&name).map_err(failed)?;
-        socket.set_read_timeout(Some(LOOK_UP_AFTER)).map_err(failed)?;
+        let prepare = |socket: &Socket| socket.set_read_timeout(Some(LOOK_UP_AFTER));
+        let socket = packet_socket::open(interface, prepare).map_err(failed)?;
         let (stop, own) = (Arc::new(AtomicBool::new(false)), interface.mac());
         let stopped = Arc::clone(&stop);
         let listen = move || {
             let mut arrivals = Vec::new();
-            let mut buf = [0; SNAP_LEN];
+            let mut buffer = FrameBuffer::new();
             while !stopped.load(Ordering::Relaxed) {
-                match recorder::receive(&socket, &mut buf) {
+                match packet_socket::receive(&socket, &mut buffer) {
                     Ok(frame) => {
                         if EthernetHeader::parse(frame.data).is_ok_and(|(header, _)| header.source != own) {
                             arrivals.push(Arrival { since_1970: frame.since_1970, len: frame.data.len() });

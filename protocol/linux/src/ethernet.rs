@@ -1,6 +1,6 @@
 //! Raw Ethernet: an `AF_PACKET` socket for one EtherType on one interface.
 
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use protocol::profinet::dcp::{HELLO_MULTICAST, IDENTIFY_MULTICAST};
 use protocol::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac};
@@ -10,7 +10,8 @@ use rustix::net::{
     socket_with,
 };
 
-use crate::{Interface, PortError, Received};
+use crate::socket_option::{self, ON};
+use crate::{Interface, PortError, Received, packet_socket};
 
 const BROADCAST: [u8; 6] = [0xFF; 6];
 
@@ -54,7 +55,7 @@ impl EthernetSocket {
             None::<Protocol>,
         )
         .map_err(|error| failed(error.into()))?;
-        set_option(socket.as_fd(), PACKET_IGNORE_OUTGOING, &1_i32).map_err(failed)?;
+        socket_option::set(&socket, libc::SOL_PACKET, PACKET_IGNORE_OUTGOING, &ON).map_err(failed)?;
         for group in ethernet.groups {
             let mut address = [0; 8];
             for (to, from) in address.iter_mut().zip(group.0) {
@@ -66,9 +67,10 @@ impl EthernetSocket {
                 mr_alen: 6,
                 mr_address: address,
             };
-            set_option(socket.as_fd(), libc::PACKET_ADD_MEMBERSHIP, &request).map_err(failed)?;
+            socket_option::set(&socket, libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &request)
+                .map_err(failed)?;
         }
-        bind(socket.as_fd(), interface, ethernet.ethertype).map_err(failed)?;
+        packet_socket::bind(&socket, interface, ethernet.ethertype).map_err(failed)?;
         Ok(Self { socket, mac: interface.mac(), groups: ethernet.groups })
     }
 
@@ -102,48 +104,8 @@ impl EthernetSocket {
     }
 }
 
-/// Makes a packet socket hear frames of this EtherType on this interface, and send there.
-pub(crate) fn bind(socket: BorrowedFd<'_>, interface: &Interface, ethertype: u16) -> std::io::Result<()> {
-    let address = libc::sockaddr_ll {
-        sll_family: libc::AF_PACKET as u16,
-        sll_protocol: ethertype.to_be(),
-        sll_ifindex: interface.index() as i32,
-        sll_hatype: 0,
-        sll_pkttype: 0,
-        sll_halen: 0,
-        sll_addr: [0; 8],
-    };
-    // SAFETY: the socket is open; the address is a whole `sockaddr_ll` and its true size is given.
-    let bound = unsafe {
-        libc::bind(
-            socket.as_raw_fd(),
-            (&raw const address).cast(),
-            size_of::<libc::sockaddr_ll>() as libc::socklen_t,
-        )
-    };
-    if bound < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
-}
-
 /// `linux/if_packet.h`; the libc crate has it for newer versions only.
 pub(crate) const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
-
-pub(crate) fn set_option<T: Copy>(
-    socket: BorrowedFd<'_>,
-    name: libc::c_int,
-    value: &T,
-) -> std::io::Result<()> {
-    // SAFETY: the socket is open; the value is a plain C structure, its true size is given, and the kernel copies it.
-    let result = unsafe {
-        libc::setsockopt(
-            socket.as_raw_fd(),
-            libc::SOL_PACKET,
-            name,
-            std::ptr::from_ref(value).cast(),
-            size_of::<T>() as libc::socklen_t,
-        )
-    };
-    if result < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
-}
 
 /// How the kernel sorted the frame: for us, broadcast, multicast, or somebody else's.
 fn packet_type(address: &SocketAddrAny) -> Option<u8> {

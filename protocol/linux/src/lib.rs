@@ -33,13 +33,18 @@ pub mod namespace;
 mod node;
 mod notifier;
 pub mod output;
+mod packet_ring;
+mod packet_socket;
 mod recorder;
 pub mod report;
 pub mod scheduling;
 mod signals;
+mod socket_option;
 mod stream;
 pub mod supervise;
 mod taken;
+#[cfg(test)]
+mod test_cable;
 mod trace_file;
 mod udp;
 pub mod veth;

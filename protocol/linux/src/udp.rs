@@ -8,6 +8,7 @@ use rustix::io::Errno;
 use rustix::net::{SendFlags, sendto};
 use socket2::{Domain, InterfaceIndexOrAddress, Protocol, SockRef, Socket, Type};
 
+use crate::socket_option::{self, ON};
 use crate::{Interface, PortError, Received};
 
 /// What to listen to over UDP.
@@ -107,13 +108,7 @@ impl UdpPort {
 
 /// Asks the kernel to tell of each datagram where it was sent to.
 fn tell_destinations(socket: &Socket) -> std::io::Result<()> {
-    let on: libc::c_int = 1;
-    let len = size_of_val(&on) as libc::socklen_t;
-    // SAFETY: the socket is open; `on` lives over the call and `len` is its size.
-    let result = unsafe {
-        libc::setsockopt(socket.as_raw_fd(), libc::IPPROTO_IP, libc::IP_PKTINFO, (&raw const on).cast(), len)
-    };
-    if result < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
+    socket_option::set(socket, libc::IPPROTO_IP, libc::IP_PKTINFO, &ON)
 }
 
 /// Whether a received datagram was sent to every station: to an address that is neither this host's own nor a

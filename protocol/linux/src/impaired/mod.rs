@@ -26,11 +26,13 @@ use protocol::Instant;
 use protocol::virtual_time::{LinkCounters, Side};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
-use socket2::{Domain, Socket, Type};
+use socket2::Socket;
 
-use crate::capture::{Note, SNAP_LEN};
-use crate::ethernet::{self, PACKET_IGNORE_OUTGOING};
-use crate::recorder::{self, RecorderError};
+use crate::capture::Note;
+use crate::ethernet::PACKET_IGNORE_OUTGOING;
+use crate::packet_socket::{self, FrameBuffer};
+use crate::recorder::RecorderError;
+use crate::socket_option::{self, ON};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, PortError, allocation, clock, scheduling};
 
@@ -42,9 +44,6 @@ use witness::{Passed, Teller, Writer};
 
 /// Frames that are taken from one end before the other gets its turn.
 const BATCH: usize = 64;
-
-/// Room for what comes while the host is busy elsewhere, in bytes.
-const RECEIVE_BUFFER: usize = 4 << 20;
 
 /// A cable that impairs frames; it does until it is stopped or let go of.
 #[derive(Debug)]
@@ -166,19 +165,11 @@ impl Drop for ImpairedCable {
 }
 
 fn open(interface: &Interface) -> Result<Socket, PortError> {
-    let open = || {
-        // Protocol 0 hears nothing until it is bound: so no frame of another interface gets in before that.
-        let socket = Socket::new(Domain::PACKET, Type::RAW, None)?;
-        // The buffer is a wish: without CAP_NET_ADMIN the kernel cuts it to its limit.
-        let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
+    let opened = packet_socket::open(interface, |socket| {
         socket.set_nonblocking(true)?;
-        ethernet::set_option(socket.as_fd(), PACKET_IGNORE_OUTGOING, &1_i32)?;
-        recorder::set_flag(&socket, libc::SOL_SOCKET, libc::SO_TIMESTAMPNS)?;
-        recorder::set_flag(&socket, libc::SOL_PACKET, libc::PACKET_AUXDATA)?;
-        ethernet::bind(socket.as_fd(), interface, libc::ETH_P_ALL as u16)?;
-        Ok(socket)
-    };
-    open().map_err(|reason| PortError::ethernet(interface.name(), reason))
+        socket_option::set(socket, libc::SOL_PACKET, PACKET_IGNORE_OUTGOING, &ON)
+    });
+    opened.map_err(|reason| PortError::ethernet(interface.name(), reason))
 }
 
 /// The thread between the ends.
@@ -198,7 +189,7 @@ impl Passing {
         for (index, socket) in self.sockets.iter().enumerate() {
             waits.set(1 + index, Some((socket.as_fd(), PollFlags::IN)));
         }
-        let mut buf = [0; SNAP_LEN];
+        let mut buffer = FrameBuffer::new();
         allocation::arm();
         while !self.told.stop.load(Ordering::Relaxed) {
             let limit = self.middle.deadline().map(|due| due.since(clock::now()));
@@ -212,7 +203,7 @@ impl Passing {
             }
             for from in [Side::A, Side::B] {
                 if !waits.ready(1 + from.index()).is_empty() {
-                    self.take(from, &mut buf);
+                    self.take(from, &mut buffer);
                 }
             }
             self.deliver();
@@ -236,10 +227,10 @@ impl Passing {
         }
     }
 
-    fn take(&mut self, from: Side, buf: &mut [u8; SNAP_LEN]) {
+    fn take(&mut self, from: Side, buffer: &mut FrameBuffer) {
         for _ in 0..BATCH {
             // None waits, or the interface has a moment's trouble; if that lasts, the nodes notice.
-            let Ok(packet) = recorder::receive(&self.sockets[from.index()], buf) else { return };
+            let Ok(packet) = packet_socket::receive(&self.sockets[from.index()], buffer) else { return };
             let fate = self.middle.take(clock::now(), from, packet.data);
             let (since_1970, at) = (packet.since_1970, clock::instant_of(packet.since_1970));
             self.teller.passed(Passed { at, since_1970, end: from, sent: true, fate }, packet.data);

@@ -131,7 +131,8 @@ fn cyclic_packets_carry_the_dscp_that_the_qos_object_says_and_a_changed_one_from
     let bed = Bed::lay();
     let robot = bed.start_on(1, adapter, wires);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
-    let recorder = bed.ends[0].0.run(|| Recorder::start("left0", &place, "", Keep::All).unwrap()).unwrap();
+    let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Keep::All).unwrap();
+    let recorder = bed.ends[0].0.run(start).unwrap();
     let unicast = exchange(&bed, false);
     set_scheduled_dscp(&bed, 20);
     let multicast = exchange(&bed, true);
