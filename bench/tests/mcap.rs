@@ -59,7 +59,7 @@ fn rows(directory: &Path, of: &str) -> Vec<Vec<String>> {
 
 fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
     let of_all = types.iter().flat_map(|of| {
-        ["joint_states", "path", "path_speed", "programmed_speed", "tool"]
+        ["joint_states", "path", "path_points", "path_speed", "programmed_speed", "tool"]
             .map(|topic| format!("/{of}/{topic}"))
     });
     let mut wanted: Vec<_> = of_all.collect();
@@ -83,8 +83,11 @@ fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
                 assert!((heard.at_ns as f64 / 1e6 - at_ms).abs() < 0.001, "/{of}/{name} at {at_ms} ms");
             }
         }
-        assert_eq!(topic("path").schema, "nav_msgs/msg/Path");
-        assert_eq!(topic("path").heard.len(), 1);
+        for (name, schema) in [("path", "nav_msgs/msg/Path"), ("path_points", "sensor_msgs/msg/PointCloud2")]
+        {
+            let Topic { schema: found, heard } = topic(name);
+            assert_eq!((found.as_str(), heard.len()), (schema, 1));
+        }
     }
 }
 
@@ -93,12 +96,15 @@ fn last_f64(data: &[u8]) -> f64 {
     f64::from_le_bytes(data[data.len() - 8..].try_into().unwrap())
 }
 
-/// The positions of a JointState: their number of elements is behind the header and the names, their end before the two
-/// empty sequences.
-fn positions(data: &[u8], joints: usize) -> Vec<f64> {
-    let end = data.len() - 8;
-    let values = data[end - 8 * joints..end].chunks(8);
-    values.map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect()
+/// Positions and speeds of a JointState, from its end: no efforts, which is a length of 4 bytes; the speeds, whose length
+/// takes 8 with the padding; the positions.
+fn positions_and_speeds(data: &[u8], joints: usize) -> [Vec<f64>; 2] {
+    let values = |end: usize| {
+        let values = data[end - 8 * joints..end].chunks(8);
+        values.map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect()
+    };
+    let end = data.len() - 4;
+    [values(end - 8 * joints - 8), values(end)]
 }
 
 #[test]
@@ -108,12 +114,34 @@ fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
         let topics = run(directory.path(), "virtual", setup, "rc,sm,cm");
         check(directory.path(), &topics, &["rc", "sm", "cm"]);
         for (row, heard) in rows(directory.path(), "cm").iter().zip(&topics["/cm/joint_states"].heard) {
-            for (axis, found) in positions(&heard.data, joints).into_iter().enumerate() {
+            let [positions, _] = positions_and_speeds(&heard.data, joints);
+            for (axis, found) in positions.into_iter().enumerate() {
                 let value: f64 = row[15 + axis].parse().unwrap();
                 let wanted = if linear == Some(axis) { value / 1e3 } else { value.to_radians() };
                 assert!((found - wanted).abs() < 1e-5, "joint {} is {found}, not {wanted}", axis + 1);
             }
         }
+        // From one cycle to the next it goes on by the mean of the speeds at both.
+        let states: Vec<_> = topics["/cm/joint_states"]
+            .heard
+            .iter()
+            .map(|heard| (heard.at_ns, positions_and_speeds(&heard.data, joints)))
+            .collect();
+        let mut fastest: f64 = 0.0;
+        for states in states.windows(2) {
+            let [(from, [start, before]), (to, [end, behind])] = states else { unreachable!() };
+            let seconds = (to - from) as f64 / 1e9;
+            for axis in 0..joints {
+                let by_speeds = (before[axis] + behind[axis]) / 2.0 * seconds;
+                fastest = fastest.max(before[axis].abs());
+                assert!(
+                    (end[axis] - start[axis] - by_speeds).abs() < 2e-4,
+                    "joint {} at {from} ns",
+                    axis + 1
+                );
+            }
+        }
+        assert!(fastest > 0.5, "{fastest} rad/s");
     }
 }
 

@@ -4,11 +4,12 @@
 //! text. The first repetitions of the types stand beside each other, each from its start edge on, which is time zero:
 //!
 //! ```text
-//! /rc/joint_states      sensor_msgs/JointState     every robot cycle, in rad, m on a linear axis
+//! /rc/joint_states      sensor_msgs/JointState     every robot cycle, in rad and rad/s, m and m/s on a linear axis
 //! /rc/tool              geometry_msgs/PoseStamped  every robot cycle, in m, in the frame `base`
 //! /rc/path_speed        std_msgs/Float64           every robot cycle, in m/s
 //! /rc/programmed_speed  std_msgs/Float64           every robot cycle, in m/s
-//! /rc/path              nav_msgs/Path              once, the whole way of the tool
+//! /rc/path              nav_msgs/Path              once, the whole way of the tool, which Foxglove draws
+//! /rc/path_points       sensor_msgs/PointCloud2    once, the same with the speed there, which Rerun draws too
 //! /sm/…, /cm/…
 //! ```
 
@@ -27,7 +28,7 @@ use robot_node::arm::Rotation;
 use setup::{Kinematics, Setup};
 
 use crate::trace::{RobotTick, Trace};
-use ros2::{Message, Pose};
+use ros2::{Joint, Message, Pose};
 
 /// The file, in the run directory.
 pub const FILE: &str = "motion.mcap";
@@ -59,13 +60,18 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
         let moved = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0);
         let way: Vec<_> = moved.map(|(at, tick)| (*at, pose(tick))).collect();
         file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
+        let moved = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0);
+        let points: Vec<_> = moved.map(|(_, tick)| point(tick)).collect();
+        file.write(channels.points, Duration::ZERO, &Message::points(FRAME, &points))?;
         let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| *tick), &motions);
-        moments.extend(ticks.into_iter().zip(speeds).map(|((at, tick), speed)| (at, channels, tick, speed)));
+        let joints = arm.joint_states(&ticks);
+        let of_ticks = ticks.into_iter().zip(joints).zip(speeds);
+        moments.extend(of_ticks.map(|(((at, tick), joints), speed)| (at, channels, tick, joints, speed)));
     }
     // The types are one after the other so far, and players want a file in order of time.
     moments.sort_by_key(|(at, ..)| *at);
-    for (at, channels, tick, programmed_mm_s) in moments {
-        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.joints(tick)))?;
+    for (at, channels, tick, joints, programmed_mm_s) in moments {
+        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &joints))?;
         file.write(channels.tool, at, &Message::pose(at, FRAME, &pose(tick)))?;
         file.write(channels.speed, at, &Message::float(f64::from(tick.path_speed_mm_s) / 1e3))?;
         file.write(channels.programmed, at, &Message::float(programmed_mm_s / 1e3))?;
@@ -89,6 +95,12 @@ fn pose(tick: &RobotTick) -> Pose {
     }
 }
 
+/// Where the tool is, x, y and z in m, and how fast it is there in m/s.
+fn point(tick: &RobotTick) -> [f32; 4] {
+    let [x, y, z, ..] = tick.pose;
+    [x, y, z, tick.path_speed_mm_s].map(|value| value / 1e3)
+}
+
 /// Which joints there are.
 struct Arm {
     axes: usize,
@@ -103,14 +115,29 @@ impl Arm {
         }
     }
 
-    /// Name and value of each joint, in rad or m.
-    fn joints(&self, tick: &RobotTick) -> Vec<(String, f64)> {
-        let value = |(axis, value): (usize, f32)| {
-            let value = f64::from(value);
-            let si = if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() };
-            (format!("joint_{}", axis + 1), si)
+    /// The joints in each cycle, their speeds by the difference from the cycle before to the one behind.
+    fn joint_states(&self, ticks: &[(Duration, &RobotTick)]) -> Vec<Vec<Joint>> {
+        let last = ticks.len().saturating_sub(1);
+        let around = |index: usize| (ticks.get(index.saturating_sub(1)), ticks.get((index + 1).min(last)));
+        let of_tick = |(index, (_, tick)): (usize, &(Duration, &RobotTick))| {
+            let joint = |axis| {
+                let speed = match around(index) {
+                    (Some((from, before)), Some((to, behind))) if to > from => {
+                        (self.value(behind, axis) - self.value(before, axis)) / (*to - *from).as_secs_f64()
+                    }
+                    _ => 0.0,
+                };
+                Joint { name: format!("joint_{}", axis + 1), position: self.value(tick, axis), speed }
+            };
+            (0..self.axes).map(joint).collect()
         };
-        tick.joints.into_iter().take(self.axes).enumerate().map(value).collect()
+        ticks.iter().enumerate().map(of_tick).collect()
+    }
+
+    /// The value of a joint in rad or m.
+    fn value(&self, tick: &RobotTick, axis: usize) -> f64 {
+        let value = f64::from(tick.joints.get(axis).copied().unwrap_or_default());
+        if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() }
     }
 }
 
@@ -122,6 +149,7 @@ struct Channels {
     speed: u16,
     programmed: u16,
     path: u16,
+    points: u16,
 }
 
 impl Channels {
@@ -133,6 +161,7 @@ impl Channels {
             speed: open("path_speed", ros2::FLOAT)?,
             programmed: open("programmed_speed", ros2::FLOAT)?,
             path: open("path", ros2::PATH)?,
+            points: open("path_points", ros2::POINT_CLOUD)?,
         })
     }
 }

@@ -55,6 +55,17 @@ pub(super) const PATH: Schema = Schema {
     ),
 };
 
+pub(super) const POINT_CLOUD: Schema = Schema {
+    name: "sensor_msgs/msg/PointCloud2",
+    definition: definition!(
+        "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n\
+         uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n",
+        "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+        "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+        "sensor_msgs/PointField": "uint8 FLOAT32=7\nstring name\nuint32 offset\nuint8 datatype\nuint32 count\n"
+    ),
+};
+
 pub(super) const FLOAT: Schema = Schema { name: "std_msgs/msg/Float64", definition: "float64 data\n" };
 
 /// Where the tool is.
@@ -66,6 +77,16 @@ pub(super) struct Pose {
     pub(super) orientation: [f64; 4],
 }
 
+/// A joint at an instant.
+#[derive(Clone, Debug)]
+pub(super) struct Joint {
+    pub(super) name: String,
+    /// In rad or m.
+    pub(super) position: f64,
+    /// In rad/s or m/s.
+    pub(super) speed: f64,
+}
+
 /// An encoded message.
 pub(super) struct Message(Vec<u8>);
 
@@ -73,15 +94,16 @@ pub(super) struct Message(Vec<u8>);
 const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 impl Message {
-    /// [`JOINT_STATE`]: names and positions in rad or m. Speeds and efforts are not known, and left empty.
-    pub(super) fn joint_state(at: Duration, frame: &str, joints: &[(String, f64)]) -> Self {
+    /// [`JOINT_STATE`]. Efforts are not known, and left empty.
+    pub(super) fn joint_state(at: Duration, frame: &str, joints: &[Joint]) -> Self {
         let mut message = Self::new();
         message.header(at, frame);
         message.u32(joints.len() as u32);
-        joints.iter().for_each(|(name, _)| message.string(name));
+        joints.iter().for_each(|joint| message.string(&joint.name));
         message.u32(joints.len() as u32);
-        joints.iter().for_each(|(_, position)| message.f64(*position));
-        message.u32(0);
+        joints.iter().for_each(|joint| message.f64(joint.position));
+        message.u32(joints.len() as u32);
+        joints.iter().for_each(|joint| message.f64(joint.speed));
         message.u32(0);
         message
     }
@@ -99,6 +121,28 @@ impl Message {
         message.header(Duration::ZERO, frame);
         message.u32(way.len() as u32);
         way.iter().for_each(|(at, pose)| message.pose_stamped(*at, frame, pose));
+        message
+    }
+
+    /// [`POINT_CLOUD`] of x, y and z in m and the speed there in m/s.
+    pub(super) fn points(frame: &str, points: &[[f32; 4]]) -> Self {
+        /// `PointField::FLOAT32`.
+        const FLOAT32: u8 = 7;
+        const STEP: u32 = 16;
+        let mut message = Self::new();
+        message.header(Duration::ZERO, frame);
+        let width = points.len() as u32;
+        [1, width, 4].into_iter().for_each(|value| message.u32(value));
+        for (name, offset) in ["x", "y", "z", "speed"].into_iter().zip([0, 4, 8, 12]) {
+            message.string(name);
+            message.u32(offset);
+            message.u8(FLOAT32);
+            message.u32(1);
+        }
+        message.u8(0);
+        [STEP, STEP * width, STEP * width].into_iter().for_each(|value| message.u32(value));
+        message.0.extend(points.iter().flatten().flat_map(|value| value.to_le_bytes()));
+        message.u8(1);
         message
     }
 
@@ -135,6 +179,10 @@ impl Message {
         self.0.push(0);
     }
 
+    fn u8(&mut self, value: u8) {
+        self.0.push(value);
+    }
+
     fn u32(&mut self, value: u32) {
         self.align(4);
         self.0.extend_from_slice(&value.to_le_bytes());
@@ -157,7 +205,8 @@ mod tests {
 
     #[test]
     fn each_field_stands_at_a_multiple_of_its_size_behind_the_four_bytes() {
-        let joints = [("j1".to_owned(), 1.0), ("j2".to_owned(), -0.5)];
+        let joint = |name: &str, position, speed| Joint { name: name.to_owned(), position, speed };
+        let joints = [joint("j1", 1.0, 2.0), joint("j2", -0.5, 0.0)];
         let message = Message::joint_state(Duration::new(3, 7), "base", &joints);
         let hex: Vec<String> = message
             .as_bytes()
@@ -165,6 +214,19 @@ mod tests {
             .map(|word| word.iter().map(|byte| format!("{byte:02x}")).collect())
             .collect();
         // What each word is: head; stamp; frame with its length and padding; names; positions; speeds; efforts.
-        insta::assert_snapshot!(hex.join(" "), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 00000000 00000000");
+        insta::assert_snapshot!(hex.join(" "), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 02000000 00000000 00000000 00000040 00000000 00000000 00000000");
+    }
+
+    #[test]
+    fn a_point_is_sixteen_bytes_behind_the_names_of_what_is_in_them() {
+        let message = Message::points("base", &[[1.0, 2.0, 3.0, 0.5]]);
+        let (head, points) = message.as_bytes().split_at(message.as_bytes().len() - 17);
+        assert!(
+            head.ends_with(&[16, 0, 0, 0, 16, 0, 0, 0, 16, 0, 0, 0]),
+            "step, row, and length in bytes: {head:?}"
+        );
+        let values: Vec<_> =
+            points.chunks_exact(4).map(|value| f32::from_le_bytes(value.try_into().unwrap())).collect();
+        assert_eq!((values, points.last()), (vec![1.0, 2.0, 3.0, 0.5], Some(&1)));
     }
 }

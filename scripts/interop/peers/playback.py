@@ -2,6 +2,7 @@
 
 import csv
 import math
+import struct
 import sys
 from pathlib import Path
 
@@ -53,7 +54,21 @@ for of, ticks in rows.items():
         position = [1e3 * part for part in (position.x, position.y, position.z)]
         near(position, [tick[f"{axis}_mm"] for axis in "xyz"], 1e-4, what)
         near([1e3 * speed.data], [tick["path_speed_mm_s"]], 1e-3, what)
+    states = topics["joint_states"]
+    for (before_at, before), (_, state), (behind_at, behind) in zip(states, states[1:], states[2:]):
+        passed = zip(before.position, behind.position)
+        speeds = [(end - start) / (behind_at - before_at) * 1e9 for start, end in passed]
+        near(state.velocity, speeds, 1e-6, f"speeds of {of} at {before_at} ns")
     (_, path), = messages[f"/{of}/path"]
     assert len(path.poses) > 100, f"/{of}/path has {len(path.poses)} poses"
+    (_, cloud), = messages[f"/{of}/path_points"]
+    assert [field.name for field in cloud.fields] == ["x", "y", "z", "speed"], cloud.fields
+    points = list(struct.iter_unpack("<4f", bytes(cloud.data)))
+    assert len(points) == cloud.width == len(path.poses), f"/{of}/path_points has {len(points)} points"
+    for (*point, _), pose in zip(points, path.poses):
+        position = pose.pose.position
+        near(point, [position.x, position.y, position.z], 1e-6, f"/{of}/path_points")
+    fastest = max(speed for *_, speed in points)
+    near([1e3 * fastest], [max(tick["path_speed_mm_s"] for tick in ticks)], 1e-3, f"/{of}/path_points")
 
 print(f"{decoded} messages of {len(rows)} runs decoded, each as the table has it")
