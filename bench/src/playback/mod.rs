@@ -57,11 +57,10 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
         }
         let channels = Channels::open(&mut file, of)?;
         // Until it moves for the first time the robot reports its pose in no base in particular.
-        let moved = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0);
-        let way: Vec<_> = moved.map(|(at, tick)| (*at, pose(tick))).collect();
+        let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0).collect();
+        let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, pose(tick))).collect();
         file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
-        let moved = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0);
-        let points: Vec<_> = moved.map(|(_, tick)| point(tick)).collect();
+        let points: Vec<_> = moved.iter().map(|(_, tick)| point(tick)).collect();
         file.write(channels.points, Duration::ZERO, &Message::points(FRAME, &points))?;
         let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| *tick), &motions);
         let joints = arm.joint_states(&ticks);
@@ -71,7 +70,7 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
     // The types are one after the other so far, and players want a file in order of time.
     moments.sort_by_key(|(at, ..)| *at);
     for (at, channels, tick, joints, programmed_mm_s) in moments {
-        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &joints))?;
+        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.names, &joints))?;
         file.write(channels.tool, at, &Message::pose(at, FRAME, &pose(tick)))?;
         file.write(channels.speed, at, &Message::float(f64::from(tick.path_speed_mm_s) / 1e3))?;
         file.write(channels.programmed, at, &Message::float(programmed_mm_s / 1e3))?;
@@ -103,16 +102,17 @@ fn point(tick: &RobotTick) -> [f32; 4] {
 
 /// Which joints there are.
 struct Arm {
-    axes: usize,
+    names: Vec<String>,
     linear: Option<usize>,
 }
 
 impl Arm {
-    const fn of(setup: &Setup) -> Self {
-        match &setup.robot.kinematics {
-            Kinematics::Scara(_) => Self { axes: 4, linear: Some(2) },
-            Kinematics::Opw(_) => Self { axes: 6, linear: None },
-        }
+    fn of(setup: &Setup) -> Self {
+        let (axes, linear) = match &setup.robot.kinematics {
+            Kinematics::Scara(_) => (4, Some(2)),
+            Kinematics::Opw(_) => (6, None),
+        };
+        Self { names: (1..=axes).map(|axis| format!("joint_{axis}")).collect(), linear }
     }
 
     /// The joints in each cycle, their speeds by the difference from the cycle before to the one behind.
@@ -127,9 +127,9 @@ impl Arm {
                     }
                     _ => 0.0,
                 };
-                Joint { name: format!("joint_{}", axis + 1), position: self.value(tick, axis), speed }
+                Joint { position: self.value(tick, axis), speed }
             };
-            (0..self.axes).map(joint).collect()
+            (0..self.names.len()).map(joint).collect()
         };
         ticks.iter().enumerate().map(of_tick).collect()
     }

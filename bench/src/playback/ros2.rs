@@ -78,9 +78,8 @@ pub(super) struct Pose {
 }
 
 /// A joint at an instant.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Joint {
-    pub(super) name: String,
     /// In rad or m.
     pub(super) position: f64,
     /// In rad/s or m/s.
@@ -95,11 +94,11 @@ const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 impl Message {
     /// [`JOINT_STATE`]. Efforts are not known, and left empty.
-    pub(super) fn joint_state(at: Duration, frame: &str, joints: &[Joint]) -> Self {
+    pub(super) fn joint_state(at: Duration, frame: &str, names: &[String], joints: &[Joint]) -> Self {
         let mut message = Self::new();
         message.header(at, frame);
-        message.u32(joints.len() as u32);
-        joints.iter().for_each(|joint| message.string(&joint.name));
+        message.u32(names.len() as u32);
+        names.iter().for_each(|name| message.string(name));
         message.u32(joints.len() as u32);
         joints.iter().for_each(|joint| message.f64(joint.position));
         message.u32(joints.len() as u32);
@@ -203,30 +202,25 @@ impl Message {
 mod tests {
     use super::*;
 
+    fn words(message: &Message) -> String {
+        let hex = |word: &[u8]| word.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        message.as_bytes().chunks(4).map(hex).collect::<Vec<_>>().join(" ")
+    }
+
     #[test]
     fn each_field_stands_at_a_multiple_of_its_size_behind_the_four_bytes() {
-        let joint = |name: &str, position, speed| Joint { name: name.to_owned(), position, speed };
-        let joints = [joint("j1", 1.0, 2.0), joint("j2", -0.5, 0.0)];
-        let message = Message::joint_state(Duration::new(3, 7), "base", &joints);
-        let hex: Vec<String> = message
-            .as_bytes()
-            .chunks(4)
-            .map(|word| word.iter().map(|byte| format!("{byte:02x}")).collect())
-            .collect();
+        let joints = [Joint { position: 1.0, speed: 2.0 }, Joint { position: -0.5, speed: 0.0 }];
+        let names = ["j1", "j2"].map(str::to_owned);
+        let message = Message::joint_state(Duration::new(3, 7), "base", &names, &joints);
         // What each word is: head; stamp; frame with its length and padding; names; positions; speeds; efforts.
-        insta::assert_snapshot!(hex.join(" "), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 02000000 00000000 00000000 00000040 00000000 00000000 00000000");
+        insta::assert_snapshot!(words(&message), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 02000000 00000000 00000000 00000040 00000000 00000000 00000000");
     }
 
     #[test]
     fn a_point_is_sixteen_bytes_behind_the_names_of_what_is_in_them() {
         let message = Message::points("base", &[[1.0, 2.0, 3.0, 0.5]]);
-        let (head, points) = message.as_bytes().split_at(message.as_bytes().len() - 17);
-        assert!(
-            head.ends_with(&[16, 0, 0, 0, 16, 0, 0, 0, 16, 0, 0, 0]),
-            "step, row, and length in bytes: {head:?}"
-        );
-        let values: Vec<_> =
-            points.chunks_exact(4).map(|value| f32::from_le_bytes(value.try_into().unwrap())).collect();
-        assert_eq!((values, points.last()), (vec![1.0, 2.0, 3.0, 0.5], Some(&1)));
+        // Head; stamp; frame; height and width; four fields, each a name with its length and padding, offset, type with
+        // padding, and count; order of bytes with padding; bytes of a point, of a row and of all; the point; dense.
+        insta::assert_snapshot!(words(&message), @"00010000 00000000 00000000 05000000 62617365 00000000 01000000 01000000 04000000 02000000 78000000 00000000 07000000 01000000 02000000 79000000 04000000 07000000 01000000 02000000 7a000000 08000000 07000000 01000000 06000000 73706565 64000000 0c000000 07000000 01000000 00000000 10000000 10000000 10000000 0000803f 00000040 00004040 0000003f 01");
     }
 }

@@ -154,9 +154,9 @@ impl Cable {
         let Some(frames) = &self.frames else { return Ok(()) };
         if !on {
             // What passed until now is seen before nobody wants it any more.
-            let stopped = self.watchers.drain(..).try_for_each(|watcher| watcher.stop().map(drop));
+            let stopped: Vec<_> = self.watchers.drain(..).map(|watcher| watcher.stop().map(drop)).collect();
             frames.want(false);
-            return Ok(stopped?);
+            return Ok(stopped.into_iter().collect::<Result<_, _>>()?);
         }
         frames.want(true);
         if self.middle.is_none() && self.watchers.is_empty() {

@@ -319,8 +319,10 @@ impl Rig {
         // The controller goes first: it releases the connection, and the device sees it go in order.
         let plc = self.end(Which::Plc).await;
         let robot = self.end(Which::Robot).await;
-        let faults = cable.end_capture()?;
-        plc.and(robot).map(|()| Health { faults, ..self.health() })
+        let faults = cable.end_capture();
+        // Why a node did not end well says more than what that did to a capture.
+        plc.and(robot)?;
+        Ok(Health { faults: faults?, ..self.health() })
     }
 }
 

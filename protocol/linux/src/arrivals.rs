@@ -37,7 +37,10 @@ impl ArrivalLog {
     pub fn start(interface: &Interface) -> Result<Self, RecorderError> {
         let name = interface.name().to_owned();
         let failed = |source| RecorderError::Socket { interface: name.clone(), source };
-        let prepare = |socket: &Socket| socket.set_read_timeout(Some(LOOK_UP_AFTER));
+        let prepare = |socket: &Socket| {
+            socket.set_read_timeout(Some(LOOK_UP_AFTER))?;
+            packet_socket::prepare_receive(socket)
+        };
         let socket = packet_socket::open(interface, prepare).map_err(failed)?;
         let (stop, own) = (Arc::new(AtomicBool::new(false)), interface.mac());
         let stopped = Arc::clone(&stop);

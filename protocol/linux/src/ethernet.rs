@@ -55,7 +55,7 @@ impl EthernetSocket {
             None::<Protocol>,
         )
         .map_err(|error| failed(error.into()))?;
-        socket_option::set(&socket, libc::SOL_PACKET, PACKET_IGNORE_OUTGOING, &ON).map_err(failed)?;
+        socket_option::set(&socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON).map_err(failed)?;
         for group in ethernet.groups {
             let mut address = [0; 8];
             for (to, from) in address.iter_mut().zip(group.0) {
@@ -103,9 +103,6 @@ impl EthernetSocket {
             || self.groups.iter().any(|group| group.0 == *destination)
     }
 }
-
-/// `linux/if_packet.h`; the libc crate has it for newer versions only.
-pub(crate) const PACKET_IGNORE_OUTGOING: libc::c_int = 23;
 
 /// How the kernel sorted the frame: for us, broadcast, multicast, or somebody else's.
 fn packet_type(address: &SocketAddrAny) -> Option<u8> {

@@ -1,4 +1,4 @@
-//! Sockets that hear all that passes an interface, in both directions as the kernel has it.
+//! Packet sockets, and what hears all that passes an interface, in both directions as the kernel has it.
 //!
 //! An 802.1Q tag that the kernel took off a received frame is put back.
 
@@ -57,13 +57,17 @@ pub(crate) fn open(
 ) -> io::Result<Socket> {
     // Protocol 0 hears nothing until it is bound: so no frame of another interface gets in before that.
     let socket = Socket::new(Domain::PACKET, Type::RAW, None)?;
-    // The buffer is a wish: without CAP_NET_ADMIN the kernel cuts it to its limit.
-    let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
     socket_option::set(&socket, libc::SOL_SOCKET, libc::SO_TIMESTAMPNS, &ON)?;
-    socket_option::set(&socket, libc::SOL_PACKET, libc::PACKET_AUXDATA, &ON)?;
     prepare(&socket)?;
     bind(&socket, interface, libc::ETH_P_ALL as u16)?;
     Ok(socket)
+}
+
+/// Prepares a socket for [`receive`].
+pub(crate) fn prepare_receive(socket: &Socket) -> io::Result<()> {
+    // The buffer is a wish: without CAP_NET_ADMIN the kernel cuts it to its limit.
+    let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
+    socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_AUXDATA, &ON)
 }
 
 /// Makes a packet socket hear frames of this EtherType on this interface, and send there.
@@ -84,14 +88,14 @@ pub(crate) fn bind(socket: impl AsFd, interface: &Interface, ethertype: u16) -> 
 }
 
 /// Waits for a frame.
-pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut FrameBuffer) -> io::Result<Packet<'a>> {
+pub(crate) fn receive<'a>(socket: &Socket, buffer: &'a mut FrameBuffer) -> io::Result<Packet<'a>> {
     let mut control = [0_u64; 16];
     let mut since_1970 = None;
     let mut tag = None;
     // SAFETY: all zero is a valid sockaddr_ll.
     let mut address: libc::sockaddr_ll = unsafe { std::mem::zeroed() };
     let len = {
-        let mut slice = IoSliceMut::new(buf.room());
+        let mut slice = IoSliceMut::new(buffer.room());
         // SAFETY: all zero is a valid msghdr.
         let mut message: libc::msghdr = unsafe { std::mem::zeroed() };
         message.msg_name = (&raw mut address).cast();
@@ -132,5 +136,5 @@ pub(crate) fn receive<'a>(socket: &Socket, buf: &'a mut FrameBuffer) -> io::Resu
     let sent = Some(address.sll_pkttype == libc::PACKET_OUTGOING);
     let since_1970 = since_1970
         .unwrap_or_else(|| SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default());
-    Ok(Packet { since_1970, sent, data: buf.frame(len, tag), comment: None })
+    Ok(Packet { since_1970, sent, data: buffer.frame(len, tag), comment: None })
 }

@@ -25,22 +25,24 @@ impl TestCable {
         };
         let cable = Self { near: new(), far: new() };
         veth::connect(&cable.near, "near0", &cable.far, "far0").unwrap();
-        cable.at_near(|interface| interface.set_up().unwrap());
-        cable.at_far(|interface| interface.set_up().unwrap());
+        cable.near("near0", |near| near.set_up().unwrap());
+        cable.far(|far| far.set_up().unwrap());
         cable
     }
 
-    pub(crate) fn at_near<T: Send>(&self, job: impl FnOnce(&Interface) -> T + Send) -> T {
-        self.near.run(|| job(&Interface::open("near0").unwrap())).unwrap()
+    /// At the near end, whose interface is `near0`; `lo` is there too.
+    pub(crate) fn near<T: Send>(&self, interface: &str, job: impl FnOnce(&Interface) -> T + Send) -> T {
+        self.near.run(|| job(&Interface::open(interface).unwrap())).unwrap()
     }
 
-    pub(crate) fn at_far<T: Send>(&self, job: impl FnOnce(&Interface) -> T + Send) -> T {
+    /// At the far end.
+    pub(crate) fn far<T: Send>(&self, job: impl FnOnce(&Interface) -> T + Send) -> T {
         self.far.run(|| job(&Interface::open("far0").unwrap())).unwrap()
     }
 
     /// Sends numbered frames from the near end, each with `before_type` behind the addresses.
     pub(crate) fn send(&self, numbers: std::ops::Range<u32>, before_type: &[u8]) {
-        self.at_near(|interface| {
+        self.near("near0", |interface| {
             let socket = Socket::new(Domain::PACKET, Type::RAW, None).unwrap();
             packet_socket::bind(socket.as_fd(), interface, ETHERTYPE).unwrap();
             for number in numbers {

@@ -58,17 +58,19 @@ for of, ticks in rows.items():
     for (before_at, before), (_, state), (behind_at, behind) in zip(states, states[1:], states[2:]):
         passed = zip(before.position, behind.position)
         speeds = [(end - start) / (behind_at - before_at) * 1e9 for start, end in passed]
-        near(state.velocity, speeds, 1e-6, f"speeds of {of} at {before_at} ns")
+        near(state.velocity, speeds, 1e-6, f"speeds of {of} between {before_at} and {behind_at} ns")
     (_, path), = messages[f"/{of}/path"]
     assert len(path.poses) > 100, f"/{of}/path has {len(path.poses)} poses"
     (_, cloud), = messages[f"/{of}/path_points"]
-    assert [field.name for field in cloud.fields] == ["x", "y", "z", "speed"], cloud.fields
+    fields = [(field.name, field.offset, field.datatype, field.count) for field in cloud.fields]
+    assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), ("speed", 12, 7, 1)], fields
+    assert (cloud.height, cloud.point_step, cloud.is_bigendian, cloud.is_dense) == (1, 16, False, True), cloud
     points = list(struct.iter_unpack("<4f", bytes(cloud.data)))
     assert len(points) == cloud.width == len(path.poses), f"/{of}/path_points has {len(points)} points"
-    for (*point, _), pose in zip(points, path.poses):
+    # The path begins where the arm does, and ends with the table.
+    for (*point, speed), pose, tick in zip(points, path.poses, ticks[-len(points):]):
         position = pose.pose.position
         near(point, [position.x, position.y, position.z], 1e-6, f"/{of}/path_points")
-    fastest = max(speed for *_, speed in points)
-    near([1e3 * fastest], [max(tick["path_speed_mm_s"] for tick in ticks)], 1e-3, f"/{of}/path_points")
+        near([1e3 * speed], [tick["path_speed_mm_s"]], 1e-3, f"/{of}/path_points")
 
 print(f"{decoded} messages of {len(rows)} runs decoded, each as the table has it")

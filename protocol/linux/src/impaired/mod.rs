@@ -29,7 +29,6 @@ use rustix::io::Errno;
 use socket2::Socket;
 
 use crate::capture::Note;
-use crate::ethernet::PACKET_IGNORE_OUTGOING;
 use crate::packet_socket::{self, FrameBuffer};
 use crate::recorder::RecorderError;
 use crate::socket_option::{self, ON};
@@ -167,7 +166,8 @@ impl Drop for ImpairedCable {
 fn open(interface: &Interface) -> Result<Socket, PortError> {
     let opened = packet_socket::open(interface, |socket| {
         socket.set_nonblocking(true)?;
-        socket_option::set(socket, libc::SOL_PACKET, PACKET_IGNORE_OUTGOING, &ON)
+        packet_socket::prepare_receive(socket)?;
+        socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON)
     });
     opened.map_err(|reason| PortError::ethernet(interface.name(), reason))
 }
