@@ -182,8 +182,8 @@ impl Seen {
             return costs;
         }
         outln!(
-            "Setup {}, seconds of {} in pairs: {pairs}; limit {:+.0} % of the p99 cycle lateness; medians of the seconds, and \
-             of the pairs' ratios:",
+            "Setup {}, seconds of {} in pairs: {pairs}; limit {:+.0} % of the p99 cycle lateness; medians of the seconds, \
+             and of the pairs' ratios:",
             setup.name,
             options.execution_type,
             (LIMIT - 1.0) * 100.0

@@ -154,9 +154,9 @@ impl Cable {
         let Some(frames) = &self.frames else { return Ok(()) };
         if !on {
             // What passed until now is seen before nobody wants it any more.
-            let stopped: Vec<_> = self.watchers.drain(..).map(|watcher| watcher.stop().map(drop)).collect();
+            let stopped = all(self.watchers.drain(..).map(|watcher| watcher.stop().map(drop)));
             frames.want(false);
-            return Ok(stopped.into_iter().collect::<Result<_, _>>()?);
+            return Ok(stopped?);
         }
         frames.want(true);
         if self.middle.is_none() && self.watchers.is_empty() {
@@ -176,15 +176,13 @@ impl Cable {
     /// Ends whoever listens in, so that the last frame is in the file. Says what came of the faults until then.
     pub(super) fn end_capture(&mut self) -> Result<Option<FaultReport>, RigError> {
         let watched = self.watch(false);
-        let ended: Vec<_> = self
-            .recorders
-            .drain(..)
-            .map(|recorder| if self.discarded { recorder.discard() } else { recorder.stop().map(drop) })
-            .collect();
+        let end =
+            |recorder: Recorder| if self.discarded { recorder.discard() } else { recorder.stop().map(drop) };
+        let ended = all(self.recorders.drain(..).map(end));
         let middle = self.middle.take().map(|middle| middle.stop(!self.discarded)).transpose();
         watched?;
         let faults = middle?.map(|stopped| FaultReport::new(&self.faults, stopped.counters));
-        ended.into_iter().collect::<Result<(), _>>()?;
+        ended?;
         Ok(faults)
     }
 }
@@ -194,6 +192,11 @@ impl Drop for Cable {
         // A run that failed is when the capture is wanted most.
         let _ = self.end_capture();
     }
+}
+
+/// The first error, once all are through.
+fn all<E>(results: impl Iterator<Item = Result<(), E>>) -> Result<(), E> {
+    results.fold(Ok(()), Result::and)
 }
 
 fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> Result<CaptureFile, RecorderError> {

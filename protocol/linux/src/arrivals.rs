@@ -41,7 +41,7 @@ impl ArrivalLog {
             socket.set_read_timeout(Some(LOOK_UP_AFTER))?;
             packet_socket::prepare_receive(socket)
         };
-        let socket = packet_socket::open(interface, prepare).map_err(failed)?;
+        let socket = packet_socket::open(interface, packet_socket::ALL, prepare).map_err(failed)?;
         let (stop, own) = (Arc::new(AtomicBool::new(false)), interface.mac());
         let stopped = Arc::clone(&stop);
         let listen = move || {

@@ -5,13 +5,11 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use protocol::profinet::dcp::{HELLO_MULTICAST, IDENTIFY_MULTICAST};
 use protocol::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac};
 use rustix::io::Errno;
-use rustix::net::{
-    AddressFamily, Protocol, RecvFlags, SendFlags, SocketAddrAny, SocketFlags, SocketType, recvfrom, send,
-    socket_with,
-};
+use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrAny, recvfrom, send};
+use socket2::Socket;
 
 use crate::socket_option::{self, ON};
-use crate::{Interface, PortError, Received, packet_socket};
+use crate::{Interface, PortError, Received, packet_socket, plain};
 
 const BROADCAST: [u8; 6] = [0xFF; 6];
 
@@ -46,32 +44,24 @@ pub(crate) struct EthernetSocket {
 
 impl EthernetSocket {
     pub(crate) fn open(interface: &Interface, ethernet: Ethernet) -> Result<Self, PortError> {
-        let failed = |reason: std::io::Error| PortError::ethernet(interface.name(), reason);
-        // Protocol 0 hears nothing until it is bound: so no frame of another interface gets in before that.
-        let socket = socket_with(
-            AddressFamily::PACKET,
-            SocketType::RAW,
-            SocketFlags::CLOEXEC | SocketFlags::NONBLOCK,
-            None::<Protocol>,
-        )
-        .map_err(|error| failed(error.into()))?;
-        socket_option::set(&socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON).map_err(failed)?;
-        for group in ethernet.groups {
-            let mut address = [0; 8];
-            for (to, from) in address.iter_mut().zip(group.0) {
-                *to = from;
+        let prepare = |socket: &Socket| {
+            socket.set_nonblocking(true)?;
+            socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON)?;
+            for group in ethernet.groups {
+                let mut request: libc::packet_mreq = plain::zeroed();
+                request.mr_ifindex = interface.index() as i32;
+                request.mr_type = libc::PACKET_MR_MULTICAST as u16;
+                request.mr_alen = 6;
+                for (to, from) in request.mr_address.iter_mut().zip(group.0) {
+                    *to = from;
+                }
+                socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &request)?;
             }
-            let request = libc::packet_mreq {
-                mr_ifindex: interface.index() as i32,
-                mr_type: libc::PACKET_MR_MULTICAST as u16,
-                mr_alen: 6,
-                mr_address: address,
-            };
-            socket_option::set(&socket, libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &request)
-                .map_err(failed)?;
-        }
-        packet_socket::bind(&socket, interface, ethernet.ethertype).map_err(failed)?;
-        Ok(Self { socket, mac: interface.mac(), groups: ethernet.groups })
+            Ok(())
+        };
+        let socket = packet_socket::open(interface, ethernet.ethertype, prepare)
+            .map_err(|reason| PortError::ethernet(interface.name(), reason))?;
+        Ok(Self { socket: socket.into(), mac: interface.mac(), groups: ethernet.groups })
     }
 
     pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {

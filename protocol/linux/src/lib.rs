@@ -35,6 +35,8 @@ mod notifier;
 pub mod output;
 mod packet_ring;
 mod packet_socket;
+mod plain;
+mod received_message;
 mod recorder;
 pub mod report;
 pub mod scheduling;

@@ -38,7 +38,8 @@ impl PacketRing {
     pub(crate) fn open(interface: &Interface, slots: usize) -> io::Result<Self> {
         let blocks = (slots * SLOT).div_ceil(BLOCK);
         let slots = blocks * BLOCK / SLOT;
-        let socket = packet_socket::open(interface, |socket| {
+        let socket = packet_socket::open(interface, packet_socket::ALL, |socket| {
+            packet_socket::tell_instants(socket)?;
             let version = libc::tpacket_versions::TPACKET_V2 as libc::c_int;
             socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_VERSION, &version)?;
             let wanted = libc::tpacket_req {
@@ -104,9 +105,9 @@ impl PacketRing {
         if let Some(error) = self.socket.take_error()? {
             return Err(error);
         }
-        // struct tpacket_stats: all packets, and those dropped.
-        let [_, dropped] = socket_option::words(&self.socket, libc::SOL_PACKET, libc::PACKET_STATISTICS)?;
-        Ok(dropped.into())
+        let counted: libc::tpacket_stats =
+            socket_option::get(&self.socket, libc::SOL_PACKET, libc::PACKET_STATISTICS)?;
+        Ok(counted.tp_drops.into())
     }
 }
 

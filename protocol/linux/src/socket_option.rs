@@ -3,11 +3,13 @@
 use std::io;
 use std::os::fd::{AsFd, AsRawFd as _};
 
+use crate::plain::{self, Plain};
+
 /// On, for an option that is a switch.
 pub(crate) const ON: libc::c_int = 1;
 
-/// Sets an option to a plain C structure.
-pub(crate) fn set<T: Copy>(
+/// Sets an option.
+pub(crate) fn set<T: Plain>(
     socket: impl AsFd,
     level: libc::c_int,
     name: libc::c_int,
@@ -19,16 +21,11 @@ pub(crate) fn set<T: Copy>(
     if result < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }
 
-/// Asks for an option that is so many 32-bit words.
-pub(crate) fn words<const N: usize>(
-    socket: impl AsFd,
-    level: libc::c_int,
-    name: libc::c_int,
-) -> io::Result<[u32; N]> {
-    let (mut words, mut len) = ([0_u32; N], size_of::<[u32; N]>() as libc::socklen_t);
-    // SAFETY: the socket is open; the words live over the call, their true size is given, and any bytes make a number.
-    let result = unsafe {
-        libc::getsockopt(socket.as_fd().as_raw_fd(), level, name, words.as_mut_ptr().cast(), &raw mut len)
-    };
-    if result < 0 { Err(io::Error::last_os_error()) } else { Ok(words) }
+/// Asks for an option.
+pub(crate) fn get<T: Plain>(socket: impl AsFd, level: libc::c_int, name: libc::c_int) -> io::Result<T> {
+    let (mut value, mut len) = (plain::zeroed::<T>(), size_of::<T>() as libc::socklen_t);
+    let socket = socket.as_fd().as_raw_fd();
+    // SAFETY: the socket is open; the value lives over the call, its true size is given, and any bytes make it.
+    let result = unsafe { libc::getsockopt(socket, level, name, (&raw mut value).cast(), &raw mut len) };
+    if result < 0 { Err(io::Error::last_os_error()) } else { Ok(value) }
 }

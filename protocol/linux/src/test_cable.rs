@@ -1,9 +1,6 @@
 //! A cable of a test's own, in networks that vanish with it.
 
-use std::os::fd::AsFd as _;
-
 use protocol::profinet::ethernet::Mac;
-use socket2::{Domain, Socket, Type};
 
 use crate::namespace::NetworkNamespace;
 use crate::{Interface, packet_socket, veth};
@@ -43,8 +40,7 @@ impl TestCable {
     /// Sends numbered frames from the near end, each with `before_type` behind the addresses.
     pub(crate) fn send(&self, numbers: std::ops::Range<u32>, before_type: &[u8]) {
         self.near("near0", |interface| {
-            let socket = Socket::new(Domain::PACKET, Type::RAW, None).unwrap();
-            packet_socket::bind(socket.as_fd(), interface, ETHERTYPE).unwrap();
+            let socket = packet_socket::open(interface, ETHERTYPE, |_| Ok(())).unwrap();
             for number in numbers {
                 socket.send(&frame(interface.mac(), before_type, number)).unwrap();
             }

@@ -2,14 +2,15 @@
 
 use std::cell::Cell;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
-use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd};
 
 use rustix::io::Errno;
 use rustix::net::{SendFlags, sendto};
 use socket2::{Domain, InterfaceIndexOrAddress, Protocol, SockRef, Socket, Type};
 
+use crate::received_message::{self, ReceivedMessage};
 use crate::socket_option::{self, ON};
-use crate::{Interface, PortError, Received};
+use crate::{Interface, PortError, Received, plain};
 
 /// What to listen to over UDP.
 #[derive(Clone, Copy, Debug)]
@@ -80,29 +81,21 @@ impl UdpPort {
     }
 
     pub(crate) fn receive(&self, buf: &mut [u8]) -> Result<Received, Errno> {
-        let mut control = [0_u64; 8];
-        let mut slice = std::io::IoSliceMut::new(buf);
-        // SAFETY: all zero is a valid sockaddr_in and a valid msghdr.
-        let (mut from, mut message): (libc::sockaddr_in, libc::msghdr) = unsafe { std::mem::zeroed() };
-        message.msg_name = (&raw mut from).cast();
-        message.msg_namelen = size_of_val(&from) as libc::socklen_t;
-        message.msg_iov = (&raw mut slice).cast();
-        message.msg_iovlen = 1;
-        message.msg_control = control.as_mut_ptr().cast();
-        message.msg_controllen = size_of_val(&control) as _;
-        // SAFETY: the message points at buffers that live over the call, with their sizes; IoSliceMut has the layout
-        // of iovec.
-        let len = unsafe { libc::recvmsg(self.socket.as_raw_fd(), &raw mut message, libc::MSG_DONTWAIT) };
-        let Ok(len) = usize::try_from(len) else {
-            let error = std::io::Error::last_os_error();
-            return Err(Errno::from_io_error(&error).unwrap_or(Errno::IO));
-        };
-        if message.msg_flags & libc::MSG_TRUNC != 0 || from.sin_family != libc::AF_INET as libc::sa_family_t {
+        let mut to_all = false;
+        let received =
+            received_message::receive::<libc::sockaddr_in>(&self.socket, buf, libc::MSG_DONTWAIT, |told| {
+                if told.kind == (libc::IPPROTO_IP, libc::IP_PKTINFO) {
+                    to_all = plain::read(told.data).is_some_and(is_to_all);
+                }
+            });
+        let ReceivedMessage { len, from, is_cut } =
+            received.map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
+        if is_cut || from.sin_family != libc::AF_INET as libc::sa_family_t {
             return Ok(Received::Discarded);
         }
         let ip = Ipv4Addr::from_bits(u32::from_be(from.sin_addr.s_addr));
         let peer = Some(SocketAddrV4::new(ip, u16::from_be(from.sin_port)));
-        Ok(Received::Frame { len, peer, to_all: is_broadcast(&message) })
+        Ok(Received::Frame { len, peer, to_all })
     }
 }
 
@@ -113,20 +106,7 @@ fn tell_destinations(socket: &Socket) -> std::io::Result<()> {
 
 /// Whether a received datagram was sent to every station: to an address that is neither this host's own nor a
 /// multicast group's.
-fn is_broadcast(message: &libc::msghdr) -> bool {
-    // SAFETY: the kernel filled the control buffer and set its length; CMSG_NXTHDR stays within it.
-    let mut header = unsafe { libc::CMSG_FIRSTHDR(message) };
-    while !header.is_null() {
-        // SAFETY: `header` points at a header within the control buffer, which is aligned for it.
-        let (level, kind) = unsafe { ((*header).cmsg_level, (*header).cmsg_type) };
-        if (level, kind) == (libc::IPPROTO_IP, libc::IP_PKTINFO) {
-            // SAFETY: as above; a message of this type carries an in_pktinfo behind its header.
-            let info = unsafe { libc::CMSG_DATA(header).cast::<libc::in_pktinfo>().read_unaligned() };
-            let sent_to = Ipv4Addr::from_bits(u32::from_be(info.ipi_addr.s_addr));
-            return !sent_to.is_multicast() && info.ipi_addr.s_addr != info.ipi_spec_dst.s_addr;
-        }
-        // SAFETY: `message` and `header` are as the kernel left them.
-        header = unsafe { libc::CMSG_NXTHDR(message, header) };
-    }
-    false
+fn is_to_all(info: libc::in_pktinfo) -> bool {
+    let sent_to = Ipv4Addr::from_bits(u32::from_be(info.ipi_addr.s_addr));
+    !sent_to.is_multicast() && info.ipi_addr.s_addr != info.ipi_spec_dst.s_addr
 }

@@ -164,7 +164,7 @@ impl Drop for ImpairedCable {
 }
 
 fn open(interface: &Interface) -> Result<Socket, PortError> {
-    let opened = packet_socket::open(interface, |socket| {
+    let opened = packet_socket::open(interface, packet_socket::ALL, |socket| {
         socket.set_nonblocking(true)?;
         packet_socket::prepare_receive(socket)?;
         socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON)
