@@ -10,8 +10,10 @@
 //! has, whatever the speed; the speed then gets all that is left. So a higher programmed speed never makes a motion
 //! slower.
 
+use arrayvec::ArrayVec;
+
 use super::curve::Curve;
-use super::derivatives::{Channel, Derivatives, PLACES, SHARES, Samples, largest, most};
+use super::derivatives::{Channel, Derivatives, NODES, PLACES, SHARES, Samples, largest, most};
 use super::profile::Limits;
 use super::segment::Segment;
 use super::spline::Spline;
@@ -38,8 +40,27 @@ const ACROSS: f64 = 0.8;
 const CHANGING: f64 = 0.6;
 const TURNING: f64 = 0.4;
 
-/// The joints at the end of a curve that starts at `from`, and the programmed limits, reduced to what tool and joints
-/// can follow along all of it.
+/// How far a rotary joint may be turned from where it is in a corner, in degrees, within the zone of that corner. Up to
+/// half a turn, the joints of a place are those that lie nearest to the corner's; the rest is for what the samples do not
+/// show.
+const UNAMBIGUOUS_DEG: f64 = 150.0;
+
+/// What the arm does on a curve.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Followed {
+    /// The joints at its end.
+    pub(super) end: Joints,
+    /// The programmed limits, reduced to what tool and joints can follow along all of it.
+    pub(super) limits: Limits,
+    /// What corners at its start and at its end may take of it at most, in the curve's unit: half of it, and no more than
+    /// where the joints are still told by those of the corner.
+    pub(super) zones: [f64; 2],
+}
+
+/// The ways along a curve that were looked at, and the joints there.
+type Trail = ArrayVec<(f64, Joints), { PIECES as usize * NODES }>;
+
+/// Follows a curve that starts at the joints `from`.
 ///
 /// # Errors
 ///
@@ -49,7 +70,8 @@ pub(super) fn along(
     from: &Joints,
     programmed: Limits,
     arm: &Arm,
-) -> Result<(Joints, Limits), Violation> {
+) -> Result<Followed, Violation> {
+    let mut trail = Trail::new();
     let mut found = Found { limits: programmed, slowest_axis: 1 };
     let is_cut = matches!(curve, Curve::Arc(arc) if arc.opening_deg() > RESOLVED_ARC_DEG);
     let (mut joints, mut done, mut size) = (*from, 0, if is_cut { 1 } else { PIECES });
@@ -78,13 +100,39 @@ pub(super) fn along(
             continue;
         }
         derivatives.within_range(width, arm)?;
+        (0..NODES).for_each(|node| trail.push((start + SHARES[node] * width, samples.joints(node))));
         (found, joints, done) = (next, end, done + size);
     }
     let Found { limits, slowest_axis } = found;
     if limits.speed < programmed.speed * SINGULAR_SHARE {
         return Err(Violation::Singular { axis: slowest_axis, share: limits.speed / programmed.speed });
     }
-    Ok((joints, limits))
+    let length = curve.length();
+    let from_start = unambiguous(from, trail.iter().map(|(way, joints)| (*way, joints)), length / 2.0, arm);
+    let from_end = trail.iter().rev().map(|(way, joints)| (length - way, joints));
+    let zones = [from_start, unambiguous(&joints, from_end, length / 2.0, arm)];
+    Ok(Followed { end: joints, limits, zones })
+}
+
+/// How far from a corner, at most `half`, no rotary joint turns by more than [`UNAMBIGUOUS_DEG`] from where it is in the
+/// corner. `trail` leads away from there.
+fn unambiguous<'a>(
+    corner: &Joints,
+    trail: impl Iterator<Item = (f64, &'a Joints)>,
+    half: f64,
+    arm: &Arm,
+) -> f64 {
+    let mut free = 0.0;
+    for (way, joints) in trail {
+        if arm.largest_turn(corner, joints).1 > UNAMBIGUOUS_DEG {
+            return free;
+        }
+        if way >= half {
+            break;
+        }
+        free = way;
+    }
+    half
 }
 
 /// The largest turn of a joint from one sample to the next: after which way, which joint, from 1, and by how many
@@ -258,7 +306,7 @@ fn speed_within_jerk(mut speed: f64, linear: f64, cubic: f64, jerk: f64) -> f64 
 #[must_use]
 pub(super) fn reshaped(segment: &Segment, spline: Spline, from: &Joints, arm: &Arm) -> Option<Segment> {
     let curve = Curve::Spline(spline);
-    let (end, limits) = along(&curve, from, spline.programmed(), arm).ok()?;
+    let Followed { end, limits, zones } = along(&curve, from, spline.programmed(), arm).ok()?;
     let same_turns = end.iter().zip(&segment.end).all(|(one, other)| (one - other).abs() < 1e-3);
-    same_turns.then_some(Segment { curve, end, limits, ..*segment })
+    same_turns.then_some(Segment { curve, end, limits, zones, ..*segment })
 }

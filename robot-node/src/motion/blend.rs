@@ -20,7 +20,7 @@ use super::curve::{Curve, Flange};
 use super::derivatives::{Channel, Derivatives, NODES, SHARES, Samples, most};
 use super::profile::Limits;
 use super::segment::Segment;
-use crate::arm::{AXES, Arm, Frame, Joints, Violation, distance};
+use crate::arm::{AXES, Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 
 /// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of h at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
@@ -71,7 +71,7 @@ impl Blend {
     ) -> Option<Self> {
         let (leaving, entering) =
             (Approach::new(first, End::Last, arm), Approach::new(second, End::First, arm));
-        // What both motions allow: the first one's approximation distance, and at most half of either motion.
+        // What both motions allow: the first one's approximation distance, and at most the zones of either motion.
         let allowed_mm = first.approximation_mm.min(leaving.half_mm).min(entering.half_mm);
         let mut distance_mm = share * allowed_mm;
         // A sum over joints is not quite a sum of the tool's ways: take a smaller one if it would leave the corner.
@@ -109,8 +109,10 @@ impl Blend {
             return arm.follow(&flange.when_tool_at(tool), near);
         }
         let [(from, to)] = self.ways(first, &[w]);
-        let one = first.curve.joints(from, arm, near)?;
-        let two = second.curve.joints(to, arm, near)?;
+        // Within its zone either motion has the joints that lie nearest to the corner's. The sum of both may be far from
+        // those of either.
+        let one = first.curve.joints(from, arm, &first.end)?;
+        let two = second.curve.joints(to, arm, &first.end)?;
         let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
         arm.within_range(&joints)?;
         Ok(joints)
@@ -159,8 +161,17 @@ impl Blend {
             if !is_border && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);
             }
+            // Between both motions the arm may turn over into another configuration, though on neither of them.
+            let turns_over = node > 0 && arm.largest_turn(&near, &joints).1 > TURNED_OVER_DEG;
+            if tools.is_some() && turns_over {
+                return Err(Unfit::Arm);
+            }
             samples.set(node, &joints, &tool);
             near = joints;
+        }
+        // The corner ends with the joints of the second motion, not a turn away from them.
+        if tools.is_some() && arm.largest_turn(&first.end, &near).1 > 180.0 {
+            return Err(Unfit::Arm);
         }
         let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
         let mut corner = Derivatives::NONE;
@@ -292,7 +303,7 @@ struct Approach<'a> {
     arm: &'a Arm,
     /// The tool at the corner, in the root.
     corner: [f64; 3],
-    /// Half of the motion, which is the most that it gives to the corner, in its curve's unit.
+    /// The most that the motion gives to the corner, half of it as a rule, in its curve's unit.
     half: f64,
     /// How far from the corner that is, in mm.
     half_mm: f64,
@@ -300,7 +311,10 @@ struct Approach<'a> {
 
 impl<'a> Approach<'a> {
     fn new(segment: &'a Segment, end: End, arm: &'a Arm) -> Self {
-        let half = segment.curve.length() / 2.0;
+        let half = match end {
+            End::First => segment.zones[0],
+            End::Last => segment.zones[1],
+        };
         let mut approach = Self { segment, end, arm, corner: [0.0; 3], half, half_mm: 0.0 };
         approach.corner = approach.place(0.0);
         approach.half_mm = approach.distance_at(half);

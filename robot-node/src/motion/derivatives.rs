@@ -36,6 +36,11 @@ impl Samples {
             channel[node] = *value;
         }
     }
+
+    /// The joints at one of the samples.
+    pub(super) fn joints(&self, node: usize) -> Joints {
+        core::array::from_fn(|axis| self.0[axis][node])
+    }
 }
 
 /// By order: the first, second and third derivative.

@@ -2,7 +2,7 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind};
 
-use super::along::along;
+use super::along::{Followed, along};
 use super::arc::Arc;
 use super::curve::{AxisLine, Curve, Flange, Line};
 use super::profile::Limits;
@@ -19,6 +19,8 @@ pub struct Segment {
     pub end: Joints,
     /// Highest speed, acceleration and jerk along the curve, in the curve's unit.
     pub limits: Limits,
+    /// What corners at its start and at its end may take of it at most, in the curve's unit.
+    pub zones: [f64; 2],
     /// How far from its end it may leave its curve, in mm.
     pub approximation_mm: f64,
     /// The share of the axes' rated accelerations and jerks that it may use, 0…1.
@@ -100,7 +102,7 @@ impl Segment {
                     Curve::Line(line)
                 }
             };
-            let (curve, (end, limits)) = match going_on(before, &curve) {
+            let (curve, Followed { end, limits, zones }) = match going_on(before, &curve) {
                 // Where the arm cannot follow the bend, the line that it may stop before is what counts.
                 Some(bent) => match along(&bent, from, programmed, arm) {
                     Ok(found) => (bent, found),
@@ -113,6 +115,7 @@ impl Segment {
                 curve,
                 end,
                 limits,
+                zones,
                 approximation_mm,
                 axis_share: 1.0,
                 tool_acceleration,
@@ -138,6 +141,7 @@ impl Segment {
                 curve,
                 end,
                 limits,
+                zones: [curve.length() / 2.0; 2],
                 approximation_mm,
                 axis_share,
                 tool_acceleration,
