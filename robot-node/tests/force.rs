@@ -45,6 +45,31 @@ fn as_a_single_skill_it_is_done_when_the_force_stands_and_then_holds_it() {
 }
 
 #[test]
+fn the_tool_goes_at_the_programmed_speed_and_never_faster() {
+    for tenths_mm_s in [1, 10, 50, 73, 100] {
+        for percent in [20, 100] {
+            let mut robot = above_the_seat();
+            robot.command.override_percent = percent;
+            robot.call(
+                Skill::MoveLinForceCartesian,
+                vec![Motion { velocity: tenths_mm_s, ..press(5.0, 25.0) }],
+            );
+            let programmed = f64::from(tenths_mm_s) / 10.0 * f64::from(percent) / 100.0;
+            let (mut fastest, mut before) = (0.0_f64, robot.controller.joints()[2]);
+            // A second of the approach: on this arm joint 3 is the tool's height.
+            for _ in 0..250 {
+                robot.tick();
+                let height = robot.controller.joints()[2];
+                fastest = fastest.max((before - height) / 0.004);
+                before = height;
+            }
+            let share = fastest / programmed;
+            assert!((0.999..1.000_001).contains(&share), "{fastest} mm/s for {programmed} mm/s");
+        }
+    }
+}
+
+#[test]
 fn on_any_surface_up_to_the_stiffest_it_settles_and_presses_no_harder_than_wanted() {
     for stiffness in [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 35.0, 50.0] {
         for (force, tenths_mm_s) in [(2.0, 10), (2.0, 18), (25.0, 10), (25.0, 100), (100.0, 200)] {

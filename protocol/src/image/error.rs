@@ -57,6 +57,12 @@ codes! {
         ForceDirection = 23,
         /// The line came to its end, and the contact force was not there.
         ForceNotReached = 24,
+        /// The next robot cycle would move a joint faster than it is rated for; the arm braked instead.
+        JointSpeed = 25,
+        /// The same with a joint's acceleration.
+        JointAcceleration = 26,
+        /// The same with a joint's jerk.
+        JointJerk = 27,
     }
 }
 
@@ -88,6 +94,9 @@ impl fmt::Display for ErrorNumber {
             Self::ForceOutOfRange => "the force is zero or above what the robot may press with",
             Self::ForceDirection => "the force does not point along the line",
             Self::ForceNotReached => "an end of the line was reached without the contact force",
+            Self::JointSpeed => "a joint would move faster than it is rated for",
+            Self::JointAcceleration => "a joint would accelerate faster than it is rated for",
+            Self::JointJerk => "a joint would change its acceleration faster than it is rated for",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

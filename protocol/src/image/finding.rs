@@ -25,6 +25,7 @@ use super::ErrorNumber;
 /// | `ForceOutOfRange` | | in N | above 0, at most |
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
 /// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
+/// | `JointSpeed`, `JointAcceleration`, `JointJerk` | joint, from 1 | in degrees (mm) and s | 0, what it is rated for |
 ///
 /// The figures are kept as their bits, so that findings can be compared and hashed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -147,6 +148,15 @@ impl fmt::Display for InWords {
             }
             ErrorNumber::ForceNotReached => {
                 write!(f, " (found {value} N of {lower} N after {upper} mm)")
+            }
+            ErrorNumber::JointSpeed => {
+                write!(f, " (joint {index}: {value} degrees or mm per s, it is rated for {upper})")
+            }
+            ErrorNumber::JointAcceleration => {
+                write!(f, " (joint {index}: {value} degrees or mm per s², it is rated for {upper})")
+            }
+            ErrorNumber::JointJerk => {
+                write!(f, " (joint {index}: {value} degrees or mm per s³, it is rated for {upper})")
             }
             _ => write!(f, " (it is {value}, allowed is {lower} to {upper})"),
         }

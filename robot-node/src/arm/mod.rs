@@ -15,8 +15,8 @@ pub(crate) use frame::{cross, dot};
 pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
 pub use surface::{Surface, contact_force};
-pub use violation::Violation;
 pub(crate) use violation::{LEAST_WAY_MM, SINGULAR_SHARE, TURNED_OVER_DEG};
+pub use violation::{Rated, Violation};
 
 /// Joints that an arm has at most. Those that an arm lacks stay 0.
 pub const AXES: usize = 6;

@@ -1,5 +1,7 @@
 //! Why a motion cannot be run: the quantity, what it is and what it may be.
 
+use core::fmt;
+
 use protocol::image::{ErrorNumber, Finding};
 
 /// A joint that would turn by more than this, in degrees, from one sample of a curve's finest piece to the next does not
@@ -11,6 +13,27 @@ pub(crate) const SINGULAR_SHARE: f64 = 0.01;
 
 /// Shorter than this, in mm, is no way: single precision on the wire leaves some micrometres.
 pub(crate) const LEAST_WAY_MM: f64 = 1e-3;
+
+/// What an axis is rated for besides its range.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Rated {
+    /// In degrees (mm) per second.
+    Speed,
+    /// In degrees (mm) per second².
+    Acceleration,
+    /// In degrees (mm) per second³.
+    Jerk,
+}
+
+impl fmt::Display for Rated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Speed => "a speed",
+            Self::Acceleration => "an acceleration",
+            Self::Jerk => "a jerk",
+        })
+    }
+}
 
 /// Why a motion or a skill cannot be run.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
@@ -80,6 +103,20 @@ pub enum Violation {
         lower: f64,
         /// Its highest value.
         upper: f64,
+    },
+    /// The next robot cycle would be beyond what a joint is rated for: the plan is wrong, and the arm does not follow it.
+    #[error(
+        "joint {axis} would move at {rated} of {value:.3}, it is rated for {limit:.3} (degrees or mm, s)"
+    )]
+    Rated {
+        /// Which joint, from 1.
+        axis: u8,
+        /// Which of its ratings.
+        rated: Rated,
+        /// What the cycle asks for.
+        value: f64,
+        /// What the joint is rated for.
+        limit: f64,
     },
     /// The path passes so close to a singular position that the arm could hardly move on it.
     #[error(
@@ -187,6 +224,9 @@ impl Violation {
             Self::Radius { .. } | Self::WristReach { .. } | Self::Tilt { .. } => ErrorNumber::Unreachable,
             Self::Configuration { .. } => ErrorNumber::ConfigurationChange,
             Self::Axis { .. } => ErrorNumber::AxisLimit,
+            Self::Rated { rated: Rated::Speed, .. } => ErrorNumber::JointSpeed,
+            Self::Rated { rated: Rated::Acceleration, .. } => ErrorNumber::JointAcceleration,
+            Self::Rated { rated: Rated::Jerk, .. } => ErrorNumber::JointJerk,
             Self::Singular { .. } => ErrorNumber::Singular,
             Self::ZeroLength { .. } => ErrorNumber::ZeroLength,
             Self::Collinear { .. } => ErrorNumber::CollinearCircle,
@@ -220,6 +260,7 @@ impl Violation {
             Self::Tilt { tilt_deg } => of(3, tilt_deg, 0.0, 0.0),
             Self::Configuration { axis, turn_deg, .. } => of(axis, turn_deg, 0.0, TURNED_OVER_DEG),
             Self::Axis { axis, value, lower, upper } => of(axis, value, lower, upper),
+            Self::Rated { axis, value, limit, .. } => of(axis, value, 0.0, limit),
             Self::Singular { axis, share } => of(axis, share, SINGULAR_SHARE, 1.0),
             Self::ZeroLength { way_mm } => of(0, way_mm, LEAST_WAY_MM, f64::INFINITY),
             Self::Collinear { offset_mm, least_mm } => of(0, offset_mm, least_mm, f64::INFINITY),

@@ -243,6 +243,11 @@ impl Controller {
         if at < pending.noticed_at {
             return;
         }
+        if !self.interpolator.is_at_rest() {
+            // It held a force against a surface that moves, or brakes: the motion starts where the arm stands.
+            self.press = None;
+            return;
+        }
         (self.pending, self.last_number) = (None, Some(command.number));
         let until = pending.noticed_at + self.config.skill_overhead / 2;
         let joints = *self.interpolator.joints();

@@ -20,7 +20,7 @@
 use protocol::image::{Motion, MotionKind};
 
 use crate::arm::{Arm, Joints, LEAST_WAY_MM, Violation, distance, dot, length};
-use crate::motion::Segment;
+use crate::motion::{Segment, next_change};
 use crate::{ForceControl, RobotConfig};
 
 /// The share of the way to the wanted force, on the stiffest surface, that one cycle goes.
@@ -37,9 +37,6 @@ const MOST_ASTRAY_DEG: f64 = 5.0;
 
 /// Nearer than this, in mm, is at an end of the line. The way left would get ever less and never end otherwise.
 const AT_END_MM: f64 = 1e-3;
-
-/// Slower than this, in mm/s, is at rest.
-const REST_MM_S: f64 = 1e-4;
 
 /// Where a press stands.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -200,19 +197,17 @@ impl Press {
         toward(if is_in_contact { left.min(by_force) } else { left }).copysign(missing_n)
     }
 
-    /// Goes to the wanted speed as fast as acceleration and jerk allow, without overshooting it.
+    /// Goes to the wanted speed as fast as acceleration and jerk allow, without passing it.
     fn change_speed(&mut self, wanted: f64) {
-        let (jerk, most) = (self.control.jerk_mm_s3, self.segment.limits.acceleration);
-        let missing = wanted - self.speed;
-        let most = most.min((2.0 * jerk * missing.abs()).sqrt()).min(missing.abs() / self.cycle_s);
-        let change = most.copysign(missing) - self.acceleration;
-        let step = jerk * self.cycle_s;
-        if wanted == 0.0 && self.speed.abs() < REST_MM_S && self.acceleration.abs() <= step {
-            (self.speed, self.acceleration) = (0.0, 0.0);
-            return;
-        }
-        self.acceleration += change.clamp(-step, step);
-        self.speed += self.acceleration * self.cycle_s;
+        let (step, most) = (self.control.jerk_mm_s3 * self.cycle_s, self.segment.limits.acceleration);
+        let change = next_change(
+            wanted - self.speed,
+            self.acceleration * self.cycle_s,
+            most * self.cycle_s,
+            step * self.cycle_s,
+        );
+        self.acceleration = change / self.cycle_s;
+        self.speed += change;
     }
 
     /// What has come of it, now that the surfaces push with `force`.

@@ -22,20 +22,18 @@ impl Controller {
         if self.hold || !self.is_pressing(press::Phase::Holding) || !self.interpolator.path().is_finished() {
             return self.interpolator.stand_still();
         }
-        // A line that was driven before can be driven again; if not, the arm stays where it is.
+        // A line that was driven before can be driven again; if not, the arm lets go of the force and brakes.
         if self.lead(1.0).is_err() {
             self.press = None;
-            self.interpolator.stand_still();
         }
     }
 
     /// One cycle along the line of the LIN force, with `share` of its speed.
     fn lead(&mut self, share: f64) -> Result<(), crate::arm::Violation> {
         let Some(press) = &mut self.press else { return Ok(()) };
-        let joints = press.step(share, self.contact, &self.config.arm, self.interpolator.joints())?;
+        let joints = press.step(share, self.contact, &self.config.arm, self.interpolator.joints());
         let tool = press.segment.tool;
-        self.interpolator.lead(joints, &tool);
-        Ok(())
+        self.interpolator.lead(joints, &tool)
     }
 
     /// Begins the LIN force that waits, once the path before it is driven to its end.
@@ -60,10 +58,7 @@ impl Controller {
         let stopping = matches!(execution.phase, Phase::Stopping(_));
         let held = stopping || self.hold;
         if let Err(violation) = self.lead(if held { 0.0 } else { self.factor }) {
-            self.interpolator.stand_still();
-            let motion = self.executed(execution);
-            execution.phase = Phase::Stopping(Ending::of(violation, motion));
-            return;
+            return self.stop_for(violation, execution);
         }
         self.feel();
         let contact = self.contact;

@@ -7,6 +7,7 @@ use protocol::image::{Command, ErrorNumber, Motion, State, Status};
 
 use super::execution::{Execution, Phase};
 use super::{Controller, Ending, RobotEvent, press};
+use crate::arm::Violation;
 use crate::motion::Appended;
 
 impl Controller {
@@ -122,12 +123,17 @@ impl Controller {
                     self.path_ended(at - Duration::from_secs_f64(left.min(1.0)), execution);
                 }
             }
-            Err(violation) => {
-                // The checks before the start found the path free; what is left is a plan that is wrong.
-                self.interpolator.clear();
-                let motion = self.feedback.executed;
-                execution.phase = Phase::Stopping(Ending::of(violation, motion));
-            }
+            // The checks before the start found the path free; what is left is a plan that is wrong.
+            Err(violation) => self.stop_for(violation, execution),
+        }
+    }
+
+    /// The arm cannot go on and brakes: the skill ends with an error once it stands.
+    pub(super) fn stop_for(&mut self, violation: Violation, execution: &mut Execution) {
+        let motion = self.executed(execution);
+        self.refuse_motion(execution.number, motion, violation);
+        if !matches!(execution.phase, Phase::Stopping(Ending::Fault { .. })) {
+            execution.phase = Phase::Stopping(Ending::of(violation, motion));
         }
     }
 
@@ -174,5 +180,116 @@ impl Controller {
         let quality = self.observer.end(&self.config.arm);
         let execution = execution_time;
         self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution, quality });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol::image::{Control, MotionKind, Skill};
+
+    use super::*;
+    use crate::RobotConfig;
+    use crate::arm::{AXES, Arm, AxisLimits, Joints, Scara};
+
+    /// Setup A's robot with a controller that costs nothing.
+    fn config() -> RobotConfig {
+        RobotConfig {
+            interpreter_quantum: Duration::ZERO,
+            skill_overhead: Duration::ZERO,
+            ..RobotConfig::from_setup(&setup::setup("A").unwrap()).unwrap()
+        }
+    }
+
+    fn line(x: f32, y: f32) -> Motion {
+        Motion {
+            kind: MotionKind::LinCartesian,
+            target: [x, y, 100.0, 0.0, 0.0, 180.0],
+            velocity: 10_000,
+            acceleration: 5_000,
+            approximation: 5_000,
+            base: 1,
+            ..Motion::EMPTY
+        }
+    }
+
+    fn scara(limits: AxisLimits) -> Arm {
+        Arm::new(std::sync::Arc::new(Scara { link_1_mm: 225.0, link_2_mm: 275.0, height_mm: 0.0 }), limits)
+    }
+
+    /// Runs two lines with a corner on an arm that is checked against other limits while it moves than before. Returns
+    /// the controller after the end, and the motions executed by each cycle. Each axis keeps its limits all the time.
+    fn run(limits: AxisLimits) -> (Controller, Vec<u32>) {
+        let (rated, cycle) = (config().arm.limits().to_owned(), Duration::from_millis(4));
+        let mut controller = Controller::new(RobotConfig { arm: scara(limits), ..config() }, Vec::new(), 1);
+        controller.config.arm = scara(rated);
+        let mut command = Command { control: Control::ENABLE | Control::RESET, ..Command::default() };
+        let mut at = Instant::ZERO;
+        controller.tick(at, Some(&command));
+        command.control = Control::ENABLE | Control::EXECUTE;
+        (command.number, command.skill, command.total, command.written) = (1, Skill::MoveContinuous, 3, 3);
+        [line(0.0, 50.0), line(150.0, 50.0), line(150.0, -50.0)]
+            .into_iter()
+            .zip(0..)
+            .for_each(|(motion, index)| command.set_slot(index, motion));
+        let (mut executed, mut history) = (Vec::new(), [*controller.joints(); 3]);
+        let ended = Status::DONE.0 | Status::ERROR.0;
+        while controller.feedback().status.0 & ended == 0 {
+            at += cycle;
+            controller.tick(at, Some(&command));
+            executed.push(controller.feedback().executed);
+            let [one, two, three] = history;
+            let joints = *controller.joints();
+            let cycle_s = cycle.as_secs_f64();
+            let change: Joints = core::array::from_fn(|axis| joints[axis] - 2.0 * one[axis] + two[axis]);
+            let jerk: Joints =
+                core::array::from_fn(|axis| joints[axis] - 3.0 * (one[axis] - two[axis]) - three[axis]);
+            let acceleration = rated.acceleration_load(&change.map(|change| change / cycle_s.powi(2)));
+            let jerk = rated.jerk_load(&jerk.map(|jerk| jerk / cycle_s.powi(3)));
+            assert!(acceleration.share < 1.001 && jerk.share < 1.001, "{acceleration:?}, {jerk:?}");
+            history = [joints, one, two];
+            assert!(executed.len() < 2_000, "it never ends: {:?}", controller.feedback());
+        }
+        (controller, executed)
+    }
+
+    #[test]
+    fn what_the_checks_did_not_find_ends_with_braking_and_true_counts() {
+        let limits = *config().arm.limits();
+        let whole = run(limits);
+        assert!(whole.0.feedback().status.contains(Status::DONE), "{:?}", whole.0.feedback());
+        // Axis 1 goes from 32 to 71 degrees on the second line: the arm comes to a narrower range at speed.
+        let mut narrower = limits;
+        narrower.upper[0] = 55.0;
+        let (controller, executed) = run(narrower);
+        let feedback = controller.feedback();
+        assert_eq!(
+            (feedback.error, feedback.error_motion, feedback.executed),
+            (ErrorNumber::AxisLimit, 1, 1)
+        );
+        assert_eq!((feedback.finding.index, feedback.finding.upper()), (1, 55.0));
+        assert!(executed.is_sorted(), "a count never falls");
+        assert!(controller.interpolator.is_at_rest());
+        assert!(controller.joints()[0] > 55.0, "it takes a way to brake from full speed");
+    }
+
+    #[test]
+    fn beyond_what_a_joint_is_rated_for_the_arm_does_not_go() {
+        for (rate, error) in [
+            (
+                (|limits: &mut AxisLimits| &mut limits.speed) as fn(&mut AxisLimits) -> &mut Joints,
+                ErrorNumber::JointSpeed,
+            ),
+            (|limits| &mut limits.acceleration, ErrorNumber::JointAcceleration),
+            (|limits| &mut limits.jerk, ErrorNumber::JointJerk),
+        ] {
+            let mut limits = *config().arm.limits();
+            *rate(&mut limits) = rate(&mut limits).map(|limit| limit / 20.0);
+            let (controller, _) = run(limits);
+            let feedback = controller.feedback();
+            assert_eq!(feedback.error, error, "{feedback:?}");
+            let (finding, axis) = (feedback.finding, usize::from(feedback.finding.index));
+            assert!((1..=AXES).contains(&axis) && finding.value() > finding.upper(), "{finding:?}");
+            assert!((f64::from(finding.upper()) - rate(&mut limits)[axis - 1]).abs() < 1e-2, "{finding:?}");
+        }
     }
 }

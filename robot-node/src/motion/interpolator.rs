@@ -1,12 +1,13 @@
 //! Driving along the path, one robot cycle after another.
 //!
 //! Override, suspend and halt are plans like any other: the arm stays on its path exactly, also within a corner, and
-//! keeps every limit.
+//! keeps every limit. Where the path cannot be driven on, the arm leaves it and brakes within the limits of its axes.
 
 use super::append::Appended;
+use super::axis_monitor::AxisMonitor;
 use super::path::Path;
 use super::segment::Segment;
-use crate::arm::{AXES, Arm, Frame, Joints, Violation, length};
+use crate::arm::{Arm, Frame, Joints, Violation, length};
 
 /// What came of one cycle.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -23,11 +24,13 @@ pub struct Interpolator {
     arm: Arm,
     path: Path,
     cycle_s: f64,
-    joints: Joints,
-    /// The flange in the root at these joints.
+    axes: AxisMonitor,
+    /// The arm cannot go on along its path and brakes, or has braked.
+    off_path: bool,
+    /// The last cycle did not move the arm, or ended with the end of its path.
+    is_at_rest: bool,
+    /// The flange in the root.
     flange: Frame,
-    /// What the last cycle moved.
-    joint_step: Joints,
     /// The tool of the present motion, in the flange.
     tool_frame: Frame,
     tool: [f64; 3],
@@ -41,11 +44,12 @@ impl Interpolator {
         let flange = arm.forward(&joints);
         Self {
             path: Path::at_rest(joints),
+            axes: AxisMonitor::at_rest(arm.limits(), &joints, cycle_s),
             arm,
             cycle_s,
-            joints,
+            off_path: false,
+            is_at_rest: true,
             flange,
-            joint_step: [0.0; AXES],
             tool_frame: Frame::IDENTITY,
             tool: flange.position,
             tool_step: [0.0; 3],
@@ -55,7 +59,7 @@ impl Interpolator {
     /// The joints now.
     #[must_use]
     pub const fn joints(&self) -> &Joints {
-        &self.joints
+        self.axes.joints()
     }
 
     /// The flange in the root now.
@@ -70,10 +74,10 @@ impl Interpolator {
         length(self.tool_step) / self.cycle_s
     }
 
-    /// Whether the arm did not move in the last cycle.
+    /// Whether the arm stands: it did not move in the last cycle, or came to the end of its path.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        self.joint_step == [0.0; AXES]
+        self.is_at_rest
     }
 
     /// The path.
@@ -92,15 +96,21 @@ impl Interpolator {
         self.path.close();
     }
 
-    /// Forgets the path. The arm must be at rest, or about to be: it stands still from here on.
+    /// Forgets the path, which starts anew where the arm is. The arm must be at rest.
     pub fn clear(&mut self) {
-        self.path.clear(self.joints);
-        self.stand_still();
+        self.path.clear(*self.axes.joints());
+        (self.off_path, self.is_at_rest) = (false, true);
+        self.tool_step = [0.0; 3];
     }
 
-    /// Stands still for a cycle: nothing to drive, or not yet.
+    /// Stands still for a cycle: nothing to drive, or not yet. An arm that moves brakes within the limits of its axes.
     pub fn stand_still(&mut self) {
-        (self.joint_step, self.tool_step) = ([0.0; AXES], [0.0; 3]);
+        if self.axes.is_still() {
+            self.is_at_rest = true;
+            self.tool_step = [0.0; 3];
+        } else {
+            self.go_to(&self.axes.braked());
+        }
     }
 
     /// Drives one cycle with an override, 0…1, of the programmed speeds. At 0 the arm stops on its path as soon as its
@@ -108,37 +118,68 @@ impl Interpolator {
     ///
     /// # Errors
     ///
-    /// What the checks of a motion found free was not: the arm cannot go on.
+    /// What the checks of a motion found free was not, or the next cycle would be beyond what an axis is rated for. The
+    /// arm does not go there: it leaves the path and brakes, from this cycle on, until the path is
+    /// [forgotten](Self::clear).
     pub fn drive(&mut self, factor: f64) -> Result<Step, Violation> {
         self.take_up_tool();
+        if self.off_path {
+            self.stand_still();
+            return Ok(Step { suppressed: None, ended: None });
+        }
         self.path.set_override(factor);
         let (place, left) = self.path.ahead(self.cycle_s);
         if self.path.is_held() {
             self.stand_still();
             return Ok(Step { suppressed: None, ended: None });
         }
-        let joints = self.path.joints(place, &self.arm, &self.joints)?;
-        self.go_to(joints);
+        let joints = self.path.joints(place, &self.arm, self.axes.joints());
+        self.go_if_allowed(joints)?;
         let suppressed = self.path.go_to(place);
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
 
     /// Goes to joints that something else than the path leads to, such as a force, with this tool. The path must be
-    /// empty; whoever leads keeps the limits.
-    pub fn lead(&mut self, joints: Joints, tool_frame: &Frame) {
+    /// empty.
+    ///
+    /// # Errors
+    ///
+    /// As [`drive`](Self::drive), also where there are no joints to go to.
+    pub fn lead(&mut self, joints: Result<Joints, Violation>, tool_frame: &Frame) -> Result<(), Violation> {
         if *tool_frame != self.tool_frame {
             self.tool_frame = *tool_frame;
             self.tool = self.flange.origin_of(tool_frame);
         }
-        self.go_to(joints);
+        if self.off_path {
+            self.stand_still();
+            return Ok(());
+        }
+        self.go_if_allowed(joints)
     }
 
-    fn go_to(&mut self, joints: Joints) {
-        self.flange = self.arm.forward(&joints);
+    /// Goes to these joints, or leaves the path and brakes.
+    fn go_if_allowed(&mut self, joints: Result<Joints, Violation>) -> Result<(), Violation> {
+        let allowed = joints.and_then(|joints| self.axes.check(&joints, &self.arm).map(|()| joints));
+        match allowed {
+            Ok(joints) => {
+                self.go_to(&joints);
+                Ok(())
+            }
+            Err(violation) => {
+                self.off_path = true;
+                self.stand_still();
+                Err(violation)
+            }
+        }
+    }
+
+    fn go_to(&mut self, joints: &Joints) {
+        self.axes.go_to(joints);
+        self.is_at_rest = self.axes.is_at_rest();
+        self.flange = self.arm.forward(joints);
         let tool = self.flange.origin_of(&self.tool_frame);
-        self.joint_step = core::array::from_fn(|axis| joints[axis] - self.joints[axis]);
         self.tool_step = core::array::from_fn(|i| tool[i] - self.tool[i]);
-        (self.joints, self.tool) = (joints, tool);
+        self.tool = tool;
     }
 
     /// Whether the arm stands still on its path, stopped by override 0.

@@ -2,11 +2,13 @@
 //! robot cycle.
 //!
 //! [`Segment`] is one checked motion on its [`Curve`]; [`Blend`] the corner between two; [`Profile`] the time law of
-//! what lies between corners; [`Path`] the look-ahead over all that is known; [`Interpolator`] drives along it.
+//! what lies between corners; [`Path`] the look-ahead over all that is known; [`Interpolator`] drives along it, and
+//! holds each cycle against what the axes are rated for before it is driven.
 
 mod along;
 mod append;
 mod arc;
+mod axis_monitor;
 mod blend;
 mod curve;
 mod derivatives;
@@ -15,6 +17,7 @@ mod path;
 mod plan;
 mod profile;
 mod segment;
+mod settle;
 mod spline;
 
 pub use append::Appended;
@@ -25,4 +28,5 @@ pub use interpolator::{Interpolator, Step};
 pub use path::{Path, Place};
 pub use profile::{Change, Limits, Pace, Profile, reachable_speed};
 pub use segment::Segment;
+pub(crate) use settle::next_change;
 pub use spline::Spline;
