@@ -13,7 +13,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::{Carrier, Segment, Side, Tapped};
 use protocol_linux::capture::{CaptureFile, Keep, Note, Packet};

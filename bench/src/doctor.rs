@@ -278,7 +278,7 @@ fn lateness(measured: &Wakeups, cycle: Duration, watchdog: Duration) -> Finding 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Instant, Lateness, Tick};
+    use machine::{Instant, Lateness, Tick};
     use protocol_linux::scheduling::Granted;
 
     const CYCLE: Duration = Duration::from_millis(1);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use protocol::Lateness;
+use machine::Lateness;
 use protocol::fieldbus::Counters;
 use robot_node::Quality;
 

@@ -4,8 +4,8 @@
 
 pub mod tables;
 
+use machine::Instant;
 use plc_node::ExecutionType;
-use protocol::Instant;
 use protocol::image::State;
 use protocol::virtual_time::Side;
 

@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
+use machine::Instant;
 use plc_node::{PlcEvent, PlcNode};
-use protocol::Instant;
 use protocol::fieldbus::Fieldbus;
 use protocol::virtual_time::{Pair, Side};
 use robot_node::RobotNode;

@@ -2,14 +2,14 @@
 
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use machine::wire::BigEndian;
+use machine::{Duration, Instant, Machine, Source, Transmit};
 use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Command, Digest, IMAGE_LEN, Image};
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
-use protocol::wire::BigEndian;
-use protocol::{Duration, Instant, Machine, Source, Transmit};
 use robot_node::{RobotConfig, RobotNode};
 
 /// Takes motion `at` of a sequence for the one two before it, as a wrong slot of the image would.

@@ -2,11 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
+use machine::wire::FRAME_CAPACITY;
+use machine::{Duration, Instant, Machine as _};
 use planning::PROGRAM;
 use plc_node::{PlcConfig, PlcNode};
 use protocol::direct::Direct;
-use protocol::wire::FRAME_CAPACITY;
-use protocol::{Duration, Instant, Machine as _};
 
 const SCANS: u32 = 10;
 

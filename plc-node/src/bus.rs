@@ -1,5 +1,6 @@
 //! From a setup to the PLC's end of its bus.
 
+use machine::{Duration, Instant};
 use protocol::ethernet_ip::cip::{ElectronicKey, Revision};
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
@@ -8,7 +9,6 @@ use protocol::profinet::description::{self, Description, INTERFACE_SUBSLOT, Iden
 use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
 use protocol::profinet::{self, Controller, ControllerConfig, Parameter};
-use protocol::{Duration, Instant};
 use setup::{Cyclic, EthernetIpAdapter, ProfinetDevice, Setup};
 
 /// Why a setup gives no bus endpoint.

@@ -1,7 +1,8 @@
 //! What a PLC node is told before it starts.
 
+use machine::Duration;
 use planning::Stop;
-use protocol::{Duration, image};
+use protocol::image;
 use setup::Setup;
 
 use crate::{MotionList, MotionSource, Patience};

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::str::FromStr;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::fieldbus::{Counters, Down, LinkEvent};
 use protocol::image::{ErrorNumber, Finding, State};
 

@@ -3,10 +3,10 @@
 use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
+use machine::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, Digest, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
-use protocol::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use crate::function_blocks::BlockError;
 use crate::motion_source::Digested;

@@ -9,10 +9,10 @@ use std::fmt;
 use std::process::ExitCode;
 
 use clap::Parser;
+use machine::{Duration, Instant, Lateness};
 use node_command::{Prepared, RunOptions};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::{Duration, Instant, Lateness};
 use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome};
 use protocol_linux::{Node, Wire};

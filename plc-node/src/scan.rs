@@ -1,6 +1,6 @@
 //! The scan: inputs → program → outputs, on an absolute grid.
 
-use protocol::{Cycle, Duration, Instant, Lateness, Tick};
+use machine::{Cycle, Duration, Instant, Lateness, Tick};
 
 /// When the program runs and when its outputs reach the bus.
 ///

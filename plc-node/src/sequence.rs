@@ -1,7 +1,7 @@
 //! The sequence as a PLC program steps through it, in each of the paper's three execution types.
 
+use machine::Instant;
 use planning::{Stop, Switch};
-use protocol::Instant;
 use protocol::image::{Motion, MotionKind};
 
 use crate::function_blocks::{

@@ -1,11 +1,11 @@
 //! The cyclic path takes no memory from the heap after the start.
 
+use machine::wire::{BigEndian, FRAME_CAPACITY};
+use machine::{Duration, Instant, Machine, Port, Source};
 use planning::{Stop, Switch};
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
-use protocol::wire::{BigEndian, FRAME_CAPACITY};
-use protocol::{Duration, Instant, Machine, Port, Source};
 use protocol_linux::allocation::{self, AllocationCounter};
 
 #[global_allocator]

@@ -2,12 +2,12 @@
 
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a benchmark ends by panicking")]
 
+use machine::wire::{LittleEndian, Writer};
 use protocol::ethernet_ip::cip::{Logical, Path, class, write_logical};
 use protocol::ethernet_ip::class1::{Frame, emit};
 use protocol::ethernet_ip::connection::{
     ConnectionType, OpenRequest, Parameters, Priority, TimeoutMultiplier, Transport, Triad,
 };
-use protocol::wire::{LittleEndian, Writer};
 
 type Buffer = [u8; 512];
 

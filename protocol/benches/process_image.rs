@@ -3,8 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
 use hot_path::HotPaths;
+use machine::wire::{BigEndian, ByteOrder, LittleEndian};
 use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, SLOTS};
-use protocol::wire::{BigEndian, ByteOrder, LittleEndian};
 
 const GROUP: &str = "process image";
 

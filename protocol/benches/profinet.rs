@@ -2,11 +2,11 @@
 
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a benchmark ends by panicking")]
 
+use machine::wire::{BigEndian, Writer};
 use protocol::profinet::connect::ConnectRequest;
 use protocol::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac, Tag};
 use protocol::profinet::rpc::{Header, RequestArgs};
 use protocol::profinet::rt::{CyclicFrame, DataStatus};
-use protocol::wire::{BigEndian, Writer};
 
 /// 256 bytes of data, their IOPS and those of the other modules.
 const C_SDU: [u8; 260] = [0x5A; 260];

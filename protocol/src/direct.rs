@@ -4,8 +4,8 @@ use core::net::SocketAddrV4;
 
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
-use crate::wire::BigEndian;
-use crate::{Cycle, Duration, Instant, Machine, Port, Source, Transmit};
+use machine::wire::BigEndian;
+use machine::{Cycle, Duration, Instant, Machine, Port, Source, Transmit};
 
 /// One end of the cable. It is up as soon as the other end's first image is there.
 #[derive(Debug)]

@@ -2,11 +2,11 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::wire::FRAME_CAPACITY;
+use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Adapter, AdapterConfig, Scanner, ScannerConfig};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
-use protocol::wire::FRAME_CAPACITY;
-use protocol::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use protocol_linux::allocation::{self, AllocationCounter};
 
 const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);

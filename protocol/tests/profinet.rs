@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::fieldbus::{DownCause, Fieldbus, LinkEvent};
 use protocol::image::{IMAGE_LEN, Image};
 use protocol::profinet::ethernet::Mac;

@@ -8,14 +8,14 @@ use std::alloc::System;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::time::Duration;
 
+use machine::wire::FRAME_CAPACITY;
+use machine::{Instant, Machine, Port, Source};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::IMAGE_LEN;
 use protocol::profinet::description::ROBOT;
 use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
 use protocol::profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
-use protocol::wire::FRAME_CAPACITY;
-use protocol::{Instant, Machine, Port, Source};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
 #[global_allocator]

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
+use machine::{Instant, Machine, Source, Transmit};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::IMAGE_LEN;
 use protocol::profinet::description::{Description, Identity, Module, ROBOT};
@@ -12,7 +13,6 @@ use protocol::profinet::ethernet::Mac;
 use protocol::profinet::rt::Transport;
 use protocol::profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
-use protocol::{Instant, Machine, Source, Transmit};
 
 const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const ROBOT_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);

@@ -5,8 +5,8 @@
 use std::time::Duration;
 
 use hot_path::{HotPaths, Steps};
+use machine::Instant;
 use planning::PROGRAM;
-use protocol::Instant;
 use protocol::image::{Command, Control, Motion, MotionKind, Skill, State};
 use robot_node::{Controller, RobotConfig};
 

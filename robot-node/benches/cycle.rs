@@ -2,10 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
+use machine::wire::FRAME_CAPACITY;
+use machine::{Duration, Instant, Machine as _};
 use planning::PROGRAM;
 use protocol::direct::Direct;
-use protocol::wire::FRAME_CAPACITY;
-use protocol::{Duration, Instant, Machine as _};
 use robot_node::{RobotConfig, RobotNode};
 
 const CYCLES: u32 = 10;

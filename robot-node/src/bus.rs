@@ -2,7 +2,7 @@
 
 use core::net::Ipv4Addr;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Adapter, AdapterConfig};
 use protocol::profinet::ethernet::Mac;

@@ -3,11 +3,11 @@
 use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
-use protocol::fieldbus::Fieldbus;
-use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, State};
-use protocol::{
+use machine::{
     Cycle, Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
+use protocol::fieldbus::Fieldbus;
+use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, State};
 
 use crate::{Controller, Program, RobotConfig, RobotEvent};
 

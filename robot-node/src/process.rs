@@ -8,10 +8,10 @@ use std::fmt;
 use std::process::ExitCode;
 
 use clap::Parser;
+use machine::{Instant, Lateness};
 use node_command::{Prepared, RunOptions};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::{Instant, Lateness};
 use protocol_linux::supervise::{Conductor, Next, Outcome};
 use protocol_linux::{Node, Wire};
 use serde::{Deserialize, Serialize};

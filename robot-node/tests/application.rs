@@ -5,8 +5,8 @@ mod plc;
 use std::fmt::Write;
 use std::time::Duration;
 
+use machine::Instant;
 use plc::{application, shipped_config as config};
-use protocol::Instant;
 use protocol::image::{Command, Control, Motion, SLOTS, Skill, State, Status};
 use robot_node::{Controller, RobotConfig};
 

@@ -8,8 +8,8 @@ mod driven;
 use std::fmt::Write;
 
 use driven::{Driven, bare, lin, press, ptp};
+use machine::wire::BigEndian;
 use protocol::image::{ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
-use protocol::wire::BigEndian;
 use robot_node::{Program, RobotConfig};
 
 /// A good motion, changed into a bad one.

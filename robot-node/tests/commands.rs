@@ -4,10 +4,10 @@ mod plc;
 
 use std::time::Duration;
 
+use machine::wire::BigEndian;
+use machine::{Instant, Machine, Port, Source};
 use proptest::prelude::*;
 use protocol::image::{Command, Control, IMAGE_LEN, SLOTS, State};
-use protocol::wire::BigEndian;
-use protocol::{Instant, Machine, Port, Source};
 use robot_node::RobotNode;
 
 /// A command that may start something: of all bit patterns hardly any would.

@@ -4,9 +4,9 @@ mod plc;
 
 use std::time::Duration;
 
+use machine::Instant;
 use plc::config;
 use proptest::prelude::*;
-use protocol::Instant;
 use protocol::image::{Command, Control, Feedback, Motion, MotionKind, SLOTS, Skill, State, Status};
 use robot_node::arm::{AXES, AxisLimits, Joints, distance};
 use robot_node::motion::{Blend, Curve, Segment};

@@ -4,8 +4,8 @@
 
 use std::time::Duration;
 
+use machine::Instant;
 use proptest::prelude::*;
-use protocol::Instant;
 use protocol::image::{Command, Control, ErrorNumber, Feedback, Motion, MotionKind, SLOTS, Skill, Status};
 use robot_node::arm::{AXES, Joints};
 use robot_node::motion::Segment;

@@ -5,12 +5,12 @@ mod plc;
 use std::fmt::Write;
 use std::time::Duration;
 
+use machine::wire::BigEndian;
+use machine::{Instant, Machine, Port, Source};
 use plc::{Cell, application, lin, ptp};
 use protocol::direct::Direct;
 use protocol::image::{Command, Control, ErrorNumber, IMAGE_LEN, Motion, Skill, State, Status};
 use protocol::virtual_time::Side;
-use protocol::wire::BigEndian;
-use protocol::{Instant, Machine, Port, Source};
 use robot_node::{Ending, RobotEvent, RobotNode};
 
 /// Back and forth along a line of 100 mm, at 250 mm/s.

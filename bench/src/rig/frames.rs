@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::virtual_time::Side;
 use protocol_linux::capture::Packet;
 

@@ -2,7 +2,7 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
-use protocol::Instant;
+use machine::Instant;
 use protocol_linux::{clock, scheduling};
 
 use super::cable::{Cable, PLC, ROBOT};

@@ -17,7 +17,7 @@ use std::panic::resume_unwind;
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-use protocol::Instant;
+use machine::Instant;
 use protocol_linux::clock;
 
 use crate::exit::{Exit, Failure};

@@ -7,12 +7,12 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
+use machine::{Instant, Lateness};
 use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::Digest;
 use protocol::virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
-use protocol::{Instant, Lateness};
 use protocol_linux::capture::Note;
 use robot_node::{Program, Quality, RobotEvent, RobotNode};
 use setup::Setup;

@@ -16,9 +16,9 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
+use machine::Instant;
 use planning::{Application, Stop};
 use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
-use protocol::Instant;
 use protocol::image::{Digest, Motion};
 use protocol::profinet::ethernet::Mac;
 use protocol::virtual_time::Side;

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::direct::Direct;
 use protocol::virtual_time::{Clock, Side};
 use rand_core::SeedableRng;

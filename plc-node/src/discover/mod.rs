@@ -5,8 +5,8 @@ mod listing;
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
+use machine::{Duration, Instant};
 use protocol::search::{EthernetIpQuestion, Over, ProfinetQuestion, Search, SearchConfig};
-use protocol::{Duration, Instant};
 use protocol_linux::output::to_stdout;
 use protocol_linux::supervise::Outcome;
 use protocol_linux::{Driver, Interface, Notifier, Owner, PROFINET, Statistics, Udp, Wire, clock, errln};
@@ -129,7 +129,7 @@ fn ethernet_ip(interface: &Interface) -> anyhow::Result<(EthernetIpQuestion, Wir
         )
     })?;
     let wire = Wire::udp(interface, Udp { port: 0 })?;
-    let protocol::Port::Udp(port) = wire.port() else { anyhow::bail!("a UDP port without a number") };
+    let machine::Port::Udp(port) = wire.port() else { anyhow::bail!("a UDP port without a number") };
     Ok((EthernetIpQuestion::from_address(port, address, mask), wire))
 }
 

@@ -1,8 +1,8 @@
 //! Commands, faults and cut cables in any order: each run ends exactly once, and the robot always gets ready again.
 
+use machine::Duration;
 use plc_node::{ExecutionType, PlcEvent};
 use proptest::prelude::*;
-use protocol::Duration;
 use protocol::image::ErrorNumber;
 use protocol::virtual_time::Event;
 

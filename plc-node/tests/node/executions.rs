@@ -3,8 +3,8 @@
 use crate::scripted::{
     BUS, CABLE, COST, Phases, ROBOT, SCAN, cell, cell_with, config, motions, pause, run, until_ready,
 };
+use machine::Duration;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
-use protocol::Duration;
 
 /// What the handshake adds to a skill at least and at most: the command waits for the bus and for the robot's cycle,
 /// the end waits for the bus and for the scan.

@@ -1,12 +1,12 @@
 //! What goes wrong in a run: each ends in words, and the robot is led back to `Ready` where it can be.
 
+use machine::{Duration, Instant};
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 use plc_node::{FailureCause, PlcEvent, PlcNode, StartError};
 use protocol::direct::Direct;
 use protocol::fieldbus::DownCause;
 use protocol::image::{Control, ErrorNumber, Finding};
 use protocol::virtual_time::Side;
-use protocol::{Duration, Instant};
 
 use crate::scripted::{
     BUS, Cell, Fault, WATCHDOG, cell, config, motions, pause, run, run_to_failure, start, until_ready,

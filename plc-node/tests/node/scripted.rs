@@ -3,6 +3,8 @@
 //! It keeps to the handshake that `protocol::image` describes and to nothing else, so that these tests are about
 //! the PLC. Faults are switched on by fields.
 
+use machine::wire::BigEndian;
+use machine::{Cycle, Duration, Instant, Machine, Source, Transmit};
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -10,8 +12,6 @@ use protocol::image::{
     Command, Control, ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status,
 };
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
-use protocol::wire::BigEndian;
-use protocol::{Cycle, Duration, Instant, Machine, Source, Transmit};
 
 /// What the robot does wrong.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -3,11 +3,11 @@
 use crate::scripted::{
     Cell, Fault, Phases, SCAN, cell, cell_with, config, motions, run, run_to_failure, until_ready,
 };
+use machine::{Duration, Instant};
 use planning::{Stop, Switch};
 use plc_node::ExecutionType::{Cm, Rc, Sm};
 use plc_node::{FailureCause, PlcConfig};
 use protocol::image::ErrorNumber;
-use protocol::{Duration, Instant};
 
 const GRIP: Duration = Duration::from_millis(150);
 const RELEASE: Duration = Duration::from_millis(100);

@@ -5,6 +5,8 @@
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
+use machine::{Instant, Machine, Port, Source, StreamChange, StreamId};
 use protocol::ethernet_ip::cip::{General, Path, Reply};
 use protocol::ethernet_ip::connection::{
     ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad,
@@ -13,8 +15,6 @@ use protocol::ethernet_ip::cpf::{Item, Packet, kind, write_item};
 use protocol::ethernet_ip::description::{Role, SKILL_ROBOT};
 use protocol::ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
 use protocol::ethernet_ip::{Adapter, AdapterConfig};
-use protocol::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
-use protocol::{Instant, Machine, Port, Source, StreamChange, StreamId};
 
 /// Sections, their entries, and the fields of those, without quotation marks.
 struct Eds(BTreeMap<String, BTreeMap<String, Vec<String>>>);

@@ -8,7 +8,7 @@ use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::IMAGE_LEN;
 use protocol::profinet::description::{Description, Identity, ROBOT};

@@ -1,6 +1,6 @@
 //! The one clock of the cyclic threads.
 
-use protocol::{Duration, Instant};
+use machine::{Duration, Instant};
 use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
-use protocol::{Instant, Machine};
+use machine::{Instant, Machine};
 
 use crate::{Driver, DriverError, Notifier, Owner, Statistics, scheduling};
 

@@ -11,8 +11,8 @@ use std::hint::spin_loop;
 use std::ops::ControlFlow;
 use std::os::fd::AsFd as _;
 
-use protocol::wire::FRAME_CAPACITY;
-use protocol::{Duration, Instant, Lateness, Machine, Port, Source, StreamRequest, Tick, Transmit};
+use machine::wire::FRAME_CAPACITY;
+use machine::{Duration, Instant, Lateness, Machine, Port, Source, StreamRequest, Tick, Transmit};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 

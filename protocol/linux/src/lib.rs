@@ -1,7 +1,7 @@
-//! Ports and the real-time driver: what runs a [`protocol::Machine`] on Linux.
+//! Ports and the real-time driver: what runs a [`machine::Machine`] on Linux.
 //!
 //! From the bottom up: an [`Interface`] is a network interface by name; a [`Wire`] is a socket on it that a machine
-//! knows as a [`protocol::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
+//! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
 //! [`CyclicThread`] is that loop on a thread of its own, with real-time scheduling where it is allowed, reached
 //! over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, as an ordinary
 //! user too, and [`impaired`] one that does to frames what a bad one does. [`Recorder`] writes what passes an interface into

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
+use machine::{Instant, Lateness, Machine};
 use protocol::fieldbus::{Counters, Down, DownCause, LinkEvent};
-use protocol::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};

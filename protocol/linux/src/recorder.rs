@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use socket2::{SockFilter, Socket};
 
-use protocol::Instant;
+use machine::Instant;
 
 use crate::Interface;
 use crate::capture::{CaptureFile, Keep, Packet};

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use machine::{Duration, Lateness};
 use protocol::fieldbus::Counters;
-use protocol::{Duration, Lateness};
 use serde::{Deserialize, Serialize};
 
 use crate::Snapshot;
@@ -206,7 +206,7 @@ impl fmt::Display for NodeReport {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::{Instant, Tick};
+    use machine::{Instant, Tick};
 
     /// A report on runs that were as late as this, in µs.
     fn report(lateness: &mut Lateness, late_us: &[u64]) -> LatenessReport {

@@ -2,7 +2,7 @@
 
 use std::thread;
 
-use protocol::{Cycle, Duration, Lateness};
+use machine::{Cycle, Duration, Lateness};
 use rustix::thread::{ClockId, Timespec, clock_nanosleep_absolute};
 
 use crate::clock;
@@ -41,7 +41,7 @@ pub fn measure(period: Duration, count: u64) -> std::io::Result<Wakeups> {
 }
 
 /// A signal may wake it early; the caller looks at its clock anyway.
-fn sleep_until(instant: protocol::Instant) {
+fn sleep_until(instant: machine::Instant) {
     let nanos = instant.as_nanos();
     let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
     let request = Timespec { tv_sec: part(nanos / 1_000_000_000), tv_nsec: part(nanos % 1_000_000_000) };

@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
-use protocol::Port;
+use machine::Port;
 use protocol::ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
 use protocol::profinet::RPC_PORT;
 use protocol::profinet::rt::UDP_PORT;

@@ -14,9 +14,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use machine::{Duration, Instant};
 use planning::{Found, Plan};
 use protocol::direct::Direct;
-use protocol::{Duration, Instant};
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Outcome, supervise};
 use protocol_linux::{

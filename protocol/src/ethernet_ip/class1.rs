@@ -15,7 +15,7 @@
 
 use super::cpf::kind;
 use super::{Reader, Writer};
-use crate::wire::{Overflow, Truncated};
+use machine::wire::{Overflow, Truncated};
 
 /// An address and data.
 const ITEMS: u16 = 2;

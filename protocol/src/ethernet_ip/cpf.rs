@@ -11,7 +11,7 @@
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::{Reader, Writer};
-use crate::wire::{BigEndian, Truncated};
+use machine::wire::{BigEndian, Truncated};
 
 /// Item types (volume 2, table 2-6.2).
 pub mod kind {

@@ -21,7 +21,7 @@ use super::cip::{ElectronicKey, Revision};
 use super::cpf::{Item, Items, kind, read_address};
 use super::description::Identity;
 use super::encapsulation::{Command, HEADER_LEN, Header, Status};
-use crate::wire::{Overflow, Truncated};
+use machine::wire::{Overflow, Truncated};
 
 /// A device that answered.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -83,8 +83,8 @@ mod tests {
     use super::super::description::SKILL_ROBOT;
     use super::super::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
     use super::*;
-    use crate::{Instant, Machine, Port, Source};
     use core::net::Ipv4Addr;
+    use machine::{Instant, Machine, Port, Source};
 
     #[test]
     fn a_device_that_is_asked_tells_where_and_who_it_is() {

@@ -14,7 +14,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 
 use super::{Reader, Writer, codes};
-use crate::wire::{FRAME_CAPACITY, Overflow, Truncated};
+use machine::wire::{FRAME_CAPACITY, Overflow, Truncated};
 
 /// Length of the header in bytes.
 pub const HEADER_LEN: usize = 24;

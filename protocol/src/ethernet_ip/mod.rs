@@ -21,7 +21,7 @@ pub mod scanner;
 pub use adapter::{Adapter, AdapterConfig};
 pub use scanner::{Scanner, ScannerConfig};
 
-use crate::wire::{self, LittleEndian};
+use machine::wire::{self, LittleEndian};
 
 /// TCP and UDP port of the encapsulation (volume 2, 2-2).
 pub const ENCAPSULATION_PORT: u16 = 0xAF12;

@@ -16,7 +16,7 @@
 //! ```
 
 use super::{HEAD_LEN, Image, Motion, SLOTS, bits, codes};
-use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 bits! {
     /// What the PLC wants of the robot. All are levels but for `EXECUTE`, which counts with a new command number.

@@ -1,7 +1,7 @@
 //! A running digest of motions, so that two nodes that handled the same ones in the same order can say so.
 
 use super::{MOTION_LEN, Motion};
-use crate::wire::{BigEndian, Writer};
+use machine::wire::{BigEndian, Writer};
 
 /// Offset basis and prime of the hash of Fowler, Noll and Vo, FNV-1a, with 64 bits.
 const OFFSET_BASIS: u64 = 0xCBF2_9CE4_8422_2325;

@@ -26,7 +26,7 @@
 //! ```
 
 use super::{ErrorNumber, Finding, Image, bits, codes};
-use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 bits! {
     /// What the robot reports beside its state.

@@ -11,7 +11,7 @@
 //! ```
 
 use super::{MOTION_LEN, codes};
-use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 codes! {
     /// The motion types of the paper's section 5.2. The skill that calls one alone has the same code.

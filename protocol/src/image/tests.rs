@@ -1,5 +1,5 @@
 use super::*;
-use crate::wire::{BigEndian, LittleEndian};
+use machine::wire::{BigEndian, LittleEndian};
 use proptest::prelude::*;
 
 fn sample_motion() -> Motion {
@@ -18,7 +18,7 @@ fn sample_motion() -> Motion {
 #[test]
 fn a_motion_is_these_44_bytes_in_either_order() {
     let mut big = [0; MOTION_LEN];
-    let mut writer = crate::wire::Writer::<BigEndian>::new(&mut big);
+    let mut writer = machine::wire::Writer::<BigEndian>::new(&mut big);
     sample_motion().emit(&mut writer);
     assert_eq!(writer.finish(), Ok(MOTION_LEN));
     #[rustfmt::skip]
@@ -30,7 +30,7 @@ fn a_motion_is_these_44_bytes_in_either_order() {
     assert_eq!(big, expected);
 
     let mut little = [0; MOTION_LEN];
-    sample_motion().emit(&mut crate::wire::Writer::<LittleEndian>::new(&mut little));
+    sample_motion().emit(&mut machine::wire::Writer::<LittleEndian>::new(&mut little));
     assert_eq!(&little[..8], &[0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
     assert_eq!(&little[36..], &[0xC4, 0x09, 0x88, 0x13, 0xE8, 0x03, 4, 0x12]);
 }

@@ -11,7 +11,7 @@
 
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::status::{Block, HeadField, Status, Violation};
-use crate::wire::{BigEndian, Overflow, Reader, Truncated, Writer};
+use machine::wire::{BigEndian, Overflow, Reader, Truncated, Writer};
 
 /// Length in bytes of the header.
 pub const HEADER_LEN: usize = 12;

@@ -5,7 +5,7 @@
 //! ```
 
 use super::status::{Block, HeadField, Violation};
-use crate::wire::{BigEndian, Reader, Writer};
+use machine::wire::{BigEndian, Reader, Writer};
 
 /// A reader of blocks, which are all big-endian.
 pub type BlockReader<'a> = Reader<'a, BigEndian>;
@@ -153,7 +153,7 @@ pub fn write(writer: &mut BlockWriter<'_>, block_type: BlockType, body: impl FnO
 }
 
 /// Gives a block's missing bytes the name of its block: a field past the end is a wrong BlockLength.
-pub(crate) fn short(block: Block) -> impl Fn(crate::wire::Truncated) -> Violation {
+pub(crate) fn short(block: Block) -> impl Fn(machine::wire::Truncated) -> Violation {
     move |_| Violation::Head(block, HeadField::Length)
 }
 

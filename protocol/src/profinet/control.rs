@@ -8,7 +8,7 @@
 use super::Uuid;
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::status::{Block, HeadField, Violation};
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// What a control block says.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -13,7 +13,7 @@
 
 use core::fmt;
 
-use crate::wire::{BigEndian, Overflow, Reader, Truncated, Writer};
+use machine::wire::{BigEndian, Overflow, Reader, Truncated, Writer};
 
 /// EtherType of PROFINET (IEC 61158-6-10, 4.1).
 pub const ETHER_TYPE_PROFINET: u16 = 0x8892;

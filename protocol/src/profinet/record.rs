@@ -15,7 +15,7 @@ use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::description::Description;
 use super::status::{Block, HeadField, Status, Violation};
 use super::{Uuid, connect};
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// Record indices (IEC 61158-6-10, Index).
 pub mod index {

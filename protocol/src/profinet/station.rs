@@ -8,7 +8,7 @@ use crate::profinet::dcp::{
 };
 use crate::profinet::description::Description;
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac};
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// Blocks that one Set or Get can name; what comes after them is not answered.
 const MOST_BLOCKS: usize = 16;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::wire::{ByteOrder, Reader, Truncated, Writer};
+use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 /// A UUID, most significant byte first as people write it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -60,7 +60,7 @@ impl fmt::Debug for Uuid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::{BigEndian, LittleEndian};
+    use machine::wire::{BigEndian, LittleEndian};
 
     const INTERFACE: Uuid = Uuid(0xDEA0_0001_6C97_11D1_8271_00A0_2442_DF7D_u128.to_be_bytes());
 

@@ -8,7 +8,7 @@ use super::Gathered;
 use crate::ethernet_ip::ENCAPSULATION_PORT;
 use crate::ethernet_ip::description::Identity;
 use crate::ethernet_ip::discovery::{Found, emit_question};
-use crate::{Duration, Port, Transmit};
+use machine::{Duration, Port, Transmit};
 
 /// Who asks, and over which addresses.
 #[derive(Clone, PartialEq, Eq, Debug)]

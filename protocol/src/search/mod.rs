@@ -12,8 +12,8 @@ pub use profinet::{ProfinetQuestion, ProfinetStation};
 
 use alloc::vec::Vec;
 
-use crate::{Duration, Instant, Machine, Port, Source, Transmit};
 use ethernet_ip::EthernetIpSearch;
+use machine::{Duration, Instant, Machine, Port, Source, Transmit};
 use profinet::ProfinetSearch;
 
 /// Questions of one search on each bus.

@@ -7,7 +7,7 @@ use crate::profinet::dcp::{
     self, Content, IDENTIFY_MULTICAST, IpSuite, MAX_DELAY_FACTOR, Pdu, Service, Station,
 };
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac};
-use crate::{Duration, Port, Transmit};
+use machine::{Duration, Port, Transmit};
 
 /// Who asks.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -1,6 +1,6 @@
 //! A clock that is a little off.
 
-use crate::Instant;
+use machine::Instant;
 
 /// How a node's clock follows true time: it is ahead by `offset_ns` at the origin and gains `drift_ppb`
 /// nanoseconds a second.

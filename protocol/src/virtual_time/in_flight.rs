@@ -6,7 +6,7 @@ use core::net::SocketAddrV4;
 
 use super::Side;
 use super::tap::Label;
-use crate::{Instant, Port, StreamId};
+use machine::{Instant, Port, StreamId};
 
 /// What arrives at one end of the cable.
 #[derive(Debug)]

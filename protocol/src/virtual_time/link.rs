@@ -5,8 +5,8 @@ use core::fmt;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::wire::FRAME_CAPACITY;
-use crate::{Duration, Instant};
+use machine::wire::FRAME_CAPACITY;
+use machine::{Duration, Instant};
 
 /// What a cable does to the frames of one direction. Rates are in parts per million of the frames.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]

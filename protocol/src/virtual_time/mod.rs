@@ -21,11 +21,11 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::wire::FRAME_CAPACITY;
-use crate::{Instant, Machine, Port, Source, Transmit};
 use clock::Reading;
 use in_flight::{Delivery, InFlight, InFlights};
 use link::flip;
+use machine::wire::FRAME_CAPACITY;
+use machine::{Instant, Machine, Port, Source, Transmit};
 use stream::Streams;
 use tap::{Label, Tap};
 

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64Mcg;
 use super::in_flight::{Delivery, InFlight};
 use super::tap::Label;
 use super::{Carrier, Fate, Pair, Segment, Side, holding};
-use crate::{Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
+use machine::{Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
 /// How much later a piece arrives for each time that it is lost: the smallest timeout that Linux uses.
 const RETRANSMISSION: Duration = Duration::from_millis(200);

@@ -5,7 +5,7 @@ use core::fmt;
 use core::net::SocketAddrV4;
 
 use super::{Fate, Pair, Side};
-use crate::{Instant, Machine, Port};
+use machine::{Instant, Machine, Port};
 
 /// What a network wraps around a frame of a machine.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]

@@ -1,7 +1,7 @@
 use super::*;
-use crate::{Duration, StreamChange, StreamId, StreamRequest};
 use alloc::string::String;
 use core::fmt::Write;
+use machine::{Duration, StreamChange, StreamId, StreamRequest};
 
 /// Sends a number every millisecond of its own clock and reports those that come in.
 struct Counter {

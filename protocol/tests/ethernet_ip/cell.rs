@@ -2,12 +2,12 @@
 
 use std::net::Ipv4Addr;
 
+use machine::{Duration, Instant};
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Adapter, AdapterConfig, Scanner, ScannerConfig};
 use protocol::fieldbus::LinkEvent;
 use protocol::image::Image;
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
-use protocol::{Duration, Instant};
 
 pub(crate) const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 pub(crate) const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
+use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use protocol::ethernet_ip::cip::{General, Path, Reply};
 use protocol::ethernet_ip::connection::{
     CloseRequest, ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad,
@@ -11,8 +13,6 @@ use protocol::ethernet_ip::cpf::{self, Item, Packet, kind, write_item};
 use protocol::ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Status};
 use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, class1};
 use protocol::fieldbus::LinkEvent;
-use protocol::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
-use protocol::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 
 use crate::cell::{PLC, adapter_config};
 

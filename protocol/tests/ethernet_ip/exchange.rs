@@ -4,12 +4,12 @@ use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::rc::Rc;
 
+use machine::{Duration, Instant, Machine, Port, StreamChange, StreamId};
 use protocol::ethernet_ip::connection::TimeoutMultiplier;
 use protocol::ethernet_ip::description::{Assembly, Description, Role, SKILL_ROBOT};
 use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
 use protocol::virtual_time::{Carrier, Clock, Event, Impairment, PairConfig, Side};
-use protocol::{Duration, Instant, Machine, Port, StreamChange, StreamId};
 
 use crate::cell::{Bus, News, PLC, ROBOT, adapter, adapter_config, bus_of, cable, image, run, up, wanted};
 
@@ -310,7 +310,7 @@ fn loss_and_jitter_cost_frames_and_only_short_timeouts_cost_the_connection() {
 fn an_adapter_of_another_address_is_not_listened_to() {
     let mut bus = up(wanted());
     bus.command_a(|scanner, now| {
-        let source = protocol::Source {
+        let source = machine::Source {
             port: Port::Udp(IO_PORT),
             peer: Some(std::net::SocketAddrV4::new(PLC, IO_PORT)),
         };

@@ -2,11 +2,11 @@
 
 use std::net::Ipv4Addr;
 
+use machine::{Duration, Machine};
 use proptest::prelude::*;
 use protocol::ethernet_ip::connection::ConnectionType;
 use protocol::ethernet_ip::encapsulation::{Command, Header};
 use protocol::ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
-use protocol::{Duration, Machine};
 
 use crate::cell::{PLC, ROBOT};
 use crate::client::{

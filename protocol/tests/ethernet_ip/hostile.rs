@@ -2,12 +2,12 @@
 
 use std::net::Ipv4Addr;
 
+use machine::wire::{LittleEndian, Writer};
+use machine::{Duration, StreamId};
 use protocol::ethernet_ip::IO_PORT;
 use protocol::ethernet_ip::cpf::{kind, write_item};
 use protocol::ethernet_ip::encapsulation::{Command, Status};
 use protocol::fieldbus::Fieldbus;
-use protocol::wire::{LittleEndian, Writer};
-use protocol::{Duration, StreamId};
 
 use crate::cell::{PLC, ROBOT};
 use crate::client::{

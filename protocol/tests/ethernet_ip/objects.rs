@@ -4,10 +4,10 @@ use protocol::ethernet_ip::cip::General;
 
 use std::net::Ipv4Addr;
 
+use machine::{Duration, Instant, Machine, Port};
 use protocol::ethernet_ip::connection::{OpenRequest, Priority};
 use protocol::ethernet_ip::encapsulation::{Command, Header, Status};
 use protocol::ethernet_ip::{AdapterConfig, ENCAPSULATION_PORT};
-use protocol::{Duration, Instant, Machine, Port};
 
 use crate::cell::{PLC, ROBOT, adapter_config};
 use crate::client::{Client, INPUT_ONLY_PATH, Rig, close_message, explicit, heartbeat, message, owner, peer};
@@ -194,7 +194,7 @@ fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
 
 /// The DSCP that the adapter asks for behind the next cyclic frame to this host.
 fn dscp_of_next_frame(rig: &mut Rig, to: Ipv4Addr) -> u8 {
-    let mut buf = vec![0; protocol::wire::FRAME_CAPACITY];
+    let mut buf = vec![0; machine::wire::FRAME_CAPACITY];
     loop {
         rig.now = rig.adapter.poll_timeout().unwrap();
         rig.adapter.handle_timeout(rig.now);

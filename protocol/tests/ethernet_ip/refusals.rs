@@ -2,6 +2,7 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::{Duration, Machine};
 use protocol::ethernet_ip::cip::{ElectronicKey, General, Path, Revision};
 use protocol::ethernet_ip::connection::{
     ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport,
@@ -10,7 +11,6 @@ use protocol::ethernet_ip::description::{Description, SKILL_ROBOT};
 use protocol::ethernet_ip::{IO_PORT, ScannerConfig};
 use protocol::fieldbus::{DownCause, Fieldbus, LinkEvent};
 use protocol::virtual_time::Event;
-use protocol::{Duration, Machine};
 
 use crate::cell::{PLC, bus_of, cable, run, up, wanted};
 use crate::client::{

@@ -2,13 +2,13 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
+use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use proptest::prelude::*;
 use protocol::ethernet_ip::cpf::{kind, write_item};
 use protocol::ethernet_ip::encapsulation::{Command, Header, Status};
 use protocol::ethernet_ip::{ENCAPSULATION_PORT, IO_PORT, Scanner, class1};
 use protocol::fieldbus::{DownCause, Fieldbus, LinkEvent};
-use protocol::wire::{FRAME_CAPACITY, LittleEndian, Writer};
-use protocol::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 
 use crate::cell::{Bus, PLC, ROBOT, bus_of, cable, run, up, wanted};
 use crate::client::peer;

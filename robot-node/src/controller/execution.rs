@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
+use machine::Instant;
 use planning::Switch;
-use protocol::Instant;
 use protocol::image::{Command, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
 use super::event::Ending;

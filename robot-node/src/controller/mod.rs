@@ -31,7 +31,7 @@ mod running;
 
 use std::collections::VecDeque;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Finding, Skill, State, Status};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -1,6 +1,6 @@
 //! What happens where a path ends: a LIN force takes over, a program switches an output, or the skill is over.
 
-use protocol::Instant;
+use machine::Instant;
 
 use super::Controller;
 use super::event::Ending;

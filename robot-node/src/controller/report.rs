@@ -1,6 +1,6 @@
 //! What the controller tells: the feedback image's values and events.
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::image::{Command, Control, ErrorNumber, Feedback, Finding, Status};
 
 use super::{Controller, EVENTS, RobotEvent, press};

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::image::{Command, ErrorNumber, Motion, State, Status};
 
 use super::execution::{Execution, Phase};

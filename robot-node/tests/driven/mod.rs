@@ -9,7 +9,7 @@
 
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::image::{Command, Control, Feedback, Motion, MotionKind, SLOTS, Skill, State, Status};
 use robot_node::arm::Surface;
 use robot_node::{Controller, Program, RobotConfig, RobotEvent};

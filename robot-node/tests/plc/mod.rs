@@ -9,14 +9,14 @@
 
 use std::time::Duration;
 
+use machine::wire::BigEndian;
+use machine::{Cycle, Instant, Machine, Source, Transmit};
 use protocol::direct::Direct;
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{
     Command, Control, Feedback, IMAGE_LEN, Motion, MotionKind, SLOTS, Skill, State, Status,
 };
 use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
-use protocol::wire::BigEndian;
-use protocol::{Cycle, Instant, Machine, Source, Transmit};
 use robot_node::{RobotConfig, RobotEvent, RobotNode};
 
 /// Writes the command image every millisecond, and keeps the slots filled from a list.

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::virtual_time::{Fate, Impairment, Link, LinkCounters, Side};
 
 use super::frame::{Contents, put_in};

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::virtual_time::{LinkCounters, Side};
 use rustix::event::PollFlags;
 use rustix::io::Errno;

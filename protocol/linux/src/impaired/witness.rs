@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use protocol::Instant;
+use machine::Instant;
 use protocol::virtual_time::{Fate, Side};
 
 use super::Told;

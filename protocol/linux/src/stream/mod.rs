@@ -12,7 +12,7 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use protocol::{Instant, Port, StreamChange, StreamId};
+use machine::{Instant, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use socket2::{Domain, Protocol, Socket, Type};
 

@@ -4,8 +4,8 @@ use std::net::{Shutdown, SocketAddrV4};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use protocol::wire::FRAME_CAPACITY;
-use protocol::{Instant, StreamChange, StreamId};
+use machine::wire::FRAME_CAPACITY;
+use machine::{Instant, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use rustix::net::{RecvFlags, SendFlags, recv, send};

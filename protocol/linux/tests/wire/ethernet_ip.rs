@@ -7,11 +7,11 @@ use std::io::{BufReader, Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
+use machine::{Machine, Port, Source, Transmit};
 use pcap_file::pcapng::{Block, PcapNgReader};
 use protocol::ethernet_ip::description::SKILL_ROBOT;
 use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
-use protocol::{Machine, Port, Source, Transmit};
 use protocol_linux::capture::Keep;
 use protocol_linux::{CyclicThread, Interface, Recorder, Udp, Wire, clock};
 
@@ -180,12 +180,12 @@ const LAST: u8 = b'z';
 impl Machine for Ear {
     type Event = LinkEvent;
 
-    fn handle_frame(&mut self, _: protocol::Instant, _: Source, frame: &[u8]) {
+    fn handle_frame(&mut self, _: machine::Instant, _: Source, frame: &[u8]) {
         self.own.extend(frame);
         self.heard_the_last = frame == [LAST];
     }
 
-    fn handle_broadcast(&mut self, _: protocol::Instant, _: Source, frame: &[u8]) {
+    fn handle_broadcast(&mut self, _: machine::Instant, _: Source, frame: &[u8]) {
         self.to_all.extend(frame);
     }
 
@@ -193,9 +193,9 @@ impl Machine for Ear {
         Some(GROUP)
     }
 
-    fn handle_timeout(&mut self, _: protocol::Instant) {}
+    fn handle_timeout(&mut self, _: machine::Instant) {}
 
-    fn poll_transmit(&mut self, _: protocol::Instant, _: &mut [u8]) -> Option<Transmit> {
+    fn poll_transmit(&mut self, _: machine::Instant, _: &mut [u8]) -> Option<Transmit> {
         None
     }
 
@@ -203,7 +203,7 @@ impl Machine for Ear {
         std::mem::take(&mut self.heard_the_last).then_some(LinkEvent::Up)
     }
 
-    fn poll_timeout(&self) -> Option<protocol::Instant> {
+    fn poll_timeout(&self) -> Option<machine::Instant> {
         None
     }
 }

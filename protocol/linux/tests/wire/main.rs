@@ -12,9 +12,9 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use machine::{Instant, Machine};
 use machines::{Cable, Echo, Station};
 use protocol::fieldbus::LinkEvent;
-use protocol::{Instant, Machine};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{
     CyclicThread, Driver, DriverError, Finished, Interface, Notifier, Outbox, PROFINET, Task, Udp, Wire,

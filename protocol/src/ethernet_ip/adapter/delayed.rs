@@ -8,7 +8,7 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::ethernet_ip::encapsulation::Header;
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// Questions that wait for their answer at most. Who asks while so many wait is not answered: the question comes again,
 /// or it is a flood.

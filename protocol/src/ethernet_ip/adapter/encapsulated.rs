@@ -9,7 +9,7 @@ use crate::ethernet_ip::cpf::{Item, Packet, kind, write_address, write_item};
 use crate::ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Message, PROTOCOL_VERSION, Status};
 use crate::ethernet_ip::objects::write_identity_item;
 use crate::ethernet_ip::{Reader, Writer};
-use crate::{Instant, StreamId};
+use machine::{Instant, StreamId};
 
 /// ListServices: CIP encapsulation over TCP, and class 0 and 1 over UDP (volume 2, 2-4.6).
 const CAPABILITY: u16 = 1 << 5 | 1 << 8;

@@ -13,7 +13,7 @@ use crate::ethernet_ip::connection::{
     Trigger, Watchdog,
 };
 use crate::ethernet_ip::description::{Assembly, Role};
-use crate::{Cycle, Duration};
+use machine::{Cycle, Duration};
 
 /// The longest packet interval of a class 3 connection, in µs: its timeout is at most 512 times that.
 const MAX_EXPLICIT_RPI_US: u32 = 100_000_000;

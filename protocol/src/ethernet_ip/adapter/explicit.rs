@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 
 use crate::ethernet_ip::connection::{Triad, Watchdog};
-use crate::{Instant, StreamId};
+use machine::{Instant, StreamId};
 
 /// The longest message of a connection either way, sequence count included, in bytes.
 pub(super) const MAX_SIZE: u16 = 1_504;

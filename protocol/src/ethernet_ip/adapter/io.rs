@@ -7,7 +7,7 @@ use crate::ethernet_ip::class1::{Frame, RUN_IDLE_LEN};
 use crate::ethernet_ip::connection::{Inhibit, Parameters, SequenceCheck, Triad, Trigger, Watchdog};
 use crate::ethernet_ip::description::Description;
 use crate::image::Image;
-use crate::{Cycle, Instant};
+use machine::{Cycle, Instant};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -26,8 +26,8 @@ use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use crate::fieldbus::{Counters, DownCause, Fieldbus, LinkEvent};
 use crate::image::Image;
-use crate::wire::LittleEndian;
-use crate::{Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::wire::LittleEndian;
+use machine::{Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 /// What an adapter must be told.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -7,7 +7,7 @@ use core::net::SocketAddrV4;
 use super::encapsulated::{Answer, answer};
 use super::state::State;
 use crate::ethernet_ip::encapsulation::Reassembly;
-use crate::{Duration, Instant, StreamId};
+use machine::{Duration, Instant, StreamId};
 
 /// A TCP connection.
 #[derive(Debug)]

@@ -12,7 +12,7 @@ use crate::ethernet_ip::class1::{self, Frame};
 use crate::ethernet_ip::encapsulation::MAX_MESSAGE_LEN;
 use crate::ethernet_ip::objects::{Device, IoState};
 use crate::fieldbus::{Counters, Down, DownCause, LinkEvent};
-use crate::{Instant, Port, StreamId, Transmit};
+use machine::{Instant, Port, StreamId, Transmit};
 
 /// What an encapsulation reply has around a CIP reply, at most: header, items, a socket address.
 const ENVELOPE_LEN: usize = 24 + 16 + 20;

@@ -12,7 +12,7 @@
 
 use super::super::{Reader, Writer};
 use super::violation::Violation;
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// A revision as devices carry it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -14,7 +14,7 @@ use super::super::{Reader, Writer};
 use super::path::Path;
 use super::status::General;
 use super::violation::Violation;
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// Service codes (volume 1, appendix A; those from 0x4B on belong to the object).
 pub mod service {

@@ -14,8 +14,8 @@
 use super::super::{Reader, Writer};
 use super::key::ElectronicKey;
 use super::violation::Violation;
-use crate::Duration;
-use crate::wire::Truncated;
+use machine::Duration;
+use machine::wire::Truncated;
 
 /// What a logical segment numbers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

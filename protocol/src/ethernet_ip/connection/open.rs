@@ -34,8 +34,8 @@
 
 use super::super::{Reader, Writer, cip};
 use super::parameters::{Parameters, Transport};
-use crate::wire::Truncated;
 use cip::{Path, Violation};
+use machine::wire::Truncated;
 
 /// Priority/tick 10 and 240 ticks: what an originator grants a request, 2^10 ms × 240, on the way over routers.
 const TIME_TICK: [u8; 2] = [0x0A, 0xF0];

@@ -1,6 +1,6 @@
 //! When a connection is given up, when it may produce again, and which frames are new.
 
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// How many packet intervals a consumer waits: 4 << code, code 0 to 7 (volume 1, 3-5.5.1.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -3,8 +3,8 @@
 use super::super::Writer;
 use super::super::cip::{Violation, class};
 use super::{Device, Object, exactly, write_instance_path};
-use crate::Duration;
 use core::net::Ipv4Addr;
+use machine::Duration;
 
 /// Attribute 13 from the start (volume 2, 5-4.3.13).
 const DEFAULT_INACTIVITY_S: u16 = 120;

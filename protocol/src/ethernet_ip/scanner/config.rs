@@ -3,12 +3,12 @@
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
-use crate::Duration;
 use crate::ethernet_ip::Writer;
 use crate::ethernet_ip::cip::{ElectronicKey, Logical, class, write_logical};
 use crate::ethernet_ip::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::ethernet_ip::connection::{ConnectionType, Parameters, Priority, TimeoutMultiplier};
 use crate::ethernet_ip::description::{Description, Role};
+use machine::Duration;
 
 /// What a scanner must be told.
 #[derive(Clone, PartialEq, Eq, Debug)]

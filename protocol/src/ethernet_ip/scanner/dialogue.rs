@@ -7,8 +7,8 @@ use crate::ethernet_ip::cpf::{Item, Packet, kind, write_item};
 use crate::ethernet_ip::description::Identity;
 use crate::ethernet_ip::encapsulation::{Command, Header, PROTOCOL_VERSION};
 use crate::ethernet_ip::{Reader, cip};
-use crate::wire::{Overflow, Truncated};
 use core::net::SocketAddrV4;
+use machine::wire::{Overflow, Truncated};
 
 /// A message to the adapter.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

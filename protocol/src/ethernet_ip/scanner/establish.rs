@@ -3,11 +3,11 @@
 use super::dialogue::{self, Say, Sockets};
 use super::io::Io;
 use super::{Asked, KEEP_ALIVE, Refusal, Scanner, Step};
-use crate::Instant;
 use crate::ethernet_ip::cip::{General, KeyMismatch, Path, Reply, service};
 use crate::ethernet_ip::connection::{CloseRequest, OpenRequest, Opened, Transport};
 use crate::ethernet_ip::encapsulation::{Command, Header, Status};
 use crate::fieldbus::{Down, DownCause};
+use machine::Instant;
 
 /// The shortest interval at which an adapter may want its data: its word alone decides how often frames go out.
 const LEAST_INTERVAL_US: u32 = 100;

@@ -9,7 +9,7 @@ use crate::ethernet_ip::class1::{self, Frame};
 use crate::ethernet_ip::connection::{Opened, SequenceCheck, Watchdog};
 use crate::fieldbus::Counters;
 use crate::image::Image;
-use crate::{Cycle, Duration, Instant};
+use machine::{Cycle, Duration, Instant};
 
 /// A connection that is open.
 #[derive(Debug)]

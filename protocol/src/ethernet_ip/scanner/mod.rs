@@ -29,8 +29,8 @@ use super::objects::Qos;
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
-use crate::wire::LittleEndian;
-use crate::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::wire::LittleEndian;
+use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 /// How often a session without requests shows that it is alive: adapters end silent ones after 120 s.
 const KEEP_ALIVE: Duration = Duration::from_secs(30);

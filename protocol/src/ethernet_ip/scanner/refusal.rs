@@ -7,7 +7,7 @@ use crate::ethernet_ip::Reader;
 use crate::ethernet_ip::cip::{ElectronicKey, Extended, General, Reply, Revision};
 use crate::ethernet_ip::description::{Assembly, Description, Identity, Role};
 use crate::fieldbus::{Down, DownCause};
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// A refused request, with what was asked and what is there.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -9,7 +9,7 @@
 
 use crate::profinet::block::{self, BlockReader, BlockType, BlockWriter, short};
 use crate::profinet::status::{Block, Violation};
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// An AlarmCRBlockReq.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -12,7 +12,7 @@ use crate::profinet::Uuid;
 use crate::profinet::block::{self, BlockReader, BlockType, BlockWriter, short};
 use crate::profinet::ethernet::Mac;
 use crate::profinet::status::{Block, Violation};
-use crate::wire::Truncated;
+use machine::wire::Truncated;
 
 /// ARProperties.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]

@@ -13,11 +13,11 @@
 use alloc::vec::Vec;
 
 use super::{API, COUNT_LIMIT};
-use crate::Duration;
 use crate::profinet::block::{self, BlockReader, BlockType, BlockWriter, short};
 use crate::profinet::ethernet::Mac;
 use crate::profinet::status::{Block, Violation};
-use crate::wire::Truncated;
+use machine::Duration;
+use machine::wire::Truncated;
 
 /// IOCRType.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

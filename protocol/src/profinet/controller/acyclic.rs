@@ -6,7 +6,7 @@ use super::{Controller, Phase, words};
 use crate::fieldbus::{Down, DownCause};
 use crate::profinet::RPC_PORT;
 use crate::profinet::status::{Service, Violation};
-use crate::{Instant, Port, Transmit};
+use machine::{Instant, Port, Transmit};
 
 /// All but cyclic data. While they go both ways nothing else happens from one second to the next, and is not asked for
 /// with every frame.

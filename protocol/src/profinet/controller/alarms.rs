@@ -14,8 +14,8 @@ use crate::profinet::alarm::{
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Tag};
 use crate::profinet::rt::{Route, UDP_PORT};
 use crate::profinet::status::Status;
-use crate::wire::{BigEndian, Writer};
-use crate::{Duration, Instant, Port, Transmit};
+use machine::wire::{BigEndian, Writer};
+use machine::{Duration, Instant, Port, Transmit};
 
 /// RTATimeoutFactor 1: when a DATA PDU that was not acknowledged is repeated.
 const REPEAT_AFTER: Duration = Duration::from_millis(100);

@@ -2,8 +2,8 @@
 
 use crate::profinet::Uuid;
 use crate::profinet::rpc::{Header, Kind, Message, Operation, Reassembly, Received, flags, read_rpc_status};
-use crate::wire::Overflow;
-use crate::{Duration, Instant};
+use machine::wire::Overflow;
+use machine::{Duration, Instant};
 
 /// When an unanswered call is repeated first; the pauses then double up to [`REPEAT_AT_MOST`].
 const REPEAT_AFTER: Duration = Duration::from_millis(200);

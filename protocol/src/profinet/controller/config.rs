@@ -6,7 +6,6 @@ use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
 use super::layout::{Direction, Layout};
-use crate::Duration;
 use crate::profinet::connect::{
     AlarmCr, Ar, ArProperties, ConnectRequest, ExpectedModule, ExpectedSubmodule, Iocr, IocrType, RtClass,
 };
@@ -14,6 +13,7 @@ use crate::profinet::description::{Description, INTERFACE_SUBSLOT, PLC};
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac, Tag};
 use crate::profinet::rt::{CycleTime, Transport, UDP_PORT, UnfitCycle};
 use crate::profinet::{LT_UDP, Uuid, is_station_name, rpc};
+use machine::Duration;
 
 /// CMInitiatorActivityTimeoutFactor, in 100 ms: the device gives a connection up that stands still for so long.
 const ACTIVITY_TIMEOUT: u16 = 200;

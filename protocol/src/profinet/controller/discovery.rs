@@ -7,7 +7,7 @@ use crate::profinet::dcp::{
     self, BlockError, Code, Content, IDENTIFY_MULTICAST, IpSuite, Pdu, Service, Station,
 };
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac};
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// Pause between repetitions of a request that was not answered.
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
@@ -193,8 +193,8 @@ impl Discovery {
 mod tests {
     use super::*;
     use crate::profinet::dcp::Block;
-    use crate::wire::Writer;
     use core::net::Ipv4Addr;
+    use machine::wire::Writer;
 
     const OWN: Mac = Mac([2, 0, 0, 0, 0, 1]);
     const DEVICE: Mac = Mac([2, 0, 0, 0, 0, 2]);

@@ -5,12 +5,12 @@ use core::net::SocketAddrV4;
 use super::alarms::Alarms;
 use super::config::{ControllerConfig, INPUT, OUTPUT, Plan};
 use super::{Refusal, words};
-use crate::Instant;
 use crate::fieldbus::Counters;
 use crate::image::Image;
 use crate::profinet::connect::{ConnectResponse, DiffModule, ModuleState};
 use crate::profinet::ethernet::Mac;
 use crate::profinet::rt::{self, CyclicReceiver, CyclicSender, IoxStatus, Route, Transport, UDP_PORT};
+use machine::Instant;
 
 /// A connected AR.
 #[derive(Debug)]

@@ -44,14 +44,14 @@ use super::status::Status;
 use super::{RPC_PORT, Uuid};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
-use crate::wire::BigEndian;
-use crate::{Duration, Instant, Machine, Port, Source, Transmit};
 use acyclic::Acyclic;
 use alarms::{Outcome, Parting};
 use call::Caller;
 use config::Plan;
 use discovery::{Discovery, Wanted};
 use link::Link;
+use machine::wire::BigEndian;
+use machine::{Duration, Instant, Machine, Port, Source, Transmit};
 use responder::Responder;
 
 /// How long no connection may be there before that is told.

@@ -9,7 +9,7 @@ use crate::profinet::rpc::{
     CONTROLLER_INTERFACE, Header, Kind, Message, Operation, RequestArgs, ResponseArgs, flags, rpc_status,
 };
 use crate::profinet::status::{Service, Violation};
-use crate::wire::{BigEndian, Overflow, Writer};
+use machine::wire::{BigEndian, Overflow, Writer};
 
 /// What a PDU from the device led to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -7,7 +7,6 @@ use super::discovery::Progress;
 use super::link::{Link, unusable};
 use super::responder::Called;
 use super::{Controller, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, random_uuid, words};
-use crate::Instant;
 use crate::fieldbus::{Down, DownCause, LinkEvent};
 use crate::profinet::block::{BlockReader, BlockWriter};
 use crate::profinet::connect::{self, ConnectResponse};
@@ -18,6 +17,7 @@ use crate::profinet::record::{Address, WriteRequest, WriteResponse};
 use crate::profinet::rpc::{Header, Operation, RequestArgs, ResponseArgs};
 use crate::profinet::status::{Service, Violation};
 use core::net::SocketAddrV4;
+use machine::Instant;
 
 /// ArgsMaximum: the longest answer, in bytes of blocks, that we take.
 const LONGEST_ANSWER: u32 = 4096;

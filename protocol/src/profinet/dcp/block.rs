@@ -12,7 +12,7 @@ use core::net::Ipv4Addr;
 
 use super::Violation;
 use crate::profinet::ethernet::Mac;
-use crate::wire::{BigEndian, Reader, Writer};
+use machine::wire::{BigEndian, Reader, Writer};
 
 /// Option (high byte) and suboption (low byte) of a block.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]

@@ -17,8 +17,8 @@ mod block;
 pub use block::{Block, BlockError, Code, Content, IpSuite};
 
 use super::ethernet::Mac;
-use crate::Duration;
-use crate::wire::{BigEndian, Reader, Truncated, Writer};
+use machine::Duration;
+use machine::wire::{BigEndian, Reader, Truncated, Writer};
 
 /// Where Identify requests go.
 pub const IDENTIFY_MULTICAST: Mac = Mac([0x01, 0x0E, 0xCF, 0x00, 0x00, 0x00]);

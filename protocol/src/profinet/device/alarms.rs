@@ -1,15 +1,15 @@
 //! The device's end of the alarm connection: it acknowledges what the controller sends and refuses alarms, of which a
 //! controller has none for a device.
 
-use crate::Port;
-use crate::Transmit;
 use crate::profinet::alarm::{
     Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Priority, Rta, error_status,
 };
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Tag};
 use crate::profinet::rt::{Route, UDP_PORT};
 use crate::profinet::status::{Service, Status, Violation};
-use crate::wire::{BigEndian, Overflow, Writer};
+use machine::Port;
+use machine::Transmit;
+use machine::wire::{BigEndian, Overflow, Writer};
 
 /// One alarm connection, both priorities.
 #[derive(Clone, Copy, Debug)]

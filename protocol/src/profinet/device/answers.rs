@@ -6,8 +6,8 @@ use crate::profinet::RPC_PORT;
 use crate::profinet::block::BlockWriter;
 use crate::profinet::rpc::{Header, Kind, Message, ResponseArgs};
 use crate::profinet::status::Status;
-use crate::wire::Overflow;
-use crate::{Port, Transmit};
+use machine::wire::Overflow;
+use machine::{Port, Transmit};
 
 /// Callers whose last answer is kept.
 const CALLERS: usize = 4;

@@ -38,8 +38,8 @@ use super::station::{Effect, Refusal, Station};
 use super::status::{Service, Status, Violation};
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
-use crate::wire::BigEndian;
-use crate::{Instant, Machine, Port, Source, Transmit};
+use machine::wire::BigEndian;
+use machine::{Instant, Machine, Port, Source, Transmit};
 
 /// Events that can wait for the owner; it drains them after every call, of which none makes as many.
 const MOST_EVENTS: usize = 8;

@@ -20,7 +20,7 @@ use crate::profinet::description::Description;
 use crate::profinet::ethernet::Mac;
 use crate::profinet::rt::{CycleTime, CyclicReceiver, CyclicSender, Received, Route, Transport};
 use crate::profinet::status::Violation;
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// LocalAlarmReference of the device: the same in every AR, since a controller may keep its ARUUID from session to
 /// session, and then an analyser takes another reference for a fault.

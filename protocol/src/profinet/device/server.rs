@@ -8,7 +8,6 @@ use super::answers::Known;
 use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
 use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
 use super::{Core, closed_by_peer};
-use crate::Instant;
 use crate::profinet::block::BlockReader;
 use crate::profinet::connect::{
     AlarmCrResponse, ArProperties, ArResponse, ConnectRequest, ConnectResponse, Iocr, IocrResponse, IocrType,
@@ -22,7 +21,8 @@ use crate::profinet::rpc::{
 use crate::profinet::rt::UDP_PORT;
 use crate::profinet::status::{Service, Status, Violation};
 use crate::profinet::{RPC_PORT, Uuid};
-use crate::wire::{BigEndian, Overflow, Writer};
+use machine::Instant;
+use machine::wire::{BigEndian, Overflow, Writer};
 
 /// MaxAlarmDataLength of the device: the least there is.
 const MAX_ALARM_DATA: u16 = 200;

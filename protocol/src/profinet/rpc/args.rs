@@ -7,7 +7,7 @@
 
 use super::{ARGS_LEN, Header, Order};
 use crate::profinet::status::{Status, Violation};
-use crate::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Writer};
+use machine::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Writer};
 
 /// The NDR numbers before the blocks of a request.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -16,7 +16,7 @@ use core::net::Ipv4Addr;
 
 use super::{DEVICE_INTERFACE, Header, Order};
 use crate::profinet::Uuid;
-use crate::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Truncated, Writer};
+use machine::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Truncated, Writer};
 
 /// Operation number of Lookup.
 pub const LOOKUP: u16 = 2;

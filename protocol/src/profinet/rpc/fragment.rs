@@ -5,7 +5,7 @@ use alloc::vec;
 
 use super::{BODY_CAPACITY, FRAGMENT_LEN, HEADER_LEN, Header, Kind, Order, flags};
 use crate::profinet::Uuid;
-use crate::wire::Overflow;
+use machine::wire::Overflow;
 
 /// A message that is kept so that it can be sent, and sent again.
 #[derive(Debug)]

@@ -19,7 +19,7 @@ pub use fragment::{Message, Reassembly, Received};
 
 use super::Uuid;
 use super::description::Identity;
-use crate::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Truncated, Writer};
+use machine::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Truncated, Writer};
 
 /// Length in bytes of the header.
 pub const HEADER_LEN: usize = 80;

@@ -22,7 +22,7 @@ pub use receiver::{CyclicReceiver, Received};
 pub use sender::{CyclicSender, Route};
 pub use timing::{CycleTime, Transport, UnfitCycle, cycle_counter};
 
-use crate::wire::{BigEndian, Reader, Truncated, Writer};
+use machine::wire::{BigEndian, Reader, Truncated, Writer};
 
 /// UDP port of RT_CLASS_UDP, both ends.
 pub const UDP_PORT: u16 = 0x8892;

@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::{CycleTime, CyclicFrame, DataStatus};
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// How far a cycle counter may be ahead of the last one, in counts: 1.92 s. What is further "ahead" comes from the
 /// 128 ms before it and is late.

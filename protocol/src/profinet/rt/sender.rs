@@ -6,8 +6,8 @@ use core::net::SocketAddrV4;
 
 use super::{CycleTime, CyclicFrame, DataStatus, UDP_PORT, cycle_counter};
 use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac, Tag};
-use crate::wire::{BigEndian, Writer};
-use crate::{Cycle, Instant, Port, Transmit};
+use machine::wire::{BigEndian, Writer};
+use machine::{Cycle, Instant, Port, Transmit};
 
 /// The way a cyclic frame takes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::profinet::ethernet::{EthernetHeader, Mac};
-use crate::{Duration, Instant, Port};
 use core::net::{Ipv4Addr, SocketAddrV4};
+use machine::{Duration, Instant, Port};
 use proptest::prelude::*;
 
 const SIEMENS: Mac = Mac([0xEC, 0x1C, 0x5D, 0x61, 0xE7, 0x3F]);

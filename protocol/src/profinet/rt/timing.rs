@@ -1,7 +1,7 @@
 //! How the cycle of an IOCR is agreed and told: send clock, reduction ratio, cycle counter.
 
 use crate::profinet::ethernet::Mac;
-use crate::{Duration, Instant};
+use machine::{Duration, Instant};
 
 /// One count of the cycle counter, and of the send clock: 31.25 µs.
 const COUNT_NANOS: u64 = 31_250;

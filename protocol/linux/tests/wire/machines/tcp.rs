@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 use std::net::SocketAddrV4;
 
-use protocol::fieldbus::LinkEvent;
-use protocol::{
+use machine::{
     Cycle, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
+use protocol::fieldbus::LinkEvent;
 
 pub(crate) const TCP_PORT: u16 = 44818;
 const PERIOD: Duration = Duration::from_millis(1);

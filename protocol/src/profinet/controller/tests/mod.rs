@@ -8,8 +8,8 @@ use crate::profinet::connect::{ConnectRequest, ModuleState};
 use crate::profinet::description;
 use crate::profinet::ethernet::Mac;
 use crate::profinet::status::{Service, Violation};
-use crate::wire::{FRAME_CAPACITY, Writer};
 use core::net::Ipv4Addr;
+use machine::wire::{FRAME_CAPACITY, Writer};
 use peer::{ETHERNET, Peer, Script, ethernet, udp};
 use proptest::prelude::*;
 

@@ -10,7 +10,7 @@ use crate::profinet::dcp::{BlockError, Code, Content, Service as DcpService};
 use crate::profinet::record::{WriteRequest, WriteResponse};
 use crate::profinet::rpc::{CONTROLLER_INTERFACE, Operation, RequestArgs, ResponseArgs};
 use crate::profinet::rt::{CyclicFrame, DataStatus, cycle_counter};
-use crate::wire::{FRAME_CAPACITY, Reader, Writer};
+use machine::wire::{FRAME_CAPACITY, Reader, Writer};
 
 /// What the peer leaves out or does otherwise.
 #[derive(Default)]

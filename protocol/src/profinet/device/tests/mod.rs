@@ -9,7 +9,6 @@ mod refusals;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use super::*;
-use crate::Duration;
 use crate::profinet::block::{BlockReader, BlockWriter};
 use crate::profinet::connect::{
     AlarmCr, Ar, ArProperties, ConnectRequest, ConnectResponse, ExpectedModule, ExpectedSubmodule, Iocr,
@@ -20,6 +19,7 @@ use crate::profinet::description::{self, Identity, Module, Submodule};
 use crate::profinet::rpc::{DEVICE_INTERFACE, Operation, RequestArgs, ResponseArgs, object};
 use crate::profinet::rt::{CyclicFrame, DataStatus};
 use crate::profinet::{LT_UDP, Uuid};
+use machine::Duration;
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 2]);
 const CONTROLLER_MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -183,7 +183,7 @@ impl Rig {
 
     /// Everything that the device wants to send now.
     fn drain(&mut self) -> Sent {
-        let mut buf = [0; crate::wire::FRAME_CAPACITY];
+        let mut buf = [0; machine::wire::FRAME_CAPACITY];
         core::iter::from_fn(|| {
             let transmit = self.device.poll_transmit(self.now, &mut buf)?;
             Some((transmit, buf[..transmit.len].to_vec()))

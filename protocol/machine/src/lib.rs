@@ -1,0 +1,20 @@
+//! A protocol endpoint as a [`Machine`]: plain state that gets time and frames as arguments and hands out frames, events
+//! and its next deadline. A driver brings clock, sockets and threads.
+//!
+//! The crate is `no_std`, so it can name none of those itself.
+
+#![cfg_attr(not(test), no_std)]
+#![warn(clippy::indexing_slicing)]
+
+mod contract;
+mod cycle;
+mod lateness;
+mod link;
+mod time;
+pub mod wire;
+
+pub use contract::{Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+pub use cycle::{Cycle, Tick};
+pub use lateness::Lateness;
+pub use link::{Counters, Down, DownCause, LinkEvent};
+pub use time::{Duration, Instant};
