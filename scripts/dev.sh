@@ -7,6 +7,10 @@ cd "$(dirname "$0")/.."
 PROFINET_TRAFFIC='pn_rt || dcerpc'
 PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn_dcp || dcerpc || lldp || udp.port in {34962 .. 34964}) && (_ws.malformed || _ws.short || _ws.expert.severity >= 0x00600000 || pn_rt.transfer_status != 0 || pn_rt.ds_res3 == 1 || pn_rt.ds_Reserved_2 == 1 || (udp.port == 34964 && !dcerpc && !icmp) || (udp.port in {34962 .. 34963} && !pn_rt && !icmp))'
 
+# The crates that are machines and nothing else: package, and folder.
+PURE=(fieldbus-machine:protocol/machine profinet-proto:protocol/profinet ethernet-ip-proto:protocol/ethernet-ip
+    fieldbus-virtual-time:protocol/virtual-time protocol:protocol)
+
 verb_help() { #: list the verbs
     echo "usage: scripts/dev.sh VERB"
     sed -n 's/^verb_\([a-z_]*\)() { #: \(.*\)/  \1\t\2/p' "scripts/dev.sh" | tr _ - | expand -t 14
@@ -42,31 +46,36 @@ verb_lint() { #: clippy with warnings denied, the purity rules among them; shell
     shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
-verb_purity() { #: prove that `protocol` can name no clock, socket, thread or file
-    # It is `no_std`, and so is all that it depends on: a crate for a target without an operating system cannot
+verb_purity() { #: prove that the crates of machines can name no clock, socket, thread or file
+    # They are `no_std`, and so is all that they depend on: a crate for a target without an operating system cannot
     # reach one. Where that target is not installed, the attribute and the dependencies' features are the proof.
-    grep -q '^#!\[cfg_attr(not(test), no_std)\]' protocol/src/lib.rs
-    if grep -rnE 'extern crate std|\bstd::' protocol/src --include='*.rs' | grep -vE '/tests?(/|\.rs)|//'; then
-        echo "protocol names std" >&2
-        exit 1
-    fi
-    local allowed="protocol rand_core rand_pcg thiserror thiserror-impl"
-    local found
-    found=$(cargo tree -p protocol -e normal --prefix none --no-dedupe --locked | awk '{print $1}' | sort -u)
-    for crate in $found; do
-        case " $allowed proc-macro2 quote syn unicode-ident " in
-            *" $crate "*) ;;
-            *) echo "protocol depends on $crate: is it no_std and free of clocks and sockets?" >&2; exit 1 ;;
-        esac
+    local crate folder found dependency
+    local allowed="rand_core rand_pcg thiserror thiserror-impl proc-macro2 quote syn unicode-ident"
+    for crate in "${PURE[@]}"; do allowed+=" ${crate%%:*}"; done
+    for crate in "${PURE[@]}"; do
+        folder=${crate##*:} crate=${crate%%:*}
+        grep -q '^#!\[cfg_attr(not(test), no_std)\]' "$folder/src/lib.rs" ||
+            { echo "$folder is not no_std" >&2; exit 1; }
+        if grep -rnE 'extern crate std|\bstd::' "$folder/src" --include='*.rs' | grep -vE '/tests?(/|\.rs)|//'; then
+            echo "$folder names std" >&2
+            exit 1
+        fi
+        found=$(cargo tree -p "$crate" -e normal --prefix none --no-dedupe --locked | awk '{print $1}' | sort -u)
+        for dependency in $found; do
+            case " $allowed " in
+                *" $dependency "*) ;;
+                *) echo "$folder depends on $dependency: is it no_std and free of clocks and sockets?" >&2; exit 1 ;;
+            esac
+        done
+        if cargo tree -p "$crate" -e features,normal --locked | grep -E '(thiserror|rand_core|rand_pcg) feature "std"'; then
+            echo "a dependency of $folder has its std feature on" >&2
+            exit 1
+        fi
     done
-    if cargo tree -p protocol -e features,normal --locked | grep -E '(thiserror|rand_core|rand_pcg) feature "std"'; then
-        echo "a dependency of protocol has its std feature on" >&2
-        exit 1
-    fi
     local unsafe_users
     unsafe_users=$(grep -rlE '\bunsafe\b' --include='*.rs' . | grep -vE '^\./(target|protocol/linux)/' || true)
     [ -z "$unsafe_users" ] || { echo "unsafe outside protocol-linux: $unsafe_users" >&2; exit 1; }
-    echo "protocol is pure; unsafe stands in protocol-linux alone"
+    echo "${PURE[*]##*:}: pure; unsafe stands in protocol-linux alone"
 }
 
 # build: every program as the tests have it, so that after `test` nothing is left to build.

@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use machine::Instant;
-use protocol::profinet::ethernet::Mac;
-use protocol::virtual_time::{Carrier, Segment, Side, Tapped};
+use machine::ethernet::Mac;
 use protocol_linux::capture::{CaptureFile, Keep, Note, Packet};
+use virtual_time::{Carrier, Segment, Side, Tapped};
 
 use packet::{Ip, Tcp};
 

@@ -4,9 +4,9 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-use protocol::virtual_time::{Impairment, LinkCounters, Side};
 use protocol_linux::impaired::Plan;
 use serde::{Deserialize, Serialize};
+use virtual_time::{Impairment, LinkCounters, Side};
 
 /// One fault, as it is written: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]

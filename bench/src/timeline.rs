@@ -11,8 +11,8 @@
 //! ```
 
 use plc_node::ExecutionType;
-use protocol::virtual_time::Side;
 use serde::Serialize;
+use virtual_time::Side;
 
 use crate::trace::{Recording, Trace};
 

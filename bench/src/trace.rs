@@ -7,7 +7,7 @@ pub mod tables;
 use machine::Instant;
 use plc_node::ExecutionType;
 use protocol::image::State;
-use protocol::virtual_time::Side;
+use virtual_time::Side;
 
 use crate::results::PerType;
 

@@ -7,8 +7,8 @@ use std::time::Duration;
 use machine::Instant;
 use plc_node::{PlcEvent, PlcNode};
 use protocol::fieldbus::Fieldbus;
-use protocol::virtual_time::{Pair, Side};
 use robot_node::RobotNode;
+use virtual_time::{Pair, Side};
 
 use crate::trace::{Frame, PlcScan, Recording, RobotTick};
 use crate::virtual_run::Nodes;

@@ -9,8 +9,8 @@ use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Command, Digest, IMAGE_LEN, Image};
-use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 use robot_node::{RobotConfig, RobotNode};
+use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
 /// Takes motion `at` of a sequence for the one two before it, as a wrong slot of the image would.
 #[derive(Debug)]

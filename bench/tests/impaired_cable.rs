@@ -6,12 +6,12 @@ use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::time::Duration;
 
 use bench::faults;
-use protocol::virtual_time::LinkCounters;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
 use protocol_linux::impaired::{ImpairedCable, Plan, Witness};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::veth;
+use virtual_time::LinkCounters;
 
 const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];
 const PORT: u16 = 4_000;

@@ -1,14 +1,14 @@
 //! From a setup to the PLC's end of its bus.
 
+use ethernet_ip::cip::{ElectronicKey, Revision};
+use ethernet_ip::connection::TimeoutMultiplier;
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{Scanner, ScannerConfig};
+use machine::ethernet::Mac;
 use machine::{Duration, Instant};
-use protocol::ethernet_ip::cip::{ElectronicKey, Revision};
-use protocol::ethernet_ip::connection::TimeoutMultiplier;
-use protocol::ethernet_ip::description::SKILL_ROBOT;
-use protocol::ethernet_ip::{Scanner, ScannerConfig};
-use protocol::profinet::description::{self, Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
-use protocol::profinet::ethernet::Mac;
-use protocol::profinet::rt::Transport;
-use protocol::profinet::{self, Controller, ControllerConfig, Parameter};
+use profinet::description::{self, Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
+use profinet::rt::Transport;
+use profinet::{self, Controller, ControllerConfig, Parameter};
 use setup::{Cyclic, EthernetIpAdapter, ProfinetDevice, Setup};
 
 /// Why a setup gives no bus endpoint.

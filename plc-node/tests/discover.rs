@@ -8,11 +8,11 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::process::Command;
 
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{Adapter, AdapterConfig};
 use machine::{Instant, Machine};
-use protocol::ethernet_ip::description::SKILL_ROBOT;
-use protocol::ethernet_ip::{Adapter, AdapterConfig};
+use profinet::{Device, DeviceConfig, description};
 use protocol::fieldbus::LinkEvent;
-use protocol::profinet::{Device, DeviceConfig, description};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock, veth};
 use serde_json::{Value, json};

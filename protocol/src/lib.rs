@@ -9,10 +9,8 @@
 
 extern crate alloc;
 
+mod buses;
 pub mod direct;
-pub mod ethernet_ip;
 pub mod fieldbus;
 pub mod image;
-pub mod profinet;
 pub mod search;
-pub mod virtual_time;

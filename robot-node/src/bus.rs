@@ -2,11 +2,11 @@
 
 use core::net::Ipv4Addr;
 
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{Adapter, AdapterConfig};
 use machine::Instant;
-use protocol::ethernet_ip::description::SKILL_ROBOT;
-use protocol::ethernet_ip::{Adapter, AdapterConfig};
-use protocol::profinet::ethernet::Mac;
-use protocol::profinet::{Device, DeviceConfig, description};
+use machine::ethernet::Mac;
+use profinet::{Device, DeviceConfig, description};
 use setup::Setup;
 
 /// Why a setup gives no bus endpoint.

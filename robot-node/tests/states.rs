@@ -10,8 +10,8 @@ use machine::{Instant, Machine, Port, Source};
 use plc::{Cell, application, lin, ptp};
 use protocol::direct::Direct;
 use protocol::image::{Command, Control, ErrorNumber, IMAGE_LEN, Motion, Skill, State, Status};
-use protocol::virtual_time::Side;
 use robot_node::{Ending, RobotEvent, RobotNode};
+use virtual_time::Side;
 
 /// Back and forth along a line of 100 mm, at 250 mm/s.
 fn back_and_forth(motions: usize) -> Vec<Motion> {

@@ -9,7 +9,7 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use protocol::profinet::ethernet::Mac;
+use machine::ethernet::Mac;
 
 pub(super) const TCP: u8 = 6;
 pub(super) const UDP: u8 = 17;

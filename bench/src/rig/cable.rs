@@ -4,11 +4,11 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use protocol::virtual_time::Side;
 use protocol_linux::capture::{CaptureFile, Keep};
 use protocol_linux::impaired::{ImpairedCable, Witness};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, Recorder, RecorderError, veth};
+use virtual_time::Side;
 
 use super::RigError;
 use super::frames::FrameLog;

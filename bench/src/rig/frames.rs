@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use machine::Instant;
-use protocol::virtual_time::Side;
 use protocol_linux::capture::Packet;
+use virtual_time::Side;
 
 use crate::trace::{FRAME_ROOM, Frame};
 

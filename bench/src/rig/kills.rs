@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::future::pending;
 
-use protocol::virtual_time::Side;
 use tokio::time::{Instant, sleep_until};
+use virtual_time::Side;
 
 use crate::faults::{self, Fault};
 

@@ -40,13 +40,13 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use plc_node::process::{PlcInstruction, PlcMessage};
-use protocol::virtual_time::Side;
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
 use protocol_linux::{Interface, PortError, Wire};
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
+use virtual_time::Side;
 
 use cable::{Cable, Fittings};
 use conversation::Beginning;

@@ -4,11 +4,11 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 
 use anyhow::bail;
+use ethernet_ip::connection::TimeoutMultiplier;
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
 use machine::{Duration, Instant, Machine};
-use protocol::ethernet_ip::connection::TimeoutMultiplier;
-use protocol::ethernet_ip::description::SKILL_ROBOT;
-use protocol::ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
-use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol::fieldbus::{Down, DownCause, LinkEvent};
 use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock};
 
 use super::cable::{Cable, MASK, ROBOT};

@@ -12,10 +12,10 @@ use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::Digest;
-use protocol::virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 use protocol_linux::capture::Note;
 use robot_node::{Program, Quality, RobotEvent, RobotNode};
 use setup::Setup;
+use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 
 use super::Work;
 use super::phases::Phases;

@@ -17,14 +17,14 @@ use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use machine::Instant;
+use machine::ethernet::Mac;
 use planning::{Application, Stop};
 use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion};
-use protocol::profinet::ethernet::Mac;
-use protocol::virtual_time::Side;
 use protocol_linux::capture::Keep;
 use robot_node::RobotConfig;
 use setup::{BusKind, Setup};
+use virtual_time::Side;
 
 pub(crate) use cell::Nodes;
 pub use plant_speed::PlantSpeed;

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use machine::Instant;
 use protocol::direct::Direct;
-use protocol::virtual_time::{Clock, Side};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;
+use virtual_time::{Clock, Side};
 
 use crate::plan::below;
 

@@ -6,7 +6,7 @@ use std::fmt;
 use std::net::Ipv4Addr;
 
 use comfy_table::{Table, TableComponent, presets};
-use protocol::profinet::dcp::IpSuite;
+use profinet::dcp::IpSuite;
 use protocol::search::{EthernetIpDevice, ProfinetStation, QUESTIONS, Search, Tally};
 use serde::Serialize;
 

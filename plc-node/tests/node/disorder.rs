@@ -4,7 +4,7 @@ use machine::Duration;
 use plc_node::{ExecutionType, PlcEvent};
 use proptest::prelude::*;
 use protocol::image::ErrorNumber;
-use protocol::virtual_time::Event;
+use virtual_time::Event;
 
 use crate::scripted::{Cell, Fault, cell, run};
 

@@ -6,7 +6,7 @@ use plc_node::{FailureCause, PlcEvent, PlcNode, StartError};
 use protocol::direct::Direct;
 use protocol::fieldbus::DownCause;
 use protocol::image::{Control, ErrorNumber, Finding};
-use protocol::virtual_time::Side;
+use virtual_time::Side;
 
 use crate::scripted::{
     BUS, Cell, Fault, WATCHDOG, cell, config, motions, pause, run, run_to_failure, start, until_ready,

@@ -11,7 +11,7 @@ use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
     Command, Control, ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status,
 };
-use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
+use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
 /// What the robot does wrong.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

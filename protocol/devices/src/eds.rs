@@ -5,8 +5,8 @@
 
 use std::fmt::{self, Write};
 
-use protocol::ethernet_ip::cip::class;
-use protocol::ethernet_ip::description::{Assembly, CLASSES, Description, PORT_NUMBER, Role};
+use ethernet_ip::cip::class;
+use ethernet_ip::description::{Assembly, CLASSES, Description, PORT_NUMBER, Role};
 
 use crate::Date;
 

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use protocol::profinet::description::{Description, INTERFACE_SUBSLOT, Module, PORT_SUBSLOT, Submodule};
+use profinet::description::{Description, INTERFACE_SUBSLOT, Module, PORT_SUBSLOT, Submodule};
 
 use crate::Date;
 

@@ -1,7 +1,7 @@
 //! What a real PLC imports to talk to the robot node: an EDS file for EtherNet/IP, a GSDML file for PROFINET.
 //!
 //! Both are made from the descriptions that the adapter and the IO-Device themselves run by
-//! ([`protocol::ethernet_ip::description`], [`protocol::profinet::description`]), so that they cannot say anything else.
+//! ([`ethernet_ip::description`], [`profinet::description`]), so that they cannot say anything else.
 //! The files stand beside this crate, where a person looks for them; a test makes them anew and compares, and writes
 //! them where `INSTA_UPDATE=always` asks for it. Other tests read the files back and hold them against running
 //! machines: what a file promises is opened, connected and read.
@@ -11,8 +11,6 @@
 
 pub mod eds;
 pub mod gsdml;
-
-use protocol::{ethernet_ip, profinet};
 
 /// Year, month and day of the last change to what the files say.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

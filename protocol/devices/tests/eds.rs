@@ -5,16 +5,14 @@
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use ethernet_ip::cip::{General, Path, Reply};
+use ethernet_ip::connection::{ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad};
+use ethernet_ip::cpf::{Item, Packet, kind, write_item};
+use ethernet_ip::description::{Role, SKILL_ROBOT};
+use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
+use ethernet_ip::{Adapter, AdapterConfig};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
 use machine::{Instant, Machine, Port, Source, StreamChange, StreamId};
-use protocol::ethernet_ip::cip::{General, Path, Reply};
-use protocol::ethernet_ip::connection::{
-    ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad,
-};
-use protocol::ethernet_ip::cpf::{Item, Packet, kind, write_item};
-use protocol::ethernet_ip::description::{Role, SKILL_ROBOT};
-use protocol::ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
-use protocol::ethernet_ip::{Adapter, AdapterConfig};
 
 /// Sections, their entries, and the fields of those, without quotation marks.
 struct Eds(BTreeMap<String, BTreeMap<String, Vec<String>>>);

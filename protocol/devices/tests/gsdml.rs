@@ -9,14 +9,14 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use machine::Instant;
-use protocol::fieldbus::{Fieldbus, LinkEvent};
+use machine::ethernet::Mac;
+use profinet::description::{Description, Identity, ROBOT};
+use profinet::rt::{Transport, UDP_PORT};
+use profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
+use protocol::fieldbus::LinkEvent;
 use protocol::image::IMAGE_LEN;
-use protocol::profinet::description::{Description, Identity, ROBOT};
-use protocol::profinet::ethernet::Mac;
-use protocol::profinet::rt::{Transport, UDP_PORT};
-use protocol::profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
-use protocol::virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
 use roxmltree::{Document, Node};
+use virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
 
 fn text() -> String {
     let [_, (_, text)] = devices::files();
@@ -61,7 +61,7 @@ fn the_device_is_who_it_says_it_is_over_the_wire() {
     let access_point = one(&document, "DeviceAccessPointItem");
     let value = |name| one(&document, name).attribute("Value").unwrap().to_owned();
     assert_eq!(access_point.attribute("DNS_CompatibleName"), Some(ROBOT.order_id));
-    assert!(protocol::profinet::is_station_name(ROBOT.order_id.as_bytes()));
+    assert!(profinet::is_station_name(ROBOT.order_id.as_bytes()));
     assert_eq!(value("OrderNumber"), ROBOT.order_id);
     assert_eq!(value("HardwareRelease"), ROBOT.hardware_revision.to_string());
     let [major, minor, patch] = ROBOT.software_revision;

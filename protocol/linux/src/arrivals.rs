@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use protocol::profinet::ethernet::EthernetHeader;
+use machine::ethernet::EthernetHeader;
 use socket2::Socket;
 
 use crate::packet_socket::{self, FrameBuffer};

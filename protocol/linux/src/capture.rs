@@ -18,7 +18,7 @@ use pcap_file::pcapng::blocks::enhanced_packet::{EnhancedPacketBlock, EnhancedPa
 use pcap_file::pcapng::blocks::interface_description::{
     InterfaceDescriptionBlock, InterfaceDescriptionOption,
 };
-use protocol::virtual_time::Side;
+use virtual_time::Side;
 
 /// Longer frames are cut; no port of a node takes longer ones.
 pub(crate) const SNAP_LEN: usize = 2048;

@@ -2,8 +2,9 @@
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-use protocol::profinet::dcp::{HELLO_MULTICAST, IDENTIFY_MULTICAST};
-use protocol::profinet::ethernet::{ETHER_TYPE_PROFINET, Mac};
+use machine::ethernet::Mac;
+use profinet::ETHER_TYPE;
+use profinet::dcp::{HELLO_MULTICAST, IDENTIFY_MULTICAST};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrAny, recvfrom, send};
 use socket2::Socket;
@@ -25,7 +26,7 @@ pub struct Ethernet {
 /// PROFINET: its EtherType, and the groups that every station listens to (IEC 61158-6-10, multicast addresses): DCP
 /// Identify, DCP Hello, and the fast and slow alarm groups.
 pub const PROFINET: Ethernet = Ethernet {
-    ethertype: ETHER_TYPE_PROFINET,
+    ethertype: ETHER_TYPE,
     groups: &[
         IDENTIFY_MULTICAST,
         HELLO_MULTICAST,

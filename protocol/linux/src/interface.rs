@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with};
 
-use protocol::profinet::ethernet::Mac;
+use machine::ethernet::Mac;
 
 /// The flag of an interface that is switched on.
 const UP: libc::c_short = libc::IFF_UP as libc::c_short;

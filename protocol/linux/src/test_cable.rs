@@ -1,6 +1,6 @@
 //! A cable of a test's own, in networks that vanish with it.
 
-use protocol::profinet::ethernet::Mac;
+use machine::ethernet::Mac;
 
 use crate::namespace::NetworkNamespace;
 use crate::{Interface, packet_socket, veth};

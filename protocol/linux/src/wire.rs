@@ -3,10 +3,10 @@
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
+use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
 use machine::Port;
-use protocol::ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
-use protocol::profinet::RPC_PORT;
-use protocol::profinet::rt::UDP_PORT;
+use profinet::RPC_PORT;
+use profinet::rt::UDP_PORT;
 use rustix::io::Errno;
 
 use crate::dscp::Marking;

@@ -8,6 +8,7 @@
 
 mod contract;
 mod cycle;
+pub mod ethernet;
 mod lateness;
 mod link;
 mod time;

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use protocol::ethernet_ip::connection::TimeoutMultiplier;
-use protocol::ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::connection::TimeoutMultiplier;
+use ethernet_ip::description::SKILL_ROBOT;
 use protocol::image::SLOTS;
 
 use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, ProfinetDevice, Setup, Sourced};

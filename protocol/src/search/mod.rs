@@ -4,17 +4,17 @@
 //! them spread their answers over T/4; the rest of the time is for those that take longer. It keeps one entry a device
 //! however often that answers, and counts what is no answer to it.
 
-mod ethernet_ip;
-mod profinet;
+mod identify;
+mod list_identity;
 
-pub use ethernet_ip::{EthernetIpDevice, EthernetIpQuestion};
-pub use profinet::{ProfinetQuestion, ProfinetStation};
+pub use identify::{ProfinetQuestion, ProfinetStation};
+pub use list_identity::{EthernetIpDevice, EthernetIpQuestion};
 
 use alloc::vec::Vec;
 
-use ethernet_ip::EthernetIpSearch;
+use identify::ProfinetSearch;
+use list_identity::EthernetIpSearch;
 use machine::{Duration, Instant, Machine, Port, Source, Transmit};
-use profinet::ProfinetSearch;
 
 /// Questions of one search on each bus.
 pub const QUESTIONS: u32 = 3;

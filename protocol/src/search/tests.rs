@@ -3,12 +3,13 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use proptest::prelude::*;
 
 use super::*;
-use crate::ethernet_ip::description::SKILL_ROBOT;
-use crate::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
 use crate::fieldbus::LinkEvent;
-use crate::profinet::dcp::{self, Block, Content, Pdu, Service};
-use crate::profinet::ethernet::{ETHER_TYPE_PROFINET, EthernetHeader, Mac};
-use crate::profinet::{Device, DeviceConfig, description};
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
+use machine::ethernet::{EthernetHeader, Mac};
+use profinet::ETHER_TYPE;
+use profinet::dcp::{self, Block, Content, Pdu, Service};
+use profinet::{Device, DeviceConfig, description};
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
 const ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
@@ -152,7 +153,7 @@ impl Segment {
 
 /// An answer of a PROFINET station as it goes over the cable.
 fn answer(mac: Mac, xid: u32, name: &[u8]) -> Vec<u8> {
-    let header = EthernetHeader { destination: MAC, source: mac, tag: None, ether_type: ETHER_TYPE_PROFINET };
+    let header = EthernetHeader { destination: MAC, source: mac, tag: None, ether_type: ETHER_TYPE };
     let blocks: [Block<'_>; 2] =
         [Content::NameOfStation(name).into(), Content::DeviceId { vendor: 0x0493, device: 2 }.into()];
     let mut buf = [0; 512];

@@ -16,8 +16,8 @@ use protocol::fieldbus::Fieldbus;
 use protocol::image::{
     Command, Control, Feedback, IMAGE_LEN, Motion, MotionKind, SLOTS, Skill, State, Status,
 };
-use protocol::virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 use robot_node::{RobotConfig, RobotEvent, RobotNode};
+use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
 /// Writes the command image every millisecond, and keeps the slots filled from a list.
 pub struct Plc {

@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 use std::time::Duration;
 
 use machine::Instant;
-use protocol::virtual_time::{Fate, Impairment, Link, LinkCounters, Side};
+use virtual_time::{Fate, Impairment, Link, LinkCounters, Side};
 
 use super::frame::{Contents, put_in};
 use crate::capture::Note;

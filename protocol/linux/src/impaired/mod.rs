@@ -23,10 +23,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 use machine::Instant;
-use protocol::virtual_time::{LinkCounters, Side};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use socket2::Socket;
+use virtual_time::{LinkCounters, Side};
 
 use crate::capture::Note;
 use crate::packet_socket::{self, FrameBuffer};

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use machine::Instant;
-use protocol::virtual_time::{Fate, Side};
+use virtual_time::{Fate, Side};
 
 use super::Told;
 use super::middle::ROOM;

@@ -7,11 +7,11 @@ use std::io::{BufReader, Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
 use machine::{Machine, Port, Source, Transmit};
 use pcap_file::pcapng::{Block, PcapNgReader};
-use protocol::ethernet_ip::description::SKILL_ROBOT;
-use protocol::ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
-use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::fieldbus::LinkEvent;
 use protocol_linux::capture::Keep;
 use protocol_linux::{CyclicThread, Interface, Recorder, Udp, Wire, clock};
 

@@ -4,10 +4,10 @@ pub(crate) mod tcp;
 
 use std::net::SocketAddrV4;
 
+use machine::ethernet::Mac;
 use machine::{Cycle, Duration, Instant, Lateness, Machine, Port, Source, Tick, Transmit};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
-use protocol::profinet::ethernet::Mac;
 use protocol_linux::Interface;
 
 pub(crate) const UDP_PORT: u16 = 34962;

@@ -1,0 +1,329 @@
+//! Which connections an adapter opens (volume 1, 3-5.5.2 and 3-6; volume 2, 3-3).
+
+use core::net::SocketAddrV4;
+
+use super::explicit::{ExplicitConnection, MAX_SIZE};
+use super::io::{IoConnection, Kind, Producer};
+use super::state::{Context, State};
+use crate::IO_PORT;
+use crate::cip::{Application, Violation, class};
+use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
+use crate::connection::{
+    ConnectionType, Inhibit, OpenRequest, Opened, Parameters, Priority, SequenceCheck, TimeoutMultiplier,
+    Trigger, Watchdog,
+};
+use crate::description::{Assembly, Role};
+use machine::{Cycle, Duration};
+
+/// The longest packet interval of a class 3 connection, in µs: its timeout is at most 512 times that.
+const MAX_EXPLICIT_RPI_US: u32 = 100_000_000;
+
+const fn micros(micros: u32) -> Duration {
+    Duration::from_micros(micros as u64)
+}
+
+/// The assemblies of an I/O connection.
+struct Points {
+    kind: Kind,
+    consumed: &'static Assembly,
+    produced: &'static Assembly,
+    named: [Option<u32>; 3],
+}
+
+impl State {
+    /// Opens a connection, or says why not.
+    pub(super) fn open(
+        &mut self,
+        context: &mut Context,
+        request: &OpenRequest<'_>,
+    ) -> Result<Opened, Violation> {
+        let OpenRequest { triad, o_t, t_o, .. } = *request;
+        if self.closed {
+            return Err(Violation::NotConfigured);
+        }
+        let null = (o_t.kind == ConnectionType::Null, t_o.kind == ConnectionType::Null);
+        let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
+        if known && null != (true, true) {
+            return Err(Violation::DuplicateForwardOpen);
+        }
+        let application = request.path.application()?;
+        if let Some(key) = application.key {
+            key.check(&self.device.description.key())?;
+        }
+        match null {
+            (true, true) => return self.open_null(request, &application),
+            (true, false) => return Err(Violation::OtType),
+            (false, true) => return Err(Violation::ToType),
+            (false, false) => {}
+        }
+        let multiplier = TimeoutMultiplier::new(request.multiplier).ok_or(Violation::TimeoutMultiplier)?;
+        if request.transport.trigger() == Trigger::Reserved {
+            return Err(Violation::TriggerNotSupported);
+        }
+        if o_t.redundant_owner {
+            return Err(Violation::OtRedundantOwner);
+        }
+        match request.transport.class() {
+            1 => self.open_io(context, request, multiplier, &application),
+            3 => self.open_explicit(context, request, multiplier, &application),
+            _ => Err(Violation::TransportClassNotSupported),
+        }
+    }
+
+    /// A null Forward_Open opens nothing: it asks whether the target is there, or configures it.
+    fn open_null(
+        &self,
+        request: &OpenRequest<'_>,
+        application: &Application<'_>,
+    ) -> Result<Opened, Violation> {
+        match application.class {
+            Some(class::ASSEMBLY) | None => {}
+            Some(_) => return Err(Violation::NullForwardOpen),
+        }
+        if !application.configuration.is_empty() {
+            return Err(Violation::ConfigurationSize);
+        }
+        let description = self.device.description;
+        let served = |rpi: u32| rpi.clamp(description.min_rpi_us, description.max_rpi_us);
+        Ok(Opened {
+            o_t_id: request.o_t_id,
+            t_o_id: request.t_o_id,
+            triad: request.triad,
+            o_t_api_us: served(request.o_t_rpi_us),
+            t_o_api_us: served(request.t_o_rpi_us),
+        })
+    }
+
+    fn open_io(
+        &mut self,
+        context: &mut Context,
+        request: &OpenRequest<'_>,
+        multiplier: TimeoutMultiplier,
+        application: &Application<'_>,
+    ) -> Result<Opened, Violation> {
+        let OpenRequest { o_t_rpi_us, o_t, t_o_rpi_us, t_o, .. } = *request;
+        let points = self.points(application)?;
+        check_io_parameters(&points, o_t, t_o)?;
+        let description = self.device.description;
+        let served = description.min_rpi_us..=description.max_rpi_us;
+        if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
+            return Err(Violation::RpiNotSupported);
+        }
+        let trigger = request.transport.trigger();
+        // Without a segment, a producer that follows changes keeps a quarter of its interval (volume 1, 3-4.4.18).
+        let default = if trigger == Trigger::Cyclic { Duration::ZERO } else { micros(t_o_rpi_us) / 4 };
+        let inhibit = application.inhibit.filter(|time| !time.is_zero()).unwrap_or(default);
+        if inhibit > micros(t_o_rpi_us) {
+            return Err(Violation::RpiBelowInhibitTime);
+        }
+        self.check_room(points.kind)?;
+
+        let mut producer = Producer {
+            id: request.t_o_id,
+            to: SocketAddrV4::new(
+                *context.peer.ip(),
+                context.socket_t_o.map(|socket| socket.port()).filter(|port| *port != 0).unwrap_or(IO_PORT),
+            ),
+            parameters: t_o,
+            dscp: self.device.qos.cyclic(t_o.priority),
+            data_len: points.produced.size,
+            cycle: Cycle::new(context.now + micros(t_o_rpi_us), micros(t_o_rpi_us)),
+            trigger,
+            inhibit: Inhibit::new(inhibit, context.now),
+            sequence: 0,
+            count: 0,
+            changed: false,
+            sends: true,
+        };
+        if t_o.kind == ConnectionType::Multicast {
+            self.share_multicast(context, &mut producer)?;
+        }
+        let o_t_id = self.fresh_id();
+        let connection = IoConnection {
+            triad: request.triad,
+            kind: points.kind,
+            points: points.named,
+            originator: *context.peer.ip(),
+            o_t_id,
+            o_t_len: usize::from(o_t.size.saturating_sub(SEQUENCE_LEN)),
+            watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
+            sequence: SequenceCheck::default(),
+            count: None,
+            run: false,
+            producer,
+        };
+        let (triad, t_o_id, t_o_api) = (request.triad, producer.id, producer.cycle.period());
+        self.io.add(connection);
+        self.follow_owner(None);
+        let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
+        Ok(Opened { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
+    }
+
+    fn points(&self, application: &Application<'_>) -> Result<Points, Violation> {
+        if application.class != Some(class::ASSEMBLY) {
+            return Err(Violation::ApplicationPath);
+        }
+        let named = match application.points {
+            [Some(_), Some(_), Some(_)] => application.points,
+            [Some(consumed), Some(produced), None] => [None, Some(consumed), Some(produced)],
+            [None, ..] => return Err(Violation::ConsumingPath),
+            _ => return Err(Violation::ProducingPath),
+        };
+        let [configuration, consumed, produced] = named;
+        let description = self.device.description;
+        let find = |instance: Option<u32>, missing| {
+            instance.and_then(|instance| description.assembly(instance)).ok_or(missing)
+        };
+        if configuration.is_some()
+            && find(configuration, Violation::ConfigurationPath)?.role != Role::Configuration
+        {
+            return Err(Violation::InconsistentPathCombination);
+        }
+        if !application.configuration.is_empty() {
+            return Err(Violation::ConfigurationSize);
+        }
+        let consumed = find(consumed, Violation::ConsumingPath)?;
+        let produced = find(produced, Violation::ProducingPath)?;
+        let kind = match (consumed.role, produced.role) {
+            (Role::Consumed, Role::Produced) => Kind::ExclusiveOwner,
+            (Role::InputOnlyHeartbeat, Role::Produced) => Kind::InputOnly,
+            (Role::ListenOnlyHeartbeat, Role::Produced) => Kind::ListenOnly,
+            _ => return Err(Violation::InconsistentPathCombination),
+        };
+        Ok(Points { kind, consumed, produced, named })
+    }
+
+    /// Whether one more connection of this kind may be opened.
+    fn check_room(&self, kind: Kind) -> Result<(), Violation> {
+        let description = self.device.description;
+        let open = self.io.count(kind);
+        match kind {
+            Kind::ExclusiveOwner if open >= usize::from(description.exclusive_owners) => {
+                Err(Violation::OutputsOwned)
+            }
+            Kind::ListenOnly if self.io.len() == self.io.count(Kind::ListenOnly) => {
+                Err(Violation::NothingToListenTo)
+            }
+            Kind::InputOnly if open >= usize::from(description.input_only) => {
+                Err(Violation::TargetOutOfConnections)
+            }
+            Kind::ListenOnly if open >= usize::from(description.listen_only) => {
+                Err(Violation::TargetOutOfConnections)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Lets a connection take part in the multicast, which it must fit if it runs already.
+    fn share_multicast(&mut self, context: &mut Context, producer: &mut Producer) -> Result<(), Violation> {
+        if !self.device.network.is_local(*context.peer.ip()) {
+            return Err(Violation::OffSubnetMulticast);
+        }
+        if let Some(running) = self.io.multicast() {
+            if running.parameters.size != producer.parameters.size {
+                return Err(Violation::MulticastSize);
+            }
+            if running.parameters.priority != producer.parameters.priority {
+                return Err(Violation::MulticastPriority);
+            }
+            if running.trigger != producer.trigger {
+                return Err(Violation::MulticastTrigger);
+            }
+            if running.inhibit.time() != producer.inhibit.time() {
+                return Err(Violation::MulticastInhibit);
+            }
+            // Who wants it more often than it comes cannot be served; who wants it less often gets it as it comes.
+            if running.cycle.period() > producer.cycle.period() {
+                return Err(Violation::RpiNotSupported);
+            }
+            *producer = Producer { sends: false, ..*running };
+        } else {
+            producer.id = self.fresh_id();
+            producer.to = SocketAddrV4::new(self.device.network.multicast(), IO_PORT);
+        }
+        context.reply_socket_t_o = Some(producer.to);
+        Ok(())
+    }
+
+    fn open_explicit(
+        &mut self,
+        context: &Context,
+        request: &OpenRequest<'_>,
+        multiplier: TimeoutMultiplier,
+        application: &Application<'_>,
+    ) -> Result<Opened, Violation> {
+        let OpenRequest { triad, t_o_id, o_t_rpi_us, o_t, t_o_rpi_us, t_o, transport, .. } = *request;
+        if !transport.is_server() {
+            return Err(Violation::DirectionNotSupported);
+        }
+        if transport.trigger() != Trigger::Application {
+            return Err(Violation::TransportNotSupported);
+        }
+        if application.class != Some(class::MESSAGE_ROUTER) || application.points != [Some(1), None, None] {
+            return Err(Violation::ApplicationPath);
+        }
+        if o_t.kind != ConnectionType::PointToPoint {
+            return Err(Violation::OtType);
+        }
+        if t_o.kind != ConnectionType::PointToPoint {
+            return Err(Violation::ToType);
+        }
+        if o_t.priority == Priority::Urgent {
+            return Err(Violation::OtPriority);
+        }
+        if t_o.priority == Priority::Urgent {
+            return Err(Violation::ToPriority);
+        }
+        let sizes = SEQUENCE_LEN + 2..=MAX_SIZE;
+        if !sizes.contains(&o_t.size) {
+            return Err(Violation::OtSize(MAX_SIZE));
+        }
+        if !sizes.contains(&t_o.size) {
+            return Err(Violation::ToSize(MAX_SIZE));
+        }
+        let served = 1..=MAX_EXPLICIT_RPI_US;
+        if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
+            return Err(Violation::RpiNotSupported);
+        }
+        if self.explicit.is_full() {
+            return Err(Violation::OutOfConnections);
+        }
+        let o_t_id = self.fresh_id();
+        self.explicit.add(ExplicitConnection {
+            triad,
+            stream: context.stream,
+            o_t_id,
+            t_o_id,
+            o_t_size: o_t.size,
+            t_o_size: t_o.size,
+            watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
+        });
+        Ok(Opened { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us: t_o_rpi_us })
+    }
+}
+
+fn check_io_parameters(points: &Points, o_t: Parameters, t_o: Parameters) -> Result<(), Violation> {
+    let heartbeat = points.kind != Kind::ExclusiveOwner;
+    if o_t.kind != ConnectionType::PointToPoint {
+        return Err(Violation::OtType);
+    }
+    if t_o.kind == ConnectionType::Reserved {
+        return Err(Violation::ToType);
+    }
+    if o_t.variable && !heartbeat {
+        return Err(Violation::OtVariable);
+    }
+    if t_o.variable {
+        return Err(Violation::ToVariable);
+    }
+    let size = points.consumed.connection_size();
+    // Some scanners send a run/idle header with a heartbeat.
+    if o_t.size != size && !(heartbeat && o_t.size == size + RUN_IDLE_LEN) {
+        return Err(Violation::OtSize(size));
+    }
+    let size = points.produced.connection_size();
+    if t_o.size != size {
+        return Err(Violation::ToSize(size));
+    }
+    Ok(())
+}

@@ -1,0 +1,155 @@
+//! Class 3 connections: explicit messages with a sequence count, so that a repeated request is not run twice.
+
+use alloc::boxed::Box;
+use alloc::vec;
+
+use crate::connection::{Triad, Watchdog};
+use machine::{Instant, StreamId};
+
+/// The longest message of a connection either way, sequence count included, in bytes.
+pub(super) const MAX_SIZE: u16 = 1_504;
+
+/// A class 3 connection.
+#[derive(Debug)]
+pub(super) struct ExplicitConnection {
+    pub(super) triad: Triad,
+    /// The TCP connection that it was opened over, and that carries it.
+    pub(super) stream: StreamId,
+    pub(super) o_t_id: u32,
+    pub(super) t_o_id: u32,
+    pub(super) o_t_size: u16,
+    pub(super) t_o_size: u16,
+    pub(super) watchdog: Watchdog,
+}
+
+/// A place for a connection and for its last reply, which goes out again if the request comes again.
+#[derive(Debug)]
+struct Slot {
+    connection: Option<ExplicitConnection>,
+    /// Sequence count and length of the last reply.
+    last: Option<(u16, usize)>,
+    reply: Box<[u8]>,
+}
+
+/// All class 3 connections.
+#[derive(Debug)]
+pub(super) struct ExplicitConnections {
+    slots: Box<[Slot]>,
+    /// How many of them hold a connection: most of the time none.
+    open: usize,
+}
+
+impl ExplicitConnections {
+    pub(super) fn new(room: usize) -> Self {
+        let slot = || Slot {
+            connection: None,
+            last: None,
+            reply: vec![0; usize::from(MAX_SIZE)].into_boxed_slice(),
+        };
+        Self { slots: core::iter::repeat_with(slot).take(room).collect(), open: 0 }
+    }
+
+    fn open(&self) -> impl Iterator<Item = &ExplicitConnection> {
+        self.slots.iter().filter_map(|slot| slot.connection.as_ref())
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.open
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        self.len() == self.slots.len()
+    }
+
+    pub(super) fn find(&self, triad: &Triad) -> Option<&ExplicitConnection> {
+        self.open().find(|connection| connection.triad == *triad)
+    }
+
+    pub(super) fn uses_id(&self, id: u32) -> bool {
+        self.open().any(|connection| connection.o_t_id == id)
+    }
+
+    pub(super) fn add(&mut self, connection: ExplicitConnection) {
+        if let Some(slot) = self.slots.iter_mut().find(|slot| slot.connection.is_none()) {
+            slot.connection = Some(connection);
+            slot.last = None;
+            self.open += 1;
+        }
+    }
+
+    pub(super) fn remove(&mut self, triad: &Triad) {
+        self.keep(|connection| connection.triad != *triad);
+    }
+
+    pub(super) fn retain(&mut self, alive: impl Fn(StreamId) -> bool) {
+        self.keep(|connection| alive(connection.stream));
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.keep(|_| false);
+    }
+
+    /// Ends the connections that expired and returns how many they were.
+    pub(super) fn remove_expired(&mut self, now: Instant) -> usize {
+        self.keep(|connection| !connection.watchdog.expired(now))
+    }
+
+    fn keep(&mut self, wanted: impl Fn(&ExplicitConnection) -> bool) -> usize {
+        if self.open == 0 {
+            return 0;
+        }
+        let mut removed = 0;
+        for slot in &mut self.slots {
+            if slot.connection.as_ref().is_some_and(|connection| !wanted(connection)) {
+                slot.connection = None;
+                removed += 1;
+            }
+        }
+        self.open -= removed;
+        removed
+    }
+
+    pub(super) fn next_timeout(&self) -> Option<Instant> {
+        if self.open == 0 {
+            return None;
+        }
+        self.open().map(|connection| connection.watchdog.deadline()).min()
+    }
+
+    /// The connection of this number on this TCP connection, for a request that just came.
+    pub(super) fn heard(
+        &mut self,
+        now: Instant,
+        stream: StreamId,
+        o_t_id: u32,
+    ) -> Option<&ExplicitConnection> {
+        let mut open = self.slots.iter_mut().filter_map(|slot| slot.connection.as_mut());
+        let connection =
+            open.find(|connection| connection.o_t_id == o_t_id && connection.stream == stream)?;
+        connection.watchdog.feed(now);
+        Some(connection)
+    }
+
+    /// The reply to a request that came before.
+    pub(super) fn repeated(&self, o_t_id: u32, count: u16) -> Option<&[u8]> {
+        let slot = self.slots.iter().find(|slot| slot.is(o_t_id))?;
+        let (_, len) = slot.last.filter(|(last, _)| *last == count)?;
+        slot.reply.get(..len)
+    }
+
+    /// Keeps a reply, in case its request comes again.
+    pub(super) fn remember(&mut self, o_t_id: u32, count: u16, reply: &[u8]) {
+        if let Some(slot) = self.slots.iter_mut().find(|slot| slot.is(o_t_id))
+            && let Some(place) = slot.reply.get_mut(..reply.len())
+        {
+            place.copy_from_slice(reply);
+            slot.last = Some((count, reply.len()));
+        }
+    }
+}
+
+impl Slot {
+    fn is(&self, o_t_id: u32) -> bool {
+        self.connection.as_ref().is_some_and(|connection| connection.o_t_id == o_t_id)
+    }
+}

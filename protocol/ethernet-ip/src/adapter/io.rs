@@ -1,0 +1,245 @@
+//! Class 1 connections: what they send, what they take, when they end.
+
+use alloc::vec::Vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use crate::IoData;
+use crate::class1::{Frame, RUN_IDLE_LEN};
+use crate::connection::{Inhibit, Parameters, SequenceCheck, Triad, Trigger, Watchdog};
+use crate::description::Description;
+use machine::{Cycle, Instant};
+
+/// What a connection may do with the outputs (volume 1, 3-6.4).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Kind {
+    /// Sets the outputs; there is one.
+    ExclusiveOwner,
+    /// Takes the inputs.
+    InputOnly,
+    /// Takes the inputs as long as another connection does more.
+    ListenOnly,
+}
+
+/// A class 1 connection.
+#[derive(Debug)]
+pub(super) struct IoConnection {
+    pub(super) triad: Triad,
+    pub(super) kind: Kind,
+    /// Assemblies that it was opened to: configuration, consumed, produced.
+    pub(super) points: [Option<u32>; 3],
+    pub(super) originator: Ipv4Addr,
+    pub(super) o_t_id: u32,
+    /// Bytes behind the sequence count of an O→T frame.
+    pub(super) o_t_len: usize,
+    pub(super) watchdog: Watchdog,
+    pub(super) sequence: SequenceCheck,
+    /// Sequence count of the last data taken over.
+    pub(super) count: Option<u16>,
+    /// What the last run/idle header said.
+    pub(super) run: bool,
+    pub(super) producer: Producer,
+}
+
+/// What sends T→O. Connections that share a multicast have equal ones, and only one of them sends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Producer {
+    pub(super) id: u32,
+    pub(super) to: SocketAddrV4,
+    pub(super) parameters: Parameters,
+    /// What the QoS object said of this priority when the connection was opened.
+    pub(super) dscp: u8,
+    /// Bytes of data in a frame.
+    pub(super) data_len: u16,
+    pub(super) cycle: Cycle,
+    pub(super) trigger: Trigger,
+    pub(super) inhibit: Inhibit,
+    pub(super) sequence: u32,
+    pub(super) count: u16,
+    /// The data changed since the last frame.
+    pub(super) changed: bool,
+    pub(super) sends: bool,
+}
+
+/// A frame that is to be sent now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Due {
+    pub(super) id: u32,
+    pub(super) to: SocketAddrV4,
+    pub(super) sequence: u32,
+    pub(super) count: u16,
+    pub(super) size: u16,
+    pub(super) dscp: u8,
+}
+
+/// What became of a frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Taken {
+    Foreign,
+    WrongSize,
+    Late,
+    Fresh { missing: u32 },
+}
+
+impl IoConnection {
+    /// Whether a frame with so many bytes behind its sequence count may be one of this connection. A heartbeat comes
+    /// with a run/idle header or without one, whatever was agreed on.
+    const fn takes(&self, len: usize) -> bool {
+        match self.kind {
+            Kind::ExclusiveOwner => len == self.o_t_len,
+            Kind::InputOnly | Kind::ListenOnly => len == 0 || len == RUN_IDLE_LEN as usize,
+        }
+    }
+}
+
+impl Producer {
+    /// Whether changes of the data send a frame, and not time alone.
+    const fn follows_changes(&self) -> bool {
+        matches!(self.trigger, Trigger::ChangeOfState | Trigger::Application)
+    }
+
+    fn next(&self) -> Option<Instant> {
+        let change = (self.changed && self.follows_changes()).then(|| self.inhibit.free_at());
+        self.sends.then(|| change.map_or(self.cycle.next(), |change| change.min(self.cycle.next())))
+    }
+
+    fn produce(&mut self, now: Instant) -> Option<Due> {
+        if self.next().is_none_or(|next| now < next) {
+            return None;
+        }
+        if self.cycle.tick(now).is_none() {
+            // A change restarts the interval.
+            let period = self.cycle.period();
+            self.cycle = Cycle::new(now + period, period);
+        }
+        self.changed = false;
+        self.inhibit.produced(now);
+        self.sequence = self.sequence.wrapping_add(1);
+        self.count = self.count.wrapping_add(1);
+        let Self { id, to, sequence, count, data_len: size, dscp, .. } = *self;
+        Some(Due { id, to, sequence, count, size, dscp })
+    }
+}
+
+/// All class 1 connections. There is room for them from the start.
+#[derive(Debug)]
+pub(super) struct IoConnections {
+    open: Vec<IoConnection>,
+}
+
+impl IoConnections {
+    pub(super) fn new(description: &Description) -> Self {
+        let Description { exclusive_owners, input_only, listen_only, .. } = *description;
+        let room = [exclusive_owners, input_only, listen_only].into_iter().map(usize::from).sum();
+        Self { open: Vec::with_capacity(room) }
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.open.len()
+    }
+
+    pub(super) fn count(&self, kind: Kind) -> usize {
+        self.open.iter().filter(|connection| connection.kind == kind).count()
+    }
+
+    pub(super) fn find(&self, triad: &Triad) -> Option<&IoConnection> {
+        self.open.iter().find(|connection| connection.triad == *triad)
+    }
+
+    pub(super) fn uses_id(&self, id: u32) -> bool {
+        self.open.iter().any(|connection| connection.o_t_id == id || connection.producer.id == id)
+    }
+
+    /// The producer of the multicast, if one is running.
+    pub(super) fn multicast(&self) -> Option<&Producer> {
+        let producers = self.open.iter().map(|connection| &connection.producer);
+        producers.into_iter().find(|producer| producer.to.ip().is_multicast() && producer.sends)
+    }
+
+    pub(super) fn add(&mut self, connection: IoConnection) {
+        self.open.push(connection);
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.open.clear();
+    }
+
+    pub(super) fn data_changed(&mut self) {
+        self.open.iter_mut().for_each(|connection| connection.producer.changed = true);
+    }
+
+    /// Whether the outputs have an owner, and then whether it runs.
+    pub(super) fn owner_runs(&self) -> Option<bool> {
+        let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
+        owner.map(|owner| owner.run)
+    }
+
+    /// Takes a frame; the owner's data goes into `consumed`.
+    pub(super) fn take(
+        &mut self,
+        now: Instant,
+        peer: Ipv4Addr,
+        frame: &Frame<'_>,
+        consumed: &mut IoData,
+    ) -> Taken {
+        let is_its = |connection: &&mut IoConnection| {
+            connection.o_t_id == frame.connection && connection.originator == peer
+        };
+        let Some(connection) = self.open.iter_mut().find(is_its) else { return Taken::Foreign };
+        if !connection.takes(frame.payload.len()) {
+            return Taken::WrongSize;
+        }
+        let Some(missing) = connection.sequence.accept(frame.sequence) else { return Taken::Late };
+        connection.watchdog.feed(now);
+        if connection.kind == Kind::ExclusiveOwner
+            && let Ok((run, data)) = frame.run_and_data()
+        {
+            connection.run = run;
+            // The same count is the same data.
+            if connection.count.replace(frame.count) != Some(frame.count)
+                && let Some(place) = consumed.get_mut(..data.len())
+            {
+                place.copy_from_slice(data);
+            }
+        }
+        Taken::Fresh { missing }
+    }
+
+    pub(super) fn next_due(&mut self, now: Instant) -> Option<Due> {
+        self.open.iter_mut().find_map(|connection| connection.producer.produce(now))
+    }
+
+    /// Ends a connection that expired, and those that live by it. Returns its kind.
+    pub(super) fn remove_expired(&mut self, now: Instant) -> Option<Kind> {
+        let index = self.open.iter().position(|connection| connection.watchdog.expired(now))?;
+        Some(self.remove_at(index))
+    }
+
+    /// Ends a connection, and those that live by it. Returns its kind.
+    pub(super) fn remove(&mut self, triad: &Triad) -> Option<Kind> {
+        let index = self.open.iter().position(|connection| connection.triad == *triad)?;
+        Some(self.remove_at(index))
+    }
+
+    fn remove_at(&mut self, index: usize) -> Kind {
+        let IoConnection { kind, producer, .. } = self.open.swap_remove(index);
+        if self.open.iter().all(|connection| connection.kind == Kind::ListenOnly) {
+            self.open.clear();
+        }
+        if producer.sends && producer.to.ip().is_multicast() {
+            // The multicast goes on for the others, without a gap in its numbers.
+            let heir = self.open.iter_mut().find(|connection| connection.producer.id == producer.id);
+            if let Some(heir) = heir {
+                heir.producer = producer;
+            }
+        }
+        kind
+    }
+
+    pub(super) fn next_timeout(&self) -> Option<Instant> {
+        let each = |connection: &IoConnection| {
+            let watchdog = connection.watchdog.deadline();
+            connection.producer.next().map_or(watchdog, |next| next.min(watchdog))
+        };
+        self.open.iter().map(each).min()
+    }
+}

@@ -1,0 +1,224 @@
+//! The adapter: the target that the robot node is.
+//!
+//! Requests are taken out of their TCP streams one at a time, when the driver asks for the next frame to send: a
+//! flood of requests needs no queue, and cyclic frames always go before replies.
+
+mod delayed;
+mod encapsulated;
+mod establish;
+mod explicit;
+mod io;
+mod router;
+mod sessions;
+mod state;
+
+use alloc::boxed::Box;
+use alloc::vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use self::delayed::Delayed;
+use self::encapsulated::{Answer, answer_datagram, list_identity};
+use self::sessions::Sessions;
+use self::state::State;
+use super::description::Description;
+use super::encapsulation::{Command, HEADER_LEN, Header, MAX_MESSAGE_LEN};
+use super::objects::{Device, Network};
+use super::{ENCAPSULATION_PORT, IO_PORT};
+use crate::IoData;
+use machine::{Counters, DownCause, LinkEvent};
+use machine::{Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+
+/// What an adapter must be told.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct AdapterConfig {
+    /// What the device is.
+    pub description: &'static Description,
+    /// Its serial number, which no other device of the vendor has.
+    pub serial_number: u32,
+    /// Its own address.
+    pub address: Ipv4Addr,
+    /// Its subnet mask.
+    pub mask: Ipv4Addr,
+    /// Its gateway, [`Ipv4Addr::UNSPECIFIED`] where there is none.
+    pub gateway: Ipv4Addr,
+    /// Its hardware address.
+    pub mac: [u8; 6],
+    /// Where connection numbers and session handles begin; best another one at each start, so that frames of a
+    /// connection from before are not taken for those of a new one.
+    pub first_id: u32,
+}
+
+/// An EtherNet/IP adapter.
+#[derive(Debug)]
+pub struct Adapter {
+    state: State,
+    sessions: Sessions,
+    datagram: Box<[u8]>,
+    /// A UDP request that waits for its answer: who sent it, and its length.
+    waiting: Option<(SocketAddrV4, usize)>,
+    /// ListIdentity requests that went to every device.
+    delayed: Delayed,
+}
+
+impl Adapter {
+    /// An adapter that waits for scanners.
+    #[must_use]
+    pub fn new(config: AdapterConfig) -> Self {
+        let AdapterConfig { description, serial_number, address, mask, gateway, mac, first_id } = config;
+        let device = Device::new(description, serial_number, Network::new(address, mask, gateway, mac));
+        Self {
+            state: State::new(device, first_id),
+            sessions: Sessions::new(description.sessions.into(), first_id),
+            datagram: vec![0; MAX_MESSAGE_LEN].into_boxed_slice(),
+            waiting: None,
+            delayed: Delayed::new(u64::from(serial_number) << 32 | u64::from(first_id)),
+        }
+    }
+
+    /// How many connections are open: class 1, and class 3.
+    #[must_use]
+    pub fn connections(&self) -> (usize, usize) {
+        (self.state.io.len(), self.state.explicit.len())
+    }
+
+    /// How many TCP connections are open.
+    #[must_use]
+    pub fn sessions(&self) -> usize {
+        self.sessions.len()
+    }
+}
+
+impl Machine for Adapter {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        match (from.port, from.peer) {
+            (Port::Udp(IO_PORT), Some(peer)) => self.state.consume(now, *peer.ip(), frame),
+            (Port::Udp(ENCAPSULATION_PORT), Some(peer)) => match self.datagram.get_mut(..frame.len()) {
+                Some(place) => {
+                    place.copy_from_slice(frame);
+                    self.waiting = Some((peer, frame.len()));
+                }
+                None => self.state.counters.malformed += 1,
+            },
+            (Port::Stream(stream), _) => self.sessions.receive(now, stream, frame),
+            _ => self.state.counters.foreign += 1,
+        }
+    }
+
+    /// What devices answer at once to one client alone, they answer one after the other where all are asked.
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        match (from, Header::parse(frame)) {
+            (Source { port: Port::Udp(ENCAPSULATION_PORT), peer: Some(peer) }, Ok(header))
+                if header.command == Command::ListIdentity
+                    && header.options == 0
+                    && frame.len() == HEADER_LEN + usize::from(header.length) =>
+            {
+                self.delayed.ask(now, peer, header);
+            }
+            _ => self.handle_frame(now, from, frame),
+        }
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        match change {
+            StreamChange::Opened(peer) => self.sessions.open(now, stream, peer),
+            StreamChange::Closed => self.sessions.closed(stream),
+        }
+        self.drop_orphans();
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        Some(ENCAPSULATION_PORT)
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        self.sessions.poll_close().map(StreamRequest::Close)
+    }
+
+    /// What the QoS object said when the connection was opened, and what it says now of explicit messages.
+    fn dscp(&self, port: Port) -> u8 {
+        match port {
+            Port::Udp(IO_PORT) => self.state.cyclic_dscp,
+            _ => self.state.device.qos.explicit(),
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.state.check_watchdogs(now);
+        self.sessions.check_inactivity(now, self.state.device.network.inactivity());
+        self.drop_orphans();
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if let Some(transmit) = self.state.produce(now, buf) {
+            return Some(transmit);
+        }
+        if let Some((peer, len)) = self.waiting.take() {
+            let request = self.datagram.get(..len).unwrap_or_default();
+            if let Some(len) = answer_datagram(&mut self.state, request, buf) {
+                return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
+            }
+        }
+        while let Some((peer, header)) = self.delayed.next_due(now) {
+            if let Some(len) = list_identity(&self.state, &header, buf) {
+                return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
+            }
+        }
+        while let Some((stream, answer)) = self.sessions.answer_next(now, &mut self.state, buf) {
+            match answer {
+                Answer::Reply(len) => return Some(Transmit { port: Port::Stream(stream), to: None, len }),
+                Answer::None => {}
+                Answer::Close => {
+                    self.sessions.end(stream);
+                    self.drop_orphans();
+                }
+            }
+        }
+        None
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.state.events.pop_front()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        let sessions = self.sessions.next_inactivity(self.state.device.network.inactivity());
+        Instant::earlier(Instant::earlier(self.state.next_timeout(), sessions), self.delayed.next_timeout())
+    }
+}
+
+impl Adapter {
+    /// Class 3 connections end with the TCP connection that carries them.
+    fn drop_orphans(&mut self) {
+        let sessions = &self.sessions;
+        self.state.explicit.retain(|stream| sessions.has(stream));
+    }
+}
+
+impl Adapter {
+    /// Sets the data that go out with the next cyclic frame and with every one after it.
+    pub fn set_output(&mut self, image: &IoData) {
+        if self.state.device.produced != *image {
+            self.state.device.produced = *image;
+            self.state.io.data_changed();
+        }
+    }
+
+    /// The last data that the peer sent and marked as good; none before the first and after the connection is lost.
+    #[must_use]
+    pub fn input(&self) -> Option<&IoData> {
+        self.state.is_up().then_some(&self.state.device.consumed)
+    }
+
+    /// Drops every connection and takes no new ones: a target has no message to end a connection with.
+    pub fn disconnect(&mut self, _now: Instant) {
+        self.state.close_all(DownCause::ClosedHere);
+    }
+
+    /// What was sent, received and refused since the start.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.state.counters
+    }
+}

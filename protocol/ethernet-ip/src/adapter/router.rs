@@ -1,0 +1,179 @@
+//! The message router: which object a request goes to. The Connection Manager's own services are here.
+
+use super::state::{Context, State};
+use crate::cip::{General, Path, PathError, Request, Segment, Violation, answer, class, refuse, service};
+use crate::connection::{CloseRequest, Closed, OpenRequest, Refused};
+use crate::objects::{multiple_service, serve};
+use crate::{Reader, Writer, objects};
+use machine::{Down, DownCause};
+
+/// How deep services may stand in each other: Unconnected_Send, Multiple_Service, and one service.
+const MAX_DEPTH: u8 = 2;
+
+impl State {
+    /// Answers a request. Returns the reply's length, 0 where there is no room for any.
+    pub(super) fn route(&mut self, context: &mut Context, message: &[u8], reply: &mut [u8]) -> usize {
+        let request = match Request::parse(message) {
+            Ok(request) => request,
+            Err((service, violation)) => return refuse(reply, service, violation, |_| {}),
+        };
+        let target = match request.path.target() {
+            Ok(target) => target,
+            Err(violation) => return refuse(reply, request.service, violation, |_| {}),
+        };
+        let data = request.data;
+        match (target.class, target.instance, request.service) {
+            (Some(class::MESSAGE_ROUTER), Some(1), service::MULTIPLE_SERVICE) => {
+                if context.depth >= MAX_DEPTH {
+                    return refuse(reply, request.service, Violation::NestedTooDeep, |_| {});
+                }
+                context.depth += 1;
+                // One Multiple_Service in another is never meant.
+                let depth = core::mem::replace(&mut context.depth, MAX_DEPTH);
+                let len = multiple_service(data, reply, |one, reply| self.route(context, one, reply));
+                context.depth = depth - 1;
+                len
+            }
+            (Some(class::CONNECTION_MANAGER), Some(1), service) => match service {
+                service::FORWARD_OPEN => self.forward_open(context, data, service, reply),
+                service::LARGE_FORWARD_OPEN => self.forward_open(context, data, service, reply),
+                service::FORWARD_CLOSE => self.forward_close(context, data, reply),
+                service::UNCONNECTED_SEND => self.unconnected_send(context, data, reply),
+                _ => self.serve(&request, target, reply),
+            },
+            _ => self.serve(&request, target, reply),
+        }
+    }
+
+    fn serve(&mut self, request: &Request<'_>, target: crate::cip::Target, reply: &mut [u8]) -> usize {
+        answer(reply, request.service, |writer| {
+            serve(&mut self.device, target, request.service, request.data, writer)
+        })
+    }
+
+    fn forward_open(&mut self, context: &mut Context, data: &[u8], service: u8, reply: &mut [u8]) -> usize {
+        let large = service == service::LARGE_FORWARD_OPEN;
+        let result = OpenRequest::parse(data, large).and_then(|request| self.open(context, &request));
+        self.device.manager.opened(result.err());
+        match result {
+            Ok(opened) => answer(reply, service, |writer| {
+                opened.emit(writer);
+                Ok(General::Success)
+            }),
+            Err(violation) => refuse(reply, service, violation, |writer| {
+                write_refused(writer, Refused::of_open(data));
+            }),
+        }
+    }
+
+    fn forward_close(&mut self, context: &Context, data: &[u8], reply: &mut [u8]) -> usize {
+        let result = CloseRequest::parse(data).and_then(|request| self.close(context, &request));
+        self.device.manager.closed(result.err());
+        match result {
+            Ok(closed) => answer(reply, service::FORWARD_CLOSE, |writer| {
+                closed.emit(writer);
+                Ok(General::Success)
+            }),
+            Err(violation) => refuse(reply, service::FORWARD_CLOSE, violation, |writer| {
+                write_refused(writer, Refused::of_close(data));
+            }),
+        }
+    }
+
+    fn close(&mut self, context: &Context, request: &CloseRequest<'_>) -> Result<Closed, Violation> {
+        let CloseRequest { triad, path } = *request;
+        if let Some(connection) = self.io.find(&triad) {
+            if connection.originator != *context.peer.ip() {
+                return Err(Violation::ForeignOriginator);
+            }
+            let points = path.application().map_err(|_| Violation::ForwardClosePath)?.points;
+            if !path.0.is_empty() && !same_points(points, connection.points) {
+                return Err(Violation::ForwardClosePath);
+            }
+            self.io.remove(&triad);
+            let down = Down { cause: DownCause::ClosedByPeer, code: 0, text: "by a Forward_Close" };
+            self.follow_owner(Some(down));
+            return Ok(Closed { triad });
+        }
+        let connection = self.explicit.find(&triad).ok_or(Violation::ConnectionNotFound)?;
+        if connection.stream != context.stream {
+            return Err(Violation::ForeignOriginator);
+        }
+        self.explicit.remove(&triad);
+        Ok(Closed { triad })
+    }
+
+    /// Runs the message within, if its route leads to this device (volume 1, 3-5.5.4).
+    ///
+    /// ```text
+    /// 0     priority and time tick  u8
+    /// 1     timeout ticks           u8
+    /// 2..4  message size            u16, bytes
+    /// 4..   message, and a zero byte where its size is odd
+    /// ..    route path size         u8, words; a zero byte; the route path
+    /// ```
+    fn unconnected_send(&mut self, context: &mut Context, data: &[u8], reply: &mut [u8]) -> usize {
+        let message = match self.unwrap_unconnected(data) {
+            _ if context.depth >= MAX_DEPTH => Err(Violation::NestedTooDeep),
+            unwrapped => unwrapped,
+        };
+        match message {
+            Ok(message) => {
+                context.depth += 1;
+                let len = self.route(context, message, reply);
+                context.depth -= 1;
+                len
+            }
+            Err(violation) => refuse(reply, service::UNCONNECTED_SEND, violation, |_| {}),
+        }
+    }
+
+    fn unwrap_unconnected<'a>(&self, data: &'a [u8]) -> Result<&'a [u8], Violation> {
+        let mut reader = Reader::new(data);
+        let read = |_| Violation::TooShort;
+        reader.skip(1).map_err(read)?;
+        let ticks = reader.u8().map_err(read)?;
+        let size = reader.u16().map_err(read)?;
+        let message = reader.bytes(size.into()).map_err(read)?;
+        reader.skip(usize::from(size) % 2).map_err(read)?;
+        let words = reader.u8().map_err(read)?;
+        reader.skip(1).map_err(read)?;
+        let route = Path(reader.bytes(2 * usize::from(words)).map_err(read)?);
+        if !reader.is_empty() {
+            return Err(Violation::TooLong);
+        }
+        if message.is_empty() {
+            return Err(Violation::UnconnectedParameter);
+        }
+        if ticks == 0 {
+            return Err(Violation::UnconnectedTimeout);
+        }
+        for segment in route.segments() {
+            self.check_route(segment)?;
+        }
+        Ok(message)
+    }
+
+    /// Whether a segment of a route leads to this device itself.
+    fn check_route(&self, segment: Result<Segment<'_>, PathError>) -> Result<(), Violation> {
+        let Ok(Segment::Port { port, link }) = segment else { return Err(Violation::InvalidSegmentInPath) };
+        if port != objects::PORT_NUMBER {
+            return Err(Violation::InvalidPort);
+        }
+        let address =
+            core::str::from_utf8(link).ok().and_then(|link| link.trim_end_matches('\0').parse().ok());
+        if address == Some(self.device.network.address) { Ok(()) } else { Err(Violation::InvalidLinkAddress) }
+    }
+}
+
+fn write_refused(writer: &mut Writer<'_>, refused: Option<Refused>) {
+    if let Some(refused) = refused {
+        refused.emit(writer);
+    }
+}
+
+/// Whether a Forward_Close names the assemblies that were opened; the configuration may be left out.
+fn same_points(named: [Option<u32>; 3], opened: [Option<u32>; 3]) -> bool {
+    let [_, consumed, produced] = opened;
+    named == opened || named == [consumed, produced, None]
+}

@@ -1,0 +1,166 @@
+//! What the adapter holds apart from its TCP streams: objects, connections, events.
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use super::explicit::ExplicitConnections;
+use super::io::{IoConnections, Kind, Taken};
+use crate::IO_PORT;
+use crate::class1::{self, Frame};
+use crate::encapsulation::MAX_MESSAGE_LEN;
+use crate::objects::{Device, IoState};
+use machine::{Counters, Down, DownCause, LinkEvent};
+use machine::{Instant, Port, StreamId, Transmit};
+
+/// What an encapsulation reply has around a CIP reply, at most: header, items, a socket address.
+const ENVELOPE_LEN: usize = 24 + 16 + 20;
+
+/// Events that wait at most; the owner polls after every handler, so two are many.
+const EVENTS: usize = 8;
+
+#[derive(Debug)]
+pub(super) struct State {
+    pub(super) device: Device,
+    pub(super) io: IoConnections,
+    pub(super) explicit: ExplicitConnections,
+    pub(super) counters: Counters,
+    pub(super) events: VecDeque<LinkEvent>,
+    /// Where CIP replies are put together.
+    pub(super) scratch: Box<[u8]>,
+    /// Takes no connections any more.
+    pub(super) closed: bool,
+    /// The DSCP of the cyclic frame that was handed out last.
+    pub(super) cyclic_dscp: u8,
+    up: bool,
+    next_id: u32,
+}
+
+/// Where a request came from, and what its reply needs beside the CIP reply.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Context {
+    pub(super) now: Instant,
+    pub(super) peer: SocketAddrV4,
+    pub(super) stream: StreamId,
+    /// Where the originator wants T→O data, if it says so.
+    pub(super) socket_t_o: Option<SocketAddrV4>,
+    /// Where multicast T→O data goes: for the reply.
+    pub(super) reply_socket_t_o: Option<SocketAddrV4>,
+    /// Services around this one.
+    pub(super) depth: u8,
+}
+
+impl State {
+    pub(super) fn new(device: Device, first_id: u32) -> Self {
+        let description = device.description;
+        Self {
+            io: IoConnections::new(description),
+            explicit: ExplicitConnections::new(description.explicit.into()),
+            device,
+            counters: Counters::default(),
+            events: VecDeque::with_capacity(EVENTS),
+            scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
+            closed: false,
+            cyclic_dscp: 0,
+            up: false,
+            next_id: first_id,
+        }
+    }
+
+    /// A connection number that no open connection has.
+    pub(super) fn fresh_id(&mut self) -> u32 {
+        loop {
+            self.next_id = self.next_id.wrapping_add(1).max(1);
+            if !self.io.uses_id(self.next_id) && !self.explicit.uses_id(self.next_id) {
+                return self.next_id;
+            }
+        }
+    }
+
+    /// Whether images are exchanged with an owner that runs.
+    pub(super) const fn is_up(&self) -> bool {
+        self.up
+    }
+
+    /// Takes a cyclic frame.
+    pub(super) fn consume(&mut self, now: Instant, peer: Ipv4Addr, datagram: &[u8]) {
+        let Ok(frame) = Frame::parse(datagram) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        match self.io.take(now, peer, &frame, &mut self.device.consumed) {
+            Taken::Foreign => self.counters.foreign += 1,
+            Taken::WrongSize => self.counters.malformed += 1,
+            Taken::Late => self.counters.late += 1,
+            Taken::Fresh { missing } => {
+                self.counters.received += 1;
+                self.counters.lost += u64::from(missing);
+                self.follow_owner(None);
+            }
+        }
+    }
+
+    /// Writes the next cyclic frame that is due.
+    pub(super) fn produce(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let due = self.io.next_due(now)?;
+        let data = self.device.produced.get(..usize::from(due.size))?;
+        let len = class1::emit(buf, (due.id, due.sequence, due.count), None, data).ok()?;
+        self.counters.sent += 1;
+        self.cyclic_dscp = due.dscp;
+        Some(Transmit { port: Port::Udp(IO_PORT), to: Some(due.to), len })
+    }
+
+    /// Ends connections whose originators are silent.
+    pub(super) fn check_watchdogs(&mut self, now: Instant) {
+        while let Some(kind) = self.io.remove_expired(now) {
+            self.device.manager.timed_out();
+            if kind == Kind::ExclusiveOwner {
+                self.device.io.faulted = true;
+                self.follow_owner(Some(Down {
+                    cause: DownCause::Watchdog,
+                    code: 0,
+                    text: "the owner of the outputs sent nothing for as long as it had promised to",
+                }));
+            }
+        }
+        for _ in 0..self.explicit.remove_expired(now) {
+            self.device.manager.timed_out();
+        }
+        self.follow_owner(None);
+    }
+
+    /// Ends every connection and takes no new one.
+    pub(super) fn close_all(&mut self, cause: DownCause) {
+        self.io.clear();
+        self.explicit.clear();
+        self.closed = true;
+        self.follow_owner(Some(Down { cause, code: 0, text: "" }));
+    }
+
+    /// Tells the owner of this machine when the link comes up or goes down, and the Identity what it is to say.
+    pub(super) fn follow_owner(&mut self, down: Option<Down>) {
+        let owner = self.io.owner_runs();
+        self.device.io = IoState {
+            owned: owner.is_some(),
+            connections: self.io.len(),
+            running: owner == Some(true),
+            faulted: self.device.io.faulted && owner.is_none(),
+        };
+        let up = owner == Some(true);
+        if up == self.up || self.events.len() == EVENTS {
+            return;
+        }
+        self.up = up;
+        self.events.push_back(if up {
+            LinkEvent::Up
+        } else {
+            let idle = "the scanner sends idle: its program does not run";
+            LinkEvent::Down(down.unwrap_or(Down { cause: DownCause::ClosedByPeer, code: 0, text: idle }))
+        });
+    }
+
+    pub(super) fn next_timeout(&self) -> Option<Instant> {
+        Instant::earlier(self.io.next_timeout(), self.explicit.next_timeout())
+    }
+}

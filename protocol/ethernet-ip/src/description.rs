@@ -1,0 +1,164 @@
+//! One description of a device: what its objects say, what connections it takes, and what its EDS file tells.
+
+use core::fmt;
+
+use super::cip::{ElectronicKey, Revision};
+use super::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
+pub use super::objects::{CLASSES, PORT_NUMBER};
+use crate::IO_DATA_LEN;
+
+/// What an assembly is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Role {
+    /// Sent by the device, T→O.
+    Produced,
+    /// Received by the device from its owner, O→T.
+    Consumed,
+    /// Configuration.
+    Configuration,
+    /// Keeps a connection alive that only takes data: O→T without data.
+    InputOnlyHeartbeat,
+    /// Keeps a connection alive that only listens to others': O→T without data.
+    ListenOnlyHeartbeat,
+}
+
+impl Role {
+    /// What it is for, in words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Produced => "for T→O",
+            Self::Consumed => "for O→T",
+            Self::Configuration => "for configuration",
+            Self::InputOnlyHeartbeat => "for O→T of input-only connections",
+            Self::ListenOnlyHeartbeat => "for O→T of listen-only connections",
+        }
+    }
+}
+
+/// An assembly: what a connection can be opened to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Assembly {
+    /// Instance, which is the connection point too.
+    pub instance: u32,
+    /// What it is for.
+    pub role: Role,
+    /// Bytes of data.
+    pub size: u16,
+    /// What it is called.
+    pub name: &'static str,
+}
+
+impl Assembly {
+    /// The size of a connection to it in bytes: with the sequence count, and the run/idle header O→T.
+    #[must_use]
+    pub const fn connection_size(&self) -> u16 {
+        match self.role {
+            Role::Consumed => self.size + SEQUENCE_LEN + RUN_IDLE_LEN,
+            _ => self.size + SEQUENCE_LEN,
+        }
+    }
+}
+
+/// A device.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Description {
+    /// ODVA vendor number.
+    pub vendor: u16,
+    /// The vendor's name.
+    pub vendor_name: &'static str,
+    /// Device type (profile).
+    pub device_type: u16,
+    /// The vendor's product code.
+    pub product_code: u16,
+    /// Revision.
+    pub revision: Revision,
+    /// Product name, at most 32 characters.
+    pub product_name: &'static str,
+    /// Its assemblies.
+    pub assemblies: &'static [Assembly],
+    /// Shortest packet interval that it serves, in µs.
+    pub min_rpi_us: u32,
+    /// Longest packet interval that it serves, in µs.
+    pub max_rpi_us: u32,
+    /// Connections that own the outputs.
+    pub exclusive_owners: u8,
+    /// Input-only connections at a time.
+    pub input_only: u8,
+    /// Listen-only connections at a time.
+    pub listen_only: u8,
+    /// Class 3 connections at a time.
+    pub explicit: u8,
+    /// TCP connections at a time.
+    pub sessions: u8,
+}
+
+/// The robot node.
+///
+/// The vendor number is the last one, which ODVA has not given to anybody: a product needs one of its own.
+pub const SKILL_ROBOT: Description = Description {
+    vendor: 0xFFFF,
+    vendor_name: "skillbench",
+    device_type: 0x2B,
+    product_code: 1,
+    revision: Revision { major: 1, minor: 1 },
+    product_name: "skillbench robot",
+    assemblies: &[
+        Assembly { instance: 100, role: Role::Produced, size: IO_DATA_LEN as u16, name: "Feedback" },
+        Assembly { instance: 150, role: Role::Consumed, size: IO_DATA_LEN as u16, name: "Command" },
+        Assembly { instance: 151, role: Role::Configuration, size: 0, name: "Configuration" },
+        Assembly { instance: 152, role: Role::InputOnlyHeartbeat, size: 0, name: "Input-only heartbeat" },
+        Assembly { instance: 153, role: Role::ListenOnlyHeartbeat, size: 0, name: "Listen-only heartbeat" },
+    ],
+    min_rpi_us: 500,
+    max_rpi_us: 10_000_000,
+    exclusive_owners: 1,
+    input_only: 4,
+    listen_only: 4,
+    explicit: 8,
+    sessions: 16,
+};
+
+impl Description {
+    /// The assembly of this instance.
+    #[must_use]
+    pub fn assembly(&self, instance: u32) -> Option<&'static Assembly> {
+        self.assemblies.iter().find(|assembly| assembly.instance == instance)
+    }
+
+    /// The first assembly of this role.
+    #[must_use]
+    pub fn role(&self, role: Role) -> Option<&'static Assembly> {
+        self.assemblies.iter().find(|assembly| assembly.role == role)
+    }
+
+    /// The key that fits this device and no other.
+    #[must_use]
+    pub const fn key(&self) -> ElectronicKey {
+        ElectronicKey {
+            vendor: self.vendor,
+            device_type: self.device_type,
+            product_code: self.product_code,
+            revision: self.revision,
+            compatible: false,
+        }
+    }
+}
+
+/// Who a device says it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Identity {
+    /// Its vendor, type, product code and revision.
+    pub key: ElectronicKey,
+    /// Its serial number.
+    pub serial_number: u32,
+}
+
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ElectronicKey { vendor, device_type, product_code, revision: Revision { major, minor }, .. } =
+            self.key;
+        write!(f, "vendor {vendor}, device type {device_type}, product code {product_code}, ")?;
+        write!(f, "revision {major}.{minor}, serial number 0x{:08X}", self.serial_number)
+    }
+}

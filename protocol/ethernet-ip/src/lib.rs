@@ -1,0 +1,87 @@
+//! EtherNet/IP: a scanner for the PLC and an adapter for the robot.
+//!
+//! CIP (the Common Industrial Protocol, ODVA volume 1) over TCP/IP (volume 2). Explicit messages travel in the
+//! [`encapsulation`] over TCP or UDP port 44818; cyclic data travels in [`class1`] frames over UDP port 2222. A
+//! scanner (originator, O) opens a connection to an adapter (target, T) by a Forward_Open ([`connection`]); what it
+//! asks for are assemblies of the adapter's [`description`]. All numbers are little-endian.
+//!
+//! Both roles are machines: [`Adapter`] and [`Scanner`].
+
+#![cfg_attr(not(test), no_std)]
+#![warn(clippy::indexing_slicing)]
+
+extern crate alloc;
+
+pub mod adapter;
+pub mod cip;
+pub mod class1;
+pub mod connection;
+pub mod cpf;
+pub mod description;
+pub mod discovery;
+pub mod encapsulation;
+mod objects;
+pub mod scanner;
+
+pub use adapter::{Adapter, AdapterConfig};
+pub use scanner::{Scanner, ScannerConfig};
+
+use machine::wire::{self, LittleEndian};
+
+/// Bytes of process data each way, at most.
+pub const IO_DATA_LEN: usize = 256;
+
+/// Process data of one direction.
+pub type IoData = [u8; IO_DATA_LEN];
+
+/// TCP and UDP port of the encapsulation (volume 2, 2-2).
+pub const ENCAPSULATION_PORT: u16 = 0xAF12;
+
+/// UDP port of class 0 and class 1 connections (volume 2, 2-2).
+pub const IO_PORT: u16 = 0x08AE;
+
+type Reader<'a> = wire::Reader<'a, LittleEndian>;
+type Writer<'a> = wire::Writer<'a, LittleEndian>;
+
+/// Declares the codes of a field with their words. A code that is not listed survives a round trip.
+macro_rules! codes {
+    ($(#[$doc:meta])* $name:ident: $number:ty { $($variant:ident = $code:literal: $words:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+        pub enum $name {
+            $(#[doc = $words] $variant,)*
+            /// A code that is not listed here.
+            Unknown($number),
+        }
+
+        impl $name {
+            /// What the code says.
+            #[must_use]
+            pub const fn words(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $words,)*
+                    Self::Unknown(_) => "a code that is not in the standard's table",
+                }
+            }
+        }
+
+        impl From<$number> for $name {
+            fn from(code: $number) -> Self {
+                match code {
+                    $($code => Self::$variant,)*
+                    code => Self::Unknown(code),
+                }
+            }
+        }
+
+        impl From<$name> for $number {
+            fn from(code: $name) -> Self {
+                match code {
+                    $($name::$variant => $code,)*
+                    $name::Unknown(code) => code,
+                }
+            }
+        }
+    };
+}
+use codes;

@@ -1,0 +1,308 @@
+//! The objects of a device that explicit messages read and set (volume 1, chapter 5; volume 2, chapter 5).
+
+mod assembly;
+mod connection_manager;
+mod ethernet_link;
+mod identity;
+mod message_router;
+mod port;
+mod qos;
+mod tcp_ip;
+
+pub(super) use connection_manager::ManagerCounters;
+pub(super) use identity::{IoState, write_identity_item};
+pub(super) use message_router::multiple_service;
+pub use port::PORT_NUMBER;
+pub(super) use qos::Qos;
+pub(super) use tcp_ip::Network;
+
+use super::cip::{General, Target, Violation, class, service};
+use super::description::Description;
+use super::{Reader, Writer};
+use crate::{IO_DATA_LEN, IoData};
+
+/// Every class of objects that a device of ours has: its code, its revision and its name.
+pub const CLASSES: [(u32, u16, &str); 8] = [
+    (class::IDENTITY, identity::Identity::REVISION, "Identity"),
+    (class::MESSAGE_ROUTER, message_router::MessageRouter::REVISION, "Message Router"),
+    (class::ASSEMBLY, assembly::Assembly::REVISION, "Assembly"),
+    (class::CONNECTION_MANAGER, connection_manager::ConnectionManager::REVISION, "Connection Manager"),
+    (class::QOS, qos::QosObject::REVISION, "QoS"),
+    (class::PORT, port::Port::REVISION, "Port"),
+    (class::TCP_IP_INTERFACE, tcp_ip::TcpIpInterface::REVISION, "TCP/IP Interface"),
+    (class::ETHERNET_LINK, ethernet_link::EthernetLink::REVISION, "Ethernet Link"),
+];
+
+/// What the objects hold.
+#[derive(Debug)]
+pub(super) struct Device {
+    pub(super) description: &'static Description,
+    pub(super) serial_number: u32,
+    pub(super) network: Network,
+    pub(super) qos: Qos,
+    pub(super) manager: ManagerCounters,
+    pub(super) io: IoState,
+    /// Data of the produced assembly.
+    pub(super) produced: IoData,
+    /// Data of the consumed assembly.
+    pub(super) consumed: IoData,
+}
+
+impl Device {
+    pub(super) fn new(description: &'static Description, serial_number: u32, network: Network) -> Self {
+        Self {
+            description,
+            serial_number,
+            network,
+            qos: Qos::default(),
+            manager: ManagerCounters::default(),
+            io: IoState::default(),
+            produced: [0; IO_DATA_LEN],
+            consumed: [0; IO_DATA_LEN],
+        }
+    }
+}
+
+/// A class of objects: what its instances have. The services that all classes share are in [`serve`].
+trait Object {
+    /// Class attribute 1.
+    const REVISION: u16;
+    /// Attributes of an instance.
+    const ATTRIBUTES: &'static [u16];
+    /// What Get_Attributes_All has, in its order. An attribute in it that the instance does not have is zero there.
+    const ALL: &'static [u16] = Self::ATTRIBUTES;
+    /// Attributes of the class, in the order in which its Get_Attributes_All has them.
+    const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 3];
+    /// Whether the instances have Get_Attributes_All.
+    const HAS_ALL: bool = true;
+    /// Whether the instances have Set_Attribute_List. Of our classes the standard has it for the Connection Manager
+    /// alone (volume 1, 3-5.4); the others take one attribute at a time.
+    const SETS_LISTS: bool = false;
+
+    /// The highest instance.
+    fn max_instance(_device: &Device) -> u32 {
+        1
+    }
+
+    /// How many instances there are.
+    fn instances(_device: &Device) -> usize {
+        1
+    }
+
+    /// Whether this instance is there.
+    fn has(_device: &Device, instance: u32) -> bool {
+        instance == 1
+    }
+
+    /// Writes an attribute of an instance that is there. Writes nothing where it fails.
+    fn get(device: &Device, instance: u32, attribute: u16, writer: &mut Writer<'_>) -> Result<(), Violation>;
+
+    /// Sets an attribute of an instance that is there, and that has it.
+    fn set(_device: &mut Device, _instance: u32, _attribute: u16, _data: &[u8]) -> Result<(), Violation> {
+        Err(Violation::NotSettable)
+    }
+
+    /// Bytes of an attribute, for Set_Attribute_List, which does not tell them; none where it cannot be set.
+    fn listed_len(_attribute: u16) -> Option<usize> {
+        None
+    }
+
+    /// Writes an attribute of the class.
+    fn get_of_class(device: &Device, attribute: u16, writer: &mut Writer<'_>) -> Result<(), Violation> {
+        let number = |number: usize| u16::try_from(number).unwrap_or(u16::MAX);
+        match attribute {
+            1 => writer.u16(Self::REVISION),
+            2 => writer.u16(number(Self::max_instance(device) as usize)),
+            3 => writer.u16(number(Self::instances(device))),
+            6 => writer.u16(Self::CLASS_ATTRIBUTES.iter().copied().max().unwrap_or(0)),
+            7 => writer.u16(Self::ATTRIBUTES.iter().copied().max().unwrap_or(0)),
+            _ => return Err(Violation::UnknownAttribute),
+        }
+        Ok(())
+    }
+
+    /// A service that only this class has.
+    fn own_service(
+        _device: &mut Device,
+        _instance: u32,
+        _service: u8,
+        _data: &[u8],
+        _writer: &mut Writer<'_>,
+    ) -> Result<General, Violation> {
+        Err(Violation::UnknownService)
+    }
+}
+
+/// Answers a request to any object but for the services of the Connection Manager.
+pub(super) fn serve(
+    device: &mut Device,
+    target: Target,
+    service: u8,
+    data: &[u8],
+    writer: &mut Writer<'_>,
+) -> Result<General, Violation> {
+    let serve = match target.class.ok_or(Violation::PathSegment)? {
+        class::IDENTITY => serve_class::<identity::Identity>,
+        class::MESSAGE_ROUTER => serve_class::<message_router::MessageRouter>,
+        class::ASSEMBLY => serve_class::<assembly::Assembly>,
+        class::CONNECTION_MANAGER => serve_class::<connection_manager::ConnectionManager>,
+        class::QOS => serve_class::<qos::QosObject>,
+        class::PORT => serve_class::<port::Port>,
+        class::TCP_IP_INTERFACE => serve_class::<tcp_ip::TcpIpInterface>,
+        class::ETHERNET_LINK => serve_class::<ethernet_link::EthernetLink>,
+        _ => return Err(Violation::UnknownObject),
+    };
+    serve(device, target, service, data, writer)
+}
+
+fn serve_class<O: Object>(
+    device: &mut Device,
+    target: Target,
+    service: u8,
+    data: &[u8],
+    writer: &mut Writer<'_>,
+) -> Result<General, Violation> {
+    let instance = target.instance.ok_or(Violation::UnknownObject)?;
+    if instance != 0 && !O::has(device, instance) {
+        return Err(Violation::UnknownInstance);
+    }
+    if target.member.is_some() {
+        return Err(Violation::PathSegment);
+    }
+    let attribute = || {
+        u16::try_from(target.attribute.ok_or(Violation::UnknownAttribute)?)
+            .map_err(|_| Violation::UnknownAttribute)
+    };
+    match service {
+        service::GET_ATTRIBUTES_ALL if instance == 0 => {
+            O::CLASS_ATTRIBUTES.iter().try_for_each(|id| O::get_of_class(device, *id, writer))?;
+            Ok(General::Success)
+        }
+        service::GET_ATTRIBUTES_ALL if O::HAS_ALL => {
+            O::ALL.iter().try_for_each(|id| O::get(device, instance, *id, writer))?;
+            Ok(General::Success)
+        }
+        service::GET_ATTRIBUTE_SINGLE => {
+            get::<O>(device, instance, attribute()?, writer)?;
+            Ok(General::Success)
+        }
+        service::GET_ATTRIBUTE_LIST => get_list::<O>(device, instance, data, writer),
+        service::SET_ATTRIBUTE_SINGLE => {
+            let attribute = attribute()?;
+            if instance == 0 || !O::ATTRIBUTES.contains(&attribute) {
+                let known = instance == 0 && O::CLASS_ATTRIBUTES.contains(&attribute);
+                return Err(if known { Violation::NotSettable } else { Violation::UnknownAttribute });
+            }
+            O::set(device, instance, attribute, data)?;
+            Ok(General::Success)
+        }
+        service::SET_ATTRIBUTE_LIST if instance != 0 && O::SETS_LISTS => {
+            set_list::<O>(device, instance, data, writer)
+        }
+        service => O::own_service(device, instance, service, data, writer),
+    }
+}
+
+fn get<O: Object>(
+    device: &Device,
+    instance: u32,
+    attribute: u16,
+    writer: &mut Writer<'_>,
+) -> Result<(), Violation> {
+    if instance == 0 {
+        O::get_of_class(device, attribute, writer)
+    } else if O::ATTRIBUTES.contains(&attribute) {
+        O::get(device, instance, attribute, writer)
+    } else {
+        Err(Violation::UnknownAttribute)
+    }
+}
+
+/// Get_Attribute_List: each attribute has a status of its own (volume 1, A-4.3).
+fn get_list<O: Object>(
+    device: &Device,
+    instance: u32,
+    data: &[u8],
+    writer: &mut Writer<'_>,
+) -> Result<General, Violation> {
+    let mut reader = Reader::new(data);
+    let count = reader.u16().map_err(|_| Violation::TooShort)?;
+    let mut ids = reader.sub(2 * usize::from(count)).map_err(|_| Violation::TooShort)?;
+    if !reader.is_empty() {
+        return Err(Violation::TooLong);
+    }
+    let mut general = General::Success;
+    writer.u16(count);
+    while let Ok(id) = ids.u16() {
+        writer.u16(id);
+        let status_at = writer.len();
+        writer.u16(0);
+        if let Err(violation) = get::<O>(device, instance, id, writer) {
+            writer.patch_u16(status_at, u8::from(violation.status().general).into());
+            general = General::AttributeListError;
+        }
+    }
+    Ok(general)
+}
+
+/// Set_Attribute_List: each attribute has a status of its own (volume 1, A-4.4). Behind an attribute whose length is
+/// not known nothing can be read any more: the reply ends with its status.
+fn set_list<O: Object>(
+    device: &mut Device,
+    instance: u32,
+    data: &[u8],
+    writer: &mut Writer<'_>,
+) -> Result<General, Violation> {
+    let mut reader = Reader::new(data);
+    let count = reader.u16().map_err(|_| Violation::TooShort)?;
+    let (mut general, mut answered) = (General::Success, 0);
+    let count_at = writer.len();
+    writer.u16(0);
+    while answered < count {
+        let id = reader.u16().map_err(|_| Violation::TooShort)?;
+        let len = O::listed_len(id);
+        let set = match len {
+            Some(len) => {
+                let value = reader.bytes(len).map_err(|_| Violation::TooShort)?;
+                O::set(device, instance, id, value)
+            }
+            None if O::ATTRIBUTES.contains(&id) => Err(Violation::NotSettable),
+            None => Err(Violation::UnknownAttribute),
+        };
+        answered += 1;
+        writer.u16(id);
+        writer.u16(set.map_or_else(|violation| u8::from(violation.status().general).into(), |()| 0));
+        if set.is_err() {
+            general = General::AttributeListError;
+        }
+        if len.is_none() {
+            writer.patch_u16(count_at, answered);
+            return Ok(general);
+        }
+    }
+    writer.patch_u16(count_at, answered);
+    if reader.is_empty() { Ok(general) } else { Err(Violation::TooLong) }
+}
+
+/// The one number that a settable attribute takes.
+fn exactly<const N: usize>(data: &[u8]) -> Result<[u8; N], Violation> {
+    match data.len() {
+        len if len < N => Err(Violation::TooShort),
+        len if len > N => Err(Violation::TooLong),
+        _ => data.try_into().map_err(|_| Violation::TooShort),
+    }
+}
+
+/// Writes a SHORT_STRING: a length byte and so many characters.
+fn write_short_string(writer: &mut Writer<'_>, text: &str) {
+    let text = text.as_bytes();
+    let len = text.len().min(usize::from(u8::MAX));
+    writer.u8(len as u8);
+    writer.bytes(text.get(..len).unwrap_or_default());
+}
+
+/// Writes the path of instance 1 of a class, with its length in words before it.
+fn write_instance_path(writer: &mut Writer<'_>, class: u32) {
+    writer.u16(2);
+    writer.bytes(&[0x20, class as u8, 0x24, 1]);
+}

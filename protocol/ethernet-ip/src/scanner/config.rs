@@ -1,0 +1,141 @@
+//! What a scanner must be told: which adapter, which assemblies, how often.
+
+use alloc::vec::Vec;
+use core::net::Ipv4Addr;
+
+use crate::Writer;
+use crate::cip::{ElectronicKey, Logical, class, write_logical};
+use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
+use crate::connection::{ConnectionType, Parameters, Priority, TimeoutMultiplier};
+use crate::description::{Description, Role};
+use machine::Duration;
+
+/// What a scanner must be told.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ScannerConfig {
+    /// The adapter's address.
+    pub target: Ipv4Addr,
+    /// Port segments to the adapter behind a bridge, as a padded path; empty where it is on this network.
+    pub route: Vec<u8>,
+    /// The device that the adapter must be; none for any.
+    pub key: Option<ElectronicKey>,
+    /// What the EDS file of that device says, for refusals to quote; none where there is none.
+    pub described: Option<&'static Description>,
+    /// Configuration assembly; none where the adapter has none.
+    pub configuration: Option<u32>,
+    /// O→T assembly.
+    pub consumed: u32,
+    /// T→O assembly.
+    pub produced: u32,
+    /// Whether T→O data goes to a multicast group, which other scanners may join as well, and not to this one alone.
+    pub multicast: bool,
+    /// Bytes of data O→T, without sequence count and header.
+    pub o_t_size: u16,
+    /// Bytes of data T→O, without sequence count and header.
+    pub t_o_size: u16,
+    /// Whether O→T data has a run/idle header before it.
+    pub o_t_run_idle: bool,
+    /// Whether T→O data has a run/idle header before it.
+    pub t_o_run_idle: bool,
+    /// Requested packet interval O→T in µs.
+    pub o_t_rpi_us: u32,
+    /// Requested packet interval T→O in µs.
+    pub t_o_rpi_us: u32,
+    /// After how many intervals without a frame a connection is given up, both ways.
+    pub multiplier: TimeoutMultiplier,
+    /// How long to wait for an answer.
+    pub request_timeout: Duration,
+    /// How long to wait before the next attempt to connect.
+    pub retry_after: Duration,
+    /// This scanner's own ODVA vendor number.
+    pub vendor: u16,
+    /// This scanner's own serial number.
+    pub serial_number: u32,
+    /// Where connection numbers begin; best another one at each start.
+    pub first_id: u32,
+}
+
+impl ScannerConfig {
+    /// The connection that owns the outputs of such a device, at this packet interval both ways.
+    ///
+    /// The timeout is 128 intervals (code 5), requests may take 1 s, and the next attempt comes after 1 s.
+    #[must_use]
+    pub fn exclusive_owner(target: Ipv4Addr, device: &'static Description, rpi_us: u32) -> Self {
+        let role = |role| device.role(role).map_or((0, 0), |assembly| (assembly.instance, assembly.size));
+        let (consumed, o_t_size) = role(Role::Consumed);
+        let (produced, t_o_size) = role(Role::Produced);
+        Self {
+            target,
+            route: Vec::new(),
+            key: Some(device.key()),
+            described: Some(device),
+            configuration: device.role(Role::Configuration).map(|assembly| assembly.instance),
+            consumed,
+            produced,
+            multicast: false,
+            o_t_size,
+            t_o_size,
+            o_t_run_idle: true,
+            t_o_run_idle: false,
+            o_t_rpi_us: rpi_us,
+            t_o_rpi_us: rpi_us,
+            multiplier: TimeoutMultiplier::CODE_5,
+            request_timeout: Duration::from_secs(1),
+            retry_after: Duration::from_secs(1),
+            vendor: device.vendor,
+            serial_number: 1,
+            first_id: 0x5C00_0000,
+        }
+    }
+
+    /// The parameters of one direction.
+    fn parameters(kind: ConnectionType, size: u16, run_idle: bool) -> Parameters {
+        let header = if run_idle { RUN_IDLE_LEN } else { 0 };
+        Parameters {
+            redundant_owner: false,
+            kind,
+            priority: Priority::Scheduled,
+            variable: false,
+            size: size.saturating_add(SEQUENCE_LEN).saturating_add(header),
+        }
+    }
+
+    /// The parameters O→T.
+    #[must_use]
+    pub fn o_t(&self) -> Parameters {
+        Self::parameters(ConnectionType::PointToPoint, self.o_t_size, self.o_t_run_idle)
+    }
+
+    /// The parameters T→O.
+    #[must_use]
+    pub fn t_o(&self) -> Parameters {
+        let kind = if self.multicast { ConnectionType::Multicast } else { ConnectionType::PointToPoint };
+        Self::parameters(kind, self.t_o_size, self.t_o_run_idle)
+    }
+
+    /// Whether the sizes need a Large_Forward_Open.
+    #[must_use]
+    pub fn is_large(&self) -> bool {
+        self.o_t().size.max(self.t_o().size) > Parameters::MAX_PLAIN_SIZE
+    }
+
+    /// The connection path: route, key, assemblies in their shortest form.
+    pub(super) fn path(&self) -> Vec<u8> {
+        let mut buf = [0; 64];
+        let mut writer = Writer::new(&mut buf);
+        if let Some(key) = &self.key {
+            key.emit(&mut writer);
+        }
+        write_logical(&mut writer, Logical::Class, class::ASSEMBLY);
+        if let Some(configuration) = self.configuration {
+            write_logical(&mut writer, Logical::Instance, configuration);
+        }
+        write_logical(&mut writer, Logical::ConnectionPoint, self.consumed);
+        write_logical(&mut writer, Logical::ConnectionPoint, self.produced);
+        // 64 bytes hold a key and four numbers of 32 bits.
+        let len = writer.finish().unwrap_or(0);
+        let mut path = self.route.clone();
+        path.extend_from_slice(buf.get(..len).unwrap_or_default());
+        path
+    }
+}

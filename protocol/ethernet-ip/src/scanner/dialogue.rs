@@ -1,0 +1,128 @@
+//! What a scanner says over TCP, and how it reads the answers.
+
+use crate::Writer;
+use crate::cip::{ElectronicKey, Reply, Request, Revision, class, service};
+use crate::connection::{CloseRequest, OpenRequest};
+use crate::cpf::{Item, Packet, kind, write_item};
+use crate::description::Identity;
+use crate::encapsulation::{Command, Header, PROTOCOL_VERSION};
+use crate::{Reader, cip};
+use core::net::SocketAddrV4;
+use machine::wire::{Overflow, Truncated};
+
+/// A message to the adapter.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Say {
+    /// RegisterSession.
+    Register,
+    /// Get_Attributes_All of the Identity.
+    Identify,
+    /// Forward_Open.
+    Open,
+    /// Forward_Close.
+    Close,
+    /// UnRegisterSession.
+    Unregister,
+    /// NOP: keeps the session from being taken for a dead one.
+    Nop,
+}
+
+/// Writes a message that has no CIP request in it.
+pub(super) fn emit_plain(buf: &mut [u8], say: Say, session: u32) -> Result<usize, Overflow> {
+    let command = match say {
+        Say::Register => Command::RegisterSession,
+        Say::Unregister => Command::UnRegisterSession,
+        _ => Command::Nop,
+    };
+    Header::request(command, session).emit(buf, |writer| {
+        if say == Say::Register {
+            writer.u16(PROTOCOL_VERSION);
+            writer.u16(0);
+        }
+    })
+}
+
+fn emit_request(
+    buf: &mut [u8],
+    (session, number): (u32, u32),
+    service: u8,
+    class: u32,
+    data: impl FnOnce(&mut Writer<'_>),
+) -> Result<usize, Overflow> {
+    let mut header = Header::request(Command::SendRRData, session);
+    let [a, b, c, d] = number.to_le_bytes();
+    header.context = [a, b, c, d, 0, 0, 0, 0];
+    header.emit(buf, |writer| {
+        writer.u32(0);
+        writer.u16(0);
+        writer.u16(2);
+        write_item(writer, kind::NULL_ADDRESS, |_| {});
+        write_item(writer, kind::UNCONNECTED_DATA, |writer| {
+            let path = |writer: &mut Writer<'_>| {
+                cip::write_logical(writer, cip::Logical::Class, class);
+                cip::write_logical(writer, cip::Logical::Instance, 1);
+            };
+            Request::emit(writer, service, path, data);
+        });
+    })
+}
+
+pub(super) fn emit_identify(buf: &mut [u8], numbers: (u32, u32)) -> Result<usize, Overflow> {
+    emit_request(buf, numbers, service::GET_ATTRIBUTES_ALL, class::IDENTITY, |_| {})
+}
+
+pub(super) fn emit_open(
+    buf: &mut [u8],
+    numbers: (u32, u32),
+    request: &OpenRequest<'_>,
+    large: bool,
+) -> Result<usize, Overflow> {
+    let service = if large { service::LARGE_FORWARD_OPEN } else { service::FORWARD_OPEN };
+    emit_request(buf, numbers, service, class::CONNECTION_MANAGER, |writer| request.emit(writer, large))
+}
+
+pub(super) fn emit_close(
+    buf: &mut [u8],
+    numbers: (u32, u32),
+    request: &CloseRequest<'_>,
+) -> Result<usize, Overflow> {
+    emit_request(buf, numbers, service::FORWARD_CLOSE, class::CONNECTION_MANAGER, |writer| {
+        request.emit(writer)
+    })
+}
+
+/// The number of the request that a message answers.
+pub(super) const fn number_of(header: &Header) -> u32 {
+    let [a, b, c, d, ..] = header.context;
+    u32::from_le_bytes([a, b, c, d])
+}
+
+/// Where data goes, as far as the adapter says so.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(super) struct Sockets {
+    /// O→T.
+    pub(super) o_t: Option<SocketAddrV4>,
+    /// T→O, which it has to say of a multicast.
+    pub(super) t_o: Option<SocketAddrV4>,
+}
+
+/// The CIP reply in the data of a SendRRData, and where data is to go.
+pub(super) fn read_reply(data: &[u8]) -> Option<(Reply<'_>, Sockets)> {
+    let mut reader = Reader::new(data);
+    reader.skip(6).ok()?;
+    let packet = Packet::parse(reader).ok()?;
+    let Some(Item::UnconnectedData(reply)) = packet.data else { return None };
+    let sockets = Sockets { o_t: packet.socket_o_t, t_o: packet.socket_t_o };
+    Some((Reply::parse(reply).ok()?, sockets))
+}
+
+/// The identity in the reply to Get_Attributes_All.
+pub(super) fn read_identity(data: &[u8]) -> Result<Identity, Truncated> {
+    let mut reader = Reader::new(data);
+    let (vendor, device_type, product_code) = (reader.u16()?, reader.u16()?, reader.u16()?);
+    let revision = Revision { major: reader.u8()?, minor: reader.u8()? };
+    reader.skip(2)?;
+    let serial_number = reader.u32()?;
+    let key = ElectronicKey { vendor, device_type, product_code, revision, compatible: false };
+    Ok(Identity { key, serial_number })
+}

@@ -1,0 +1,211 @@
+//! Why an adapter did not do what it was asked to, in words, and what it has instead.
+
+use core::fmt;
+use core::net::Ipv4Addr;
+
+use crate::Reader;
+use crate::cip::{ElectronicKey, Extended, General, Reply, Revision};
+use crate::description::{Assembly, Description, Identity, Role};
+use machine::wire::Truncated;
+use machine::{Down, DownCause};
+
+/// A refused request, with what was asked and what is there.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Refusal {
+    /// General status of its reply; [`General::KeyFailure`] where this side found the device to be another one.
+    pub general: General,
+    /// Extended status of its reply.
+    pub extended: Option<Extended>,
+    /// The size that the device has instead, in bytes, if it tells.
+    pub size: Option<u16>,
+    /// The packet intervals O→T and T→O that the device would serve, in µs, if it tells.
+    pub intervals_us: Option<(u32, u32)>,
+    /// What was asked.
+    pub asked: Asked,
+    /// Who the device says it is.
+    pub found: Option<Identity>,
+}
+
+/// What a Forward_Open asked for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Asked {
+    /// The adapter.
+    pub target: Ipv4Addr,
+    /// What the EDS file of the device that is wanted says.
+    pub described: Option<&'static Description>,
+    /// The device that is wanted.
+    pub key: Option<ElectronicKey>,
+    /// O→T assembly, and connection size in bytes.
+    pub consumed: (u32, u16),
+    /// T→O assembly, and connection size in bytes.
+    pub produced: (u32, u16),
+    /// Configuration assembly.
+    pub configuration: Option<u32>,
+    /// Packet intervals O→T and T→O in µs.
+    pub rpi_us: (u32, u32),
+}
+
+impl Refusal {
+    pub(super) fn of_reply(reply: &Reply<'_>, asked: Asked, found: Option<Identity>) -> Self {
+        let extended = reply.word(0).map(Extended::from);
+        let (mut size, mut intervals_us) = (None, None);
+        match extended {
+            Some(
+                Extended::InvalidConnectionSize
+                | Extended::InvalidConfigurationSize
+                | Extended::InvalidOtSize
+                | Extended::InvalidToSize,
+            ) => size = reply.word(1),
+            Some(Extended::RpiNotAcceptable) => intervals_us = read_intervals(reply.additional).ok(),
+            _ => {}
+        }
+        Self { general: reply.general, extended, size, intervals_us, asked, found }
+    }
+
+    /// What the status says.
+    #[must_use]
+    pub const fn words(&self) -> &'static str {
+        match self.extended {
+            Some(extended) => extended.words(),
+            None => self.general.words(),
+        }
+    }
+
+    /// The same as the news of a connection: the general status in the upper half of the code.
+    #[must_use]
+    pub fn down(&self) -> Down {
+        let extended = self.extended.map_or(0, u16::from);
+        let code = u32::from(u8::from(self.general)) << 16 | u32::from(extended);
+        Down { cause: DownCause::Refused, code, text: self.words() }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the adapter {} refused the connection: {}", self.asked.target, self.words())?;
+        write!(f, " (general status 0x{:02X}", u8::from(self.general))?;
+        if let Some(extended) = self.extended {
+            write!(f, ", extended status 0x{:04X}", u16::from(extended))?;
+        }
+        f.write_str("); asked for ")?;
+        self.write_asked(f)?;
+        if let Some(size) = self.size {
+            write!(f, "; the device has {size} bytes there")?;
+        }
+        if let Some((o_t, t_o)) = self.intervals_us {
+            write!(f, "; the device would take {o_t} µs O→T and {t_o} µs T→O")?;
+        }
+        if let (true, Some(found)) = (self.is_about_key(), self.found) {
+            write!(f, "; the device is {found}")?;
+        }
+        self.write_described(f)
+    }
+}
+
+impl Refusal {
+    const fn is_about_key(&self) -> bool {
+        matches!(
+            (self.general, self.extended),
+            (General::KeyFailure, None)
+                | (
+                    _,
+                    Some(
+                        Extended::VendorOrProductMismatch
+                            | Extended::DeviceTypeMismatch
+                            | Extended::RevisionMismatch
+                    )
+                )
+        )
+    }
+
+    /// What the device has instead, where its reply has no field for it but its EDS file tells.
+    fn write_described(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_described =
+            |device: &&Description| self.found.is_some_and(|found| device.key().check(&found.key).is_ok());
+        let Some(device) = self.asked.described.filter(is_described) else {
+            return match self.extended {
+                Some(Extended::RpiNotSupported) => {
+                    f.write_str("; the device's EDS file has its shortest and longest interval")
+                }
+                _ => Ok(()),
+            };
+        };
+        match self.extended {
+            Some(Extended::RpiNotSupported) => {
+                let Description { min_rpi_us, max_rpi_us, .. } = device;
+                write!(f, "; by its EDS file the device serves {min_rpi_us} to {max_rpi_us} µs")
+            }
+            Some(Extended::OwnershipConflict) => {
+                let owners = device.exclusive_owners;
+                write!(
+                    f,
+                    "; by its EDS file the device has outputs for {owners} owner: stop the other scanner, or "
+                )?;
+                f.write_str("wait for its timeout")
+            }
+            Some(Extended::OutOfConnections | Extended::TargetOutOfConnections) => {
+                let Description { exclusive_owners, input_only, listen_only, explicit, .. } = device;
+                write!(f, "; by its EDS file the device has connections for {exclusive_owners} owner, ")?;
+                write!(f, "{input_only} input-only, {listen_only} listen-only and {explicit} of class 3")
+            }
+            Some(
+                Extended::InvalidApplicationPath
+                | Extended::InvalidConfigurationPathCombination
+                | Extended::InvalidConfigurationPath
+                | Extended::InvalidConsumingPath
+                | Extended::InvalidProducingPath
+                | Extended::InconsistentPathCombination,
+            ) => {
+                f.write_str("; by its EDS file the device has the assemblies")?;
+                for (index, assembly) in device.assemblies.iter().enumerate() {
+                    let Assembly { instance, size, role, .. } = assembly;
+                    let comma = if index == 0 { "" } else { "," };
+                    write!(f, "{comma} {instance} {}", role.words())?;
+                    if matches!(role, Role::Consumed | Role::Produced) {
+                        write!(f, " ({size} bytes)")?;
+                    }
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn write_asked(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Asked { key, consumed, produced, configuration, rpi_us, .. } = self.asked;
+        match self.extended {
+            _ if self.is_about_key() => write_key(f, key),
+            Some(Extended::InvalidOtSize) => {
+                write!(f, "{} bytes O→T to assembly {}", consumed.1, consumed.0)
+            }
+            Some(Extended::InvalidToSize) => {
+                write!(f, "{} bytes T→O from assembly {}", produced.1, produced.0)
+            }
+            Some(Extended::RpiNotSupported | Extended::RpiNotAcceptable) => {
+                write!(f, "a packet every {} µs O→T and every {} µs T→O", rpi_us.0, rpi_us.1)
+            }
+            _ => {
+                write!(f, "O→T assembly {} and T→O assembly {}", consumed.0, produced.0)?;
+                match configuration {
+                    Some(configuration) => write!(f, " with configuration assembly {configuration}"),
+                    None => Ok(()),
+                }
+            }
+        }
+    }
+}
+
+/// What stands behind extended status 0x0112: what kind of limit each interval is, u8 and u8, and the intervals.
+fn read_intervals(additional: &[u8]) -> Result<(u32, u32), Truncated> {
+    let mut reader = Reader::new(additional);
+    reader.skip(4)?;
+    Ok((reader.u32()?, reader.u32()?))
+}
+
+fn write_key(f: &mut fmt::Formatter<'_>, key: Option<ElectronicKey>) -> fmt::Result {
+    let Some(key) = key else { return f.write_str("any device") };
+    let ElectronicKey { vendor, device_type, product_code, revision: Revision { major, minor }, compatible } =
+        key;
+    write!(f, "vendor {vendor}, device type {device_type}, product code {product_code}, ")?;
+    write!(f, "revision {major}.{minor}{}", if compatible { " or compatible" } else { "" })
+}

@@ -1,0 +1,73 @@
+//! Scanner and adapter on one cable.
+
+use std::net::Ipv4Addr;
+
+use ethernet_ip::IoData;
+use ethernet_ip::description::SKILL_ROBOT;
+use ethernet_ip::{Adapter, AdapterConfig, Scanner, ScannerConfig};
+use machine::LinkEvent;
+use machine::{Duration, Instant};
+use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
+
+pub(crate) const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
+pub(crate) const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
+
+pub(crate) type Bus = Pair<Scanner, Adapter>;
+pub(crate) type News = Event<LinkEvent, LinkEvent>;
+
+pub(crate) fn adapter_config() -> AdapterConfig {
+    AdapterConfig {
+        description: &SKILL_ROBOT,
+        serial_number: 0x1234_5678,
+        address: ROBOT,
+        mask: Ipv4Addr::new(255, 255, 255, 0),
+        gateway: Ipv4Addr::UNSPECIFIED,
+        mac: [2, 0, 0, 0, 0, 2],
+        first_id: 0x0100_0000,
+    }
+}
+
+pub(crate) fn adapter() -> Adapter {
+    Adapter::new(adapter_config())
+}
+
+/// A scanner that wants the outputs of the robot, every millisecond.
+pub(crate) fn wanted() -> ScannerConfig {
+    ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, 1_000)
+}
+
+/// 25 µs, and nothing is lost.
+pub(crate) fn cable() -> Impairment {
+    Impairment { delay: Duration::from_micros(25), ..Impairment::default() }
+}
+
+pub(crate) fn bus_of(config: ScannerConfig, link: Impairment, seed: u64) -> Bus {
+    let clocks = [Clock::default(), Clock { offset_ns: 123_456_789, drift_ppb: 30_000 }];
+    let pair = PairConfig { seed, clocks, links: [link; 2], addresses: [Some(PLC), Some(ROBOT)] };
+    Pair::new(Scanner::new(config, Instant::from_millis(1)), adapter(), pair)
+}
+
+/// Runs for a time and returns what happened, each with the true time in ms.
+pub(crate) fn run(bus: &mut Bus, millis: u64) -> Vec<(u64, News)> {
+    let until = bus.now() + Duration::from_millis(millis);
+    let mut events = Vec::new();
+    while let Some(event) = bus.next_event(until) {
+        events.push((bus.now().as_nanos() / 1_000_000, event));
+    }
+    events
+}
+
+/// A bus that is up, 50 ms after the start.
+pub(crate) fn up(config: ScannerConfig) -> Bus {
+    let mut bus = bus_of(config, cable(), 1);
+    let events: Vec<_> = run(&mut bus, 50).into_iter().map(|(_, event)| event).collect();
+    let refusal = bus.a().refusal().map(ToString::to_string);
+    assert!(events.contains(&Event::A(LinkEvent::Up)), "{events:?}, {refusal:?}");
+    assert!(events.contains(&Event::B(LinkEvent::Up)), "{events:?}, {refusal:?}");
+    bus
+}
+
+/// An image in which every byte tells its place.
+pub(crate) fn image(first: u8) -> IoData {
+    core::array::from_fn(|index| first.wrapping_add(index as u8))
+}

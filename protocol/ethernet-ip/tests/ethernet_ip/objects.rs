@@ -1,0 +1,435 @@
+//! What an adapter answers to explicit messages.
+
+use ethernet_ip::cip::General;
+
+use std::net::Ipv4Addr;
+
+use ethernet_ip::connection::{OpenRequest, Priority};
+use ethernet_ip::encapsulation::{Command, Header, Status};
+use ethernet_ip::{AdapterConfig, ENCAPSULATION_PORT};
+use machine::{Duration, Instant, Machine, Port};
+
+use crate::cell::{PLC, ROBOT, adapter_config};
+use crate::client::{Client, INPUT_ONLY_PATH, Rig, close_message, explicit, heartbeat, message, owner, peer};
+
+fn rig() -> (Rig, Client) {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    (rig, client)
+}
+
+/// Get_Attribute_Single.
+fn get(rig: &mut Rig, client: Client, class: u8, instance: u8, attribute: u8) -> (u8, Vec<u8>) {
+    let answer = rig.request(client, &[0x0E, 3, 0x20, class, 0x24, instance, 0x30, attribute]);
+    (answer.general.into(), answer.data)
+}
+
+/// Set_Attribute_Single; returns the general status.
+fn set(rig: &mut Rig, client: Client, class: u8, instance: u8, attribute: u8, data: &[u8]) -> u8 {
+    let request = [&[0x10, 3, 0x20, class, 0x24, instance, 0x30, attribute][..], data].concat();
+    rig.request(client, &request).general.into()
+}
+
+#[test]
+fn the_list_commands_are_answered_alike_over_udp_and_tcp_without_a_session() {
+    let mut rig = Rig::new();
+    let stream = rig.connect_from(PLC);
+    for (command, length) in
+        [(Command::ListServices, 26), (Command::ListIdentity, 56), (Command::ListInterfaces, 2)]
+    {
+        let [over_udp] = &rig.ask_udp(&message(command, 0, &[]))[..] else { panic!("{command:?}") };
+        rig.send(stream, &message(command, 0, &[]));
+        let (header, data) = rig.read(stream).unwrap();
+        assert_eq!((header.command, header.status, header.length), (command, Status::Success, length));
+        assert_eq!(over_udp[24..], data);
+    }
+}
+
+#[test]
+fn list_identity_tells_address_identity_and_state() {
+    let mut rig = Rig::new();
+    let [reply] = &rig.ask_udp(&message(Command::ListIdentity, 0, &[]))[..] else { panic!() };
+    let expected = b"\x01\0\x0C\0\x32\0\x01\0\0\x02\xAF\x12\xC0\xA8\x40\x02\0\0\0\0\0\0\0\0\
+        \xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x10skillbench robot\x03";
+    assert_eq!(&reply[24..], expected);
+}
+
+#[test]
+fn commands_that_need_a_session_are_refused_over_udp_and_nop_is_silent() {
+    let mut rig = Rig::new();
+    for command in [Command::RegisterSession, Command::SendRRData, Command::Unknown(0x1234)] {
+        let [reply] = &rig.ask_udp(&message(command, 0, &[1, 0, 0, 0]))[..] else { panic!() };
+        assert_eq!(Header::parse(reply).unwrap().status, Status::InvalidCommand, "{command:?}");
+    }
+    assert!(rig.ask_udp(&message(Command::Nop, 0, b"anything")).is_empty());
+}
+
+#[test]
+fn a_session_needs_version_1_and_its_length_and_is_registered_once() {
+    let mut rig = Rig::new();
+    let stream = rig.connect_from(PLC);
+    let mut register = |data: &[u8]| {
+        rig.send(stream, &message(Command::RegisterSession, 0, data));
+        let (header, data) = rig.read(stream).unwrap();
+        (header.status, header.session != 0, data)
+    };
+    assert_eq!(register(&[2, 0, 0, 0]), (Status::UnsupportedProtocol, false, vec![1, 0, 0, 0]));
+    assert_eq!(register(&[1, 0]), (Status::InvalidLength, false, vec![]));
+    assert_eq!(register(&[1, 0, 0, 0]), (Status::Success, true, vec![1, 0, 0, 0]));
+    assert_eq!(register(&[1, 0, 0, 0]).0, Status::InvalidCommand);
+}
+
+#[test]
+fn a_session_is_bound_to_its_connection() {
+    let (mut rig, client) = rig();
+    let other = rig.client();
+    assert_ne!(client.session, other.session);
+    rig.send(other.stream, &message(Command::SendRRData, client.session, &[0; 16]));
+    assert_eq!(rig.read(other.stream).unwrap().0.status, Status::InvalidSession);
+    rig.send(other.stream, &message(Command::UnRegisterSession, client.session, &[]));
+    assert!(rig.closed.is_empty());
+    rig.send(other.stream, &message(Command::UnRegisterSession, other.session, &[]));
+    assert_eq!(rig.closed, [other.stream]);
+    assert_eq!(get(&mut rig, client, 1, 1, 1).0, 0);
+}
+
+#[test]
+fn the_identity_is_read_whole_one_by_one_and_by_list() {
+    let (mut rig, client) = rig();
+    let all = rig.request(client, &[1, 2, 0x20, 1, 0x24, 1]).data;
+    assert_eq!(&all, b"\xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x10skillbench robot\x03");
+    let one_by_one: Vec<u8> = (1..=8).flat_map(|id| get(&mut rig, client, 1, 1, id).1).collect();
+    assert_eq!(all, one_by_one);
+    let list = rig.request(client, b"\x03\x02\x20\x01\x24\x01\x03\0\x01\0\x63\0\x03\0");
+    assert_eq!(list.general, General::AttributeListError);
+    assert_eq!(list.data, b"\x03\0\x01\0\0\0\xFF\xFF\x63\0\x14\0\x03\0\0\0\x01\0");
+}
+
+#[test]
+fn the_identity_tells_what_io_does() {
+    let (mut rig, client) = rig();
+    let status = |rig: &mut Rig| u16::from_le_bytes(get(rig, client, 1, 1, 5).1.try_into().unwrap());
+    assert_eq!(status(&mut rig), 0x0034, "configured, no connection");
+    let opened = rig.open(client, &owner(1));
+    assert_eq!(status(&mut rig), 0x0075, "owned, idle");
+    rig.io(PLC, opened.o_t_id, 1, Some(true), &[0; 256]);
+    assert_eq!(status(&mut rig), 0x0065, "owned, running");
+    rig.advance(Duration::from_millis(50));
+    assert_eq!(status(&mut rig), 0x0124, "a connection timed out");
+}
+
+#[test]
+fn every_object_answers_each_of_its_attributes_and_its_class_attributes() {
+    let (mut rig, client) = rig();
+    let objects: [(u8, u8, &[u8], usize); 9] = [
+        (0x01, 1, &[1, 2, 3, 4, 5, 6, 7, 8], 32),
+        (0x02, 1, &[1, 2], 20),
+        (0x04, 100, &[3, 4], 0),
+        (0x04, 150, &[3, 4], 0),
+        (0x06, 1, &[1, 2, 3, 4, 5, 6, 7, 8], 16),
+        (0x48, 1, &[4, 5, 6, 7, 8], 5),
+        (0xF4, 1, &[1, 2, 3, 4, 7], 36),
+        (0xF5, 1, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 96),
+        (0xF6, 1, &[1, 2, 3, 6, 7, 8, 9, 10, 11], 133),
+    ];
+    // Get_Attributes_All has zeros for the counters of the interface and of its medium, which are not there.
+    let absent = |class, id| match (class, id) {
+        (0xF6, 4) => 44,
+        (0xF6, 5) => 48,
+        _ => 0,
+    };
+    for (class, instance, attributes, all_len) in objects {
+        let mut concatenated = Vec::new();
+        for id in 0..=20 {
+            let (status, data) = get(&mut rig, client, class, instance, id);
+            let there = attributes.contains(&id);
+            assert_eq!(
+                (status, data.is_empty()),
+                if there { (0, false) } else { (0x14, true) },
+                "{class:X} {id}"
+            );
+            concatenated.extend(data);
+            concatenated.extend(vec![0; absent(class, id)]);
+        }
+        let all = rig.request(client, &[1, 2, 0x20, class, 0x24, instance]);
+        if all_len == 0 {
+            assert_eq!(all.general, General::ServiceNotSupported);
+        } else {
+            assert_eq!((all.general, all.data.len()), (General::Success, all_len), "{class:X}");
+            assert_eq!(all.data, concatenated, "{class:X}");
+        }
+        assert_eq!(get(&mut rig, client, class, 0, 1).0, 0, "revision of class {class:X}");
+        assert_eq!(get(&mut rig, client, class, 99, 1).0, 0x16, "instance 99 of class {class:X}");
+    }
+    assert_eq!(get(&mut rig, client, 0x99, 1, 1).0, 0x05);
+}
+
+#[test]
+fn paths_of_8_16_and_32_bits_lead_to_the_same_attribute() {
+    let (mut rig, client) = rig();
+    let short = rig.request(client, b"\x0E\x03\x20\x01\x24\x01\x30\x01");
+    let word = rig.request(client, b"\x0E\x06\x21\0\x01\0\x25\0\x01\0\x31\0\x01\0");
+    let long = rig.request(client, b"\x0E\x09\x22\0\x01\0\0\0\x26\0\x01\0\0\0\x32\0\x01\0\0\0");
+    assert!(short == word && word == long && short.data == b"\xFF\xFF");
+}
+
+#[test]
+fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
+    let (mut rig, client) = rig();
+    assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[46]), 0);
+    assert_eq!(get(&mut rig, client, 0x48, 1, 5).1, [46]);
+    assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[64]), 0x09);
+    assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[]), 0x13);
+    assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[1, 2]), 0x15);
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 13, &[60, 0]), 0);
+    assert_eq!(get(&mut rig, client, 0xF5, 1, 13).1, [60, 0]);
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 13, &[0xFF, 0xFF]), 0x09);
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 5, &[0; 22]), 0x0E);
+    assert_eq!(set(&mut rig, client, 0x01, 1, 1, &[0; 2]), 0x0E);
+    assert_eq!(set(&mut rig, client, 0x01, 1, 77, &[0; 2]), 0x14);
+    assert_eq!(set(&mut rig, client, 0x04, 150, 3, &[0; 256]), 0x0E, "an arm has one owner");
+    assert_eq!(set(&mut rig, client, 0x04, 151, 3, &[]), 0);
+    assert_eq!(set(&mut rig, client, 0x04, 151, 3, &[1]), 0x15);
+}
+
+/// The DSCP that the adapter asks for behind the next cyclic frame to this host.
+fn dscp_of_next_frame(rig: &mut Rig, to: Ipv4Addr) -> u8 {
+    let mut buf = vec![0; machine::wire::FRAME_CAPACITY];
+    loop {
+        rig.now = rig.adapter.poll_timeout().unwrap();
+        rig.adapter.handle_timeout(rig.now);
+        while let Some(frame) = rig.adapter.poll_transmit(rig.now, &mut buf) {
+            if frame.to.is_some_and(|peer| *peer.ip() == to) {
+                return rig.adapter.dscp(frame.port);
+            }
+        }
+    }
+}
+
+#[test]
+fn each_connection_has_the_dscp_that_its_priority_had_when_it_was_opened() {
+    const VIEWER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 7);
+    let (mut rig, client) = rig();
+    let patient = |request: OpenRequest<'static>| OpenRequest { multiplier: 7, ..request };
+    rig.open(client, &patient(owner(1)));
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 47, "scheduled");
+    assert_eq!(set(&mut rig, client, 0x48, 1, 5, &[46]), 0);
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 47, "the setting is for the next connection");
+    let viewer = rig.client_from(VIEWER);
+    let mut high = patient(heartbeat(2, INPUT_ONLY_PATH));
+    high.t_o.priority = Priority::High;
+    rig.open(viewer, &high);
+    assert_eq!(dscp_of_next_frame(&mut rig, VIEWER), 43, "high, beside scheduled");
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 47);
+    rig.request(client, &close_message(owner(1).triad, &[]));
+    rig.open(client, &patient(owner(3)));
+    assert_eq!(dscp_of_next_frame(&mut rig, PLC), 46);
+    assert_eq!(set(&mut rig, client, 0x48, 1, 8, &[10]), 0);
+    assert_eq!(rig.adapter.dscp(Port::Stream(client.stream)), 10, "explicit messages, from the next one on");
+}
+
+#[test]
+fn a_list_of_attributes_is_set_one_by_one_where_the_object_allows_it() {
+    let (mut rig, client) = rig();
+    let mut set_list = |class: u8, data: &[u8]| {
+        let answer = rig.request(client, &[&[4, 2, 0x20, class, 0x24, 1][..], data].concat());
+        (u8::from(answer.general), answer.data)
+    };
+    // Connection Manager: two of its counters.
+    let both = [2, 0, 1, 0, 7, 0, 8, 0, 9, 0];
+    assert_eq!(set_list(0x06, &both), (0, vec![2, 0, 1, 0, 0, 0, 8, 0, 0, 0]));
+    let unknown = [2, 0, 3, 0, 5, 0, 99, 0, 1, 0];
+    assert_eq!(set_list(0x06, &unknown), (0x0A, vec![2, 0, 3, 0, 0, 0, 99, 0, 0x14, 0]));
+    let unknown_first = [2, 0, 99, 0, 1, 0, 3, 0, 6, 0];
+    assert_eq!(
+        set_list(0x06, &unknown_first),
+        (0x0A, vec![1, 0, 99, 0, 0x14, 0]),
+        "nothing behind it is read"
+    );
+    for cut in [&[][..], &[1], &[1, 0, 1, 0], &[1, 0, 1, 0, 7], &[0xFF, 0xFF, 1, 0, 7, 0]] {
+        assert_eq!(set_list(0x06, cut).0, 0x13, "{cut:02X?}");
+    }
+    assert_eq!(set_list(0x06, &[1, 0, 1, 0, 7, 0, 0]).0, 0x15);
+    for class in [0x01, 0x02, 0x48, 0xF4, 0xF5, 0xF6] {
+        assert_eq!(set_list(class, &[1, 0, 13, 0, 60, 0]).0, 0x08, "class {class:02X} has no such service");
+    }
+    let counts = rig.request(client, &[1, 2, 0x20, 6, 0x24, 1]).data;
+    assert_eq!(counts, [7, 0, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 9, 0]);
+}
+
+#[test]
+fn a_question_to_all_is_answered_after_a_delay_of_the_devices_own_and_one_to_it_alone_at_once() {
+    let ask = |longest_ms: u16, serial_number: u32| {
+        let mut rig = Rig::of(AdapterConfig { serial_number, ..adapter_config() });
+        let mut question = message(Command::ListIdentity, 0, &[]);
+        question[12..14].copy_from_slice(&longest_ms.to_le_bytes());
+        let [at_once] = &rig.ask_udp(&question)[..] else { panic!("one answer to one question") };
+        let at_once = at_once.clone();
+        rig.datagrams.clear();
+        let asked = rig.now;
+        for _ in 0..50 {
+            rig.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000), &question);
+            rig.advance(Duration::from_secs(70));
+        }
+        assert_eq!(rig.datagrams.len(), 50);
+        assert!(rig.datagrams.iter().all(|(_, _, to, bytes)| *to == peer(PLC, 40_000) && *bytes == at_once));
+        let delay =
+            |(index, (at, ..)): (u64, &(Instant, _, _, _))| at.since(asked + Duration::from_secs(70 * index));
+        (0..).zip(&rig.datagrams).map(delay).collect::<Vec<_>>()
+    };
+    // No limit means 2 s; a limit below 500 ms means 500 ms.
+    for (named_ms, meant_ms) in [(0, 2_000), (1, 500), (500, 500), (3_000, 3_000), (u16::MAX, 65_535)] {
+        let delays = ask(named_ms, 7);
+        let longest = Duration::from_millis(meant_ms);
+        assert!(delays.iter().all(|delay| *delay <= longest), "{named_ms} ms: {delays:?}");
+        assert!(delays.iter().any(|delay| *delay > longest * 3 / 4), "{named_ms} ms: {delays:?}");
+        assert!(delays.iter().any(|delay| *delay < longest / 4), "{named_ms} ms: {delays:?}");
+    }
+    assert_eq!(ask(0, 7), ask(0, 7), "the same device, the same run");
+    assert_ne!(ask(0, 7), ask(0, 8), "two devices do not answer together");
+}
+
+#[test]
+fn a_flood_of_questions_to_all_is_answered_within_bounds() {
+    let mut rig = Rig::new();
+    for port in 0..1_000 {
+        rig.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000 + port), &message(Command::ListIdentity, 0, &[]));
+    }
+    rig.advance(Duration::from_secs(3));
+    assert_eq!(rig.datagrams.len(), 8);
+}
+
+#[test]
+fn a_reset_takes_settings_back_but_not_from_a_robot_in_use() {
+    let (mut rig, client) = rig();
+    set(&mut rig, client, 0x48, 1, 5, &[1]);
+    assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 1]).general, General::Success);
+    assert_eq!(get(&mut rig, client, 0x48, 1, 5).1, [47]);
+    assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 9]).general, General::InvalidParameter);
+    rig.open(client, &owner(1));
+    assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 0]).general, General::DeviceStateConflict);
+}
+
+#[test]
+fn several_services_in_one_packet_are_answered_each() {
+    let (mut rig, client) = rig();
+    let packet = b"\x0A\x02\x20\x02\x24\x01\x02\0\x06\0\x0E\0\
+        \x0E\x03\x20\x01\x24\x01\x30\x01\x0E\x03\x20\x01\x24\x01\x30\x02";
+    let answer = rig.request(client, packet);
+    assert_eq!(answer.general, General::Success);
+    assert_eq!(answer.data, b"\x02\0\x06\0\x0C\0\x8E\0\0\0\xFF\xFF\x8E\0\0\0\x2B\0");
+    let mut with_error = packet.to_vec();
+    *with_error.last_mut().unwrap() = 99;
+    let answer = rig.request(client, &with_error);
+    assert_eq!(answer.general, General::EmbeddedServiceError);
+    assert_eq!(answer.data, b"\x02\0\x06\0\x0C\0\x8E\0\0\0\xFF\xFF\x8E\0\x14\0");
+}
+
+/// Unconnected_Send of Get_Attribute_Single vendor, along a route.
+fn unconnected_send(route: &[u8]) -> Vec<u8> {
+    let mut cip = b"\x52\x02\x20\x06\x24\x01\x0A\xF0\x08\0\x0E\x03\x20\x01\x24\x01\x30\x01".to_vec();
+    cip.extend([route.len() as u8 / 2, 0]);
+    cip.extend(route);
+    cip
+}
+
+#[test]
+fn an_unconnected_send_reaches_this_device_and_no_other() {
+    let (mut rig, client) = rig();
+    assert_eq!(rig.request(client, &unconnected_send(&[])).data, [0xFF, 0xFF]);
+    let to_self = [&[0x12, 12][..], b"192.168.64.2"].concat();
+    assert_eq!(rig.request(client, &unconnected_send(&to_self)).data, [0xFF, 0xFF]);
+    assert_eq!(rig.request(client, &unconnected_send(&[1, 0])).status(), (1, 0x0311));
+    let elsewhere = [&[0x12, 12][..], b"192.168.64.9"].concat();
+    assert_eq!(rig.request(client, &unconnected_send(&elsewhere)).status(), (1, 0x0312));
+    assert_eq!(rig.request(client, &unconnected_send(&[0x20, 4])).status(), (1, 0x0315));
+    let mut no_time = unconnected_send(&[]);
+    no_time[7] = 0;
+    assert_eq!(rig.request(client, &no_time).status(), (1, 0x0204));
+}
+
+#[test]
+fn a_class_3_connection_answers_each_request_once_and_a_repeated_one_alike() {
+    let (mut rig, client) = rig();
+    let opened = rig.open(client, &explicit(1));
+    let count_opens = [0x0E, 3, 0x20, 6, 0x24, 1, 0x30, 1];
+    let first = rig.request_connected(client, &opened, 1, &count_opens).unwrap();
+    assert_eq!(first.data, [1, 0]);
+    rig.open(client, &explicit(2));
+    let repeated = rig.request_connected(client, &opened, 1, &count_opens).unwrap();
+    assert_eq!(repeated, first);
+    assert_eq!(rig.request_connected(client, &opened, 2, &count_opens).unwrap().data, [2, 0]);
+}
+
+#[test]
+fn six_class_3_connections_work_side_by_side_and_end_with_their_tcp_connection() {
+    let (mut rig, client) = rig();
+    let others = [rig.client(), rig.client()];
+    let opened: Vec<_> = (1..=6).map(|serial| rig.open(client, &explicit(serial))).collect();
+    for (count, opened) in opened.iter().enumerate() {
+        let name = rig.request_connected(client, opened, count as u16, &[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 1]);
+        assert_eq!(name.unwrap().data, [0xFF, 0xFF]);
+        let [other, _] = others;
+        assert_eq!(rig.request_connected(other, opened, 9, &[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 1]), None);
+    }
+    assert_eq!(rig.adapter.connections(), (0, 6));
+    rig.hang_up(client.stream);
+    assert_eq!(rig.adapter.connections(), (0, 0));
+}
+
+#[test]
+fn a_class_3_connection_times_out_when_nobody_uses_it() {
+    let (mut rig, client) = rig();
+    let opened = rig.open(client, &explicit(1));
+    rig.advance(Duration::from_secs(25));
+    assert!(rig.request_connected(client, &opened, 1, &[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 1]).is_some());
+    // 2 s × 16, from the last request on.
+    rig.advance(Duration::from_secs(31));
+    assert_eq!(rig.adapter.connections(), (0, 1));
+    rig.advance(Duration::from_secs(2));
+    assert_eq!(rig.adapter.connections(), (0, 0));
+}
+
+#[test]
+fn a_class_3_reply_that_is_larger_than_the_connection_says_so() {
+    let (mut rig, client) = rig();
+    let mut request = explicit(1);
+    request.t_o.size = 20;
+    let opened = rig.open(client, &request);
+    let answer = rig.request_connected(client, &opened, 1, &[1, 2, 0x20, 1, 0x24, 1]).unwrap();
+    assert_eq!(answer.general, General::ReplyDataTooLarge);
+}
+
+#[test]
+fn the_connection_manager_counts_what_it_opened_refused_closed_and_lost() {
+    let (mut rig, client) = rig();
+    rig.open(client, &owner(1));
+    let _ = rig.try_open(client, &owner(2));
+    rig.request(client, &close_message(owner(9).triad, &[]));
+    rig.advance(Duration::from_secs(11));
+    let counts = rig.request(client, &[1, 2, 0x20, 6, 0x24, 1]).data;
+    assert_eq!(counts, [2, 0, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 1, 0, 1, 0]);
+}
+
+#[test]
+fn a_silent_session_is_ended_after_the_inactivity_timeout() {
+    let (mut rig, client) = rig();
+    rig.advance(Duration::from_secs(119));
+    rig.send(client.stream, &message(Command::Nop, 0, &[]));
+    rig.advance(Duration::from_secs(119));
+    assert!(rig.closed.is_empty());
+    rig.advance(Duration::from_secs(2));
+    assert_eq!(rig.closed, [client.stream]);
+}
+
+#[test]
+fn a_foreign_host_cannot_close_a_connection_and_a_wrong_path_is_named() {
+    let (mut rig, client) = rig();
+    rig.open(client, &owner(1));
+    let stranger = rig.client_from(ROBOT);
+    let close = |path: &[u8]| close_message(owner(1).triad, path);
+    assert_eq!(rig.request(stranger, &close(&[])).status(), (0x0F, 0));
+    assert_eq!(rig.request(client, &close(&[0x20, 4, 0x2C, 152, 0x2C, 100])).status(), (1, 0x0316));
+    assert_eq!(rig.request(client, &close(&[0x20, 4, 0x2C, 150, 0x2C, 100])).general, General::Success);
+    assert_eq!(rig.request(client, &close(&[])).status(), (1, 0x0107));
+}

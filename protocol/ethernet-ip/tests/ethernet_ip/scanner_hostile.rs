@@ -1,0 +1,397 @@
+//! What a scanner must survive.
+
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+use ethernet_ip::cpf::{kind, write_item};
+use ethernet_ip::encapsulation::{Command, Header, Status};
+use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT, Scanner, class1};
+use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
+use machine::{DownCause, LinkEvent};
+use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
+use proptest::prelude::*;
+
+use crate::cell::{Bus, PLC, ROBOT, bus_of, cable, run, up, wanted};
+use crate::client::peer;
+
+fn datagram(bus: &mut Bus, port: u16, from: Ipv4Addr, bytes: &[u8]) {
+    bus.command_a(|scanner, now| {
+        let source = Source { port: Port::Udp(port), peer: Some(peer(from, port)) };
+        scanner.handle_frame(now, source, bytes);
+    });
+}
+
+/// Images go both ways: both sides took 100 frames in the last 100 ms.
+fn assert_exchanging(bus: &mut Bus) {
+    let before = [bus.a().counters().received, bus.b().counters().received];
+    run(bus, 100);
+    let after = [bus.a().counters().received, bus.b().counters().received];
+    for (before, after) in before.into_iter().zip(after) {
+        assert!((99..=101).contains(&(after - before)), "{} frames in 100 ms", after - before);
+    }
+    assert!(bus.a().input().is_some() && bus.b().input().is_some());
+}
+
+/// The number of the connection T→O: the scanner's first.
+const T_O_ID: u32 = 0x5C00_0001;
+
+#[test]
+fn cyclic_datagrams_of_0_1_2_and_4_bytes_are_counted_and_thrown_away() {
+    let mut bus = up(wanted());
+    for len in [0, 1, 2, 4, 19] {
+        datagram(&mut bus, IO_PORT, ROBOT, &vec![0; len]);
+    }
+    assert_eq!(bus.a().counters().malformed, 5);
+    assert_exchanging(&mut bus);
+}
+
+#[test]
+fn cyclic_frames_of_another_size_connection_or_source_change_nothing() {
+    let mut bus = up(wanted());
+    let mut buf = [0; 1_024];
+    for len in [0, 1, 2, 4, 255, 257] {
+        let len = class1::emit(&mut buf, (T_O_ID, 1 << 20, 1), None, &[0xEE; 257][..len]).unwrap();
+        datagram(&mut bus, IO_PORT, ROBOT, &buf[..len]);
+    }
+    assert_eq!(bus.a().counters().malformed, 6);
+    let len = class1::emit(&mut buf, (T_O_ID, 1 << 20, 1), None, &[0xEE; 256]).unwrap();
+    datagram(&mut bus, IO_PORT, Ipv4Addr::new(192, 168, 64, 66), &buf[..len]);
+    let len = class1::emit(&mut buf, (T_O_ID + 7, 1 << 20, 1), None, &[0xEE; 256]).unwrap();
+    datagram(&mut bus, IO_PORT, ROBOT, &buf[..len]);
+    assert_eq!(bus.a().counters().foreign, 2);
+    assert_ne!(bus.a().input(), Some(&[0xEE; 256]));
+    assert_exchanging(&mut bus);
+}
+
+#[test]
+fn bytes_over_tcp_that_make_no_sense_do_not_disturb_the_images() {
+    let mut bus = up(wanted());
+    for length in [0, 24, 100, 4_000] {
+        bus.command_a(|scanner, now| {
+            // The only stream that the run has made.
+            let source = Source { port: Port::Stream(StreamId(1)), peer: None };
+            scanner.handle_frame(now, source, &vec![0xA5; length]);
+        });
+    }
+    assert_exchanging(&mut bus);
+}
+
+#[test]
+fn a_connection_that_nobody_asked_for_is_closed() {
+    let mut scanner = Scanner::new(wanted(), Instant::from_millis(1));
+    scanner.handle_stream(Instant::ZERO, StreamId(9), StreamChange::Opened(peer(ROBOT, ENCAPSULATION_PORT)));
+    assert_eq!(scanner.poll_stream(), Some(StreamRequest::Close(StreamId(9))));
+}
+
+/// A scanner that talks to an adapter of the test's own making.
+struct Dialogue {
+    scanner: Scanner,
+    now: Instant,
+    stream: StreamId,
+    streams: u32,
+}
+
+impl Dialogue {
+    fn new() -> Self {
+        let mut dialogue = Self {
+            scanner: Scanner::new(wanted(), Instant::from_millis(1)),
+            now: Instant::from_millis(1),
+            stream: StreamId(0),
+            streams: 0,
+        };
+        dialogue.scanner.handle_timeout(dialogue.now);
+        dialogue.settle();
+        dialogue
+    }
+
+    /// Follows the contract; connections are made at once. Returns what was said, and what happened.
+    fn settle(&mut self) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+        let (mut said, mut events) = (Vec::new(), Vec::new());
+        let mut buf = vec![0; FRAME_CAPACITY];
+        for step in 0.. {
+            assert!(step < 100, "the scanner does not come to rest");
+            let mut rest = true;
+            while let Some(transmit) = self.scanner.poll_transmit(self.now, &mut buf) {
+                rest = false;
+                said.push(buf[..transmit.len].to_vec());
+            }
+            while let Some(request) = self.scanner.poll_stream() {
+                rest = false;
+                if let StreamRequest::Connect { to } = request {
+                    assert_eq!(to, SocketAddrV4::new(ROBOT, ENCAPSULATION_PORT));
+                    self.streams += 1;
+                    self.stream = StreamId(self.streams);
+                    self.scanner.handle_stream(self.now, self.stream, StreamChange::Opened(to));
+                }
+            }
+            while let Some(event) = self.scanner.poll_event() {
+                events.push(event);
+            }
+            if rest {
+                break;
+            }
+        }
+        (said, events)
+    }
+
+    fn hear(&mut self, bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+        let source = Source { port: Port::Stream(self.stream), peer: None };
+        self.scanner.handle_frame(self.now, source, bytes);
+        self.settle()
+    }
+
+    /// An encapsulation reply to a request.
+    fn reply(
+        &mut self,
+        request: &[u8],
+        session: u32,
+        status: Status,
+        data: &[u8],
+    ) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+        let header = Header { session, ..Header::parse(request).unwrap().reply(status) };
+        let mut buf = vec![0; 24 + data.len()];
+        header.emit(&mut buf, |writer| writer.bytes(data)).unwrap();
+        self.hear(&buf)
+    }
+
+    fn reply_cip(&mut self, request: &[u8], cip: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+        let mut buf = [0; 2_048];
+        let mut writer = Writer::<LittleEndian>::new(&mut buf);
+        writer.zeros(6);
+        writer.u16(2);
+        write_item(&mut writer, kind::NULL_ADDRESS, |_| {});
+        write_item(&mut writer, kind::UNCONNECTED_DATA, |writer| writer.bytes(cip));
+        let len = writer.finish().unwrap();
+        self.reply(request, 7, Status::Success, &buf[..len])
+    }
+}
+
+/// A dialogue up to the question for the identity, which is returned.
+fn asked_for_identity() -> (Dialogue, Vec<u8>) {
+    let mut dialogue = Dialogue::new();
+    let mut register = vec![0; 28];
+    Header::request(Command::RegisterSession, 0).emit(&mut register, |writer| writer.zeros(4)).unwrap();
+    let (said, _) = dialogue.reply(&register, 7, Status::Success, &[1, 0, 0, 0]);
+    assert_eq!(said.len(), 1);
+    let question = said[0].clone();
+    (dialogue, question)
+}
+
+#[test]
+fn an_adapter_that_refuses_the_session_is_named() {
+    let mut dialogue = Dialogue::new();
+    let mut register = vec![0; 28];
+    Header::request(Command::RegisterSession, 0).emit(&mut register, |writer| writer.zeros(4)).unwrap();
+    let (_, events) = dialogue.reply(&register, 0, Status::InsufficientMemory, &[]);
+    let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+    assert_eq!((down.cause, down.text), (DownCause::Refused, "the receiver has no memory for the command"));
+}
+
+#[test]
+fn an_adapter_that_does_not_tell_who_it_is_is_still_connected_to() {
+    let (mut dialogue, question) = asked_for_identity();
+    let (said, events) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+    assert!(events.is_empty() && said.len() == 1);
+    // SendRRData, and in it a Forward_Open.
+    assert_eq!((said[0][0], said[0][40]), (0x6F, 0x54));
+}
+
+#[test]
+fn replies_that_are_cut_off_or_answer_nothing_are_waited_out() {
+    let (mut dialogue, question) = asked_for_identity();
+    for cip in [&[][..], &[0x81], &[0x81, 0, 0], &[0x81, 0, 0, 9], &[0xCE, 0, 0, 0], &[0x0E, 0, 0, 0]] {
+        let (said, events) = dialogue.reply_cip(&question, cip);
+        assert!(said.is_empty() && events.is_empty(), "{cip:02X?}");
+    }
+    dialogue.now += Duration::from_secs(1);
+    dialogue.scanner.handle_timeout(dialogue.now);
+    let (said, events) = dialogue.settle();
+    let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+    assert_eq!(down.cause, DownCause::NoAnswer);
+    assert_eq!(said[0][0], 0x66, "the session is given back");
+    assert_eq!(dialogue.scanner.poll_timeout(), Some(dialogue.now + Duration::from_secs(1)));
+}
+
+/// The reply to a Forward_Open with one interval for both directions, in µs.
+fn opened(serial: u16, interval_us: u32) -> Vec<u8> {
+    let mut reply = vec![0xD4, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0x5C];
+    reply.extend(serial.to_le_bytes());
+    reply.extend([0xFF, 0xFF, 1, 0, 0, 0]);
+    reply.extend(interval_us.to_le_bytes());
+    reply.extend(interval_us.to_le_bytes());
+    reply.extend([0, 0]);
+    reply
+}
+
+#[test]
+fn a_forward_open_reply_that_is_cut_off_or_of_another_connection_opens_nothing() {
+    let (mut dialogue, question) = asked_for_identity();
+    let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+    let request = said[0].clone();
+    for reply in [opened(99, 1_000), opened(1, 1_000)[..20].to_vec()] {
+        let (said, events) = dialogue.reply_cip(&request, &reply);
+        assert!(said.is_empty() && events.is_empty());
+    }
+    let (said, _) = dialogue.reply_cip(&request, &opened(1, 1_000));
+    assert_eq!(said[0].len(), 280, "and the good one starts the cyclic data");
+}
+
+#[test]
+fn an_adapter_that_wants_data_all_the_time_gets_none_and_its_connection_closed() {
+    for interval_us in [0, 1, 99] {
+        let (mut dialogue, question) = asked_for_identity();
+        let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+        let (said, events) = dialogue.reply_cip(&said[0], &opened(1, interval_us));
+        let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+        assert_eq!((down.cause, down.code), (DownCause::Refused, interval_us));
+        // SendRRData with a Forward_Close, and UnRegisterSession.
+        assert_eq!((said.len(), said[0][0], said[0][40], said[1][0]), (2, 0x6F, 0x4E, 0x66));
+    }
+}
+
+#[test]
+fn an_adapter_that_names_the_intervals_it_would_serve_is_quoted() {
+    let (mut dialogue, question) = asked_for_identity();
+    let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+    // Extended status 0x0112, two minima, 2000 µs O→T and 4000 µs T→O.
+    let reply = [0xD4, 0, 1, 6, 0x12, 1, 2, 2, 0xD0, 7, 0, 0, 0xA0, 0x0F, 0, 0];
+    let request = said[0].clone();
+    dialogue.reply_cip(&request, &reply);
+    let words = dialogue.scanner.refusal().unwrap().to_string();
+    assert!(words.ends_with("the device would take 2000 µs O→T and 4000 µs T→O"), "{words}");
+}
+
+#[test]
+fn an_adapter_that_asks_for_intervals_of_an_hour_does_not_overflow_the_clock() {
+    let (mut dialogue, question) = asked_for_identity();
+    let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+    let mut reply = vec![0xD4, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0x5C, 1, 0, 0xFF, 0xFF, 1, 0, 0, 0];
+    reply.extend([0xFF; 8]);
+    reply.extend([0, 0]);
+    let request = said[0].clone();
+    dialogue.reply_cip(&request, &reply);
+    assert!(dialogue.scanner.poll_timeout().is_some_and(|at| at > dialogue.now));
+}
+
+#[test]
+fn a_stream_that_grows_without_a_message_is_ended() {
+    let mut dialogue = Dialogue::new();
+    let mut endless = vec![0; 24];
+    endless[2..4].copy_from_slice(&4_000_u16.to_le_bytes());
+    endless.resize(4_000, 0);
+    // Never complete: each is cut before its end, and the next begins in it.
+    for _ in 0..10_000 {
+        dialogue.hear(&endless[..3_999]);
+        dialogue.now += Duration::from_micros(10);
+    }
+    assert!(dialogue.scanner.poll_timeout().is_some());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_datagram_on_any_port_makes_the_scanner_panic_or_miss_its_grid(
+        frames in prop::collection::vec((any::<bool>(), prop::collection::vec(any::<u8>(), 0..400)), 1..20),
+    ) {
+        let mut bus = up(wanted());
+        for (from_robot, frame) in frames {
+            datagram(&mut bus, IO_PORT, if from_robot { ROBOT } else { PLC }, &frame);
+            datagram(&mut bus, ENCAPSULATION_PORT, ROBOT, &frame);
+        }
+        assert_exchanging(&mut bus);
+    }
+
+    #[test]
+    fn no_bytes_over_tcp_make_the_scanner_panic_or_stop_trying(
+        steps in prop::collection::vec((0..4_u8, prop::collection::vec(any::<u8>(), 0..120), any::<u16>()), 1..30),
+    ) {
+        let mut dialogue = Dialogue::new();
+        for (kind, bytes, time) in steps {
+            match kind {
+                0 => { dialogue.hear(&bytes); }
+                1 => {
+                    let mut request = [0; 24];
+                    request[0] = 0x65 + (time % 12) as u8;
+                    request[12] = (time % 5) as u8;
+                    dialogue.reply(&request, 7, Status::Success, &bytes);
+                }
+                2 => {
+                    let mut request = [0; 24];
+                    request[0] = 0x6F;
+                    request[12] = (time % 5) as u8;
+                    let service = [0x81, 0xD4, 0xCE][usize::from(time) % 3];
+                    dialogue.reply_cip(&request, &[&[service, 0, 0, 0][..], &bytes].concat());
+                }
+                _ => {
+                    dialogue.now += Duration::from_millis(u64::from(time) % 700);
+                    dialogue.scanner.handle_timeout(dialogue.now);
+                    dialogue.settle();
+                }
+            }
+        }
+        prop_assert!(dialogue.scanner.poll_timeout().is_some(), "a scanner always has a next step");
+    }
+
+    #[test]
+    fn after_each_bad_input_the_good_adapters_data_still_come_on_time(
+        inputs in prop::collection::vec((0..3_u8, prop::collection::vec(any::<u8>(), 0..400)), 1..8),
+    ) {
+        let mut bus = up(wanted());
+        for (port, bytes) in inputs {
+            match port {
+                0 => datagram(&mut bus, IO_PORT, ROBOT, &bytes),
+                1 => datagram(&mut bus, ENCAPSULATION_PORT, ROBOT, &bytes),
+                _ => bus.command_a(|scanner, now| {
+                    let source = Source { port: Port::Stream(StreamId(1)), peer: None };
+                    scanner.handle_frame(now, source, &bytes);
+                }),
+            }
+            let before = bus.a().counters().received;
+            run(&mut bus, 10);
+            let received = bus.a().counters().received - before;
+            prop_assert!((9..=11).contains(&received), "{received} frames in 10 ms");
+        }
+        assert_exchanging(&mut bus);
+    }
+
+    #[test]
+    fn a_scanner_that_is_fed_garbage_at_any_step_of_its_start_still_comes_up_with_a_good_adapter(
+        inputs in prop::collection::vec(
+            (900..1_400_u64, any::<bool>(), prop::collection::vec(any::<u8>(), 0..200)), 1..6,
+        ),
+    ) {
+        let mut inputs = inputs;
+        inputs.sort();
+        let mut bus = bus_of(wanted(), cable(), 3);
+        for (micros, over_tcp, bytes) in inputs {
+            bus.next_event(Instant::from_micros(micros));
+            if over_tcp {
+                bus.command_a(|scanner, now| {
+                    let source = Source { port: Port::Stream(StreamId(1)), peer: None };
+                    scanner.handle_frame(now, source, &bytes);
+                });
+            } else {
+                datagram(&mut bus, IO_PORT, ROBOT, &bytes);
+            }
+        }
+        // At worst the answer it waits for was buried: one request's timeout, one pause, and the next attempt. What the
+        // first attempt opened may have to time out before.
+        run(&mut bus, 16_000);
+        assert_exchanging(&mut bus);
+    }
+
+    #[test]
+    fn a_scanner_that_was_fed_garbage_over_tcp_still_closes_and_comes_up_again(
+        bytes in prop::collection::vec(any::<u8>(), 0..600),
+    ) {
+        let mut bus = up(wanted());
+        bus.command_a(|scanner, now| {
+            scanner.handle_frame(now, Source { port: Port::Stream(StreamId(1)), peer: None }, &bytes);
+        });
+        bus.set_cut(true);
+        run(&mut bus, 4_000);
+        bus.set_cut(false);
+        run(&mut bus, 4_000);
+        assert_exchanging(&mut bus);
+    }
+}

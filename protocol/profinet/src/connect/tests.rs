@@ -1,0 +1,111 @@
+use super::*;
+use crate::captured;
+use crate::rpc::{Header, RequestArgs, ResponseArgs};
+
+fn request_blocks() -> Vec<u8> {
+    let datagram = captured::datagram(captured::CONNECT_REQ);
+    let (header, body) = Header::parse(&datagram).unwrap();
+    RequestArgs::parse(&header, body).unwrap().blocks.to_vec()
+}
+
+fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
+    let mut buf = [0; 2000];
+    let mut writer = BlockWriter::new(&mut buf);
+    emit(&mut writer);
+    let len = writer.finish().unwrap();
+    buf[..len].to_vec()
+}
+
+#[test]
+fn the_connect_of_a_siemens_controller_is_read_whole() {
+    let request = ConnectRequest::parse(&request_blocks()).unwrap();
+    assert_eq!(request.ar.session, 2);
+    assert_eq!(request.ar.initiator_name, b"plcxbbench.profinetxainterfacexb25fbd");
+    assert!(request.ar.properties.has(ArProperties::ADVANCED_STARTUP));
+    let [input, output] = &request.iocrs[..] else { panic!("two IOCRs") };
+    assert_eq!((input.iocr_type, input.rt_class, input.frame_id), (IocrType::Input, RtClass::Class1, 0x8000));
+    assert_eq!((output.iocr_type, output.data_length), (IocrType::Output, 40));
+    assert_eq!(input.objects.len(), 6);
+    assert_eq!(output.consumer_statuses.len(), 6);
+    assert_eq!(input.period(), core::time::Duration::from_millis(32));
+    assert_eq!(input.data_hold_time(), core::time::Duration::from_millis(96));
+    assert_eq!(request.alarm_cr.unwrap().max_data_length, 256);
+    let slots: Vec<_> =
+        request.expected.iter().map(|module| (module.slot, module.submodules.len())).collect();
+    assert_eq!(slots, [(0, 3), (1, 1), (2, 1), (3, 1), (4, 1)]);
+    assert!(request.expected[0].submodules.iter().all(ExpectedSubmodule::has_no_io));
+    assert_eq!(request.expected[4].submodules[0].output_len, Some(8));
+}
+
+#[test]
+fn the_same_blocks_come_out_again_in_our_order() {
+    let blocks = request_blocks();
+    let request = ConnectRequest::parse(&blocks).unwrap();
+    let ours = emitted(|writer| request.emit(writer));
+    assert_eq!(ConnectRequest::parse(&ours).unwrap(), request);
+    // The alarm CR comes last in the capture and before the expected submodules from us.
+    let alarm_cr = blocks.len() - 26;
+    let expected = blocks.windows(2).position(|pair| pair == [1, 4]).unwrap();
+    let reordered = [&blocks[..expected], &blocks[alarm_cr..], &blocks[expected..alarm_cr]].concat();
+    assert_eq!(ours, reordered);
+}
+
+#[test]
+fn the_answer_of_p_net_is_read_and_comes_out_again_byte_for_byte() {
+    let datagram = captured::datagram(captured::CONNECT_RES);
+    let (header, body) = Header::parse(&datagram).unwrap();
+    let args = ResponseArgs::parse(&header, body).unwrap();
+    let response = ConnectResponse::parse(args.blocks).unwrap();
+    assert_eq!(response.iocrs[1].frame_id, 0x8001);
+    assert_eq!(response.server.as_deref(), Some(&b"rt-labs-dev"[..]));
+    assert_eq!(emitted(|writer| response.emit(writer)), args.blocks);
+}
+
+#[test]
+fn every_cut_of_the_blocks_is_refused_or_ends_between_two_blocks() {
+    let blocks = request_blocks();
+    let whole: Vec<usize> =
+        (0..blocks.len()).filter(|len| ConnectRequest::parse(&blocks[..*len]).is_ok()).collect();
+    assert_eq!(whole, [95, 203, 311, 375, 411, 447, 489, 531]);
+}
+
+#[test]
+fn unwanted_blocks_are_refused_and_unsupported_options_passed_over() {
+    let mut blocks = request_blocks();
+    let ar_len = 95;
+    let twice = [&blocks[..], &blocks[..ar_len]].concat();
+    assert_eq!(ConnectRequest::parse(&twice), Err(Violation::Head(Block::Ar, HeadField::Type)));
+    let alarm_cr = blocks[blocks.len() - 26..].to_vec();
+    assert_eq!(ConnectRequest::parse(&[&blocks[..], &alarm_cr[..]].concat()), Err(Violation::AlarmCrCount));
+    assert_eq!(ConnectRequest::parse(&blocks[ar_len..]), Err(Violation::Head(Block::Ar, HeadField::Type)));
+    blocks.extend([0x77, 0x77, 0, 2, 1, 0]);
+    assert_eq!(ConnectRequest::parse(&blocks), Err(Violation::UnknownBlocks));
+    let unknown = blocks.len() - 6;
+    blocks[unknown..unknown + 2].copy_from_slice(&[1, 8]);
+    assert!(ConnectRequest::parse(&blocks).is_ok());
+}
+
+#[test]
+fn wrong_modules_are_told_slot_by_slot() {
+    let response = ConnectResponse {
+        ar: ArResponse {
+            ar_type: 1,
+            uuid: crate::Uuid([3; 16]),
+            session: 1,
+            responder_mac: machine::ethernet::Mac([2; 6]),
+            responder_rt_port: 0x8892,
+        },
+        iocrs: Vec::new(),
+        alarm_cr: None,
+        diff: vec![DiffModule {
+            slot: 1,
+            ident: 0x100,
+            state: ModuleState::WrongModule,
+            submodules: vec![DiffSubmodule { subslot: 1, ident: 0x101, state: SubmoduleState::WRONG }],
+        }],
+        server: None,
+    };
+    let blocks = emitted(|writer| response.emit(writer));
+    assert_eq!(ConnectResponse::parse(&blocks), Ok(response));
+    assert!(!SubmoduleState::WRONG.is_usable() && SubmoduleState::PROPER.is_usable());
+}

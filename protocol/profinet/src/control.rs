@@ -1,0 +1,227 @@
+//! Control and Release: the end of the parameters, readiness, the end of the AR.
+//!
+//! ```text
+//! reserved u16 · ARUUID 16 · SessionKey u16 · AlarmSequenceNumber or reserved u16
+//! ControlCommand u16 (bit 0 PrmEnd, 1 ApplicationReady, 2 Release, 3 Done, 6 PrmBegin) · ControlBlockProperties u16
+//! ```
+
+use super::Uuid;
+use super::block::{self, BlockReader, BlockType, BlockWriter, short};
+use super::status::{Block, HeadField, Violation};
+use machine::wire::Truncated;
+
+/// What a control block says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Command {
+    /// All parameters are written.
+    PrmEnd,
+    /// The device is ready for cyclic data.
+    ApplicationReady,
+    /// The AR ends.
+    Release,
+    /// Parameters will be written anew.
+    PrmBegin,
+}
+
+impl Command {
+    const ALL: [Self; 4] = [Self::PrmEnd, Self::ApplicationReady, Self::Release, Self::PrmBegin];
+
+    /// ControlCommand of the request.
+    #[must_use]
+    pub const fn code(self) -> u16 {
+        match self {
+            Self::PrmEnd => 1 << 0,
+            Self::ApplicationReady => 1 << 1,
+            Self::Release => 1 << 2,
+            Self::PrmBegin => 1 << 6,
+        }
+    }
+
+    const fn request_type(self) -> BlockType {
+        match self {
+            Self::PrmEnd => BlockType::PrmEnd,
+            Self::ApplicationReady => BlockType::ApplicationReady,
+            Self::Release => BlockType::Release,
+            Self::PrmBegin => BlockType::PrmBegin,
+        }
+    }
+
+    const fn response_type(self) -> BlockType {
+        match self {
+            Self::PrmEnd => BlockType::PrmEndResponse,
+            Self::ApplicationReady => BlockType::ApplicationReadyResponse,
+            Self::Release => BlockType::ReleaseResponse,
+            Self::PrmBegin => BlockType::PrmBeginResponse,
+        }
+    }
+
+    /// The block that is blamed where its control block is wrong.
+    #[must_use]
+    pub const fn block(self) -> Block {
+        match self {
+            Self::PrmEnd => Block::ControlConnect,
+            Self::ApplicationReady => Block::XControlConnect,
+            Self::Release => Block::Release,
+            Self::PrmBegin => Block::PrmBegin,
+        }
+    }
+
+    /// The violation of naming another session.
+    #[must_use]
+    pub const fn wrong_session(self) -> Violation {
+        match self {
+            Self::PrmEnd => Violation::ControlSessionKey,
+            Self::ApplicationReady => Violation::XControlSessionKey,
+            Self::Release => Violation::ReleaseSessionKey,
+            Self::PrmBegin => Violation::PrmBeginSessionKey,
+        }
+    }
+
+    const fn wrong_command(self) -> Violation {
+        match self {
+            Self::PrmEnd => Violation::ControlCommand,
+            Self::ApplicationReady => Violation::XControlCommand,
+            Self::Release => Violation::ReleaseCommand,
+            Self::PrmBegin => Violation::PrmBeginCommand,
+        }
+    }
+}
+
+/// ControlCommand of every response.
+const DONE: u16 = 1 << 3;
+
+/// A control block. A request says what is to be done, a response that it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Control {
+    /// What it is about.
+    pub command: Command,
+    /// ARUUID.
+    pub ar: Uuid,
+    /// SessionKey.
+    pub session: u16,
+    /// ControlBlockProperties.
+    pub properties: u16,
+}
+
+impl Control {
+    /// Reads a request. Blocks after it (a SubmoduleListBlock after PrmBegin) are ignored.
+    pub fn parse_request(blocks: &[u8]) -> Result<Self, Violation> {
+        Self::parse(blocks, Command::request_type, Command::code)
+    }
+
+    /// Reads a response.
+    pub fn parse_response(blocks: &[u8]) -> Result<Self, Violation> {
+        Self::parse(blocks, Command::response_type, |_| DONE)
+    }
+
+    fn parse(
+        blocks: &[u8],
+        type_of: impl Fn(Command) -> BlockType,
+        code_of: impl Fn(Command) -> u16,
+    ) -> Result<Self, Violation> {
+        let command_of =
+            |block_type| Command::ALL.into_iter().find(|command| type_of(*command) == block_type);
+        let mut reader = BlockReader::new(blocks);
+        let faulty = |block_type| command_of(block_type).map_or(Block::ControlConnect, Command::block);
+        let (block_type, mut body) = block::next(&mut reader, faulty)?;
+        let command = command_of(block_type).ok_or(Violation::UnknownBlocks)?;
+        let (ar, session, code, properties) =
+            Self::parse_fields(&mut body).map_err(short(command.block()))?;
+        if !body.is_empty() {
+            return Err(Violation::Head(command.block(), HeadField::Length));
+        }
+        // Bits 4 and 5 of a response, readiness for a companion AR and RT_CLASS_3, may come with Done.
+        if code & !0x30 != code_of(command) {
+            return Err(command.wrong_command());
+        }
+        Ok(Self { command, ar, session, properties })
+    }
+
+    fn parse_fields(body: &mut BlockReader<'_>) -> Result<(Uuid, u16, u16, u16), Truncated> {
+        body.skip(2)?;
+        let ar = Uuid::read(body)?;
+        let session = body.u16()?;
+        body.skip(2)?;
+        Ok((ar, session, body.u16()?, body.u16()?))
+    }
+
+    /// Writes it as a request.
+    pub fn emit_request(&self, writer: &mut BlockWriter<'_>) {
+        self.emit(self.command.request_type(), self.command.code(), writer);
+    }
+
+    /// Writes it as a response: done.
+    pub fn emit_response(&self, writer: &mut BlockWriter<'_>) {
+        self.emit(self.command.response_type(), DONE, writer);
+    }
+
+    fn emit(&self, block_type: BlockType, code: u16, writer: &mut BlockWriter<'_>) {
+        block::write(writer, block_type, |w| {
+            w.zeros(2);
+            self.ar.write(w);
+            w.u16(self.session);
+            w.zeros(2);
+            w.u16(code);
+            w.u16(self.properties);
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::captured;
+    use crate::rpc::{Header, RequestArgs, ResponseArgs};
+
+    fn request(text: &str) -> Vec<u8> {
+        let datagram = captured::datagram(text);
+        let (header, body) = Header::parse(&datagram).unwrap();
+        RequestArgs::parse(&header, body).unwrap().blocks.to_vec()
+    }
+
+    fn response(text: &str) -> Vec<u8> {
+        let datagram = captured::datagram(text);
+        let (header, body) = Header::parse(&datagram).unwrap();
+        ResponseArgs::parse(&header, body).unwrap().blocks.to_vec()
+    }
+
+    #[test]
+    fn captured_control_blocks_are_read_and_come_out_again() {
+        let mut buf = [0; 64];
+        for (command, asked, answered) in [
+            (Command::PrmEnd, captured::PRMEND_REQ, captured::PRMEND_RES),
+            (Command::ApplicationReady, captured::APPREADY_REQ, captured::APPREADY_RES),
+        ] {
+            let blocks = request(asked);
+            let control = Control::parse_request(&blocks).unwrap();
+            assert_eq!((control.command, control.session), (command, 2));
+            let mut writer = BlockWriter::new(&mut buf);
+            control.emit_request(&mut writer);
+            assert_eq!(writer.finish(), Ok(32));
+            assert_eq!(buf[..32], blocks);
+
+            let blocks = response(answered);
+            assert_eq!(Control::parse_response(&blocks), Ok(control));
+            let mut writer = BlockWriter::new(&mut buf);
+            control.emit_response(&mut writer);
+            assert_eq!(writer.finish(), Ok(32));
+            assert_eq!(buf[..32], blocks);
+        }
+    }
+
+    #[test]
+    fn a_command_that_does_not_fit_its_block_and_a_wrong_length_are_refused() {
+        let mut blocks = request(captured::PRMEND_REQ);
+        blocks[29] = 4;
+        assert_eq!(Control::parse_request(&blocks), Err(Violation::ControlCommand));
+        blocks[3] += 1;
+        blocks.push(0);
+        let length = Violation::Head(Block::ControlConnect, HeadField::Length);
+        assert_eq!(Control::parse_request(&blocks), Err(length));
+        blocks[3] = 10;
+        assert_eq!(Control::parse_request(&blocks), Err(length));
+        blocks[1] = 0x77;
+        blocks[3] = 28;
+        assert_eq!(Control::parse_request(&blocks), Err(Violation::UnknownBlocks));
+    }
+}

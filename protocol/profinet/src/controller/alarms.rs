@@ -1,0 +1,388 @@
+//! The controller's end of the alarm connection: every alarm of the device is acknowledged, so that the device goes
+//! on, and an error PDU ends the AR (IEC 61158-6-10, 4.8).
+//!
+//! ```text
+//! device  DATA notification  ──▶
+//!         ◀── ACK                 the PDU has come
+//!         ◀── DATA AlarmAck       the application has the alarm
+//!         ACK ──▶
+//! ```
+
+use crate::ETHER_TYPE;
+use crate::alarm::{
+    Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Priority, Rta, error_status,
+};
+use crate::rt::{Route, UDP_PORT};
+use crate::status::Status;
+use crate::tag;
+use machine::ethernet::EthernetHeader;
+use machine::wire::{BigEndian, Writer};
+use machine::{Duration, Instant, Port, Transmit};
+
+/// RTATimeoutFactor 1: when a DATA PDU that was not acknowledged is repeated.
+const REPEAT_AFTER: Duration = Duration::from_millis(100);
+/// RTARetries: how often.
+const RETRIES: u8 = 3;
+/// Number of "the PDU before the first one".
+const BEFORE_FIRST: u16 = 0xFFFE;
+
+/// What an RTA PDU led to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Outcome {
+    /// It belongs to the connection.
+    Taken,
+    /// It belongs to another connection, or to nothing that is going on.
+    Foreign,
+    /// It broke the format.
+    Malformed,
+    /// The device ended the AR.
+    Aborted(Status),
+}
+
+/// The alarm connection of one AR, both priorities.
+#[derive(Debug)]
+pub(super) struct Alarms {
+    route: Route,
+    /// LocalAlarmReference of this side, and of the device.
+    references: (u16, u16),
+    high: Endpoint,
+    low: Endpoint,
+}
+
+#[derive(Debug)]
+struct Endpoint {
+    priority: Priority,
+    last_sent: u16,
+    last_received: u16,
+    ack_due: bool,
+    outstanding: Option<Outstanding>,
+}
+
+/// An AlarmAck that the device has not acknowledged.
+#[derive(Clone, Copy, Debug)]
+struct Outstanding {
+    alarm: Acknowledgement,
+    repeat_at: Instant,
+    sent: u8,
+    due: bool,
+}
+
+/// An error PDU that ends an AR which is no longer there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Parting {
+    route: Route,
+    rta: Rta,
+    status: Status,
+}
+
+/// The number after `sequence`: 15 bits once the first two, 0xFFFE and 0xFFFF, are passed.
+const fn following(sequence: u16) -> u16 {
+    let next = sequence.wrapping_add(1);
+    if sequence < 0x8000 { next & 0x7FFF } else { next }
+}
+
+impl Alarms {
+    /// The connection after a Connect. `references` are the LocalAlarmReferences of this side and of the device.
+    pub(super) const fn new(route: Route, references: (u16, u16)) -> Self {
+        Self { route, references, high: Endpoint::new(Priority::High), low: Endpoint::new(Priority::Low) }
+    }
+
+    /// Takes a PDU that followed this FrameID.
+    pub(super) fn handle(&mut self, now: Instant, frame_id: u16, pdu: &[u8]) -> Outcome {
+        let Ok((rta, variable)) = Rta::parse(pdu) else { return Outcome::Malformed };
+        if (rta.destination, rta.source) != self.references {
+            return Outcome::Foreign;
+        }
+        if rta.pdu_type == PduType::Error {
+            return error_status(variable).map_or(Outcome::Malformed, Outcome::Aborted);
+        }
+        match frame_id {
+            FRAME_ID_HIGH => self.high.handle(now, &rta, variable),
+            FRAME_ID_LOW => self.low.handle(now, &rta, variable),
+            _ => Outcome::Foreign,
+        }
+    }
+
+    /// Repeats what was not acknowledged. Returns whether the device had to be given up.
+    pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
+        self.high.handle_timeout(now) || self.low.handle_timeout(now)
+    }
+
+    /// Writes the next PDU.
+    pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let Self { route, references, high, low } = self;
+        if !high.has_to_send() && !low.has_to_send() {
+            return None;
+        }
+        [high, low].into_iter().find_map(|endpoint| {
+            let (rta, alarm) = endpoint.poll_transmit(now, *references)?;
+            emit(*route, endpoint.priority, buf, |writer| {
+                rta.emit(writer, |writer| {
+                    if let Some(alarm) = alarm {
+                        Alarm::Acknowledgement(alarm).emit(writer);
+                    }
+                });
+            })
+        })
+    }
+
+    /// When something has to be repeated.
+    pub(super) fn poll_timeout(&self) -> Option<Instant> {
+        Instant::earlier(self.high.repeat_at(), self.low.repeat_at())
+    }
+
+    /// The error PDU that tells the device that the AR has ended.
+    pub(super) const fn parting(&self, status: Status) -> Parting {
+        let rta = self.low.rta(PduType::Error, self.references);
+        Parting { route: self.route, rta, status }
+    }
+}
+
+impl Parting {
+    /// Writes the PDU.
+    pub(super) fn emit(&self, buf: &mut [u8]) -> Option<Transmit> {
+        emit(self.route, Priority::Low, buf, |writer| self.rta.emit_error(self.status, writer))
+    }
+}
+
+impl Endpoint {
+    const fn new(priority: Priority) -> Self {
+        Self {
+            priority,
+            last_sent: BEFORE_FIRST,
+            last_received: BEFORE_FIRST,
+            ack_due: false,
+            outstanding: None,
+        }
+    }
+
+    const fn rta(&self, pdu_type: PduType, (own, devices): (u16, u16)) -> Rta {
+        Rta {
+            destination: devices,
+            source: own,
+            pdu_type,
+            flags: match pdu_type {
+                PduType::Data => Rta::WINDOW_1_TACK,
+                _ => Rta::WINDOW_1,
+            },
+            send_sequence: self.last_sent,
+            ack_sequence: self.last_received,
+        }
+    }
+
+    fn handle(&mut self, now: Instant, rta: &Rta, variable: &[u8]) -> Outcome {
+        match rta.pdu_type {
+            PduType::Data => {}
+            PduType::Ack => {
+                return if self.acknowledged(rta.ack_sequence) { Outcome::Taken } else { Outcome::Foreign };
+            }
+            // The device wants the PDU again; it is repeated in any case.
+            PduType::Nack => return Outcome::Taken,
+            PduType::Error | PduType::Unknown(_) => return Outcome::Foreign,
+        }
+        if rta.send_sequence == self.last_received {
+            self.ack_due = true;
+            return Outcome::Taken;
+        }
+        let _ = self.acknowledged(rta.ack_sequence);
+        if rta.send_sequence != following(self.last_received) || self.outstanding.is_some() {
+            return Outcome::Foreign;
+        }
+        let Ok(alarm) = Alarm::parse(variable) else { return Outcome::Malformed };
+        self.last_received = rta.send_sequence;
+        self.ack_due = true;
+        if let Alarm::Notification(notification) = alarm {
+            self.last_sent = following(self.last_sent);
+            self.outstanding = Some(Outstanding {
+                alarm: Acknowledgement {
+                    priority: self.priority,
+                    head: notification.head,
+                    specifier: notification.specifier,
+                    status: Status::OK,
+                },
+                repeat_at: now + REPEAT_AFTER,
+                sent: 0,
+                due: true,
+            });
+        }
+        Outcome::Taken
+    }
+
+    fn repeat_at(&self) -> Option<Instant> {
+        self.outstanding.as_ref().map(|outstanding| outstanding.repeat_at)
+    }
+
+    fn has_to_send(&self) -> bool {
+        self.ack_due || self.outstanding.as_ref().is_some_and(|outstanding| outstanding.due)
+    }
+
+    fn acknowledged(&mut self, ack_sequence: u16) -> bool {
+        let ours = ack_sequence == self.last_sent
+            && self.outstanding.is_some_and(|outstanding| outstanding.sent > 0);
+        if ours {
+            self.outstanding = None;
+        }
+        ours
+    }
+
+    fn handle_timeout(&mut self, now: Instant) -> bool {
+        match &mut self.outstanding {
+            Some(outstanding) if now >= outstanding.repeat_at => {
+                outstanding.due = true;
+                outstanding.repeat_at = now + REPEAT_AFTER;
+                outstanding.sent > RETRIES
+            }
+            _ => false,
+        }
+    }
+
+    fn poll_transmit(
+        &mut self,
+        now: Instant,
+        references: (u16, u16),
+    ) -> Option<(Rta, Option<Acknowledgement>)> {
+        if core::mem::take(&mut self.ack_due) {
+            // As in the Siemens controller's frames, the ACK still counts the DATA PDU before.
+            let mut ack = self.rta(PduType::Ack, references);
+            if self.outstanding.is_some_and(|outstanding| outstanding.sent == 0) {
+                ack.send_sequence = preceding(ack.send_sequence);
+            }
+            return Some((ack, None));
+        }
+        let data = self.rta(PduType::Data, references);
+        let outstanding = self.outstanding.as_mut().filter(|outstanding| outstanding.due)?;
+        outstanding.due = false;
+        outstanding.sent += 1;
+        outstanding.repeat_at = now + REPEAT_AFTER;
+        Some((data, Some(outstanding.alarm)))
+    }
+}
+
+/// The number before `sequence`, which was sent.
+const fn preceding(sequence: u16) -> u16 {
+    match sequence {
+        0 => 0xFFFF,
+        other => other - 1,
+    }
+}
+
+fn emit(
+    route: Route,
+    priority: Priority,
+    buf: &mut [u8],
+    pdu: impl FnOnce(&mut Writer<'_, BigEndian>),
+) -> Option<Transmit> {
+    let (frame_id, tag) = match priority {
+        Priority::High => (FRAME_ID_HIGH, tag::RT),
+        Priority::Low => (FRAME_ID_LOW, tag::ALARM_LOW),
+    };
+    match route {
+        Route::Ethernet { source, destination } => {
+            let header = EthernetHeader { destination, source, tag: Some(tag), ether_type: ETHER_TYPE };
+            let len = header
+                .emit(buf, |writer| {
+                    writer.u16(frame_id);
+                    pdu(writer);
+                })
+                .ok()?;
+            Some(Transmit { port: Port::Ethernet, to: None, len })
+        }
+        Route::Udp(to) => {
+            let mut writer = Writer::<BigEndian>::new(buf);
+            writer.u16(frame_id);
+            pdu(&mut writer);
+            let len = writer.finish().ok()?;
+            Some(Transmit { port: Port::Udp(UDP_PORT), to: Some(to), len })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::captured;
+    use machine::ethernet::Mac;
+
+    /// The Siemens CPU 1515-2 PN V2.9.4 and the p-net device of the captures (test data of crate `pnio` 0.1.0).
+    const SIEMENS: Mac = Mac([0xEC, 0x1C, 0x5D, 0x61, 0xE7, 0x3C]);
+    const P_NET: Mac = Mac([0x8C, 0xF3, 0x19, 0xCD, 0x19, 0xF8]);
+
+    fn alarms() -> Alarms {
+        Alarms::new(Route::Ethernet { source: SIEMENS, destination: P_NET }, (0, 0))
+    }
+
+    fn hear(alarms: &mut Alarms, now: Instant, text: &str) -> Outcome {
+        let frame = captured::frame(text);
+        let (_, payload) = EthernetHeader::parse(&frame).unwrap();
+        alarms.handle(now, u16::from_be_bytes([payload[0], payload[1]]), &payload[2..])
+    }
+
+    fn sent(alarms: &mut Alarms, now: Instant) -> Option<Vec<u8>> {
+        let mut buf = [0; 128];
+        let len = alarms.poll_transmit(now, &mut buf)?.len;
+        Some(buf[..len].to_vec())
+    }
+
+    #[test]
+    fn a_process_alarm_is_acknowledged_in_the_bytes_of_the_siemens_controller() {
+        let mut alarms = alarms();
+        let now = Instant::ZERO;
+        assert_eq!(hear(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
+        assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_RTA_HIGH_CPU)));
+        assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_HIGH_CPU)));
+        assert_eq!(sent(&mut alarms, now), None);
+        assert_eq!(hear(&mut alarms, now, captured::ALARM_ACK_RTA_HIGH_DEV), Outcome::Taken);
+        assert_eq!(alarms.poll_timeout(), None);
+    }
+
+    #[test]
+    fn a_series_of_diagnosis_alarms_keeps_its_numbers_in_step() {
+        let mut alarms = alarms();
+        let now = Instant::ZERO;
+        assert_eq!(hear(&mut alarms, now, captured::ALARM_DIAG_NOTIF), Outcome::Taken);
+        assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_RTA_LOW_CPU)));
+        assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_DIAG_ACK_CPU)));
+        // The next notification acknowledges the AlarmAck by its AckSeqNum.
+        for text in [captured::ALARM_DIAG_UPDATE_APPEARS, captured::ALARM_DIAG_UPDATE_OTHERS_REMAIN] {
+            assert_eq!(hear(&mut alarms, now, text), Outcome::Taken);
+            assert!(sent(&mut alarms, now).is_some() && sent(&mut alarms, now).is_some());
+        }
+        assert_eq!((alarms.low.last_received, alarms.low.last_sent), (1, 1));
+    }
+
+    #[test]
+    fn a_repeated_alarm_gets_its_ack_again_and_an_unanswered_alarm_ack_ends_in_giving_up() {
+        let mut alarms = alarms();
+        let mut now = Instant::ZERO;
+        hear(&mut alarms, now, captured::ALARM_PROCESS_NOTIF);
+        let (ack, data) = (sent(&mut alarms, now), sent(&mut alarms, now));
+        assert_eq!(hear(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
+        assert!(ack.is_some() && sent(&mut alarms, now).is_some());
+        assert_eq!(sent(&mut alarms, now), None, "the AlarmAck waits for its time");
+        for _ in 0..RETRIES {
+            now = alarms.poll_timeout().unwrap();
+            assert!(!alarms.handle_timeout(now));
+            assert_eq!(sent(&mut alarms, now), data);
+        }
+        assert!(alarms.handle_timeout(alarms.poll_timeout().unwrap()));
+    }
+
+    #[test]
+    fn an_error_pdu_ends_the_ar_and_says_why() {
+        let outcome = hear(&mut alarms(), Instant::ZERO, captured::ALARM_ERR_RTA_DEV);
+        assert_eq!(outcome, Outcome::Aborted(Status::new(0xCF, 0x81, 0xFD, 0x00)));
+        let mut other = Alarms::new(Route::Ethernet { source: SIEMENS, destination: P_NET }, (7, 0));
+        assert_eq!(hear(&mut other, Instant::ZERO, captured::ALARM_ERR_RTA_DEV), Outcome::Foreign);
+    }
+
+    #[test]
+    fn a_parting_is_an_error_pdu_of_low_priority() {
+        let status = Status::new(0xCF, 0x81, 0xFD, 0x05);
+        let mut buf = [0xFF; 128];
+        let transmit = alarms().parting(status).emit(&mut buf).unwrap();
+        assert_eq!(transmit.len, 64);
+        let expected = captured::frame(captured::ALARM_ERR_RTA_CPU_REMOVED);
+        assert_eq!(buf[..35], expected[..35]);
+        assert_eq!(buf[35], 0x05);
+    }
+}

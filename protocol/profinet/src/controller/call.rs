@@ -1,0 +1,296 @@
+//! A call to the device: one RPC at a time, repeated until it is answered or given up (C706, chapter 10).
+
+use crate::Uuid;
+use crate::rpc::{Header, Kind, Message, Operation, Reassembly, Received, flags, read_rpc_status};
+use machine::wire::Overflow;
+use machine::{Duration, Instant};
+
+/// When an unanswered call is repeated first; the pauses then double up to [`REPEAT_AT_MOST`].
+const REPEAT_AFTER: Duration = Duration::from_millis(200);
+/// The longest pause between repetitions.
+const REPEAT_AT_MOST: Duration = Duration::from_millis(800);
+/// When a call that nobody answers is given up.
+const UNHEARD_FOR: Duration = Duration::from_secs(3);
+/// When a call is given up at last, though the device says that it works on it.
+const UNFINISHED_FOR: Duration = Duration::from_secs(30);
+
+/// What a PDU means for the call.
+#[derive(Debug)]
+pub(super) enum Heard<'a> {
+    /// It is not about the call.
+    Foreign,
+    /// The call goes on.
+    Pending,
+    /// The call is answered: header of the answer and its whole body.
+    Answer(Header, &'a [u8]),
+    /// The call was refused by RPC itself, with this status.
+    Refused(u32),
+}
+
+/// A caller's thread of calls to one interface.
+#[derive(Debug)]
+pub(super) struct Caller {
+    request: Message,
+    answer: Reassembly,
+    object: Uuid,
+    interface: Uuid,
+    activity: Uuid,
+    sequence: u32,
+    wait: Option<Wait>,
+    /// A short PDU that goes out before the request: a ping, or the acknowledgement of a fragment.
+    reply: Option<Header>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wait {
+    repeat_at: Instant,
+    pause: Duration,
+    give_up_at: Instant,
+    last_resort: Instant,
+    /// The device has the request and said so: from here on it is asked, not told again.
+    working: bool,
+}
+
+impl Caller {
+    /// A caller without a call. This is where its memory is taken; nothing later allocates.
+    pub(super) fn new(object: Uuid, interface: Uuid) -> Self {
+        Self {
+            request: Message::new(),
+            answer: Reassembly::new(),
+            object,
+            interface,
+            activity: Uuid::NIL,
+            sequence: 0,
+            wait: None,
+            reply: None,
+        }
+    }
+
+    /// Gives up the call, if there is one, and starts a new thread of calls.
+    pub(super) fn begin(&mut self, activity: Uuid) {
+        self.cancel();
+        (self.activity, self.sequence) = (activity, 0);
+    }
+
+    /// Gives up the call, if there is one.
+    pub(super) fn cancel(&mut self) {
+        self.request.clear();
+        (self.wait, self.reply) = (None, None);
+    }
+
+    /// Calls: `write` puts the request's body into the buffer that it is given.
+    pub(super) fn call(
+        &mut self,
+        now: Instant,
+        operation: Operation,
+        write: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
+    ) -> Result<(), Overflow> {
+        self.cancel();
+        let header = Header::request(operation, self.object, self.interface, self.activity, self.sequence);
+        self.request.set(header, write)?;
+        self.sequence = self.sequence.wrapping_add(1);
+        self.wait = Some(Wait {
+            repeat_at: now + REPEAT_AFTER,
+            pause: REPEAT_AFTER,
+            give_up_at: now + UNHEARD_FOR,
+            last_resort: now + UNFINISHED_FOR,
+            working: false,
+        });
+        Ok(())
+    }
+
+    /// Takes a PDU from the device, from whatever port it came.
+    pub(super) fn handle<'a>(&'a mut self, now: Instant, header: &Header, body: &'a [u8]) -> Heard<'a> {
+        let ours = self.request.header().is_some_and(|request| request.is_same_call(header));
+        let Some(wait) = self.wait.as_mut().filter(|_| ours) else { return Heard::Foreign };
+        match header.kind {
+            Kind::Response => {
+                wait.heard(now);
+                if header.is_fragment() && header.flags & flags::NO_FRAGMENT_ACK == 0 {
+                    self.reply = Some(Header {
+                        kind: Kind::FragmentAck,
+                        flags: 0,
+                        flags2: 0,
+                        server_boot: header.server_boot,
+                        fragment: header.fragment,
+                        ..*header
+                    });
+                }
+                match self.answer.take(header, body) {
+                    Received::Whole(whole) => {
+                        self.wait = None;
+                        self.request.clear();
+                        Heard::Answer(*header, whole)
+                    }
+                    Received::Part | Received::Refused => Heard::Pending,
+                }
+            }
+            Kind::Fault | Kind::Reject => {
+                self.cancel();
+                Heard::Refused(read_rpc_status(header, body).unwrap_or_default())
+            }
+            Kind::Working => {
+                wait.working = true;
+                wait.heard(now);
+                Heard::Pending
+            }
+            Kind::NoCall => {
+                wait.working = false;
+                self.request.repeat();
+                Heard::Pending
+            }
+            Kind::FragmentAck | Kind::Ack | Kind::CancelAck => Heard::Pending,
+            Kind::Request | Kind::Ping | Kind::Cancel | Kind::Unknown(_) => Heard::Foreign,
+        }
+    }
+
+    /// Repeats the call if it is time to. Returns whether the call had to be given up.
+    pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
+        let Some(wait) = &mut self.wait else { return false };
+        if now >= wait.give_up_at {
+            self.cancel();
+            return true;
+        }
+        if now >= wait.repeat_at {
+            wait.pause = wait.pause.saturating_mul(2).min(REPEAT_AT_MOST);
+            wait.repeat_at = now + wait.pause;
+            match self.request.header() {
+                Some(request) if wait.working => {
+                    self.reply = Some(Header { kind: Kind::Ping, flags: 0, ..*request });
+                }
+                _ => self.request.repeat(),
+            }
+        }
+        false
+    }
+
+    /// Writes the next datagram of the call and returns its length.
+    pub(super) fn poll_transmit(&mut self, datagram: &mut [u8]) -> Option<usize> {
+        if let Some(reply) = self.reply.take() {
+            return reply.emit(&[], datagram).ok();
+        }
+        self.request.poll(datagram)
+    }
+
+    /// When the call is repeated or given up; none without a call.
+    pub(super) fn poll_timeout(&self) -> Option<Instant> {
+        self.wait.map(|wait| wait.repeat_at.min(wait.give_up_at))
+    }
+}
+
+impl Wait {
+    /// The device is alive and has the call.
+    fn heard(&mut self, now: Instant) {
+        self.give_up_at = (now + UNHEARD_FOR).min(self.last_resort);
+        self.repeat_at = now + self.pause;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rpc::{DEVICE_INTERFACE, FRAGMENT_LEN, Order};
+
+    const ACTIVITY: Uuid = Uuid([7; 16]);
+
+    fn calling() -> Caller {
+        let mut caller = Caller::new(Uuid([1; 16]), DEVICE_INTERFACE);
+        caller.begin(ACTIVITY);
+        caller
+            .call(Instant::ZERO, Operation::Connect, |body| {
+                body[..3].copy_from_slice(b"abc");
+                Ok(3)
+            })
+            .unwrap();
+        caller
+    }
+
+    fn sent(caller: &mut Caller) -> Option<Header> {
+        let mut datagram = [0; 2000];
+        let len = caller.poll_transmit(&mut datagram)?;
+        Some(Header::parse(&datagram[..len]).unwrap().0)
+    }
+
+    #[test]
+    fn an_unanswered_call_is_repeated_ever_more_slowly_and_then_given_up() {
+        let mut caller = calling();
+        let first = sent(&mut caller).unwrap();
+        assert_eq!((first.kind, first.sequence, first.activity), (Kind::Request, 0, ACTIVITY));
+        assert!(sent(&mut caller).is_none());
+        let mut repeated_at = Vec::new();
+        loop {
+            let at = caller.poll_timeout().unwrap();
+            if caller.handle_timeout(at) {
+                assert_eq!(at, Instant::from_millis(3_000));
+                break;
+            }
+            repeated_at.push(at.as_nanos() / 1_000_000);
+            assert_eq!(sent(&mut caller).unwrap().sequence, 0);
+        }
+        assert_eq!(repeated_at, [200, 600, 1400, 2200]);
+        assert_eq!(caller.poll_timeout(), None);
+    }
+
+    #[test]
+    fn a_device_that_says_it_is_working_is_pinged_until_it_knows_the_call_no_more() {
+        let mut caller = calling();
+        let request = sent(&mut caller).unwrap();
+        let now = Instant::from_millis(100);
+        assert!(matches!(caller.handle(now, &request.answer(Kind::Working), &[]), Heard::Pending));
+        let at = caller.poll_timeout().unwrap();
+        assert!(!caller.handle_timeout(at));
+        assert_eq!(sent(&mut caller).unwrap().kind, Kind::Ping);
+        assert!(matches!(caller.handle(at, &request.answer(Kind::NoCall), &[]), Heard::Pending));
+        assert_eq!(sent(&mut caller).unwrap().kind, Kind::Request);
+    }
+
+    #[test]
+    fn a_device_that_works_forever_is_given_up_after_30_s() {
+        let mut caller = calling();
+        let request = sent(&mut caller).unwrap();
+        let mut now = Instant::ZERO;
+        while !caller.handle_timeout(now) {
+            caller.handle(now, &request.answer(Kind::Working), &[]);
+            now = caller.poll_timeout().unwrap();
+        }
+        assert_eq!(now, Instant::from_millis(30_000));
+    }
+
+    #[test]
+    fn an_answer_in_either_byte_order_ends_the_call_and_others_do_not() {
+        for order in [Order::Big, Order::Little] {
+            let mut caller = calling();
+            let request = sent(&mut caller).unwrap();
+            let answer = Header { order, ..request.answer(Kind::Response) };
+            let other = Header { sequence: 9, ..answer };
+            assert!(matches!(caller.handle(Instant::ZERO, &other, b"no"), Heard::Foreign));
+            assert!(matches!(caller.handle(Instant::ZERO, &answer, b"yes"), Heard::Answer(_, b"yes")));
+            assert!(matches!(caller.handle(Instant::ZERO, &answer, b"again"), Heard::Foreign));
+        }
+    }
+
+    #[test]
+    fn an_answer_in_fragments_is_put_together_and_each_is_acknowledged_if_wanted() {
+        let mut caller = calling();
+        let request = sent(&mut caller).unwrap();
+        let part = Header { flags: flags::FRAGMENT, ..request.answer(Kind::Response) };
+        assert!(matches!(caller.handle(Instant::ZERO, &part, &[1; FRAGMENT_LEN]), Heard::Pending));
+        let ack = sent(&mut caller).unwrap();
+        assert_eq!((ack.kind, ack.fragment), (Kind::FragmentAck, 0));
+        let last = Header { flags: part.flags | flags::LAST_FRAGMENT, fragment: 1, ..part };
+        let Heard::Answer(_, whole) = caller.handle(Instant::ZERO, &last, &[2; 5]) else {
+            panic!("the last fragment ends the call");
+        };
+        assert_eq!(whole.len(), FRAGMENT_LEN + 5);
+    }
+
+    #[test]
+    fn a_reject_says_why() {
+        let mut caller = calling();
+        let request = sent(&mut caller).unwrap();
+        let reject = request.answer(Kind::Reject);
+        let heard = caller.handle(Instant::ZERO, &reject, &[0x1C, 0x01, 0x00, 0x03]);
+        assert!(matches!(heard, Heard::Refused(0x1C01_0003)));
+        assert_eq!(caller.poll_timeout(), None);
+    }
+}

@@ -1,0 +1,199 @@
+//! Calls from the device to the controller: ApplicationReady. Each call is answered anew as often as it comes, so that
+//! a lost answer costs nothing.
+
+use core::net::SocketAddrV4;
+
+use crate::Uuid;
+use crate::control::{Command, Control};
+use crate::rpc::{
+    CONTROLLER_INTERFACE, Header, Kind, Message, Operation, RequestArgs, ResponseArgs, flags, rpc_status,
+};
+use crate::status::{Service, Violation};
+use machine::wire::{BigEndian, Overflow, Writer};
+
+/// What a PDU from the device led to.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Called {
+    /// The device is ready for cyclic data.
+    Ready,
+    /// It was answered, and means nothing more.
+    Answered,
+    /// It is not for a controller.
+    Foreign,
+    /// It broke the format, and was answered so.
+    Malformed,
+}
+
+/// Answers calls, the last one at a time.
+#[derive(Debug)]
+pub(super) struct Responder {
+    answer: Message,
+    to: Option<SocketAddrV4>,
+}
+
+impl Responder {
+    /// This is where its memory is taken; nothing later allocates.
+    pub(super) fn new() -> Self {
+        Self { answer: Message::new(), to: None }
+    }
+
+    /// Takes a PDU that a client sent. `ar` is ARUUID and SessionKey of the AR that waits for ApplicationReady, or that
+    /// is past it.
+    pub(super) fn handle(
+        &mut self,
+        from: SocketAddrV4,
+        header: &Header,
+        body: &[u8],
+        ar: Option<(Uuid, u16)>,
+    ) -> Called {
+        match header.kind {
+            Kind::Request if header.flags & (flags::FRAGMENT | flags::MAYBE) == 0 => {}
+            Kind::Ping => {
+                self.to = Some(from);
+                if self.answer.header().is_some_and(|last| last.is_same_call(header)) {
+                    self.answer.repeat();
+                } else {
+                    let _ = self.answer.set(header.answer(Kind::NoCall), |_| Ok(0));
+                }
+                return Called::Answered;
+            }
+            _ => return Called::Foreign,
+        }
+        self.to = Some(from);
+        if header.interface != CONTROLLER_INTERFACE {
+            return self.reject(header, rpc_status::UNKNOWN_INTERFACE);
+        }
+        if Operation::from(header.operation) != Operation::Control {
+            return self.reject(header, rpc_status::OPERATION_RANGE);
+        }
+        let answer = header.answer(Kind::Response);
+        let (maximum, control) = match RequestArgs::parse(header, body) {
+            Ok(args) => (args.maximum, Control::parse_request(args.blocks)),
+            Err(violation) => (0, Err(violation)),
+        };
+        let (called, result) = match (control, ar) {
+            (Err(violation), _) => (Called::Malformed, Err(violation)),
+            (Ok(_), None) => (Called::Answered, Err(Violation::ArUuidUnknown)),
+            (Ok(control), Some((ar, session))) => {
+                if control.command != Command::ApplicationReady {
+                    (Called::Answered, Err(Violation::StateConflict))
+                } else if control.ar != ar {
+                    (Called::Answered, Err(Violation::ArUuidUnknown))
+                } else if control.session != session {
+                    (Called::Answered, Err(control.command.wrong_session()))
+                } else {
+                    (Called::Ready, Ok(control))
+                }
+            }
+        };
+        let status =
+            result.err().map_or_else(Default::default, |violation| violation.status(Service::Control));
+        let set = self.answer.set(answer, |body| {
+            ResponseArgs::emit(status, maximum, body, |writer| {
+                if let Ok(control) = result {
+                    control.emit_response(writer);
+                }
+            })
+        });
+        set.map_or(Called::Malformed, |()| called)
+    }
+
+    fn reject(&mut self, header: &Header, status: u32) -> Called {
+        let write = |body: &mut [u8]| -> Result<usize, Overflow> {
+            let mut writer = Writer::<BigEndian>::new(body);
+            writer.u32(status);
+            writer.finish()
+        };
+        let _ = self.answer.set(header.answer(Kind::Reject), write);
+        Called::Answered
+    }
+
+    /// Writes the next datagram of the answer; returns whom it is for and its length.
+    pub(super) fn poll_transmit(&mut self, datagram: &mut [u8]) -> Option<(SocketAddrV4, usize)> {
+        let len = self.answer.poll(datagram)?;
+        Some((self.to?, len))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::captured;
+    use crate::status::Status;
+    use core::net::Ipv4Addr;
+
+    /// p-net's ephemeral port in the capture.
+    const P_NET: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(172, 16, 2, 10), 49_153);
+    const SESSION: u16 = 2;
+
+    /// p-net's ApplicationReady (test data of crate `pnio` 0.1.0), and its ARUUID.
+    fn ready() -> (Vec<u8>, Uuid) {
+        let datagram = captured::datagram(captured::APPREADY_REQ);
+        let uuid = datagram[108..124].try_into().unwrap();
+        (datagram, Uuid(uuid))
+    }
+
+    fn answer(responder: &mut Responder) -> Option<(Header, Vec<u8>)> {
+        let mut datagram = [0; 1500];
+        let (to, len) = responder.poll_transmit(&mut datagram)?;
+        assert_eq!(to, P_NET);
+        let (header, body) = Header::parse(&datagram[..len]).unwrap();
+        Some((header, body.to_vec()))
+    }
+
+    #[test]
+    fn application_ready_is_answered_like_the_siemens_controller_as_often_as_it_comes() {
+        let (datagram, uuid) = ready();
+        let (header, body) = Header::parse(&datagram).unwrap();
+        let theirs = captured::datagram(captured::APPREADY_RES);
+        let mut responder = Responder::new();
+        for _ in 0..2 {
+            assert_eq!(responder.handle(P_NET, &header, body, Some((uuid, SESSION))), Called::Ready);
+            let (ours, body) = answer(&mut responder).unwrap();
+            assert_eq!((ours.kind, ours.is_same_call(&header)), (Kind::Response, true));
+            // The NDR numbers differ in byte order and in what the Siemens controller calls the maximum.
+            assert_eq!(body[20..], theirs[100..]);
+        }
+    }
+
+    #[test]
+    fn another_ar_another_session_and_no_ar_are_refused_with_their_status() {
+        let (datagram, uuid) = ready();
+        let (header, body) = Header::parse(&datagram).unwrap();
+        let mut responder = Responder::new();
+        for (ar, status) in [
+            (Some((uuid, 3)), Status::new(0xDD, 0x81, 0x16, 0x06)),
+            (Some((Uuid([9; 16]), SESSION)), Status::new(0xDD, 0x81, 0x40, 0x05)),
+            (None, Status::new(0xDD, 0x81, 0x40, 0x05)),
+        ] {
+            assert_eq!(responder.handle(P_NET, &header, body, ar), Called::Answered);
+            let (header, body) = answer(&mut responder).unwrap();
+            assert_eq!(ResponseArgs::parse(&header, &body).unwrap().status, status);
+        }
+    }
+
+    #[test]
+    fn a_ping_gets_the_answer_again_or_no_call() {
+        let (datagram, uuid) = ready();
+        let (header, body) = Header::parse(&datagram).unwrap();
+        let ping = Header { kind: Kind::Ping, ..header };
+        let mut responder = Responder::new();
+        responder.handle(P_NET, &ping, &[], None);
+        assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::NoCall);
+        responder.handle(P_NET, &header, body, Some((uuid, SESSION)));
+        answer(&mut responder);
+        responder.handle(P_NET, &ping, &[], None);
+        assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::Response);
+    }
+
+    #[test]
+    fn other_interfaces_and_operations_are_rejected() {
+        let (datagram, uuid) = ready();
+        let (header, body) = Header::parse(&datagram).unwrap();
+        let mut responder = Responder::new();
+        for header in [Header { interface: Uuid::NIL, ..header }, Header { operation: 0, ..header }] {
+            responder.handle(P_NET, &header, body, Some((uuid, SESSION)));
+            assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::Reject);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! What was answered, kept so that a repeated request gets the same answer and is not carried out twice.
+
+use core::net::SocketAddrV4;
+
+use crate::RPC_PORT;
+use crate::block::BlockWriter;
+use crate::rpc::{Header, Kind, Message, ResponseArgs};
+use crate::status::Status;
+use machine::wire::Overflow;
+use machine::{Port, Transmit};
+
+/// Callers whose last answer is kept.
+const CALLERS: usize = 4;
+
+/// The last answer to each of the last few callers.
+#[derive(Debug)]
+pub(super) struct Answers {
+    callers: [Answer; CALLERS],
+    uses: u64,
+    /// Datagrams may wait to be sent.
+    pending: bool,
+}
+
+#[derive(Debug)]
+struct Answer {
+    message: Message,
+    to: Option<SocketAddrV4>,
+    last_use: u64,
+}
+
+/// What is known of a request before it is carried out.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Known {
+    /// It is new.
+    New,
+    /// It was answered, and the answer is on its way once more.
+    Answered,
+    /// Its caller has made another call since.
+    Old,
+}
+
+impl Answers {
+    pub(super) fn new() -> Self {
+        let answer = |_| Answer { message: Message::new(), to: None, last_use: 0 };
+        Self { callers: core::array::from_fn(answer), uses: 0, pending: false }
+    }
+
+    /// Looks a request up; one that was answered is answered again, to whichever port it came from.
+    pub(super) fn look_up(&mut self, request: &Header, from: SocketAddrV4) -> Known {
+        let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request)) else {
+            return Known::New;
+        };
+        let Some(last) = answer.message.header() else { return Known::New };
+        let ahead = request.sequence.wrapping_sub(last.sequence);
+        match ahead {
+            0 if last.operation == request.operation && last.interface == request.interface => {
+                answer.to = Some(from);
+                answer.message.repeat();
+                self.pending = true;
+                Known::Answered
+            }
+            // A caller that does not count its calls is served all the same.
+            0 => Known::New,
+            1..=0x7FFF_FFFF => Known::New,
+            _ => Known::Old,
+        }
+    }
+
+    /// Whether the call that a ping asks for was answered; the answer is then on its way once more.
+    pub(super) fn look_up_ping(&mut self, ping: &Header, from: SocketAddrV4) -> bool {
+        let mut callers = self.callers.iter_mut();
+        let answered =
+            |answer: &&mut Answer| answer.message.header().is_some_and(|last| last.is_same_call(ping));
+        callers.find(answered).is_some_and(|answer| {
+            answer.to = Some(from);
+            answer.message.repeat();
+            self.pending = true;
+            true
+        })
+    }
+
+    /// Answers a request by a status and blocks.
+    pub(super) fn answer(
+        &mut self,
+        request: &Header,
+        to: SocketAddrV4,
+        maximum: u32,
+        status: Status,
+        blocks: impl FnOnce(&mut BlockWriter<'_>),
+    ) -> Result<(), Overflow> {
+        self.answer_with(request, to, |body| ResponseArgs::emit(status, maximum, body, blocks))
+    }
+
+    /// Answers a request by a body.
+    pub(super) fn answer_with(
+        &mut self,
+        request: &Header,
+        to: SocketAddrV4,
+        body: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
+    ) -> Result<(), Overflow> {
+        self.uses += 1;
+        self.pending = true;
+        let own = self.callers.iter().position(|answer| answer.is_of(request));
+        let oldest = || {
+            let places = self.callers.iter().enumerate();
+            places.min_by_key(|(_, answer)| answer.last_use).map_or(0, |(index, _)| index)
+        };
+        let index = own.unwrap_or_else(oldest);
+        let Some(answer) = self.callers.get_mut(index) else { return Ok(()) };
+        answer.last_use = self.uses;
+        answer.to = Some(to);
+        answer.message.set(request.answer(Kind::Response), body)
+    }
+
+    /// Writes the next datagram.
+    pub(super) fn poll_transmit(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        if !self.pending {
+            return None;
+        }
+        let next = self.callers.iter_mut().find_map(|answer| {
+            let to = answer.to?;
+            let len = answer.message.poll(buf)?;
+            Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
+        });
+        self.pending = next.is_some();
+        next
+    }
+}
+
+impl Answer {
+    fn is_of(&self, request: &Header) -> bool {
+        self.message.header().is_some_and(|last| last.activity == request.activity)
+    }
+}

@@ -1,0 +1,435 @@
+//! The IO-Device: a station that DCP finds and names, an RPC server that a controller connects to, and one AR with
+//! cyclic data both ways.
+//!
+//! ```text
+//! Ethernet 0x8892 ─┬─ FrameID 0xFEFC..=0xFEFF ── station: DCP
+//!                  ├─ 0xFC01, 0xFE01 ─────────── alarms
+//!                  └─ the output IOCR's ──────── relation: cyclic data        (RT_CLASS_1)
+//! UDP 34962 ───────── the same two ───────────── alarms, relation             (RT_CLASS_UDP)
+//! UDP 34964 ───────── RPC ────────────────────── server, answers, records, admission
+//! ```
+//!
+//! One controller at a time. A second one is refused; the same one that starts anew takes its old AR's place.
+
+mod admission;
+mod alarms;
+mod answers;
+mod process_data;
+mod records;
+mod relation;
+mod server;
+
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use alarms::{AlarmReceived, Farewell};
+use answers::Answers;
+use relation::Relation;
+
+use super::RPC_PORT;
+use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
+use super::dcp::{self, IpSuite};
+use super::description::Description;
+use super::rpc::{Header, Kind, Message, Reassembly, Received as Fragment, flags, rpc_status};
+use super::rt::{Received, Transport, UDP_PORT};
+use super::station::{Effect, Refusal, Station};
+use super::status::{Service, Status, Violation};
+use crate::ETHER_TYPE;
+use crate::{IO_DATA_LEN, IoData};
+use machine::ethernet::{EthernetHeader, Mac};
+use machine::{Counters, Down, DownCause, LinkEvent};
+use machine::{Instant, Machine, Port, Source, Transmit};
+
+/// Events that can wait for the owner; it drains them after every call, of which none makes as many.
+const MOST_EVENTS: usize = 8;
+
+/// What an IO-Device is told at its start.
+#[derive(Clone, Debug)]
+pub struct DeviceConfig {
+    /// MAC address of the interface.
+    pub mac: Mac,
+    /// Station name, until DCP sets another one; empty for none. [`super::is_station_name`] says which are allowed.
+    pub station_name: Vec<u8>,
+    /// IP address of the interface, if it has one already.
+    pub address: Option<Ipv4Addr>,
+    /// Subnet mask that goes with it.
+    pub mask: Ipv4Addr,
+    /// What the device is.
+    pub description: Description,
+}
+
+/// An IO-Device.
+#[derive(Debug)]
+pub struct Device {
+    reassembly: Reassembly,
+    core: Core,
+}
+
+/// The device but for the memory in which requests are put together, so that a request can be read from it.
+#[derive(Debug)]
+struct Core {
+    mac: Mac,
+    start: Instant,
+    description: Description,
+    station: Station,
+    answers: Answers,
+    reply: Option<Reply>,
+    call: Message,
+    call_to: Option<SocketAddrV4>,
+    calls: u32,
+    relation: Option<Relation>,
+    farewell: Option<Farewell>,
+    output: IoData,
+    input: IoData,
+    events: VecDeque<LinkEvent>,
+    /// Without the cyclic frames of the present AR.
+    counters: Counters,
+    /// Whether anything but cyclic frames may wait to be sent: only since something else came or was due.
+    acyclic: bool,
+}
+
+/// A PDU of RPC without blocks: a Reject, Fault, NoCall or FragmentAck.
+#[derive(Clone, Copy, Debug)]
+struct Reply {
+    header: Header,
+    status: Option<u32>,
+    to: SocketAddrV4,
+}
+
+const fn closed_by_peer(status: Status) -> (DownCause, Status) {
+    (DownCause::ClosedByPeer, status)
+}
+
+impl Device {
+    /// A device that starts now. It takes its memory here; a Connect takes the memory of its AR; nothing else does.
+    #[must_use]
+    pub fn new(config: DeviceConfig, start: Instant) -> Self {
+        let DeviceConfig { mac, station_name, address, mask, description } = config;
+        let ip = address.map(|address| IpSuite { address, mask, gateway: address });
+        let core = Core {
+            mac,
+            start,
+            description,
+            station: Station::device(mac, description, &station_name, ip),
+            answers: Answers::new(),
+            reply: None,
+            call: Message::new(),
+            call_to: None,
+            calls: 0,
+            relation: None,
+            farewell: None,
+            output: [0; IO_DATA_LEN],
+            input: [0; IO_DATA_LEN],
+            events: VecDeque::with_capacity(MOST_EVENTS),
+            counters: Counters::default(),
+            acyclic: false,
+        };
+        Self { reassembly: Reassembly::new(), core }
+    }
+
+    /// The station name, which DCP may have changed.
+    #[must_use]
+    pub fn station_name(&self) -> &[u8] {
+        self.core.station.name()
+    }
+
+    fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
+        let core = &mut self.core;
+        core.acyclic = true;
+        let Ok((header, body)) = Header::parse(datagram) else {
+            core.counters.malformed += 1;
+            return;
+        };
+        match header.kind {
+            Kind::Request if !server::is_served(header.interface) => {
+                core.counters.foreign += 1;
+                core.reply(&header, Kind::Reject, Some(rpc_status::UNKNOWN_INTERFACE), from);
+            }
+            Kind::Request => match self.reassembly.take(&header, body) {
+                Fragment::Whole(body) => core.handle_request(now, from, &header, body),
+                Fragment::Part if header.flags & flags::NO_FRAGMENT_ACK == 0 => {
+                    core.reply(&header, Kind::FragmentAck, None, from);
+                }
+                Fragment::Part => {}
+                Fragment::Refused => core.counters.malformed += 1,
+            },
+            Kind::Ping => {
+                if !core.answers.look_up_ping(&header, from) {
+                    core.reply(&header, Kind::NoCall, None, from);
+                }
+            }
+            Kind::Response if header.is_fragment() => core.counters.malformed += 1,
+            Kind::Response => core.handle_response(now, &header, body),
+            // The controller is not ready to be called, or busy: the call is repeated in time.
+            Kind::Working | Kind::NoCall | Kind::Reject | Kind::Fault | Kind::Ack | Kind::FragmentAck => {}
+            Kind::Cancel | Kind::CancelAck | Kind::Unknown(_) => core.counters.foreign += 1,
+        }
+    }
+}
+
+impl Core {
+    fn handle_ethernet(&mut self, now: Instant, frame: &[u8]) {
+        let Ok((header, payload)) = EthernetHeader::parse(frame) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        let is_ours = header.destination == self.mac || header.destination == dcp::IDENTIFY_MULTICAST;
+        if header.ether_type != ETHER_TYPE || !is_ours {
+            self.counters.foreign += 1;
+            return;
+        }
+        let Some(frame_id) = payload.first_chunk().map(|id| u16::from_be_bytes(*id)) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        if dcp::FRAME_IDS.contains(&frame_id) {
+            self.acyclic = true;
+            match self.station.handle_frame(now, &header, payload) {
+                Ok(effect) => self.follow(effect),
+                Err(Refusal::Malformed) => self.counters.malformed += 1,
+                Err(Refusal::Foreign) => self.counters.foreign += 1,
+            }
+            return;
+        }
+        let is_controller =
+            self.relation.as_ref().is_some_and(|relation| relation.initiator_mac == header.source);
+        if is_controller && header.destination == self.mac {
+            self.handle_rt(now, Transport::Rt1, frame_id, payload);
+        } else {
+            self.counters.foreign += 1;
+        }
+    }
+
+    fn handle_rt_datagram(&mut self, now: Instant, from: SocketAddrV4, payload: &[u8]) {
+        let Some(frame_id) = payload.first_chunk().map(|id| u16::from_be_bytes(*id)) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        let is_controller = self.relation.as_ref().is_some_and(|relation| relation.controller == *from.ip());
+        if is_controller {
+            self.handle_rt(now, Transport::Udp, frame_id, payload);
+        } else {
+            self.counters.foreign += 1;
+        }
+    }
+
+    /// Takes a cyclic frame or an alarm from the controller, from the FrameID on.
+    fn handle_rt(&mut self, now: Instant, transport: Transport, frame_id: u16, payload: &[u8]) {
+        let Some(relation) = &mut self.relation else { return };
+        if relation.consumes(transport, frame_id) {
+            match relation.handle_cyclic(now, payload, &mut self.input) {
+                Received::New => self.come_up(),
+                // The receiver counts those that are late.
+                Received::Late | Received::Ignored => {}
+                Received::Malformed => self.counters.malformed += 1,
+            }
+            return;
+        }
+        self.acyclic = true;
+        let priority = match frame_id {
+            FRAME_ID_HIGH => Priority::High,
+            FRAME_ID_LOW => Priority::Low,
+            _ => {
+                self.counters.foreign += 1;
+                return;
+            }
+        };
+        match relation.alarms.handle_pdu(priority, payload.get(2..).unwrap_or_default()) {
+            AlarmReceived::Taken => {}
+            AlarmReceived::Late => self.counters.late += 1,
+            AlarmReceived::Malformed => self.counters.malformed += 1,
+            AlarmReceived::Foreign => self.counters.foreign += 1,
+            AlarmReceived::Aborted(status) => self.end(closed_by_peer(status)),
+        }
+    }
+
+    /// Tells the owner once that images are exchanged.
+    fn come_up(&mut self) {
+        if self.relation.as_mut().is_some_and(Relation::has_come_up) {
+            self.tell(LinkEvent::Up);
+        }
+    }
+
+    /// What DCP did to the station concerns the AR and the owner.
+    fn follow(&mut self, effect: Effect) {
+        if effect.reset {
+            self.abort(Violation::FactoryReset);
+        } else if effect.renamed {
+            self.abort(Violation::StationNameChanged);
+        }
+        if let Some(IpSuite { address, mask, gateway }) = effect.address {
+            self.tell(LinkEvent::SetAddress { address, mask, gateway });
+        }
+    }
+
+    /// Ends the AR from this side: tells the controller and the owner why.
+    fn abort(&mut self, violation: Violation) {
+        let cause = match violation {
+            Violation::ConsumerExpired | Violation::InitiatorTimeout => DownCause::Watchdog,
+            Violation::ApplicationReadyTimeout => DownCause::NoAnswer,
+            Violation::RpcClientError => DownCause::Refused,
+            _ => DownCause::ClosedHere,
+        };
+        let status = violation.status(Service::Abort);
+        if let Some(relation) = &self.relation {
+            self.acyclic = true;
+            self.farewell = Some(relation.alarms.farewell(status));
+        }
+        self.end((cause, status));
+    }
+
+    /// The AR is over; its counts stay.
+    fn end(&mut self, (cause, status): (DownCause, Status)) {
+        if self.relation.is_none() {
+            return;
+        }
+        self.counters = self.counters();
+        self.relation = None;
+        self.call.clear();
+        let text = if status.is_ok() { "the controller released the connection" } else { status.text() };
+        self.tell(LinkEvent::Down(Down { cause, code: status.0, text }));
+    }
+
+    fn counters(&self) -> Counters {
+        let mut counters = self.counters;
+        if let Some(relation) = &self.relation {
+            counters.sent += relation.sender.sent();
+            counters.skipped += relation.sender.skipped();
+            counters.received += relation.receiver.received();
+            counters.lost += relation.receiver.lost();
+            counters.late += relation.receiver.late();
+        }
+        counters
+    }
+
+    fn tell(&mut self, event: LinkEvent) {
+        if self.events.len() < MOST_EVENTS {
+            self.events.push_back(event);
+        }
+    }
+
+    fn reply(&mut self, request: &Header, kind: Kind, status: Option<u32>, to: SocketAddrV4) {
+        let header = match kind {
+            Kind::FragmentAck => Header { fragment: request.fragment, ..request.answer(kind) },
+            _ => request.answer(kind),
+        };
+        self.reply = Some(Reply { header, status, to });
+    }
+
+    fn poll_reply(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        let Reply { header, status, to } = self.reply.take()?;
+        let body = status.map(u32::to_be_bytes);
+        let len = header.emit(body.as_ref().map_or(&[], |body| &body[..]), buf).ok()?;
+        Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
+    }
+
+    /// Writes the next frame that is no cyclic one.
+    fn poll_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if let Some(transmit) = self.farewell.take().and_then(|farewell| farewell.emit(buf).ok()) {
+            return Some(transmit);
+        }
+        if let Some(transmit) = self.relation.as_mut().and_then(|relation| relation.alarms.poll_transmit(buf))
+        {
+            return Some(transmit);
+        }
+        if let Some(len) = self.station.poll_transmit(now, buf) {
+            return Some(Transmit { port: Port::Ethernet, to: None, len });
+        }
+        self.poll_reply(buf).or_else(|| self.answers.poll_transmit(buf)).or_else(|| self.poll_call(buf))
+    }
+
+    fn poll_call(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        let to = self.call_to?;
+        let len = self.call.poll(buf)?;
+        Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
+    }
+}
+
+impl Machine for Device {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        match (from.port, from.peer) {
+            (Port::Ethernet, _) => self.core.handle_ethernet(now, frame),
+            (Port::Udp(RPC_PORT), Some(peer)) => self.handle_rpc(now, peer, frame),
+            (Port::Udp(UDP_PORT), Some(peer)) => self.core.handle_rt_datagram(now, peer, frame),
+            _ => self.core.counters.foreign += 1,
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        let core = &mut self.core;
+        core.acyclic |= core.station.poll_timeout().is_some_and(|due| due <= now);
+        core.station.handle_timeout(now);
+        let Some(relation) = &mut core.relation else { return };
+        if let Some(violation) = relation.expired(now) {
+            core.abort(violation);
+            return;
+        }
+        relation.sender.handle_timeout(now);
+        if relation.must_repeat(now) {
+            core.acyclic = true;
+            core.call.repeat();
+        }
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let core = &mut self.core;
+        if let Some(transmit) = core.relation.as_mut().and_then(|relation| relation.sender.poll_transmit(buf))
+        {
+            return Some(transmit);
+        }
+        let transmit = if core.acyclic { core.poll_acyclic(now, buf) } else { None };
+        core.acyclic = transmit.is_some();
+        transmit
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.core.events.pop_front()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        let relation = self.core.relation.as_ref().map(Relation::poll_timeout);
+        Instant::earlier(relation, self.core.station.poll_timeout())
+    }
+}
+
+impl Device {
+    /// Sets the data that go out with the next cyclic frame and with every one after it.
+    pub fn set_output(&mut self, image: &IoData) {
+        self.core.output = *image;
+        if let Some(relation) = &mut self.core.relation {
+            relation.set_output(image);
+        }
+    }
+
+    /// The last data that the peer sent and marked as good; none before the first and after the connection is lost.
+    #[must_use]
+    pub fn input(&self) -> Option<&IoData> {
+        let relation = self.core.relation.as_ref()?;
+        (relation.is_up && relation.is_input_good()).then_some(&self.core.input)
+    }
+
+    /// Ends the connection as the standard wants it, or gives up the attempt to connect.
+    pub fn disconnect(&mut self, _now: Instant) {
+        self.core.abort(Violation::AbortRequested);
+    }
+
+    /// What was sent, received and refused since the start.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.core.counters()
+    }
+
+    /// The owner did what [`LinkEvent::SetAddress`] asked for, or could not.
+    pub fn address_set(&mut self, now: Instant, done: bool) {
+        self.core.acyclic = true;
+        if self.core.station.address_set(now, done) {
+            self.core.abort(Violation::AddressChanged);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

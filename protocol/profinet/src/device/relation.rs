@@ -1,0 +1,252 @@
+//! The application relation: one controller's connection, from its Connect to its end.
+//!
+//! ```text
+//! Connect ──▶ Parameters ── PrmEnd ──▶ Ready ── ApplicationReady confirmed ──▶ Data
+//! ```
+//!
+//! Cyclic frames go out from the Connect on, with bad statuses until PrmEnd. Frames that come in are watched from the
+//! first one on; until it came, and between the steps, the controller's activity timeout runs instead.
+
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use super::admission::{Admission, transport};
+use super::alarms::AlarmEndpoint;
+use super::process_data::ProcessData;
+use crate::IoData;
+use crate::Uuid;
+use crate::connect::{AlarmCr, ConnectRequest, Iocr};
+use crate::control::{Command, Control};
+use crate::description::Description;
+use crate::rt::{CycleTime, CyclicReceiver, CyclicSender, Received, Route, Transport};
+use crate::status::Violation;
+use machine::ethernet::Mac;
+use machine::{Duration, Instant};
+
+/// LocalAlarmReference of the device: the same in every AR, since a controller may keep its ARUUID from session to
+/// session, and then an analyser takes another reference for a fault.
+pub(super) const ALARM_REFERENCE: u16 = 0;
+
+/// When ApplicationReady is repeated for the first time; the interval doubles each time.
+const FIRST_REPETITION: Duration = Duration::from_millis(200);
+
+/// How far the connection is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Phase {
+    /// Parameters may be written; PrmEnd is awaited.
+    Parameters,
+    /// ApplicationReady is on its way to the controller.
+    Ready {
+        /// When the call is repeated.
+        repeat: Instant,
+        /// How long after that again.
+        interval: Duration,
+    },
+    /// Data is exchanged.
+    Data,
+}
+
+/// Who an AR is between.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ends {
+    /// MAC address of the device.
+    pub(super) mac: Mac,
+    /// IP address of the controller.
+    pub(super) controller: Ipv4Addr,
+}
+
+/// One AR.
+#[derive(Debug)]
+pub(super) struct Relation {
+    pub(super) uuid: Uuid,
+    pub(super) session: u16,
+    pub(super) initiator_mac: Mac,
+    pub(super) initiator_object: Uuid,
+    pub(super) controller: Ipv4Addr,
+    pub(super) phase: Phase,
+    /// Whether the owner knows that images are exchanged.
+    pub(super) is_up: bool,
+    pub(super) sender: CyclicSender,
+    pub(super) receiver: CyclicReceiver,
+    pub(super) alarms: AlarmEndpoint,
+    step_time: Duration,
+    step_deadline: Option<Instant>,
+    consumes: Transport,
+    process: ProcessData,
+    is_input_good: bool,
+}
+
+impl Relation {
+    /// The AR for an admitted Connect.
+    pub(super) fn new(
+        now: Instant,
+        ends: &Ends,
+        description: &Description,
+        request: &ConnectRequest,
+        admission: &Admission<'_>,
+    ) -> Self {
+        let Ends { mac, controller } = *ends;
+        let ConnectRequest { ar, expected, .. } = request;
+        let Admission { input, output, alarm_cr, output_frame_id, diff } = admission;
+        let route = |transport| match transport {
+            Transport::Rt1 => Route::Ethernet { source: mac, destination: ar.initiator_mac },
+            Transport::Udp => Route::Udp(SocketAddrV4::new(controller, ar.initiator_rt_port)),
+        };
+        let process = ProcessData::new(description, expected, diff, input, output);
+        let input_time = cycle_time(input);
+        let input_route = route(transport(input));
+        let mut sender = CyclicSender::new(
+            input_route,
+            input.frame_id,
+            input_time,
+            usize::from(input.data_length),
+            input_time.first(now, mac),
+        );
+        process.write_statuses(false, sender.c_sdu_mut());
+        let output_time = cycle_time(output);
+        let receiver = CyclicReceiver::new(
+            *output_frame_id,
+            output_time,
+            usize::from(output.data_length),
+            output_time.times(output.data_hold_factor),
+            now,
+        );
+        let alarm_route = if alarm_cr.properties & AlarmCr::OVER_UDP != 0 {
+            route(Transport::Udp)
+        } else {
+            route(Transport::Rt1)
+        };
+        let step_time = Duration::from_millis(100 * u64::from(ar.activity_timeout));
+        Self {
+            uuid: ar.uuid,
+            session: ar.session,
+            initiator_mac: ar.initiator_mac,
+            initiator_object: ar.initiator_object,
+            controller,
+            phase: Phase::Parameters,
+            is_up: false,
+            sender,
+            receiver,
+            alarms: AlarmEndpoint::new(alarm_route, ALARM_REFERENCE, alarm_cr.local_reference),
+            step_time,
+            step_deadline: Some(now + step_time),
+            consumes: transport(output),
+            process,
+            is_input_good: false,
+        }
+    }
+
+    /// Whether cyclic frames of this FrameID come to this AR over that transport.
+    pub(super) fn consumes(&self, transport: Transport, frame_id: u16) -> bool {
+        self.consumes == transport && self.receiver.frame_id() == frame_id
+    }
+
+    /// Takes a cyclic frame, from the FrameID on, and its data into `image` if they are good.
+    pub(super) fn handle_cyclic(&mut self, now: Instant, payload: &[u8], image: &mut IoData) -> Received {
+        let received = self.receiver.handle_frame(now, payload);
+        if received == Received::New {
+            let usable = self.receiver.usable();
+            self.is_input_good = usable.is_some_and(|c_sdu| self.process.read_image(c_sdu, image));
+            if self.phase == Phase::Data {
+                self.step_deadline = None;
+            }
+        }
+        received
+    }
+
+    /// Whether the last frame's data may be acted on.
+    pub(super) const fn is_input_good(&self) -> bool {
+        self.is_input_good
+    }
+
+    /// Whether images are exchanged since just now.
+    pub(super) fn has_come_up(&mut self) -> bool {
+        let comes_up = !self.is_up && self.phase == Phase::Data && self.is_input_good;
+        self.is_up |= comes_up;
+        comes_up
+    }
+
+    pub(super) fn set_output(&mut self, image: &IoData) {
+        self.process.write_image(image, self.sender.c_sdu_mut());
+    }
+
+    /// The controller goes on with the connection.
+    pub(super) fn step(&mut self, now: Instant) {
+        if self.phase != Phase::Data {
+            self.step_deadline = Some(now + self.step_time);
+        }
+    }
+
+    /// All parameters are written. Whoever calls this sends [`ready`](Self::ready).
+    pub(super) fn prm_end(&mut self, now: Instant) -> Result<(), Violation> {
+        if self.phase != Phase::Parameters {
+            return Err(Violation::StateConflict);
+        }
+        self.phase = Phase::Ready { repeat: now + FIRST_REPETITION, interval: FIRST_REPETITION };
+        self.step(now);
+        self.process.write_statuses(true, self.sender.c_sdu_mut());
+        Ok(())
+    }
+
+    /// Parameters will be written anew.
+    pub(super) fn prm_begin(&mut self, now: Instant) -> Result<(), Violation> {
+        if self.phase != Phase::Data {
+            return Err(Violation::StateConflict);
+        }
+        self.phase = Phase::Parameters;
+        self.step(now);
+        Ok(())
+    }
+
+    /// The controller has confirmed that the device is ready.
+    pub(super) fn confirmed(&mut self, now: Instant) {
+        self.step(now);
+        self.phase = Phase::Data;
+        if self.receiver.received() > 0 {
+            self.step_deadline = None;
+        }
+    }
+
+    /// The control block of this AR.
+    pub(super) const fn control(&self, command: Command) -> Control {
+        Control { command, ar: self.uuid, session: self.session, properties: 0 }
+    }
+
+    /// Whether ApplicationReady is to be repeated now.
+    pub(super) fn must_repeat(&mut self, now: Instant) -> bool {
+        match &mut self.phase {
+            Phase::Ready { repeat, interval } if *repeat <= now => {
+                *interval = interval.saturating_mul(2);
+                *repeat = now + *interval;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// What has not come in time, if anything.
+    pub(super) fn expired(&self, now: Instant) -> Option<Violation> {
+        if self.receiver.received() > 0 && self.receiver.is_expired(now) {
+            return Some(Violation::ConsumerExpired);
+        }
+        let late = self.step_deadline.is_some_and(|deadline| deadline <= now);
+        late.then_some(match self.phase {
+            Phase::Ready { .. } => Violation::ApplicationReadyTimeout,
+            Phase::Parameters | Phase::Data => Violation::InitiatorTimeout,
+        })
+    }
+
+    pub(super) fn poll_timeout(&self) -> Instant {
+        let mut next = self.sender.poll_timeout();
+        if self.receiver.received() > 0 {
+            next = next.min(self.receiver.poll_timeout());
+        }
+        if let Phase::Ready { repeat, .. } = self.phase {
+            next = next.min(repeat);
+        }
+        self.step_deadline.map_or(next, |deadline| next.min(deadline))
+    }
+}
+
+const fn cycle_time(iocr: &Iocr) -> CycleTime {
+    CycleTime { send_clock_factor: iocr.send_clock_factor, reduction_ratio: iocr.reduction_ratio }
+}

@@ -1,0 +1,328 @@
+//! The device as an RPC server: Connect, Release, Read, Write, Control, and the endpoint mapper. And its one call to
+//! the controller, ApplicationReady.
+
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use super::admission::admit;
+use super::answers::Known;
+use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
+use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
+use super::{Core, closed_by_peer};
+use crate::block::BlockReader;
+use crate::connect::{
+    AlarmCrResponse, ArProperties, ArResponse, ConnectRequest, ConnectResponse, Iocr, IocrResponse, IocrType,
+};
+use crate::control::{Command, Control};
+use crate::record::{ReadRequest, ReadResponse, WriteRequest, index};
+use crate::rpc::{
+    CONTROLLER_INTERFACE, DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, LOOKUP,
+    LOOKUP_HANDLE_FREE, Lookup, Operation, RequestArgs, ResponseArgs, object, rpc_status,
+};
+use crate::rt::UDP_PORT;
+use crate::status::{Service, Status, Violation};
+use crate::{RPC_PORT, Uuid};
+use machine::Instant;
+use machine::wire::{BigEndian, Overflow, Writer};
+
+/// MaxAlarmDataLength of the device: the least there is.
+const MAX_ALARM_DATA: u16 = 200;
+
+/// The longest answer, in bytes of blocks, that the device takes from the controller.
+const MOST_ANSWER: u32 = 1308;
+
+/// Whether calls to this interface are served here.
+pub(super) fn is_served(interface: Uuid) -> bool {
+    interface == DEVICE_INTERFACE || interface == ENDPOINT_MAPPER_INTERFACE
+}
+
+impl Core {
+    /// Takes a whole request.
+    pub(super) fn handle_request(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
+        match self.answers.look_up(header, from) {
+            Known::New => {}
+            Known::Answered => return,
+            Known::Old => {
+                self.counters.foreign += 1;
+                return;
+            }
+        }
+        if header.interface == ENDPOINT_MAPPER_INTERFACE {
+            return self.handle_lookup(from, header, body);
+        }
+        let operation = Operation::from(header.operation);
+        let service = match operation {
+            Operation::Connect => Service::Connect,
+            Operation::Release => Service::Release,
+            Operation::Read | Operation::ReadImplicit => Service::Read,
+            Operation::Write => Service::Write,
+            Operation::Control => Service::Control,
+            Operation::Unknown(_) => {
+                self.counters.foreign += 1;
+                return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
+            }
+        };
+        let refusal = |violation: Violation| violation.status(service);
+        let args = match RequestArgs::parse(header, body) {
+            Ok(args) => args,
+            Err(violation) => {
+                self.counters.malformed += 1;
+                let answered = self.answers.answer(header, from, 0, refusal(violation), |_| {});
+                return self.count_overflow(answered);
+            }
+        };
+        let maximum = args.maximum;
+        let result = match operation {
+            Operation::Connect => self
+                .connect(now, from, args.blocks)
+                .map(|response| self.answers.answer(header, from, maximum, Status::OK, |w| response.emit(w))),
+            Operation::Release | Operation::Control => {
+                self.control(now, operation, args.blocks).map(|control| {
+                    let answered =
+                        self.answers.answer(header, from, maximum, Status::OK, |w| control.emit_response(w));
+                    self.after_control(control.command);
+                    answered
+                })
+            }
+            Operation::Write => self.write(now, from, header, &args),
+            _ => self.read(from, header, &args),
+        };
+        let answered = result.unwrap_or_else(|violation| {
+            match violation {
+                Violation::ArUuidUnknown | Violation::StateConflict | Violation::OutOfArResources => {
+                    self.counters.foreign += 1;
+                }
+                _ => self.counters.malformed += 1,
+            }
+            self.answers.answer(header, from, maximum, refusal(violation), |_| {})
+        });
+        self.count_overflow(answered);
+    }
+
+    /// An answer that does not fit is not sent; the caller runs into its timeout. None of ours is as long.
+    const fn count_overflow(&mut self, answered: Result<(), Overflow>) {
+        if answered.is_err() {
+            self.counters.malformed += 1;
+        }
+    }
+
+    fn connect(
+        &mut self,
+        now: Instant,
+        from: SocketAddrV4,
+        blocks: &[u8],
+    ) -> Result<ConnectResponse, Violation> {
+        let request = ConnectRequest::parse(blocks)?;
+        let admission = admit(&request, &self.description)?;
+        let ar = &request.ar;
+        if let Some(relation) = &self.relation {
+            if (relation.uuid, relation.session) == (ar.uuid, ar.session) {
+                return Err(Violation::StateConflict);
+            }
+            if relation.initiator_mac != ar.initiator_mac {
+                return Err(Violation::OutOfArResources);
+            }
+            // The controller has started anew before it was missed.
+            self.end(closed_by_peer(Violation::ReRun.status(Service::Abort)));
+        }
+        let ends = Ends { mac: self.mac, controller: *from.ip() };
+        let mut relation = Relation::new(now, &ends, &self.description, &request, &admission);
+        relation.set_output(&self.output);
+        self.relation = Some(relation);
+        let iocr_response = |iocr: &Iocr| IocrResponse {
+            iocr_type: iocr.iocr_type,
+            reference: iocr.reference,
+            frame_id: match iocr.iocr_type {
+                IocrType::Output => admission.output_frame_id,
+                _ => iocr.frame_id,
+            },
+        };
+        let is_advanced = ar.properties.has(ArProperties::ADVANCED_STARTUP);
+        Ok(ConnectResponse {
+            ar: ArResponse {
+                ar_type: ar.ar_type,
+                uuid: ar.uuid,
+                session: ar.session,
+                responder_mac: self.mac,
+                responder_rt_port: UDP_PORT,
+            },
+            iocrs: request.iocrs.iter().map(iocr_response).collect(),
+            alarm_cr: Some(AlarmCrResponse {
+                alarm_cr_type: admission.alarm_cr.alarm_cr_type,
+                local_reference: ALARM_REFERENCE,
+                max_data_length: MAX_ALARM_DATA.min(admission.alarm_cr.max_data_length),
+            }),
+            diff: admission.diff,
+            server: is_advanced.then(|| self.station.name().to_vec()),
+        })
+    }
+
+    /// The AR that a control block or record names.
+    fn relation_of(&mut self, uuid: Uuid, unknown: Violation) -> Result<&mut Relation, Violation> {
+        self.relation.as_mut().filter(|relation| relation.uuid == uuid).ok_or(unknown)
+    }
+
+    fn control(&mut self, now: Instant, operation: Operation, blocks: &[u8]) -> Result<Control, Violation> {
+        let control = Control::parse_request(blocks)?;
+        let belongs = match control.command {
+            Command::Release => operation == Operation::Release,
+            Command::PrmEnd | Command::PrmBegin => operation == Operation::Control,
+            Command::ApplicationReady => false,
+        };
+        if !belongs {
+            return Err(Violation::UnknownBlocks);
+        }
+        let relation = self.relation_of(control.ar, Violation::ArUuidUnknown)?;
+        if relation.session != control.session {
+            return Err(control.command.wrong_session());
+        }
+        match control.command {
+            Command::PrmEnd => relation.prm_end(now)?,
+            Command::PrmBegin => relation.prm_begin(now)?,
+            Command::ApplicationReady | Command::Release => {}
+        }
+        Ok(control)
+    }
+
+    /// What follows once a control block is answered.
+    fn after_control(&mut self, command: Command) {
+        match command {
+            Command::PrmEnd => self.call_ready(),
+            Command::Release => self.end(closed_by_peer(Status::OK)),
+            Command::PrmBegin | Command::ApplicationReady => {}
+        }
+    }
+
+    fn write(
+        &mut self,
+        now: Instant,
+        from: SocketAddrV4,
+        header: &Header,
+        args: &RequestArgs<'_>,
+    ) -> Result<Result<(), Overflow>, Violation> {
+        let write = WriteRequest::parse(&mut BlockReader::new(args.blocks))?;
+        self.relation_of(write.address.ar, Violation::ArUuidUnknown)?.step(now);
+        let status = if write.address.index == index::MULTIPLE_WRITE {
+            for part in write.parts() {
+                if part?.address.index == index::MULTIPLE_WRITE {
+                    return Err(Violation::RecordIndex);
+                }
+            }
+            Status::OK
+        } else {
+            write_status(&self.description, &write)
+        };
+        let description = &self.description;
+        Ok(self.answers.answer(header, from, args.maximum, status, |w| {
+            emit_write_answer(description, &write, status, w);
+        }))
+    }
+
+    fn read(
+        &mut self,
+        from: SocketAddrV4,
+        header: &Header,
+        args: &RequestArgs<'_>,
+    ) -> Result<Result<(), Overflow>, Violation> {
+        let read = ReadRequest::parse(&mut BlockReader::new(args.blocks))?;
+        if Operation::from(header.operation) == Operation::Read {
+            self.relation_of(read.address.ar, Violation::ArUuidUnknown)?;
+        }
+        let mut record = [0; RECORD_CAPACITY];
+        let found = records::read(&self.description, &read, &mut record);
+        let (status, len) = match found {
+            Ok(len) => (Status::OK, len),
+            Err(violation) => (violation.status(Service::Read), 0),
+        };
+        let record = record.get(..len).unwrap_or_default();
+        Ok(self.answers.answer(header, from, args.maximum, status, |w| {
+            ReadResponse { address: read.address, record }.emit(w);
+        }))
+    }
+
+    fn handle_lookup(&mut self, from: SocketAddrV4, header: &Header, body: &[u8]) {
+        let answered = match (header.operation, Lookup::parse(header, body)) {
+            (LOOKUP, Ok(lookup)) => {
+                let object = object(1, self.description.identity);
+                let station_type = self.description.station_type.as_bytes();
+                let address: Ipv4Addr = self.station.ip().address;
+                self.answers.answer_with(header, from, |body| {
+                    lookup.answer(object, station_type, RPC_PORT, address, body)
+                })
+            }
+            // The handle that comes back is nil: there was nothing to free.
+            (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(header, from, |body| {
+                let mut writer = Writer::<BigEndian>::new(body);
+                writer.zeros(24);
+                writer.finish()
+            }),
+            (LOOKUP, Err(_)) => {
+                self.counters.malformed += 1;
+                return self.reply(header, Kind::Fault, Some(rpc_status::PROTOCOL_ERROR), from);
+            }
+            _ => {
+                self.counters.foreign += 1;
+                return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
+            }
+        };
+        self.count_overflow(answered);
+    }
+
+    /// Tells the controller that the device is ready.
+    fn call_ready(&mut self) {
+        let Some(relation) = &self.relation else { return };
+        self.calls = self.calls.wrapping_add(1);
+        let activity = self.activity();
+        let header =
+            Header::request(Operation::Control, relation.initiator_object, CONTROLLER_INTERFACE, activity, 0);
+        let control = relation.control(Command::ApplicationReady);
+        let written =
+            self.call.set(header, |body| RequestArgs::emit(MOST_ANSWER, body, |w| control.emit_request(w)));
+        self.count_overflow(written);
+        let Some(relation) = &self.relation else { return };
+        self.call_to = Some(SocketAddrV4::new(relation.controller, RPC_PORT));
+    }
+
+    /// An activity of its own for every call: the count, when the device started, its MAC address.
+    fn activity(&self) -> Uuid {
+        let [a, b, c, d] = self.calls.to_be_bytes();
+        let [.., e, f, g, h] = (self.start.as_nanos() / 1_000).to_be_bytes();
+        let [i, j, k, l, m, n] = self.mac.0;
+        // Version 1 and the usual variant, as if made from time and node.
+        Uuid([a, b, c, d, e, f, 0x10 | g >> 4, h, 0x80, 0, i, j, k, l, m, n])
+    }
+
+    /// Takes the controller's answer to ApplicationReady.
+    pub(super) fn handle_response(&mut self, now: Instant, header: &Header, body: &[u8]) {
+        let Some(relation) = &mut self.relation else {
+            self.counters.foreign += 1;
+            return;
+        };
+        let is_ours = self.call.header().is_some_and(|call| call.is_same_call(header));
+        if !is_ours || !matches!(relation.phase, Phase::Ready { .. }) {
+            self.counters.foreign += 1;
+            return;
+        }
+        let Ok(args) = ResponseArgs::parse(header, body) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        if !args.status.is_ok() {
+            self.call.clear();
+            self.abort(Violation::RpcClientError);
+            return;
+        }
+        let wanted = relation.control(Command::ApplicationReady);
+        match Control::parse_response(args.blocks) {
+            Ok(control)
+                if (control.command, control.ar, control.session)
+                    == (wanted.command, wanted.ar, wanted.session) =>
+            {
+                self.call.clear();
+                relation.confirmed(now);
+                self.come_up();
+            }
+            Ok(_) => self.counters.foreign += 1,
+            Err(_) => self.counters.malformed += 1,
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! PROFINET IO: an IO-Device, and what an IO-Controller needs to speak to one.
+//!
+//! A connection, an *application relation* (AR), comes about in five steps (IEC 61158-6-10):
+//!
+//! ```text
+//! IO-Controller                                        IO-Device
+//!   DCP Identify, Set IP      ── Ethernet 0x8892 ──▶    dcp
+//!   Connect                   ── UDP 34964 ────────▶    rpc, connect
+//!   Write (parameters)        ── UDP 34964 ────────▶    record
+//!   PrmEnd                    ── UDP 34964 ────────▶    control
+//!                             ◀── UDP 34964 ────────    control: ApplicationReady
+//!   cyclic data               ◀─ 0x8892 or UDP 34962 ─▶ rt
+//! ```
+//!
+//! It ends by a Release over RPC, by an error PDU ([`alarm`]), or because cyclic frames fail to come. Whatever a peer
+//! does wrong has a name in [`status::Violation`] and a status that goes back to it.
+//!
+//! All of PROFINET is big-endian, except for the headers of RPC, whose sender says which order it uses.
+
+#![cfg_attr(not(test), no_std)]
+#![warn(clippy::indexing_slicing)]
+
+extern crate alloc;
+
+pub mod alarm;
+pub mod block;
+pub mod connect;
+pub mod control;
+mod controller;
+pub mod dcp;
+pub mod description;
+pub mod device;
+pub mod record;
+pub mod rpc;
+pub mod rt;
+mod station;
+pub mod status;
+pub mod tag;
+mod uuid;
+
+pub use controller::{ConfigError, Controller, ControllerConfig, Parameter};
+pub use device::{Device, DeviceConfig};
+pub use station::is_station_name;
+pub use uuid::Uuid;
+
+/// Bytes of process data each way, at most.
+pub const IO_DATA_LEN: usize = 256;
+
+/// Process data of one direction.
+pub type IoData = [u8; IO_DATA_LEN];
+
+/// EtherType of PROFINET (IEC 61158-6-10, 4.1).
+pub const ETHER_TYPE: u16 = 0x8892;
+
+/// UDP port of connection management (IANA `profinet-cm`).
+pub const RPC_PORT: u16 = 34964;
+
+/// The code `LT` in connection management for cyclic data and alarms over UDP: IPv4's EtherType. On raw Ethernet it is
+/// [`ethernet::ETHER_TYPE`].
+pub const LT_UDP: u16 = 0x0800;
+
+#[cfg(test)]
+mod captured;

@@ -1,0 +1,396 @@
+//! Records: Read and Write, MultipleWrite, and the records that every device has.
+//!
+//! ```text
+//! Write request   SeqNumber u16 · ARUUID 16 · API u32 · slot u16 · subslot u16 · padding 2 · index u16
+//! (64 bytes)      RecordDataLength u32 · padding 24 · then the record
+//! Write response  ... RecordDataLength u32 · AdditionalValue1 u16 · AdditionalValue2 u16 · PNIOStatus u32 · padding 16
+//! Read request    ... RecordDataLength u32 (most bytes wanted) · TargetARUUID 16 · padding 8
+//! Read response   ... RecordDataLength u32 · AdditionalValue1 u16 · AdditionalValue2 u16 · padding 20 · then the record
+//! ```
+//!
+//! A MultipleWrite is a Write of index 0xE040, whose record is Writes one after another, each at a multiple of four
+//! bytes; its answer is as many answers.
+
+use super::block::{self, BlockReader, BlockType, BlockWriter, short};
+use super::description::Description;
+use super::status::{Block, HeadField, Status, Violation};
+use super::{Uuid, connect};
+use machine::wire::Truncated;
+
+/// Record indices (IEC 61158-6-10, Index).
+pub mod index {
+    /// MultipleWrite.
+    pub const MULTIPLE_WRITE: u16 = 0xE040;
+    /// I&M0: identification.
+    pub const IDENTIFICATION_AND_MAINTENANCE_0: u16 = 0xAFF0;
+    /// RealIdentificationData of one subslot.
+    pub const REAL_IDENTIFICATION_SUBSLOT: u16 = 0x8001;
+    /// RealIdentificationData of one slot.
+    pub const REAL_IDENTIFICATION_SLOT: u16 = 0xC001;
+    /// RealIdentificationData of one AR.
+    pub const REAL_IDENTIFICATION_AR: u16 = 0xE001;
+    /// RealIdentificationData of one API.
+    pub const REAL_IDENTIFICATION_API: u16 = 0xF000;
+    /// The first index that the application may use is 0, the last this.
+    pub const LAST_OF_APPLICATION: u16 = 0x7FFF;
+}
+
+/// Length in bytes of the head of each of the four PDUs.
+pub const HEADER_LEN: usize = 64;
+
+/// Length in bytes of the blocks of I&M0.
+pub const IM0_LEN: usize = 60;
+
+/// What a Read or Write is about.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Address {
+    /// SeqNumber: counts the records of an AR.
+    pub sequence: u16,
+    /// ARUUID; nil for a Read without an AR.
+    pub ar: Uuid,
+    /// API.
+    pub api: u32,
+    /// Slot number.
+    pub slot: u16,
+    /// Subslot number.
+    pub subslot: u16,
+    /// Index of the record.
+    pub index: u16,
+}
+
+impl Address {
+    fn parse(body: &mut BlockReader<'_>) -> Result<(Self, u32), Truncated> {
+        let sequence = body.u16()?;
+        let ar = Uuid::read(body)?;
+        let api = body.u32()?;
+        let slot = body.u16()?;
+        let subslot = body.u16()?;
+        body.skip(2)?;
+        let index = body.u16()?;
+        let length = body.u32()?;
+        Ok((Self { sequence, ar, api, slot, subslot, index }, length))
+    }
+
+    fn emit(&self, length: u32, writer: &mut BlockWriter<'_>) {
+        writer.u16(self.sequence);
+        self.ar.write(writer);
+        writer.u32(self.api);
+        writer.u16(self.slot);
+        writer.u16(self.subslot);
+        writer.zeros(2);
+        writer.u16(self.index);
+        writer.u32(length);
+    }
+}
+
+/// Reads the head of a record PDU: where it goes, RecordDataLength, and the reader over the rest of its 64 bytes.
+fn parse_head<'a>(
+    reader: &mut BlockReader<'a>,
+    wanted: BlockType,
+) -> Result<(Address, u32, BlockReader<'a>), Violation> {
+    let (block_type, mut body) = block::next(reader, |_| Block::Record)?;
+    if block_type != wanted {
+        return Err(Violation::Head(Block::Record, HeadField::Type));
+    }
+    if body.left() + block::HEAD_LEN != HEADER_LEN {
+        return Err(Violation::Head(Block::Record, HeadField::Length));
+    }
+    let (address, length) = Address::parse(&mut body).map_err(short(Block::Record))?;
+    Ok((address, length, body))
+}
+
+/// A Write.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct WriteRequest<'a> {
+    /// Where the record goes.
+    pub address: Address,
+    /// The record.
+    pub record: &'a [u8],
+}
+
+impl<'a> WriteRequest<'a> {
+    /// Reads a Write, and passes over it.
+    pub fn parse(reader: &mut BlockReader<'a>) -> Result<Self, Violation> {
+        let (address, length, _padding) = parse_head(reader, BlockType::WriteRequest)?;
+        let length = usize::try_from(length).map_err(|_| Violation::RecordDataLength)?;
+        let record = reader.bytes(length).map_err(|_| Violation::RecordDataLength)?;
+        Ok(Self { address, record })
+    }
+
+    /// Writes it.
+    pub fn emit(&self, writer: &mut BlockWriter<'_>) {
+        block::write(writer, BlockType::WriteRequest, |w| {
+            self.address.emit(u32::try_from(self.record.len()).unwrap_or(u32::MAX), w);
+            w.zeros(24);
+        });
+        writer.bytes(self.record);
+    }
+
+    /// The Writes in a MultipleWrite. After one that cannot be read there are no more.
+    pub fn parts(&self) -> impl Iterator<Item = Result<WriteRequest<'a>, Violation>> + use<'a> {
+        let mut reader = BlockReader::new(self.record);
+        core::iter::from_fn(move || {
+            if reader.is_empty() {
+                return None;
+            }
+            let part = WriteRequest::parse(&mut reader);
+            reader.align(4);
+            if part.is_err() {
+                reader = BlockReader::new(&[]);
+            }
+            Some(part)
+        })
+    }
+}
+
+/// The answer to a Write.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct WriteResponse {
+    /// Where the record went.
+    pub address: Address,
+    /// RecordDataLength: bytes written.
+    pub length: u32,
+    /// What became of it.
+    pub status: Status,
+}
+
+impl WriteResponse {
+    /// Reads an answer, and passes over it.
+    pub fn parse(reader: &mut BlockReader<'_>) -> Result<Self, Violation> {
+        let (address, length, mut body) = parse_head(reader, BlockType::WriteResponse)?;
+        body.skip(4).map_err(short(Block::Record))?;
+        let status = Status(body.u32().map_err(short(Block::Record))?);
+        Ok(Self { address, length, status })
+    }
+
+    /// Writes it.
+    pub fn emit(&self, writer: &mut BlockWriter<'_>) {
+        block::write(writer, BlockType::WriteResponse, |w| {
+            self.address.emit(self.length, w);
+            w.zeros(4);
+            w.u32(self.status.0);
+            w.zeros(16);
+        });
+    }
+}
+
+/// A Read.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ReadRequest {
+    /// Which record is wanted.
+    pub address: Address,
+    /// The most bytes of it that are wanted.
+    pub most: u32,
+    /// TargetARUUID, for a Read without an AR; else nil.
+    pub target_ar: Uuid,
+}
+
+impl ReadRequest {
+    /// Reads it.
+    pub fn parse(reader: &mut BlockReader<'_>) -> Result<Self, Violation> {
+        let (address, most, mut body) = parse_head(reader, BlockType::ReadRequest)?;
+        let target_ar = Uuid::read(&mut body).map_err(short(Block::Record))?;
+        Ok(Self { address, most, target_ar })
+    }
+
+    /// Writes it.
+    pub fn emit(&self, writer: &mut BlockWriter<'_>) {
+        block::write(writer, BlockType::ReadRequest, |w| {
+            self.address.emit(self.most, w);
+            self.target_ar.write(w);
+            w.zeros(8);
+        });
+    }
+}
+
+/// The answer to a Read.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ReadResponse<'a> {
+    /// Which record it is.
+    pub address: Address,
+    /// The record.
+    pub record: &'a [u8],
+}
+
+impl<'a> ReadResponse<'a> {
+    /// Reads it.
+    pub fn parse(reader: &mut BlockReader<'a>) -> Result<Self, Violation> {
+        let (address, length, _values) = parse_head(reader, BlockType::ReadResponse)?;
+        let length = usize::try_from(length).map_err(|_| Violation::RecordDataLength)?;
+        let record = reader.bytes(length).map_err(|_| Violation::RecordDataLength)?;
+        Ok(Self { address, record })
+    }
+
+    /// Writes it.
+    pub fn emit(&self, writer: &mut BlockWriter<'_>) {
+        block::write(writer, BlockType::ReadResponse, |w| {
+            self.address.emit(u32::try_from(self.record.len()).unwrap_or(u32::MAX), w);
+            w.zeros(24);
+        });
+        writer.bytes(self.record);
+    }
+}
+
+/// Writes I&M0 of a device, which is the same for each of its submodules.
+pub fn emit_im0(description: &Description, writer: &mut BlockWriter<'_>) {
+    block::write(writer, BlockType::IdentificationAndMaintenance0, |w| {
+        w.u16(description.identity.vendor);
+        padded(description.order_id, 20, w);
+        padded(description.serial_number, 16, w);
+        w.u16(description.hardware_revision);
+        w.u8(b'V');
+        w.bytes(&description.software_revision);
+        // Revision counter, profile and profile-specific type: no profile.
+        w.zeros(6);
+        // Version 1.1 of I&M, and no I&M1 to 4.
+        w.bytes(&[1, 1]);
+        w.u16(0);
+    });
+}
+
+/// Writes RealIdentificationData of the submodules that `wanted` picks, which must all be of API 0.
+pub fn emit_real_identification(
+    description: &Description,
+    wanted: impl Fn(u16, u16) -> bool,
+    writer: &mut BlockWriter<'_>,
+) {
+    block::write(writer, BlockType::RealIdentification, |w| {
+        w.u16(1);
+        w.u32(connect::API);
+        let count_at = w.len();
+        w.u16(0);
+        let mut slots = 0;
+        for module in description.modules {
+            let picked =
+                || module.submodules.iter().filter(|submodule| wanted(module.slot, submodule.subslot));
+            if picked().next().is_none() {
+                continue;
+            }
+            slots += 1;
+            w.u16(module.slot);
+            w.u32(module.ident);
+            w.u16(u16::try_from(picked().count()).unwrap_or(u16::MAX));
+            for submodule in picked() {
+                w.u16(submodule.subslot);
+                w.u32(submodule.ident);
+            }
+        }
+        w.patch_u16(count_at, slots);
+    });
+}
+
+/// A text in a field of fixed length, filled up with spaces.
+fn padded(text: &str, length: usize, writer: &mut BlockWriter<'_>) {
+    let text = text.as_bytes();
+    let text = text.get(..length).unwrap_or(text);
+    writer.bytes(text);
+    for _ in text.len()..length {
+        writer.u8(b' ');
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rpc::{Header, RequestArgs, ResponseArgs};
+    use crate::{captured, description};
+
+    fn request(text: &str) -> Vec<u8> {
+        let datagram = captured::datagram(text);
+        let (header, body) = Header::parse(&datagram).unwrap();
+        RequestArgs::parse(&header, body).unwrap().blocks.to_vec()
+    }
+
+    fn response(text: &str) -> Vec<u8> {
+        let datagram = captured::datagram(text);
+        let (header, body) = Header::parse(&datagram).unwrap();
+        let args = ResponseArgs::parse(&header, body).unwrap();
+        assert!(args.status.is_ok());
+        args.blocks.to_vec()
+    }
+
+    fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
+        let mut buf = [0; 1000];
+        let mut writer = BlockWriter::new(&mut buf);
+        emit(&mut writer);
+        let len = writer.finish().unwrap();
+        buf[..len].to_vec()
+    }
+
+    #[test]
+    fn a_captured_multiple_write_holds_four_writes() {
+        let blocks = request(captured::WRITE_REQ);
+        let write = WriteRequest::parse(&mut BlockReader::new(&blocks)).unwrap();
+        assert_eq!(write.address.index, index::MULTIPLE_WRITE);
+        assert_eq!(emitted(|w| write.emit(w)), blocks);
+        let parts: Vec<_> =
+            write.parts().map(|part| part.map(|part| (part.address.index, part.record.len()))).collect();
+        assert_eq!(parts, [Ok((0x8071, 12)), Ok((0x7B, 4)), Ok((0x7C, 4)), Ok((0x7D, 4))]);
+    }
+
+    #[test]
+    fn the_captured_answer_to_it_holds_five_heads() {
+        let blocks = response(captured::WRITE_RES);
+        let mut reader = BlockReader::new(&blocks);
+        let mut again = Vec::new();
+        while !reader.is_empty() {
+            let answer = WriteResponse::parse(&mut reader).unwrap();
+            assert!(answer.status.is_ok());
+            again.extend(emitted(|w| answer.emit(w)));
+        }
+        assert_eq!((again.len(), &again), (5 * HEADER_LEN, &blocks));
+    }
+
+    #[test]
+    fn a_captured_read_of_im0_and_its_answer_come_out_again() {
+        for (read, answer) in [
+            (captured::IM0_READ_REQ, captured::IM0_READ_RES),
+            (captured::IM0_READ_REQ_IF, captured::IM0_READ_RES_IF),
+        ] {
+            let blocks = request(read);
+            let read = ReadRequest::parse(&mut BlockReader::new(&blocks)).unwrap();
+            assert_eq!((read.address.index, read.most), (index::IDENTIFICATION_AND_MAINTENANCE_0, 0x8000));
+            assert_eq!(emitted(|w| read.emit(w)), blocks);
+
+            let blocks = response(answer);
+            let answer = ReadResponse::parse(&mut BlockReader::new(&blocks)).unwrap();
+            assert_eq!(answer.address, read.address);
+            assert_eq!(answer.record.len(), IM0_LEN);
+            assert_eq!(emitted(|w| answer.emit(w)), blocks);
+        }
+    }
+
+    #[test]
+    fn im0_has_the_same_layout_as_the_captured_one() {
+        let blocks = response(captured::IM0_READ_RES);
+        let captured = ReadResponse::parse(&mut BlockReader::new(&blocks)).unwrap().record;
+        let ours = emitted(|w| emit_im0(&description::ROBOT, w));
+        assert_eq!(ours[..6], captured[..6]);
+        assert_eq!(ours.len(), captured.len());
+        assert_eq!(&ours[8..28], b"skillbench-robot    ");
+    }
+
+    #[test]
+    fn real_identification_lists_the_modules_asked_for() {
+        let whole = emitted(|w| emit_real_identification(&description::ROBOT, |_, _| true, w));
+        assert_eq!(whole.len(), 6 + 8 + (8 + 3 * 6) + (8 + 6));
+        let one = emitted(|w| emit_real_identification(&description::ROBOT, |slot, _| slot == 1, w));
+        assert_eq!(one[6..], [0, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1, 1]);
+    }
+
+    #[test]
+    fn a_record_past_the_end_of_the_request_is_refused() {
+        let blocks = request(captured::WRITE_REQ);
+        for len in 0..blocks.len() {
+            assert!(WriteRequest::parse(&mut BlockReader::new(&blocks[..len])).is_err(), "cut at {len}");
+        }
+        let cut = [&blocks[..HEADER_LEN + 200]].concat();
+        let write = WriteRequest { address: whole_address(&blocks), record: &cut[HEADER_LEN..] };
+        let parts: Vec<_> = write.parts().collect();
+        assert!(parts[1].is_ok() && parts.last().unwrap().is_err());
+    }
+
+    fn whole_address(blocks: &[u8]) -> Address {
+        WriteRequest::parse(&mut BlockReader::new(blocks)).unwrap().address
+    }
+}

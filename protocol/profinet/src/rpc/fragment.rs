@@ -1,0 +1,177 @@
+//! Messages longer than a datagram.
+
+use alloc::boxed::Box;
+use alloc::vec;
+
+use super::{BODY_CAPACITY, FRAGMENT_LEN, HEADER_LEN, Header, Kind, Order, flags};
+use crate::Uuid;
+use machine::wire::Overflow;
+
+/// A message that is kept so that it can be sent, and sent again.
+#[derive(Debug)]
+pub struct Message {
+    header: Option<Header>,
+    body: Box<[u8]>,
+    len: usize,
+    /// Number of the fragment that is sent next; none once all are sent.
+    next: Option<u16>,
+}
+
+impl Message {
+    /// No message yet. This is where its memory is taken; nothing later allocates.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { header: None, body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, next: None }
+    }
+
+    /// Replaces the message by what `write` puts into the body, and queues it. Nothing is queued if it overflows.
+    pub fn set(
+        &mut self,
+        header: Header,
+        write: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
+    ) -> Result<(), Overflow> {
+        self.clear();
+        self.len = write(&mut self.body)?.min(self.body.len());
+        self.header = Some(header);
+        self.next = Some(0);
+        Ok(())
+    }
+
+    /// The header of the message, if there is one.
+    #[must_use]
+    pub const fn header(&self) -> Option<&Header> {
+        self.header.as_ref()
+    }
+
+    /// Queues the message once more from its first fragment.
+    pub fn repeat(&mut self) {
+        if let Some(header) = &mut self.header {
+            header.serial = header.serial.wrapping_add(1);
+            self.next = Some(0);
+        }
+    }
+
+    /// Whether something is queued.
+    #[must_use]
+    pub const fn is_queued(&self) -> bool {
+        self.header.is_some() && self.next.is_some()
+    }
+
+    /// Forgets the message.
+    pub const fn clear(&mut self) {
+        self.header = None;
+        self.next = None;
+    }
+
+    /// Writes the next datagram and returns its length; none once all are written.
+    pub fn poll(&mut self, datagram: &mut [u8]) -> Option<usize> {
+        let (fragment, header) = (self.next?, self.header.as_ref()?);
+        let body = self.body.get(..self.len)?;
+        let mut header = *header;
+        if self.len <= FRAGMENT_LEN {
+            self.next = None;
+            return header.emit(body, datagram).ok();
+        }
+        let start = usize::from(fragment).saturating_mul(FRAGMENT_LEN);
+        let end = (start + FRAGMENT_LEN).min(self.len);
+        let part = body.get(start..end)?;
+        header.fragment = fragment;
+        header.serial = header.serial.wrapping_add(fragment);
+        header.flags |= flags::FRAGMENT | flags::NO_FRAGMENT_ACK;
+        let last = end == self.len;
+        if last {
+            header.flags |= flags::LAST_FRAGMENT;
+        }
+        self.next = if last { None } else { fragment.checked_add(1) };
+        header.emit(part, datagram).ok()
+    }
+}
+
+impl Default for Message {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What came of a PDU that may be a fragment.
+#[derive(Debug)]
+pub enum Received<'a> {
+    /// The body is whole.
+    Whole(&'a [u8]),
+    /// More fragments are to come.
+    Part,
+    /// The fragment does not follow the one before, or the body got too long: the call is dropped and its
+    /// repetition is awaited.
+    Refused,
+}
+
+/// Puts fragments of one call together, in their order. A new call takes the place of an unfinished one.
+#[derive(Debug)]
+pub struct Reassembly {
+    body: Box<[u8]>,
+    len: usize,
+    call: Option<Call>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Call {
+    kind: Kind,
+    activity: Uuid,
+    sequence: u32,
+    order: Order,
+    next: u16,
+}
+
+impl Reassembly {
+    /// No call yet. This is where the memory is taken; nothing later allocates.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, call: None }
+    }
+
+    /// Takes a PDU in. One that is not a fragment is whole by itself.
+    pub fn take<'a>(&'a mut self, header: &Header, body: &'a [u8]) -> Received<'a> {
+        if !header.is_fragment() {
+            return Received::Whole(body);
+        }
+        let Header { kind, activity, sequence, order, fragment, .. } = *header;
+        let same = self
+            .call
+            .is_some_and(|call| (call.kind, call.activity, call.sequence) == (kind, activity, sequence));
+        let mut call = match self.call {
+            Some(call) if same && fragment > 0 => call,
+            Some(call) if same && call.next == 1 => return Received::Part,
+            _ if fragment == 0 => {
+                self.len = 0;
+                Call { kind, activity, sequence, order, next: 0 }
+            }
+            _ => return Received::Refused,
+        };
+        if fragment < call.next {
+            return Received::Part;
+        }
+        let end = self.len.saturating_add(body.len());
+        let room = self.body.get_mut(self.len..end);
+        let (true, Some(room)) = (fragment == call.next && order == call.order, room) else {
+            self.call = None;
+            return Received::Refused;
+        };
+        room.copy_from_slice(body);
+        self.len = end;
+        call.next = call.next.saturating_add(1);
+        self.call = Some(call);
+        if header.flags & flags::LAST_FRAGMENT == 0 {
+            return Received::Part;
+        }
+        self.call = None;
+        self.body.get(..self.len).map_or(Received::Refused, Received::Whole)
+    }
+}
+
+impl Default for Reassembly {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+const _: () = assert!(HEADER_LEN + FRAGMENT_LEN <= 1400);

@@ -1,0 +1,117 @@
+//! How the cycle of an IOCR is agreed and told: send clock, reduction ratio, cycle counter.
+
+use machine::ethernet::Mac;
+use machine::{Duration, Instant};
+
+/// One count of the cycle counter, and of the send clock: 31.25 µs.
+const COUNT_NANOS: u64 = 31_250;
+
+/// The cycle counter at `at`: the clock in counts of 31.25 µs, 16 bits of it.
+#[must_use]
+pub const fn cycle_counter(at: Instant) -> u16 {
+    (at.as_nanos() / COUNT_NANOS) as u16
+}
+
+/// What carries the cyclic frames.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub enum Transport {
+    /// RT_CLASS_1: EtherType 0x8892.
+    Rt1,
+    /// RT_CLASS_UDP: UDP port 34962.
+    Udp,
+}
+
+impl Transport {
+    /// Shortest C_SDU in bytes: over Ethernet it fills the smallest frame.
+    #[must_use]
+    pub const fn min_c_sdu_len(self) -> usize {
+        match self {
+            Self::Rt1 => 40,
+            Self::Udp => 12,
+        }
+    }
+
+    /// Largest reduction ratio.
+    #[must_use]
+    pub const fn max_reduction_ratio(self) -> u16 {
+        match self {
+            Self::Rt1 => 512,
+            Self::Udp => 16_384,
+        }
+    }
+
+    /// Longest watchdog and data hold time.
+    #[must_use]
+    pub const fn max_hold_time(self) -> Duration {
+        match self {
+            Self::Rt1 => Duration::from_millis(1_920),
+            Self::Udp => Duration::from_millis(61_440),
+        }
+    }
+}
+
+/// Time from one frame of an IOCR to the next.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub struct CycleTime {
+    /// The send clock in counts of 31.25 µs: a power of two up to 128.
+    pub send_clock_factor: u16,
+    /// Every how many send clocks a frame is sent.
+    pub reduction_ratio: u16,
+}
+
+/// A cycle that no send clock and reduction ratio can express.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "a cycle of {} µs is not one that PROFINET has: over UDP, a power of two of 31.25 µs or whole ms up to 16384; \
+     over Ethernet, the first or a power of two of ms up to 512",
+    .0.as_nanos() as f64 / 1000.0
+)]
+pub struct UnfitCycle(pub Duration);
+
+impl CycleTime {
+    /// The factors of a cycle of `period`: at 1 ms and above the send clock is 1 ms, which every device has.
+    pub fn new(period: Duration, transport: Transport) -> Result<Self, UnfitCycle> {
+        let unfit = UnfitCycle(period);
+        let nanos = u64::try_from(period.as_nanos()).map_err(|_| unfit)?;
+        let counts = nanos / COUNT_NANOS;
+        let (clock, ratio) = if counts <= 32 { (counts, 1) } else { (32, counts / 32) };
+        let cycle = Self {
+            send_clock_factor: u16::try_from(clock).map_err(|_| unfit)?,
+            reduction_ratio: u16::try_from(ratio).map_err(|_| unfit)?,
+        };
+        let fits = cycle.period() == period
+            && cycle.send_clock_factor.is_power_of_two()
+            && (1..=transport.max_reduction_ratio()).contains(&cycle.reduction_ratio)
+            && (transport == Transport::Udp || cycle.reduction_ratio.is_power_of_two());
+        if fits { Ok(cycle) } else { Err(unfit) }
+    }
+
+    /// Time from one frame to the next, in counts of the cycle counter.
+    #[must_use]
+    pub const fn counts(self) -> u32 {
+        self.send_clock_factor as u32 * self.reduction_ratio as u32
+    }
+
+    /// Time from one frame to the next.
+    #[must_use]
+    pub const fn period(self) -> Duration {
+        Duration::from_nanos(COUNT_NANOS * self.counts() as u64)
+    }
+
+    /// `factor` cycles, as a watchdog or a data hold time.
+    #[must_use]
+    pub fn times(self, factor: u16) -> Duration {
+        self.period().saturating_mul(u32::from(factor))
+    }
+
+    /// When a station with this address sends first after `now`: on the grid of its clock, shifted by its address so
+    /// that stations which started together do not all send at once.
+    #[must_use]
+    pub fn first(self, now: Instant, mac: Mac) -> Instant {
+        let [.., low] = mac.0;
+        let period = u64::try_from(self.period().as_nanos()).unwrap_or(u64::MAX).max(COUNT_NANOS);
+        let phase = u64::from(low) * COUNT_NANOS % period;
+        let grid = now.as_nanos() / period * period;
+        Instant::from_nanos(grid.saturating_add(phase)).next_on_grid(self.period(), now).0
+    }
+}

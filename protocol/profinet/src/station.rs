@@ -1,0 +1,392 @@
+//! The station as DCP sees it: its name, its address, and the answers to Identify, Get and Set.
+
+use alloc::vec::Vec;
+use core::net::Ipv4Addr;
+
+use crate::ETHER_TYPE;
+use crate::dcp::{
+    self, Block, BlockError, Code, Content, IpSuite, MAX_NAME_LEN, Pdu, Service, response_delay,
+};
+use crate::description::Description;
+use machine::ethernet::{EthernetHeader, Mac};
+use machine::{Duration, Instant};
+
+/// Blocks that one Set or Get can name; what comes after them is not answered.
+const MOST_BLOCKS: usize = 16;
+
+/// Answers that can wait at a time.
+const MOST_REPLIES: usize = 8;
+
+/// How long the owner has to put an address on the interface. Who asked has given up by then.
+const ADDRESS_TIME: Duration = Duration::from_secs(3);
+
+/// Role of an IO-Device, which takes its name and address from others.
+const IO_DEVICE: u8 = 1;
+/// Role of an IO-Controller, which has its name and address from its own configuration.
+const IO_CONTROLLER: u8 = 2;
+
+/// The options that can be read or set, as Identify lists them.
+const OPTIONS: [u8; 22] = [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 5, 1, 5, 2, 5, 3, 5, 6];
+
+/// Name and address of a device or a controller.
+#[derive(Debug)]
+pub(super) struct Station {
+    mac: Mac,
+    role: u8,
+    description: Description,
+    name: Vec<u8>,
+    factory_name: Vec<u8>,
+    ip: IpSuite,
+    replies: [Option<Reply>; MOST_REPLIES],
+    /// When the first of them is due.
+    reply_due: Option<Instant>,
+    setting: Option<Setting>,
+}
+
+/// An answer that waits to be sent.
+#[derive(Clone, Copy, Debug)]
+struct Reply {
+    to: Mac,
+    xid: u32,
+    due: Instant,
+    service: Service,
+    results: Results,
+}
+
+/// What became of each block of a Set, or which ones a Get wants.
+#[derive(Clone, Copy, Debug)]
+struct Results {
+    entries: [(Code, BlockError); MOST_BLOCKS],
+    len: usize,
+}
+
+impl Results {
+    const NONE: Self = Self { entries: [(Code::ALL, BlockError::None); MOST_BLOCKS], len: 0 };
+
+    fn push(&mut self, code: Code, error: BlockError) {
+        if let Some(entry) = self.entries.get_mut(self.len) {
+            *entry = (code, error);
+            self.len += 1;
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (Code, BlockError)> {
+        self.entries.iter().take(self.len).copied()
+    }
+}
+
+/// A Set of the address that the owner has not finished yet.
+#[derive(Clone, Copy, Debug)]
+struct Setting {
+    reply: Reply,
+    suite: IpSuite,
+    deadline: Instant,
+}
+
+/// What follows from a DCP PDU for the rest of the device.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(super) struct Effect {
+    /// The owner is to put this address on the interface.
+    pub(super) address: Option<IpSuite>,
+    /// The station has another name now.
+    pub(super) renamed: bool,
+    /// The station was reset.
+    pub(super) reset: bool,
+}
+
+/// Why a DCP PDU was not taken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Refusal {
+    /// It broke the format.
+    Malformed,
+    /// It is not for this station, or there is no room for the answer.
+    Foreign,
+}
+
+impl Station {
+    /// The station of an IO-Device, which DCP may name and address.
+    pub(super) fn device(mac: Mac, description: Description, name: &[u8], ip: Option<IpSuite>) -> Self {
+        Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS))
+    }
+
+    /// The station of an IO-Controller, which DCP can find and read but not set.
+    pub(super) fn controller(mac: Mac, description: Description, name: &[u8], ip: IpSuite) -> Self {
+        Self::new(mac, IO_CONTROLLER, description, name, ip)
+    }
+
+    fn new(mac: Mac, role: u8, description: Description, name: &[u8], ip: IpSuite) -> Self {
+        let name = name.get(..MAX_NAME_LEN).unwrap_or(name);
+        // Room for the longest name, so that a Set does not allocate.
+        let mut own = Vec::with_capacity(MAX_NAME_LEN);
+        own.extend_from_slice(name);
+        Self {
+            mac,
+            role,
+            description,
+            name: own,
+            factory_name: name.to_vec(),
+            ip,
+            replies: [None; MOST_REPLIES],
+            reply_due: None,
+            setting: None,
+        }
+    }
+
+    pub(super) fn name(&self) -> &[u8] {
+        &self.name
+    }
+
+    pub(super) const fn ip(&self) -> IpSuite {
+        self.ip
+    }
+
+    /// Takes a DCP PDU from an Ethernet frame.
+    pub(super) fn handle_frame(
+        &mut self,
+        now: Instant,
+        header: &EthernetHeader,
+        payload: &[u8],
+    ) -> Result<Effect, Refusal> {
+        let pdu = Pdu::parse(payload).map_err(|_| Refusal::Malformed)?;
+        let reply =
+            Reply { to: header.source, xid: pdu.xid, due: now, service: pdu.service, results: Results::NONE };
+        if header.source.is_group() {
+            return Err(Refusal::Malformed);
+        }
+        match pdu.service {
+            Service::IdentifyRequest => {
+                if !self.is_meant(&pdu)? {
+                    return Err(Refusal::Foreign);
+                }
+                let due = now + response_delay(self.mac, pdu.response_delay_factor);
+                self.queue(Reply { due, service: Service::IdentifyResponse, ..reply })?;
+                Ok(Effect::default())
+            }
+            Service::GetRequest if header.destination == self.mac => {
+                let mut results = Results::NONE;
+                pdu.wanted().for_each(|code| results.push(code, self.get_error(code)));
+                self.queue(Reply { service: Service::GetResponse, results, ..reply })?;
+                Ok(Effect::default())
+            }
+            Service::SetRequest if header.destination == self.mac => {
+                self.set(now, &pdu, Reply { service: Service::SetResponse, ..reply })
+            }
+            _ => Err(Refusal::Foreign),
+        }
+    }
+
+    /// Whether an Identify request asks for this station: all of its blocks match.
+    fn is_meant(&self, pdu: &Pdu<'_>) -> Result<bool, Refusal> {
+        let mut any = false;
+        for block in pdu.blocks() {
+            let block = block.map_err(|_| Refusal::Malformed)?;
+            any = true;
+            let identity = self.description.identity;
+            let matches = match block.content {
+                Content::All => true,
+                Content::NameOfStation(name) => name == self.name,
+                Content::TypeOfStation(text) => text == self.description.station_type.as_bytes(),
+                Content::DeviceId { vendor, device } => {
+                    (vendor, device) == (identity.vendor, identity.device)
+                }
+                Content::DeviceRole(roles) => roles & self.role != 0,
+                Content::DeviceOptions(options) => options == OPTIONS,
+                Content::MacAddress(mac) => mac == self.mac,
+                Content::Ip(suite) => suite == self.ip,
+                _ => false,
+            };
+            if !matches {
+                return Ok(false);
+            }
+        }
+        if any { Ok(true) } else { Err(Refusal::Malformed) }
+    }
+
+    fn get_error(&self, code: Code) -> BlockError {
+        match self.block(code) {
+            Some(_) => BlockError::None,
+            None if matches!(code.0 >> 8, 1 | 2 | 5) => BlockError::SuboptionNotSupported,
+            None => BlockError::OptionNotSupported,
+        }
+    }
+
+    fn set(&mut self, now: Instant, pdu: &Pdu<'_>, mut reply: Reply) -> Result<Effect, Refusal> {
+        if self.setting.is_some_and(|setting| (setting.reply.xid, setting.reply.to) == (reply.xid, reply.to))
+        {
+            // A repetition of what is being done.
+            return Ok(Effect::default());
+        }
+        // All blocks must be readable before any is carried out.
+        if pdu.blocks().any(|block| block.is_err()) {
+            return Err(Refusal::Malformed);
+        }
+        let mut effect = Effect::default();
+        for block in pdu.blocks().flatten() {
+            let error = match block.content {
+                _ if self.role == IO_CONTROLLER && matches!(block.code().0 >> 8, 1 | 2) => {
+                    BlockError::NotPossible
+                }
+                Content::FactoryReset | Content::ResetToFactory if self.role == IO_CONTROLLER => {
+                    BlockError::NotPossible
+                }
+                Content::Ip(suite) if suite == self.ip => BlockError::None,
+                Content::Ip(suite) if !is_allowed(suite) => BlockError::SuboptionNotSet,
+                Content::Ip(_) if self.setting.is_some() || effect.address.is_some() => BlockError::Resource,
+                Content::Ip(suite) => {
+                    effect.address = Some(suite);
+                    BlockError::None
+                }
+                Content::NameOfStation(name) if !is_station_name(name) => BlockError::SuboptionNotSet,
+                Content::NameOfStation(name) => {
+                    effect.renamed |= self.rename(name);
+                    BlockError::None
+                }
+                Content::FactoryReset | Content::ResetToFactory => {
+                    effect.reset = true;
+                    let name = core::mem::take(&mut self.factory_name);
+                    effect.renamed |= self.rename(&name);
+                    self.factory_name = name;
+                    BlockError::None
+                }
+                Content::Start | Content::End | Content::Signal(_) => BlockError::None,
+                _ if matches!(block.code().0 >> 8, 1 | 2 | 5) => BlockError::SuboptionNotSupported,
+                _ => BlockError::OptionNotSupported,
+            };
+            reply.results.push(block.code(), error);
+        }
+        match effect.address {
+            Some(suite) => self.setting = Some(Setting { reply, suite, deadline: now + ADDRESS_TIME }),
+            None => self.queue(reply)?,
+        }
+        Ok(effect)
+    }
+
+    fn rename(&mut self, name: &[u8]) -> bool {
+        if self.name == name {
+            return false;
+        }
+        self.name.clear();
+        self.name.extend_from_slice(name.get(..MAX_NAME_LEN).unwrap_or(name));
+        true
+    }
+
+    /// The owner put the address on the interface, or could not. Returns whether the address is another one now.
+    pub(super) fn address_set(&mut self, now: Instant, done: bool) -> bool {
+        let Some(Setting { mut reply, suite, .. }) = self.setting.take() else { return false };
+        if done {
+            self.ip = suite;
+        } else {
+            let address = reply
+                .results
+                .entries
+                .iter_mut()
+                .filter(|(code, error)| *code == Code::IP && *error == BlockError::None);
+            address.for_each(|(_, error)| *error = BlockError::NotPossible);
+        }
+        reply.due = now;
+        // Without room for the answer the controller asks again and is answered at once.
+        let _ = self.queue(reply);
+        done
+    }
+
+    fn queue(&mut self, reply: Reply) -> Result<(), Refusal> {
+        let place = self.replies.iter_mut().find(|place| place.is_none()).ok_or(Refusal::Foreign)?;
+        *place = Some(reply);
+        self.reply_due = Instant::earlier(self.reply_due, Some(reply.due));
+        Ok(())
+    }
+
+    pub(super) fn handle_timeout(&mut self, now: Instant) {
+        if self.setting.as_ref().is_some_and(|setting| now >= setting.deadline) {
+            self.setting = None;
+        }
+    }
+
+    pub(super) fn poll_timeout(&self) -> Option<Instant> {
+        Instant::earlier(self.reply_due, self.setting.as_ref().map(|setting| setting.deadline))
+    }
+
+    /// Writes the next answer that is due, as an Ethernet frame; returns its length.
+    pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
+        self.reply_due.filter(|due| *due <= now)?;
+        let is_due = |reply: &Option<Reply>| reply.as_ref().is_some_and(|reply| reply.due <= now);
+        let index = self.replies.iter().position(is_due)?;
+        let reply = self.replies.get_mut(index)?.take()?;
+        self.reply_due = self.replies.iter().flatten().map(|reply| reply.due).min();
+        let header =
+            EthernetHeader { destination: reply.to, source: self.mac, tag: None, ether_type: ETHER_TYPE };
+        let emitted = header.emit(buf, |writer| match reply.service {
+            Service::IdentifyResponse => {
+                let codes = [
+                    Code::IP,
+                    Code::TYPE_OF_STATION,
+                    Code::NAME_OF_STATION,
+                    Code::DEVICE_ID,
+                    Code::DEVICE_ROLE,
+                    Code::DEVICE_OPTIONS,
+                ];
+                let blocks = codes.into_iter().filter_map(|code| self.block(code));
+                dcp::emit(writer, reply.service, reply.xid, 0, blocks);
+            }
+            Service::GetResponse => {
+                let blocks = reply.results.iter().map(|(code, error)| match self.block(code) {
+                    Some(block) if error == BlockError::None => block,
+                    _ => Content::Response { code, error }.into(),
+                });
+                dcp::emit(writer, reply.service, reply.xid, 0, blocks);
+            }
+            _ => {
+                let blocks =
+                    reply.results.iter().map(|(code, error)| Content::Response { code, error }.into());
+                dcp::emit(writer, reply.service, reply.xid, 0, blocks);
+            }
+        });
+        emitted.ok()
+    }
+
+    /// The block that tells an option's value.
+    fn block(&self, code: Code) -> Option<Block<'_>> {
+        let identity = self.description.identity;
+        let content = match code {
+            Code::MAC_ADDRESS => Content::MacAddress(self.mac),
+            Code::IP => {
+                let qualifier = u16::from(!self.ip.address.is_unspecified());
+                return Some(Block { qualifier, content: Content::Ip(self.ip) });
+            }
+            Code::TYPE_OF_STATION => Content::TypeOfStation(self.description.station_type.as_bytes()),
+            Code::NAME_OF_STATION => Content::NameOfStation(&self.name),
+            Code::DEVICE_ID => Content::DeviceId { vendor: identity.vendor, device: identity.device },
+            Code::DEVICE_ROLE => Content::DeviceRole(self.role),
+            Code::DEVICE_OPTIONS => Content::DeviceOptions(&OPTIONS),
+            _ => return None,
+        };
+        Some(content.into())
+    }
+}
+
+/// No address is set.
+const NO_ADDRESS: IpSuite =
+    IpSuite { address: Ipv4Addr::UNSPECIFIED, mask: Ipv4Addr::UNSPECIFIED, gateway: Ipv4Addr::UNSPECIFIED };
+
+/// Whether a station can have this address: a host's, or none at all, with a mask without gaps.
+fn is_allowed(suite: IpSuite) -> bool {
+    let IpSuite { address, mask, .. } = suite;
+    let mask = u32::from(mask);
+    let contiguous = mask.leading_ones() + mask.trailing_zeros() >= 32;
+    let host = !(address.is_loopback() || address.is_multicast() || address.is_broadcast());
+    contiguous && (suite == NO_ADDRESS || host && !address.is_unspecified() && address.octets()[0] < 224)
+}
+
+/// Whether DCP allows this name: labels of lower-case letters, digits and hyphens, up to 63 bytes each, separated by
+/// dots, up to 240 bytes in all; or no name (IEC 61158-6-10, NameOfStationValue).
+#[must_use]
+pub fn is_station_name(name: &[u8]) -> bool {
+    let label = |label: &[u8]| {
+        let inner = |byte: &u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || *byte == b'-';
+        (1..=63).contains(&label.len())
+            && label.iter().all(inner)
+            && label.first() != Some(&b'-')
+            && label.last() != Some(&b'-')
+    };
+    name.is_empty() || name.len() <= MAX_NAME_LEN && name.split(|byte| *byte == b'.').all(label)
+}

@@ -1,0 +1,438 @@
+//! The driver without time: two machines, a cable, and a queue of what arrives next.
+//!
+//! The same seed gives the same nanoseconds on every machine. Each side has a clock of its own with an offset and a
+//! drift, since the cycles of a PLC, a bus and a robot are not synchronised with each other. CPU time is zero here;
+//! what a scan costs is the machine's own setting. TCP is an ordered byte stream: cut into pieces of random sizes,
+//! late where a datagram would be lost, broken where the cable stays cut.
+
+#![cfg_attr(not(test), no_std)]
+#![warn(clippy::indexing_slicing)]
+
+extern crate alloc;
+
+mod clock;
+mod in_flight;
+mod link;
+mod stream;
+mod tap;
+
+pub use clock::Clock;
+pub use link::{Fate, Impairment, Link, LinkCounters};
+pub use tap::{Carrier, Segment, Tapped};
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use clock::Reading;
+use in_flight::{Delivery, InFlight, InFlights};
+use link::flip;
+use machine::wire::FRAME_CAPACITY;
+use machine::{Instant, Machine, Port, Source, Transmit};
+use stream::Streams;
+use tap::{Label, Tap};
+
+/// One of the two machines of a [`Pair`].
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Side {
+    /// The first one; by convention the PLC.
+    A,
+    /// The second one; by convention the robot.
+    B,
+}
+
+impl Side {
+    /// 0 for A, 1 for B: its place where there is something for each side.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::A => 0,
+            Self::B => 1,
+        }
+    }
+
+    /// The other side.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::A => Self::B,
+            Self::B => Self::A,
+        }
+    }
+}
+
+/// An event of one of the two machines.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Event<A, B> {
+    /// Of the first machine.
+    A(A),
+    /// Of the second machine.
+    B(B),
+}
+
+/// Everything about a [`Pair`] that is not its machines.
+#[derive(Clone, Copy, Debug)]
+pub struct PairConfig {
+    /// Seed of the links' random streams.
+    pub seed: u64,
+    /// Clocks of both sides.
+    pub clocks: [Clock; 2],
+    /// What the cable does to frames that A, and that B, sends.
+    pub links: [Impairment; 2],
+    /// IP addresses that the sides have from the start.
+    pub addresses: [Option<Ipv4Addr>; 2],
+}
+
+/// A side as the driver keeps it beside its machine.
+#[derive(Debug)]
+struct Station {
+    clock: Reading,
+    link: Link,
+    address: Option<Ipv4Addr>,
+    /// The machine's next timeout by its own clock.
+    local_timeout: Option<Instant>,
+    /// The same in true time.
+    timeout: Option<Instant>,
+    alive: bool,
+}
+
+/// Two machines on one cable, in virtual time.
+pub struct Pair<A: Machine, B: Machine> {
+    a: A,
+    b: B,
+    now: Instant,
+    stations: [Station; 2],
+    in_flight: InFlights,
+    streams: Streams,
+    /// What the machines write into, and buffers that take its place when it is sent away with a frame.
+    buf: Box<[u8]>,
+    spare_bufs: Vec<Box<[u8]>>,
+    events: VecDeque<Event<A::Event, B::Event>>,
+    tap: Option<Tap>,
+}
+
+impl<A: Machine, B: Machine> Pair<A, B> {
+    /// Puts two machines on a cable at true time zero.
+    pub fn new(a: A, b: B, config: PairConfig) -> Self {
+        let PairConfig {
+            seed,
+            clocks: [clock_a, clock_b],
+            links: [link_a, link_b],
+            addresses: [address_a, address_b],
+        } = config;
+        let station = |clock, impairment, address, stream| Station {
+            clock: Reading::new(clock),
+            link: Link::new(impairment, seed, stream),
+            address,
+            local_timeout: None,
+            timeout: None,
+            alive: true,
+        };
+        let mut pair = Self {
+            a,
+            b,
+            now: Instant::ZERO,
+            stations: [station(clock_a, link_a, address_a, 0), station(clock_b, link_b, address_b, 1)],
+            in_flight: InFlights::default(),
+            streams: Streams::new(seed),
+            buf: new_buf(),
+            spare_bufs: Vec::new(),
+            events: VecDeque::new(),
+            tap: None,
+        };
+        for side in [Side::A, Side::B] {
+            pair.settle(side, pair.local_time(side));
+        }
+        pair
+    }
+
+    /// True time.
+    #[must_use]
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// What a side's clock shows now.
+    #[must_use]
+    pub fn local_time(&self, side: Side) -> Instant {
+        let [a, b] = &self.stations;
+        match side {
+            Side::A => a.clock.clock().local_time(self.now),
+            Side::B => b.clock.clock().local_time(self.now),
+        }
+    }
+
+    /// The first machine.
+    #[must_use]
+    pub const fn a(&self) -> &A {
+        &self.a
+    }
+
+    /// The second machine.
+    #[must_use]
+    pub const fn b(&self) -> &B {
+        &self.b
+    }
+
+    /// Gives a command to the first machine; `now` is its own clock's.
+    pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
+        let local = self.local_time(Side::A);
+        let result = command(&mut self.a, local);
+        self.settle(Side::A, local);
+        result
+    }
+
+    /// Gives a command to the second machine; `now` is its own clock's.
+    pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
+        let local = self.local_time(Side::B);
+        let result = command(&mut self.b, local);
+        self.settle(Side::B, local);
+        result
+    }
+
+    /// Gives a side an IP address, as its operating system would.
+    pub fn set_address(&mut self, side: Side, address: Option<Ipv4Addr>) {
+        self.station(side).address = address;
+    }
+
+    /// Changes what the cable does to the frames that `side` sends.
+    pub fn set_impairment(&mut self, side: Side, impairment: Impairment) {
+        self.station(side).link.set_impairment(impairment);
+    }
+
+    /// Cuts the cable, both ways, or mends it. Datagrams in flight are lost when it is cut; bytes of a stream wait
+    /// for it to be mended, until the stream's ends give up.
+    pub fn set_cut(&mut self, cut: bool) {
+        for station in &mut self.stations {
+            station.link.set_cut(cut);
+        }
+        if cut { self.hold_streams() } else { self.resume_streams() }
+    }
+
+    /// Kills a node: it neither receives nor sends from now on.
+    pub fn kill(&mut self, side: Side) {
+        let station = self.station(side);
+        station.alive = false;
+        station.timeout = None;
+    }
+
+    /// What the cable did to the frames that `side` sent.
+    #[must_use]
+    pub fn link_counters(&self, side: Side) -> LinkCounters {
+        let [a, b] = &self.stations;
+        match side {
+            Side::A => a.link.counters(),
+            Side::B => b.link.counters(),
+        }
+    }
+
+    /// Runs until a machine has an event, or to `until` of true time, whichever is first.
+    pub fn next_event(&mut self, until: Instant) -> Option<Event<A::Event, B::Event>> {
+        loop {
+            if let Some(event) = self.events.pop_front() {
+                return Some(event);
+            }
+            if !self.step(until) {
+                self.now = self.now.max(until);
+                return None;
+            }
+        }
+    }
+
+    /// Does what happens next, unless that is after `until`. Returns whether something happened.
+    fn step(&mut self, until: Instant) -> bool {
+        let [a, b] = &self.stations;
+        let arrival = self.in_flight.next_arrival();
+        let timeout = match (a.timeout, b.timeout) {
+            (Some(of_a), Some(of_b)) if of_b < of_a => Some((of_b, Side::B)),
+            (Some(of_a), _) => Some((of_a, Side::A)),
+            (None, of_b) => of_b.map(|of_b| (of_b, Side::B)),
+        };
+        match (arrival, timeout) {
+            (Some(arrives), timeout) if timeout.is_none_or(|(at, _)| arrives <= at) => {
+                if arrives > until {
+                    return false;
+                }
+                self.now = self.now.max(arrives);
+                self.deliver();
+                true
+            }
+            (_, Some((at, side))) => {
+                if at > until {
+                    return false;
+                }
+                self.now = self.now.max(at);
+                let local = self.read_clock(side);
+                match side {
+                    Side::A => self.a.handle_timeout(local),
+                    Side::B => self.b.handle_timeout(local),
+                }
+                self.settle(side, local);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    fn deliver(&mut self) {
+        let Some(InFlight { to: side, delivery, .. }) = self.in_flight.pop() else { return };
+        let (port, peer, label, buf, len) = match delivery {
+            Delivery::Frame { port, peer, label, buf, len } => (port, peer, label, buf, len),
+            delivery => return self.deliver_stream(side, delivery),
+        };
+        let frame = buf.get(..len).unwrap_or_default();
+        self.tap_arrival(side, label, frame);
+        let to = match label.carrier {
+            Carrier::Udp { to, .. } => Some(*to.ip()),
+            _ => None,
+        };
+        if self.station(side).alive && self.wants(side, port) && self.belongs(side, port, to) {
+            let local = self.read_clock(side);
+            let source = Source { port, peer };
+            match (side, to.is_some_and(|to| to.is_broadcast())) {
+                (Side::A, false) => self.a.handle_frame(local, source, frame),
+                (Side::B, false) => self.b.handle_frame(local, source, frame),
+                (Side::A, true) => self.a.handle_broadcast(local, source, frame),
+                (Side::B, true) => self.b.handle_broadcast(local, source, frame),
+            }
+            self.settle(side, local);
+        }
+        self.spare_bufs.push(buf);
+    }
+
+    /// Whether a datagram is for this side: a multicast is for those that joined its group.
+    fn belongs(&self, side: Side, port: Port, to: Option<Ipv4Addr>) -> bool {
+        let Some(group) = to.filter(Ipv4Addr::is_multicast) else { return true };
+        let joined = match side {
+            Side::A => self.a.group(port),
+            Side::B => self.b.group(port),
+        };
+        joined == Some(group)
+    }
+
+    /// Follows the contract after a mutation: drains frames and events, then reads the timeout. `local` is what the
+    /// side's clock shows now.
+    fn settle(&mut self, side: Side, local: Instant) {
+        if !self.station(side).alive {
+            return;
+        }
+        loop {
+            let transmit = match side {
+                Side::A => self.a.poll_transmit(local, &mut self.buf),
+                Side::B => self.b.poll_transmit(local, &mut self.buf),
+            };
+            let Some(transmit) = transmit else { break };
+            self.send(side, transmit);
+        }
+        loop {
+            let request = match side {
+                Side::A => self.a.poll_stream(),
+                Side::B => self.b.poll_stream(),
+            };
+            let Some(request) = request else { break };
+            self.request_stream(side, request);
+        }
+        match side {
+            Side::A => {
+                while let Some(event) = self.a.poll_event() {
+                    self.events.push_back(Event::A(event));
+                }
+            }
+            Side::B => {
+                while let Some(event) = self.b.poll_event() {
+                    self.events.push_back(Event::B(event));
+                }
+            }
+        }
+        let timeout = match side {
+            Side::A => self.a.poll_timeout(),
+            Side::B => self.b.poll_timeout(),
+        };
+        let station = self.station(side);
+        // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
+        if timeout != station.local_timeout {
+            station.local_timeout = timeout;
+            station.timeout = timeout.map(|due| station.clock.true_time(due));
+        }
+    }
+
+    fn send(&mut self, from: Side, Transmit { port, to, len }: Transmit) {
+        if let Port::Stream(id) = port {
+            return self.send_stream(from, id, len);
+        }
+        let now = self.now;
+        let dscp = self.dscp(from, port);
+        let [a, b] = &mut self.stations;
+        let (sender, receiver) = match from {
+            Side::A => (a, b),
+            Side::B => (b, a),
+        };
+        let (port, peer, carrier) = match (port, to) {
+            (Port::Udp(local), Some(to)) => {
+                let known = receiver.address.is_some_and(|address| address == *to.ip())
+                    || to.ip().is_broadcast()
+                    || to.ip().is_multicast();
+                let Some(source) = sender.address.filter(|_| known) else { return };
+                let source = SocketAddrV4::new(source, local);
+                (Port::Udp(to.port()), Some(source), Carrier::Udp { source, to })
+            }
+            (port, _) => (port, None, Carrier::Ethernet),
+        };
+        let (fate, arrives) = sender.link.decide(now, len);
+        let label = Label { carrier, dscp, fate };
+        if let Some(tap) = &mut self.tap {
+            let frame = self.buf.get(..len).unwrap_or_default();
+            tap.see(Tapped { at: now, end: from, from, carrier, dscp, fate, frame });
+        }
+        let Some(arrives) = arrives else { return };
+        let mut buf = self.take_buf();
+        if let Some(bit) = fate.flipped_bit {
+            flip(&mut buf, bit);
+        }
+        let second = fate.duplicated.then(|| holding(self.spare_bufs.pop(), buf.get(..len)));
+        let delivery = |buf| Delivery::Frame { port, peer, label, buf, len };
+        self.in_flight.push(arrives, from.other(), delivery(buf));
+        if let Some(second) = second {
+            self.in_flight.push(arrives, from.other(), delivery(second));
+        }
+    }
+
+    /// The buffer with what a machine wrote, for its way; another one takes its place.
+    fn take_buf(&mut self) -> Box<[u8]> {
+        let spare = self.spare_bufs.pop().unwrap_or_else(new_buf);
+        core::mem::replace(&mut self.buf, spare)
+    }
+
+    /// [`local_time`](Self::local_time), for every step.
+    fn read_clock(&mut self, side: Side) -> Instant {
+        let now = self.now;
+        self.station(side).clock.local_time(now)
+    }
+
+    fn station(&mut self, side: Side) -> &mut Station {
+        let [a, b] = &mut self.stations;
+        match side {
+            Side::A => a,
+            Side::B => b,
+        }
+    }
+}
+
+fn new_buf() -> Box<[u8]> {
+    vec![0; FRAME_CAPACITY].into_boxed_slice()
+}
+
+/// A buffer, new if there is no spare one, that begins with these bytes.
+fn holding(spare: Option<Box<[u8]>>, bytes: Option<&[u8]>) -> Box<[u8]> {
+    let mut buf = spare.unwrap_or_else(new_buf);
+    let bytes = bytes.unwrap_or_default();
+    if let Some(start) = buf.get_mut(..bytes.len()) {
+        start.copy_from_slice(bytes);
+    }
+    buf
+}
+
+#[cfg(test)]
+mod tests;
