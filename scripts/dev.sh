@@ -88,7 +88,12 @@ built() {
     "${CARGO_TARGET_DIR:-target}/debug/$1" "${@:2}"
 }
 
-verb_test() { #: the README's test command
+verb_docs() { #: every link of the documentation leads somewhere, every command shown in it runs (real mode: as root)
+    build
+    scripts/docs.sh
+}
+
+verb_test() { #: the workspace's tests
     cargo test --workspace --all-features --locked --no-fail-fast
 }
 
@@ -324,7 +329,7 @@ demo_up() {
     demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$1"
 }
 
-verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of each type (as root)
+verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, REPS=1 of each type (as root)
     export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci
     export SETUP RUNS BENCH_USER=65534:65534
     trap demo_end EXIT
@@ -346,7 +351,7 @@ verb_demo() { #: the containers of the README for real, Setup A and B, REPS=1 of
 }
 
 verb_ci() { #: all of it but setup and timing
-    for verb in format lint purity test browser gate instructions wire user interop demo; do
+    for verb in format lint purity test docs browser gate instructions wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

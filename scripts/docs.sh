@@ -1,0 +1,237 @@
+#!/usr/bin/env bash
+# Checks the documentation: every link leads somewhere, and every command shown does what it says.
+#
+#   scripts/docs.sh            self-test, links, commands
+#   scripts/docs.sh self-test  show that the checks below find a broken link and a failing command
+#   scripts/docs.sh links      relative links and #anchors of every tracked *.md
+#   scripts/docs.sh commands [FILE...]
+#                              run every block tagged ```sh of README.md and docs/, or of these files
+#
+# The blocks of one file run in order in one new copy of the repository. `cargo run -p PROGRAM -- ARGUMENT...` runs
+# PROGRAM as it is built in target/debug. A block that cannot run in CI is tagged ```console or ```text.
+# shellcheck disable=SC2016 # what stands in single quotes is awk, sed and Markdown
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export LC_ALL=C.UTF-8 # so that a letter is a letter in anchors
+export PROGRAMS="${CARGO_TARGET_DIR:-$PWD/target}/debug"
+
+# How long one block may take, in s.
+LONGEST=300
+
+# prose FILE: its lines with their numbers, without fenced blocks.
+prose() {
+    awk '
+        match($0, /^ *(```+|~~~+)/) {
+            mark = substr($0, RSTART, RLENGTH); gsub(/ /, "", mark)
+            if (fence == "") { fence = mark; next }
+            if (substr(mark, 1, length(fence)) == fence) { fence = ""; next }
+        }
+        fence == "" { print NR ":" $0 }
+    ' "$1"
+}
+
+# links FILE: its links as LINE:TARGET, from [text](target), [name]: target and src="target"; code is no link.
+links() {
+    prose "$1" | sed -E 's/`[^`]*`//g' | awk '
+        {
+            at = index($0, ":"); line = substr($0, 1, at - 1); rest = substr($0, at + 1)
+            if (match(rest, /^ *\[[^]^][^]]*\]: +[^ ]+/)) {
+                target = substr(rest, RSTART, RLENGTH); sub(/^ *\[[^]]*\]: +/, "", target); print line ":" target
+            }
+            while (match(rest, /\]\([^) ]+|src="[^"]+/)) {
+                target = substr(rest, RSTART, RLENGTH); rest = substr(rest, RSTART + RLENGTH)
+                sub(/^(\]\(|src=")/, "", target); print line ":" target
+            }
+        }'
+}
+
+# anchors FILE: the anchors of its headings as GitHub makes them, and those that are written as HTML.
+anchors() {
+    local line text slug
+    local -A seen=()
+    while IFS= read -r line; do
+        text=${line#*:}
+        [[ $text =~ ^#{1,6}\ +(.*)$ ]] || continue
+        text=$(sed -E 's/\[([^]]*)\]\([^)]*\)/\1/g; s/ +#* *$//' <<<"${BASH_REMATCH[1]}")
+        slug=${text,,}
+        slug=${slug//[^[:alnum:] _-]/}
+        slug=${slug// /-}
+        if [ -n "${seen[$slug]:-}" ]; then
+            echo "$slug-${seen[$slug]}"
+        else
+            echo "$slug"
+        fi
+        seen[$slug]=$((${seen[$slug]:-0} + 1))
+    done < <(prose "$1")
+    grep -oE '(id|name)="[^"]+"' "$1" | sed -E 's/^[^"]*"//; s/"$//' || true
+}
+
+# broken_links DIRECTORY FILE...: prints each link of these files that leads nowhere; fails where there is one.
+broken_links() {
+    local directory=$1 file link target path anchor status=0
+    for file in "${@:2}"; do
+        while IFS= read -r link; do
+            target=${link#*:}
+            [[ $target =~ ^[a-z][a-z+.-]*: ]] && continue # another scheme: not ours to check
+            path=${target%%#*}
+            anchor=
+            [[ $target == *#* ]] && anchor=${target#*#}
+            if [ -z "$path" ]; then
+                path=$directory/$file
+            elif [[ $path == /* ]]; then
+                path=$directory$path
+            else
+                path=$(dirname "$directory/$file")/$path
+            fi
+            if [ ! -e "$path" ]; then
+                echo "$file:${link%%:*}: there is no $target"
+                status=1
+            elif [ -n "$anchor" ] && [[ $path == *.md ]] && ! grep -qxF -- "$anchor" <<<"$(anchors "$path")"; then
+                echo "$file:${link%%:*}: $path has no heading with the anchor #$anchor"
+                status=1
+            fi
+        done < <(links "$directory/$file")
+    done
+    return "$status"
+}
+
+# split_blocks FILE DIRECTORY: writes each block tagged `sh` to DIRECTORY/LINE.sh, LINE being where it begins.
+split_blocks() {
+    awk -v directory="$2" '
+        /^ *```/ && out != "" { close(out); out = ""; next }
+        /^ *```sh *$/ { out = sprintf("%s/%05d.sh", directory, NR + 1); printf "" > out; next }
+        out != "" { print > out }
+    ' "$1"
+}
+
+# cargo: what stands in for cargo in a block. The programs are built already, with all features.
+cargo() {
+    local program='' command="cargo $*"
+    if [ "${1:-}" = run ]; then
+        shift
+        while [ $# -gt 0 ]; do
+            case $1 in
+                -p | --package) program=$2; shift 2 ;;
+                --features) shift 2 ;;
+                --release | --quiet | -q) shift ;;
+                --) shift; break ;;
+                *) program=; break ;;
+            esac
+        done
+        if [ -n "$program" ] && [ -x "$PROGRAMS/$program" ]; then
+            "$PROGRAMS/$program" "$@"
+            return
+        fi
+    fi
+    echo "a documented command may be \`cargo run -p PROGRAM -- ARGUMENT...\` with a program in $PROGRAMS, not: $command" >&2
+    return 1
+}
+
+# failing_blocks FILE DIRECTORY: runs the blocks of the file in the directory, in order; says which one fails.
+failing_blocks() {
+    local blocks block line count=0 status=0
+    blocks=$(mktemp -d)
+    split_blocks "$1" "$blocks"
+    for block in "$blocks"/*.sh; do
+        [ -e "$block" ] || continue
+        line=$(basename "$block" .sh)
+        if ! (cd "$2" && timeout "$LONGEST" bash -euo pipefail "$block") >"$blocks/output" 2>&1 </dev/null; then
+            echo "$1:$((10#$line)): a command of this block fails:"
+            sed 's/^/    /' "$block"
+            echo "  its output:"
+            tail -n 40 "$blocks/output" | sed 's/^/    /'
+            status=1
+            break # those after it may need what it should have done
+        fi
+        count=$((count + 1))
+    done
+    rm -rf "$blocks"
+    [ "$status" -ne 0 ] || echo "$1: $count blocks run"
+    return "$status"
+}
+
+# check_links: all tracked Markdown.
+check_links() {
+    local files
+    mapfile -t files < <(git ls-files --cached --others --exclude-standard '*.md')
+    broken_links . "${files[@]}" || return 1
+    echo "links: ${#files[@]} files, none broken"
+}
+
+# check_commands [FILE...]: each file in a copy of the repository of its own, so that nothing is left in this one.
+check_commands() {
+    local files=("$@") file copy status=0
+    [ ${#files[@]} -gt 0 ] || mapfile -t files < <(git ls-files --cached --others --exclude-standard README.md 'docs/*.md')
+    export -f cargo
+    for file in "${files[@]}"; do
+        copy=$(mktemp -d)
+        git ls-files -z | tar --null --files-from - --create --file - | tar --extract --file - --directory "$copy"
+        failing_blocks "$file" "$copy" || status=1
+        rm -rf "$copy"
+    done
+    return "$status"
+}
+
+# expect NAME EXPECTED FOUND: one check of the self-test.
+expect() {
+    if [ "$2" != "$3" ]; then
+        printf 'self-test: %s\n  expected: %s\n  found:    %s\n' "$1" "$2" "$3" >&2
+        return 1
+    fi
+}
+
+# self_test: the checks find what is broken, and nothing else.
+self_test() {
+    local here found
+    here=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$here'" EXIT
+    mkdir "$here/docs"
+    printf '%s\n' '# Réglage: a `key_name` (µs)' '## Twice' '## Twice' '```text' '# no heading' '```' >"$here/docs/there.md"
+    printf '%s\n' '[1](docs/there.md#réglage-a-key_name-µs) [2](docs/there.md#twice-1) [3](#here)' '# Here' \
+        '`[code](is/no/link.md)`' '```sh' '[nor](is/a/block.md)' '```' '[4](https://example.org/x) [5](docs/)' >"$here/good.md"
+    found=$(broken_links "$here" good.md docs/there.md) || true
+    expect "good links pass" "" "$found"
+    printf '%s\n' '[1](docs/gone.md) [2](docs/there.md#gone)' '[3](docs/there.md#no-heading)' '' '[name]: gone.png' >"$here/bad.md"
+    if found=$(broken_links "$here" bad.md); then
+        echo "self-test: broken links pass" >&2
+        return 1
+    fi
+    expect "each broken link is named by its line" "bad.md:1 bad.md:1 bad.md:2 bad.md:4" \
+        "$(sed -E 's/^([^:]*:[0-9]+):.*/\1/' <<<"$found" | paste -sd ' ')"
+
+    export -f cargo
+    printf '%s\n' '```sh' 'echo one >file' '```' '```console' 'false' '```' '```sh' 'test "$(cat file)" = one' '```' >"$here/runs.md"
+    found=$(failing_blocks "$here/runs.md" "$here") || true
+    expect "good blocks run in one directory, and no other block runs" "$here/runs.md: 2 blocks run" "$found"
+    local -A bad=(
+        [false]=$'false\ntrue'
+        [pipe]='false | cat'
+        [unset]='echo "$NOT_SET"'
+        [cargo]='cargo build --release'
+        [program]='cargo run -p no-such-program -- --help'
+    )
+    local name
+    for name in "${!bad[@]}"; do
+        printf '%s\n' '```sh' 'true' '```' 'text' '```sh' "${bad[$name]}" '```' >"$here/$name.md"
+        if found=$(failing_blocks "$here/$name.md" "$here"); then
+            echo "self-test: a failing command passes: ${bad[$name]}" >&2
+            return 1
+        fi
+        expect "the failing block is named by its line" "$here/$name.md:6: a command of this block fails:" "$(head -n 1 <<<"$found")"
+    done
+    echo "self-test: broken links and failing commands are found"
+}
+
+case ${1:-all} in
+    self-test) self_test ;;
+    links) check_links ;;
+    commands) check_commands "${@:2}" ;;
+    all)
+        # One by one: in a list with && a failure within a function would not end it.
+        self_test
+        check_links
+        check_commands
+        ;;
+    *) sed -n '2,/^set/p' "$0" | sed -n 's/^# \{0,1\}//p' >&2; exit 2 ;;
+esac
