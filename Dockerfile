@@ -1,5 +1,5 @@
 # The two nodes and the bench, each a static binary in an image of its own with nothing else in it.
-# docker-compose.yml runs them; README.md says how. It takes BuildKit, as the builder before it loses the capabilities
+# docker-compose.yml runs them; docs/permissions.md says how. It takes BuildKit, as the builder before it loses the capabilities
 # that a file has.
 
 FROM rust:1.95 AS build
