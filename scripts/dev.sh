@@ -72,6 +72,10 @@ verb_purity() { #: prove that the crates of machines can name no clock, socket, 
             exit 1
         fi
     done
+    if cargo tree -p protocol-linux -e normal --prefix none --locked | grep -E "^(profinet|ethernet-ip|protocol) "; then
+        echo "protocol-linux names a bus: a machine says by ports() what it needs open" >&2
+        exit 1
+    fi
     local unsafe_users
     unsafe_users=$(grep -rlE '\bunsafe\b' --include='*.rs' . | grep -vE '^\./(target|protocol/linux)/' || true)
     [ -z "$unsafe_users" ] || { echo "unsafe outside protocol-linux: $unsafe_users" >&2; exit 1; }

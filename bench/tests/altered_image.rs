@@ -3,7 +3,7 @@
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use machine::wire::BigEndian;
-use machine::{Duration, Instant, Machine, Source, Transmit};
+use machine::{Duration, Instant, Machine, PortRequest, Source, Transmit};
 use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
@@ -22,6 +22,10 @@ struct WrongSlot {
 
 impl Machine for WrongSlot {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        self.bus.ports()
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);

@@ -3,7 +3,9 @@
 use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
-use machine::{Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::{
+    Instant, Lateness, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
 use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Control, Digest, ErrorNumber, Feedback, IMAGE_LEN, Image, Skill, State, Status};
@@ -384,6 +386,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.drain_bus();
+    }
+
+    fn ports(&self) -> &[PortRequest] {
+        self.bus.ports()
     }
 
     fn listen_port(&self) -> Option<u16> {

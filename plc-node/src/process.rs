@@ -13,9 +13,9 @@ use machine::{Duration, Instant, Lateness};
 use node_command::{Prepared, RunOptions};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol_linux::Node;
 use protocol_linux::report::BusReport;
 use protocol_linux::supervise::{Conductor, Next, Outcome};
-use protocol_linux::{Node, Wire};
 use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
@@ -164,22 +164,20 @@ impl Run {
         // The clock makes every start of this PLC a new one to the robot.
         let nonce = start.as_nanos();
         if self.options.direct {
-            let (bus, wires) = prepared.direct(setup.bus.robot_address, start)?;
+            let bus = prepared.direct(setup.bus.robot_address, start);
             let node = PlcNode::new(config, bus, start);
-            return self.supervise(prepared, "images without a protocol", (node, wires));
+            return self.supervise(prepared, "images without a protocol", node);
         }
         match setup.bus.kind {
             BusKind::Profinet => {
-                let wires = Wire::profinet(interface)?;
                 let bus = bus::profinet_controller(setup, interface.mac(), nonce, start)?;
                 let node = PlcNode::new(config, bus, start);
-                self.supervise(prepared, "PROFINET IO-Controller", (node, wires))
+                self.supervise(prepared, "PROFINET IO-Controller", node)
             }
             BusKind::EthernetIp => {
-                let wires = Wire::ethernet_ip(interface)?;
                 let bus = bus::ethernet_ip_scanner(setup, interface.mac(), nonce, start)?;
                 let node = PlcNode::new(config, bus, start);
-                self.supervise(prepared, "EtherNet/IP scanner", (node, wires))
+                self.supervise(prepared, "EtherNet/IP scanner", node)
             }
             other => Err(prepared.no_endpoint(other)),
         }
@@ -189,7 +187,7 @@ impl Run {
         &self,
         prepared: Prepared,
         endpoint: &str,
-        node: (PlcNode<B>, Vec<Wire>),
+        node: PlcNode<B>,
     ) -> anyhow::Result<Outcome> {
         if self.options.is_led() {
             prepared.supervise(&self.options, "plc-node", endpoint, node, &mut Told::default())

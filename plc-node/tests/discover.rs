@@ -14,7 +14,7 @@ use machine::{Instant, Machine};
 use profinet::{Device, DeviceConfig, description};
 use protocol::fieldbus::LinkEvent;
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock, veth};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, OpenPort, Outbox, Task, clock, veth};
 use serde_json::{Value, json};
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
@@ -56,13 +56,13 @@ impl Cable {
     /// Runs a device at the robot's end.
     fn attach<M: Machine<Event = LinkEvent> + Send + 'static>(
         &self,
-        device: impl FnOnce(&Interface) -> (M, Vec<Wire>) + Send,
+        device: impl FnOnce(&Interface) -> M + Send,
     ) -> Attached<M> {
         let start = || {
             let interface = Interface::open("robot0").unwrap();
-            let (machine, wires) = device(&interface);
+            let machine = device(&interface);
             let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
-            let driver = Driver::new(machine, interface, wires, waker.clone()).unwrap();
+            let driver = Driver::new(machine, interface, waker.clone()).unwrap();
             CyclicThread::start(driver, Idle, waker, reader).unwrap()
         };
         Attached(Some(self.robot.run(start).unwrap()))
@@ -112,7 +112,7 @@ impl<M: Machine<Event = LinkEvent>> Task<M> for Idle {
     }
 }
 
-fn profinet_robot(interface: &Interface) -> (Device, Vec<Wire>) {
+fn profinet_robot(interface: &Interface) -> Device {
     let config = DeviceConfig {
         mac: interface.mac(),
         station_name: b"skillbench-robot".to_vec(),
@@ -120,10 +120,10 @@ fn profinet_robot(interface: &Interface) -> (Device, Vec<Wire>) {
         mask: MASK,
         description: description::ROBOT,
     };
-    (Device::new(config, clock::now()), Wire::profinet(interface).unwrap())
+    Device::new(config, clock::now())
 }
 
-fn ethernet_ip_robot(interface: &Interface) -> (Adapter, Vec<Wire>) {
+fn ethernet_ip_robot(interface: &Interface) -> Adapter {
     let config = AdapterConfig {
         description: &SKILL_ROBOT,
         serial_number: 0x1234_5678,
@@ -133,7 +133,7 @@ fn ethernet_ip_robot(interface: &Interface) -> (Adapter, Vec<Wire>) {
         mac: interface.mac().0,
         first_id: 1,
     };
-    (Adapter::new(config), Wire::ethernet_ip(interface).unwrap())
+    Adapter::new(config)
 }
 
 #[test]
@@ -226,7 +226,7 @@ fn a_search_beside_a_node_that_has_the_ports_of_the_bus_works() {
     let _ethernet_ip = cable.attach(ethernet_ip_robot);
     let taken = || {
         let interface = Interface::open("plc0").unwrap();
-        Wire::ethernet_ip(&interface).unwrap()
+        OpenPort::open_all(&interface, ethernet_ip::PORTS).unwrap()
     };
     let _taken = cable.plc.run(taken).unwrap();
     let said = cable.discover(&["--interface", "plc0", "--bus", "ethernet-ip"]);

@@ -5,7 +5,10 @@ use core::net::SocketAddrV4;
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use crate::image::{IMAGE_LEN, Image};
 use machine::wire::BigEndian;
-use machine::{Cycle, Duration, Instant, Machine, Port, Source, Transmit};
+use machine::{Cycle, Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
+
+/// EtherType for experiments within one network (IEEE 802, 9.2.4).
+const EXPERIMENTAL: u16 = 0x88B5;
 
 /// One end of the cable. It is up as soon as the other end's first image is there.
 #[derive(Debug)]
@@ -13,6 +16,7 @@ pub struct Direct {
     cycle: Cycle,
     watchdog: Duration,
     port: Port,
+    request: PortRequest,
     peer: Option<SocketAddrV4>,
     output: Image,
     input: Image,
@@ -30,6 +34,7 @@ impl Direct {
             cycle: Cycle::new(first, period),
             watchdog,
             port: Port::Ethernet,
+            request: PortRequest::Ethernet { ether_type: EXPERIMENTAL, groups: &[] },
             peer: None,
             output: [0; IMAGE_LEN],
             input: [0; IMAGE_LEN],
@@ -51,12 +56,16 @@ impl Direct {
     /// The same over UDP, so that it can go over a real cable too.
     #[must_use]
     pub const fn over_udp(self, port: u16, peer: SocketAddrV4) -> Self {
-        Self { port: Port::Udp(port), peer: Some(peer), ..self }
+        Self { port: Port::Udp(port), request: PortRequest::Udp(port), peer: Some(peer), ..self }
     }
 }
 
 impl Machine for Direct {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        core::slice::from_ref(&self.request)
+    }
 
     fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
         let Ok(image) = frame.try_into() else {

@@ -4,7 +4,8 @@ use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
 use machine::{
-    Cycle, Instant, Lateness, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
+    Cycle, Instant, Lateness, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
 };
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, State};
@@ -208,6 +209,10 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.take_link_events();
+    }
+
+    fn ports(&self) -> &[PortRequest] {
+        self.bus.ports()
     }
 
     fn listen_port(&self) -> Option<u16> {

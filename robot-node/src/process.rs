@@ -12,8 +12,8 @@ use machine::{Instant, Lateness};
 use node_command::{Prepared, RunOptions};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol_linux::Node;
 use protocol_linux::supervise::{Conductor, Next, Outcome};
-use protocol_linux::{Node, Wire};
 use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
@@ -102,24 +102,22 @@ impl Run {
         let start = node_command::first_cycle();
         if self.options.direct {
             take_address()?;
-            let (bus, wires) = prepared.direct(setup.bus.plc_address, start)?;
+            let bus = prepared.direct(setup.bus.plc_address, start);
             let node = RobotNode::new(config, programs, bus, self.seed, start);
-            return self.supervise(prepared, "images without a protocol", (node, wires));
+            return self.supervise(prepared, "images without a protocol", node);
         }
         match setup.bus.kind {
             BusKind::Profinet => {
-                let wires = Wire::profinet(interface)?;
                 let bus = bus::profinet_device(setup, interface.mac(), interface.address(), start)?;
                 let node = RobotNode::new(config, programs, bus, self.seed, start);
-                self.supervise(prepared, "PROFINET IO-Device", (node, wires))
+                self.supervise(prepared, "PROFINET IO-Device", node)
             }
             BusKind::EthernetIp => {
                 // An adapter has its address from its project: there is no DCP that gives it one.
                 take_address()?;
-                let wires = Wire::ethernet_ip(interface)?;
                 let bus = bus::ethernet_ip_adapter(setup, interface.mac(), start.as_nanos());
                 let node = RobotNode::new(config, programs, bus, self.seed, start);
-                self.supervise(prepared, "EtherNet/IP adapter", (node, wires))
+                self.supervise(prepared, "EtherNet/IP adapter", node)
             }
             other => Err(prepared.no_endpoint(other)),
         }
@@ -129,7 +127,7 @@ impl Run {
         &self,
         prepared: Prepared,
         endpoint: &str,
-        node: (RobotNode<B>, Vec<Wire>),
+        node: RobotNode<B>,
     ) -> anyhow::Result<Outcome> {
         prepared.supervise(&self.options, "robot-node", endpoint, node, &mut Served)
     }

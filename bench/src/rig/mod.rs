@@ -42,7 +42,7 @@ use std::time::Duration;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use protocol_linux::message::{Hello, Instruction, Message};
 use protocol_linux::report::NodeReport;
-use protocol_linux::{Interface, PortError, Wire};
+use protocol_linux::{Interface, OpenPort, PortError};
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -97,7 +97,8 @@ pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
     let cable = Cable::lay(Fittings::default())?;
     let open = || {
         let interface = Interface::open(cable::PLC)?;
-        let ports = Wire::profinet(&interface).and_then(|_| Wire::ethernet_ip(&interface));
+        let profinet = OpenPort::open_all(&interface, profinet::PORTS);
+        let ports = profinet.and_then(|_| OpenPort::open_all(&interface, ethernet_ip::PORTS));
         Ok::<_, RigError>(ports.map(drop))
     };
     cable.plc().run(open)?

@@ -9,7 +9,7 @@ use ethernet_ip::description::SKILL_ROBOT;
 use ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
 use machine::{Duration, Instant, Machine};
 use protocol::fieldbus::{Down, DownCause, LinkEvent};
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, Wire, clock};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, clock};
 
 use super::cable::{Cable, MASK, ROBOT};
 use super::{INTERVAL, SETTLE, TURN};
@@ -85,9 +85,8 @@ where
     M: Machine + Send + 'static,
     T: Task<M>,
 {
-    let wires = Wire::ethernet_ip(&interface)?;
     let (waker, reader) = (Notifier::new()?, Notifier::new()?);
-    let driver = Driver::new(machine, interface, wires, waker.clone())?;
+    let driver = Driver::new(machine, interface, waker.clone())?;
     Ok(CyclicThread::start(driver, task, waker, reader)?)
 }
 

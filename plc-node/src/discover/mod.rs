@@ -9,7 +9,7 @@ use machine::{Duration, Instant};
 use protocol::search::{EthernetIpQuestion, Over, ProfinetQuestion, Search, SearchConfig};
 use protocol_linux::output::to_stdout;
 use protocol_linux::supervise::Outcome;
-use protocol_linux::{Driver, Interface, Notifier, Owner, PROFINET, Statistics, Udp, Wire, clock, errln};
+use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock, errln};
 
 use listing::{Bus, Listing, Skipped};
 
@@ -74,33 +74,29 @@ impl DiscoverCommand {
         let start = clock::now();
         let length = Duration::from_millis(self.timeout.into());
         let mut config = SearchConfig { length, profinet: None, ethernet_ip: None };
-        let mut wires = Vec::new();
         let mut skipped = Vec::new();
         if self.bus.includes(Bus::Profinet) {
-            match Wire::ethernet(&interface, PROFINET) {
-                Ok(wire) => {
+            // Opened to see whether it can be: the driver opens it again.
+            match OpenPort::open(&interface, profinet::ETHERNET) {
+                Ok(_) => {
                     // The clock makes the transactions of each search its own.
                     let first_xid = (start.as_nanos() >> 10) as u32;
                     config.profinet = Some(ProfinetQuestion { mac: interface.mac(), first_xid });
-                    wires.push(wire);
                 }
                 Err(error) => skipped.push(Skipped { bus: Bus::Profinet, reason: error.to_string() }),
             }
         }
         if self.bus.includes(Bus::EthernetIp) {
             match ethernet_ip(&interface) {
-                Ok((question, wire)) => {
-                    config.ethernet_ip = Some(question);
-                    wires.push(wire);
-                }
+                Ok(question) => config.ethernet_ip = Some(question),
                 Err(error) => skipped.push(Skipped { bus: Bus::EthernetIp, reason: format!("{error:#}") }),
             }
         }
-        if wires.is_empty() {
+        if config.profinet.is_none() && config.ethernet_ip.is_none() {
             let reasons: Vec<_> = skipped.iter().map(|skipped| skipped.reason.as_str()).collect();
             anyhow::bail!("nothing can be asked on `{}`: {}", self.interface, reasons.join("; "));
         }
-        let mut driver = Driver::new(Search::new(config, start), interface, wires, Notifier::new()?)?;
+        let mut driver = Driver::new(Search::new(config, start), interface, Notifier::new()?)?;
         driver.run(&mut UntilOver)?;
         let statistics = driver.statistics();
         if statistics.sent == 0
@@ -118,9 +114,9 @@ impl DiscoverCommand {
     }
 }
 
-/// The question to EtherNet/IP devices, and the port that it leaves by: one that the kernel chooses, since a node on
-/// this host may have those of the standard.
-fn ethernet_ip(interface: &Interface) -> anyhow::Result<(EthernetIpQuestion, Wire)> {
+/// The question to EtherNet/IP devices. It leaves by a port that the kernel chooses, since a node on this host may have
+/// those of the standard.
+fn ethernet_ip(interface: &Interface) -> anyhow::Result<EthernetIpQuestion> {
     let name = interface.name();
     let (address, mask) = interface.address().zip(interface.mask()).with_context(|| {
         format!(
@@ -128,9 +124,7 @@ fn ethernet_ip(interface: &Interface) -> anyhow::Result<(EthernetIpQuestion, Wir
              `ip address add 192.168.64.1/24 dev {name}`, with an address of the devices' subnet"
         )
     })?;
-    let wire = Wire::udp(interface, Udp { port: 0 })?;
-    let machine::Port::Udp(port) = wire.port() else { anyhow::bail!("a UDP port without a number") };
-    Ok((EthernetIpQuestion::from_address(port, address, mask), wire))
+    Ok(EthernetIpQuestion::from_address(0, address, mask))
 }
 
 /// Waits for the search to end.

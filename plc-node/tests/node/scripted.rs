@@ -4,7 +4,7 @@
 //! the PLC. Faults are switched on by fields.
 
 use machine::wire::BigEndian;
-use machine::{Cycle, Duration, Instant, Machine, Source, Transmit};
+use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -188,6 +188,10 @@ impl ScriptedRobot {
 
 impl Machine for ScriptedRobot {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        self.bus.ports()
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);

@@ -26,7 +26,11 @@ pub mod scanner;
 pub use adapter::{Adapter, AdapterConfig};
 pub use scanner::{Scanner, ScannerConfig};
 
+use machine::PortRequest;
 use machine::wire::{self, LittleEndian};
+
+/// The UDP ports of both roles: cyclic data, then explicit messages.
+pub const PORTS: &[PortRequest] = &[PortRequest::Udp(IO_PORT), PortRequest::Udp(ENCAPSULATION_PORT)];
 
 /// Bytes of process data each way, at most.
 pub const IO_DATA_LEN: usize = 256;

@@ -18,7 +18,7 @@ use rustix::io::Errno;
 
 use crate::stream::{News, StreamStatistics, Streams};
 use crate::wait::WaitSet;
-use crate::{Interface, Notifier, PortError, Received, Wire, allocation, clock};
+use crate::{Interface, Notifier, OpenPort, PortError, Received, allocation, clock};
 
 /// Frames that are taken from one port before everything else gets its turn: more than a host stall of 40 ms brings
 /// at a cycle of 1 ms.
@@ -89,7 +89,7 @@ pub struct Statistics {
 pub struct Driver<M> {
     machine: M,
     interface: Interface,
-    wires: Vec<Wire>,
+    ports: Vec<OpenPort>,
     streams: Streams,
     notifier: Notifier,
     receive_buffer: Box<[u8; FRAME_CAPACITY]>,
@@ -98,24 +98,20 @@ pub struct Driver<M> {
 }
 
 impl<M: Machine> Driver<M> {
-    /// A driver that has not started, for a machine whose wires are on `interface`; `notifier` wakes it.
+    /// A driver that has not started, for a machine on `interface`; `notifier` wakes it.
     ///
-    /// The TCP port at which the machine takes connections, if it does, is open from here on.
+    /// The machine's ports are open from here on, and so is the TCP port at which it takes connections, if it does.
     ///
     /// # Errors
     ///
-    /// That port is taken, or not permitted.
-    pub fn new(
-        machine: M,
-        interface: Interface,
-        wires: Vec<Wire>,
-        notifier: Notifier,
-    ) -> Result<Self, PortError> {
+    /// A port is taken, or not permitted.
+    pub fn new(machine: M, interface: Interface, notifier: Notifier) -> Result<Self, PortError> {
+        let ports = OpenPort::open_all(&interface, machine.ports())?;
         let streams = Streams::open(&interface, machine.listen_port())?;
         Ok(Self {
             machine,
             interface,
-            wires,
+            ports,
             streams,
             notifier,
             receive_buffer: Box::new([0; FRAME_CAPACITY]),
@@ -136,16 +132,16 @@ impl<M: Machine> Driver<M> {
 
     /// Runs the machine on this thread until the owner breaks off or the interface is gone.
     pub fn run(&mut self, owner: &mut impl Owner<M>) -> Result<(), DriverError> {
-        let Self { machine, interface, wires, streams, notifier, receive_buffer, send_buffer, statistics } =
+        let Self { machine, interface, ports, streams, notifier, receive_buffer, send_buffer, statistics } =
             self;
-        // The notifier first, then the wires, both for ever; then what TCP has at the time.
-        let mut waits = WaitSet::new(1 + wires.len() + Streams::WAITS);
+        // The notifier first, then the ports, both for ever; then what TCP has at the time.
+        let mut waits = WaitSet::new(1 + ports.len() + Streams::WAITS);
         waits.set(0, Some((notifier.as_fd(), PollFlags::IN)));
-        for (index, wire) in wires.iter().enumerate() {
-            waits.set(1 + index, Some((wire.as_fd(), PollFlags::IN)));
+        for (index, port) in ports.iter().enumerate() {
+            waits.set(1 + index, Some((port.as_fd(), PollFlags::IN)));
         }
         let send_buffer = &mut **send_buffer;
-        let mut run = Run { machine, interface, wires, streams, send_buffer, statistics, owner };
+        let mut run = Run { machine, interface, ports, streams, send_buffer, statistics, owner };
         let counting = allocation::arm();
         let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
         statistics.allocations = counting.then(allocation::count);
@@ -173,7 +169,7 @@ fn is_on_time(deadline: Option<Instant>) -> bool {
 struct Run<'a, M, O> {
     machine: &'a mut M,
     interface: &'a Interface,
-    wires: &'a [Wire],
+    ports: &'a [OpenPort],
     streams: &'a mut Streams,
     send_buffer: &'a mut [u8],
     statistics: &'a mut Statistics,
@@ -200,8 +196,8 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             deadline = self.machine.poll_timeout();
             let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
             self.streams.follow(self.machine.dscp(Streams::UNNUMBERED));
-            self.wires.iter().for_each(|wire| wire.follow_group(self.machine.group(wire.port())));
-            self.streams.await_in(waits, 1 + self.wires.len());
+            self.ports.iter().for_each(|port| port.follow_group(self.machine.group(port.port())));
+            self.streams.await_in(waits, 1 + self.ports.len());
             let early = wake.map(|wake| wake.since(clock::now()).saturating_sub(EARLY));
             match waits.wait(early) {
                 Ok(()) | Err(Errno::INTR) => {}
@@ -216,15 +212,15 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
 
     /// Brings in the frames of all ports that have some.
     fn frames(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        for (index, wire) in self.wires.iter().enumerate() {
+        for (index, port) in self.ports.iter().enumerate() {
             if waits.ready(1 + index).is_empty() {
                 continue;
             }
             for _ in 0..BATCH {
-                match wire.receive(buf) {
+                match port.receive(buf) {
                     Ok(Received::Frame { len, peer, to_all }) => {
                         self.statistics.received += 1;
-                        let from = Source { port: wire.port(), peer };
+                        let from = Source { port: port.port(), peer };
                         let (now, frame) = (clock::now(), buf.get(..len).unwrap_or_default());
                         if to_all {
                             self.machine.handle_broadcast(now, from, frame);
@@ -263,7 +259,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
 
     /// Gives each TCP connection that has something its turn, and lets clients in.
     fn streams(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        self.streams.begin_round(clock::now(), waits, 1 + self.wires.len());
+        self.streams.begin_round(clock::now(), waits, 1 + self.ports.len());
         loop {
             let now = clock::now();
             match self.streams.next_news(now, buf) {
@@ -325,8 +321,8 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             self.statistics.sent += 1;
             return Ok(());
         }
-        let wire = self.wires.iter().find(|wire| wire.port() == port);
-        match wire.map_or(Err(Errno::NOTCONN), |wire| wire.send(frame, to, dscp)) {
+        let open = self.ports.iter().find(|open| open.port() == port);
+        match open.map_or(Err(Errno::NOTCONN), |open| open.send(frame, to, dscp)) {
             Ok(()) => self.statistics.sent += 1,
             Err(error) => {
                 self.statistics.send_errors += 1;

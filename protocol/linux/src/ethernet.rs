@@ -3,8 +3,6 @@
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use machine::ethernet::Mac;
-use profinet::ETHER_TYPE;
-use profinet::dcp::{HELLO_MULTICAST, IDENTIFY_MULTICAST};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrAny, recvfrom, send};
 use socket2::Socket;
@@ -13,27 +11,6 @@ use crate::socket_option::{self, ON};
 use crate::{Interface, PortError, Received, packet_socket, plain};
 
 const BROADCAST: [u8; 6] = [0xFF; 6];
-
-/// What to listen to on raw Ethernet.
-#[derive(Clone, Copy, Debug)]
-pub struct Ethernet {
-    /// The EtherType of the frames, behind a priority tag if they have one.
-    pub ethertype: u16,
-    /// Groups to join.
-    pub groups: &'static [Mac],
-}
-
-/// PROFINET: its EtherType, and the groups that every station listens to (IEC 61158-6-10, multicast addresses): DCP
-/// Identify, DCP Hello, and the fast and slow alarm groups.
-pub const PROFINET: Ethernet = Ethernet {
-    ethertype: ETHER_TYPE,
-    groups: &[
-        IDENTIFY_MULTICAST,
-        HELLO_MULTICAST,
-        Mac([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x01]),
-        Mac([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x02]),
-    ],
-};
 
 /// An open raw socket.
 #[derive(Debug)]
@@ -44,11 +21,16 @@ pub(crate) struct EthernetSocket {
 }
 
 impl EthernetSocket {
-    pub(crate) fn open(interface: &Interface, ethernet: Ethernet) -> Result<Self, PortError> {
+    /// Opens a socket for frames of this EtherType, to this interface and to these groups.
+    pub(crate) fn open(
+        interface: &Interface,
+        ether_type: u16,
+        groups: &'static [Mac],
+    ) -> Result<Self, PortError> {
         let prepare = |socket: &Socket| {
             socket.set_nonblocking(true)?;
             socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON)?;
-            for group in ethernet.groups {
+            for group in groups {
                 let mut request: libc::packet_mreq = plain::zeroed();
                 request.mr_ifindex = interface.index() as i32;
                 request.mr_type = libc::PACKET_MR_MULTICAST as u16;
@@ -60,9 +42,9 @@ impl EthernetSocket {
             }
             Ok(())
         };
-        let socket = packet_socket::open(interface, ethernet.ethertype, prepare)
+        let socket = packet_socket::open(interface, ether_type, prepare)
             .map_err(|reason| PortError::ethernet(interface.name(), reason))?;
-        Ok(Self { socket: socket.into(), mac: interface.mac(), groups: ethernet.groups })
+        Ok(Self { socket: socket.into(), mac: interface.mac(), groups })
     }
 
     pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {

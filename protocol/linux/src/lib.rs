@@ -1,6 +1,6 @@
 //! Ports and the real-time driver: what runs a [`machine::Machine`] on Linux.
 //!
-//! From the bottom up: an [`Interface`] is a network interface by name; a [`Wire`] is a socket on it that a machine
+//! From the bottom up: an [`Interface`] is a network interface by name; a [`OpenPort`] is a socket on it that a machine
 //! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
 //! [`CyclicThread`] is that loop on a thread of its own, with real-time scheduling where it is allowed, reached
 //! over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, as an ordinary
@@ -32,6 +32,7 @@ pub mod message;
 pub mod namespace;
 mod node;
 mod notifier;
+mod open_port;
 pub mod output;
 mod packet_ring;
 mod packet_socket;
@@ -52,23 +53,20 @@ mod udp;
 pub mod veth;
 mod wait;
 pub mod wakeups;
-mod wire;
 mod words;
 
 pub use arrivals::{Arrival, ArrivalLog};
 pub use control::{ControlError, ControlPort};
 pub use cyclic_thread::{CyclicThread, Finished, Outbox, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
-pub use ethernet::{Ethernet, PROFINET};
 pub use inbox::{Commands, Inbox, Input};
 pub use interface::{Interface, InterfaceError};
 pub use node::{Command, Happening, Keeper, News, Node, NodeError, NodeProcess, Snapshot};
 pub use notifier::Notifier;
+pub use open_port::{OpenPort, PortError, Received};
 pub use recorder::{Recorder, RecorderError};
 pub use signals::{StopSignal, StopSignals};
 pub use stream::StreamStatistics;
 pub use taken::Transport;
 pub use trace_file::TraceError;
-pub use udp::Udp;
-pub use wire::{PortError, Received, Wire};
 pub use words::Words;

@@ -6,15 +6,15 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
+use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Lateness, Machine};
-use protocol::fieldbus::{Counters, Down, DownCause, LinkEvent};
 use rustix::io::Errno;
 
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
 use crate::{
     Commands, ControlPort, CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError,
-    Notifier, Outbox, PortError, RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Wire,
-    Words, allocation,
+    Notifier, Outbox, PortError, RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Words,
+    allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.
@@ -35,10 +35,10 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// Does what the owner wants; the answer, if there is one, goes back at once.
     fn order(&mut self, now: Instant, order: Self::Order) -> Option<Self::Answer>;
 
-    /// [`protocol::fieldbus::Fieldbus::address_set`] of its bus.
+    /// `address_set` of its bus.
     fn address_set(&mut self, now: Instant, done: bool);
 
-    /// [`protocol::fieldbus::Fieldbus::explain`] of its bus.
+    /// `explain` of its bus.
     fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
     }
@@ -299,7 +299,6 @@ impl<N: Node> NodeProcess<N> {
     pub fn start(
         node: N,
         interface: Interface,
-        wires: Vec<Wire>,
         signals: StopSignals,
         commands: Commands,
         trace: Option<&Path>,
@@ -315,7 +314,7 @@ impl<N: Node> NodeProcess<N> {
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);
-        let driver = Driver::new(node, keeper.interface.clone(), wires, waker.clone())?;
+        let driver = Driver::new(node, keeper.interface.clone(), waker.clone())?;
         let thread = CyclicThread::start(driver, keeper, waker, reader)?;
         Ok(Self { thread, trace, inbox, ended: false })
     }

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use machine::Counters;
 use machine::{Duration, Lateness};
-use protocol::fieldbus::Counters;
 use serde::{Deserialize, Serialize};
 
 use crate::Snapshot;

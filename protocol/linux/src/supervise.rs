@@ -7,7 +7,7 @@
 use std::fmt::Display;
 use std::process::ExitCode;
 
-use protocol::fieldbus::LinkEvent;
+use machine::LinkEvent;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

@@ -12,13 +12,6 @@ use crate::received_message::{self, ReceivedMessage};
 use crate::socket_option::{self, ON};
 use crate::{Interface, PortError, Received, plain};
 
-/// What to listen to over UDP.
-#[derive(Clone, Copy, Debug)]
-pub struct Udp {
-    /// The local port; 0 for one that the kernel chooses.
-    pub port: u16,
-}
-
 /// An open UDP socket.
 #[derive(Debug)]
 pub(crate) struct UdpPort {
@@ -33,7 +26,8 @@ pub(crate) struct UdpPort {
 const RECEIVE_BUFFER_BYTES: usize = 1 << 20;
 
 impl UdpPort {
-    pub(crate) fn open(interface: &Interface, Udp { port }: Udp) -> Result<Self, PortError> {
+    /// Opens this port; 0 for one that the kernel chooses.
+    pub(crate) fn open(interface: &Interface, port: u16) -> Result<Self, PortError> {
         let open = || -> std::io::Result<UdpSocket> {
             let socket = Socket::new(Domain::IPV4, Type::DGRAM.nonblocking().cloexec(), Some(Protocol::UDP))?;
             // Bound to the interface and not to an address: the address comes later (DCP) and may change.
@@ -46,12 +40,12 @@ impl UdpPort {
             socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
             Ok(socket.into())
         };
-        let opened = open().and_then(|socket| Ok((socket.local_addr()?.port(), socket)));
-        let (port, socket) = opened.map_err(|reason| PortError::udp(interface.name(), port, reason))?;
+        let socket = open().map_err(|reason| PortError::udp(interface.name(), port, reason))?;
         Ok(Self { port, socket, interface: interface.index(), group: Cell::new(None) })
     }
 
-    pub(crate) const fn local_port(&self) -> u16 {
+    /// The port that was asked for: 0 where the kernel chose one.
+    pub(crate) const fn port(&self) -> u16 {
         self.port
     }
 

@@ -3,16 +3,31 @@
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::Instant;
+use crate::ethernet::Mac;
 
 /// Where frames enter and leave a machine.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
 pub enum Port {
     /// Raw Ethernet: a frame is destination, source, an optional 802.1Q tag, EtherType and payload, without FCS.
     Ethernet,
-    /// UDP over IPv4, bound to this local port: a frame is one datagram's payload.
+    /// UDP over IPv4, bound to this local port, 0 for one that the driver chooses: a frame is one datagram's payload.
     Udp(u16),
     /// One TCP connection: a frame is the next piece of an ordered byte stream, cut anywhere.
     Stream(StreamId),
+}
+
+/// A port that a machine needs open.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum PortRequest {
+    /// Raw Ethernet, as [`Port::Ethernet`].
+    Ethernet {
+        /// The EtherType of the frames to receive, behind a priority tag if they have one.
+        ether_type: u16,
+        /// Multicast groups whose frames are received beside those for the interface's own address.
+        groups: &'static [Mac],
+    },
+    /// UDP over IPv4, as [`Port::Udp`] with this number.
+    Udp(u16),
 }
 
 /// A TCP connection, numbered by the driver and never used again for another one.
@@ -87,6 +102,10 @@ pub trait Machine {
 
     /// A TCP connection opened or closed. Machines without TCP ignore it.
     fn handle_stream(&mut self, _now: Instant, _stream: StreamId, _change: StreamChange) {}
+
+    /// The ports that the driver opens before it runs the machine. They never change. Frames of a port that is listed
+    /// first are handled first.
+    fn ports(&self) -> &[PortRequest];
 
     /// The TCP port on which the driver accepts connections for this machine, if it wants any. It never changes.
     fn listen_port(&self) -> Option<u16> {

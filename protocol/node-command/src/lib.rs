@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! RunOptions::prepare    signals, capabilities, the setup with its plan, the interface
-//!   the node's own       its bus on its wires, from first_cycle on
+//!   the node's own       its bus, from first_cycle on
 //! Prepared::supervise    the cyclic thread, whoever leads it, what is said of it
 //! exit_code              what the process ends with
 //! ```
@@ -20,8 +20,7 @@ use protocol::direct::Direct;
 use protocol_linux::message::{Console, Hello};
 use protocol_linux::supervise::{Conductor, Outcome, supervise};
 use protocol_linux::{
-    Commands, ControlPort, Interface, Node, NodeProcess, PortError, StopSignals, Udp, Wire, capabilities,
-    clock, errln,
+    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, capabilities, clock, errln,
 };
 use setup::{BusKind, Cyclic, Setup};
 
@@ -104,16 +103,11 @@ impl RunOptions {
 
 impl Prepared {
     /// A cable without a protocol to `peer`, in use from `start` on.
-    ///
-    /// # Errors
-    ///
-    /// Its port is taken.
-    pub fn direct(&self, peer: Ipv4Addr, start: Instant) -> Result<(Direct, Vec<Wire>), PortError> {
-        let wire = Wire::udp(&self.interface, Udp { port: DIRECT_PORT })?;
+    #[must_use]
+    pub fn direct(&self, peer: Ipv4Addr, start: Instant) -> Direct {
         let cycle = Duration::from_micros(self.setup.bus.cycle_us.value.into());
         let bus = Direct::new(start, cycle, self.setup.bus.watchdog());
-        let bus = bus.over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT));
-        Ok((bus, vec![wire]))
+        bus.over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT))
     }
 
     /// What a node says that has no endpoint for the setup's bus.
@@ -135,7 +129,7 @@ impl Prepared {
         options: &RunOptions,
         name: &str,
         endpoint: &str,
-        (node, wires): (N, Vec<Wire>),
+        node: N,
         conductor: &mut C,
     ) -> anyhow::Result<Outcome> {
         let Self { setup, interface, signals, .. } = self;
@@ -153,7 +147,7 @@ impl Prepared {
             None => (Console::Words, Commands::None),
         };
         let trace = options.trace_file.as_deref();
-        let process = NodeProcess::start(node, interface, wires, signals, commands, trace)?;
+        let process = NodeProcess::start(node, interface, signals, commands, trace)?;
         Ok(supervise(process, conductor, console, hello))
     }
 }

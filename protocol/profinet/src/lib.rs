@@ -43,6 +43,9 @@ pub use device::{Device, DeviceConfig};
 pub use station::is_station_name;
 pub use uuid::Uuid;
 
+use machine::PortRequest;
+use machine::ethernet::Mac;
+
 /// Bytes of process data each way, at most.
 pub const IO_DATA_LEN: usize = 256;
 
@@ -51,6 +54,21 @@ pub type IoData = [u8; IO_DATA_LEN];
 
 /// EtherType of PROFINET (IEC 61158-6-10, 4.1).
 pub const ETHER_TYPE: u16 = 0x8892;
+
+/// Raw Ethernet as every station listens to it, with the groups of DCP Identify, DCP Hello, and the fast and slow alarm
+/// groups (IEC 61158-6-10, multicast addresses).
+pub const ETHERNET: PortRequest = PortRequest::Ethernet {
+    ether_type: ETHER_TYPE,
+    groups: &[
+        dcp::IDENTIFY_MULTICAST,
+        dcp::HELLO_MULTICAST,
+        Mac([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x01]),
+        Mac([0x01, 0x0E, 0xCF, 0x00, 0x01, 0x02]),
+    ],
+};
+
+/// The ports of both roles: raw Ethernet, connection management, and cyclic data over UDP.
+pub const PORTS: &[PortRequest] = &[ETHERNET, PortRequest::Udp(RPC_PORT), PortRequest::Udp(rt::UDP_PORT)];
 
 /// UDP port of connection management (IANA `profinet-cm`).
 pub const RPC_PORT: u16 = 34964;

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use machine::ethernet::Mac;
 use machine::{Down, DownCause, LinkEvent};
-use machine::{Instant, Machine, Source, Transmit};
+use machine::{Instant, Machine, PortRequest, Source, Transmit};
 use profinet::IO_DATA_LEN;
 use profinet::description::{Description, Identity, Module, ROBOT};
 use profinet::rt::Transport;
@@ -34,6 +34,10 @@ impl<M> Losing<M> {
 
 impl<M: Machine> Machine for Losing<M> {
     type Event = M::Event;
+
+    fn ports(&self) -> &[PortRequest] {
+        self.machine.ports()
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.machine.handle_frame(now, from, frame);

@@ -13,7 +13,7 @@ use machine::{Duration, Port, Transmit};
 /// Who asks, and over which addresses.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct EthernetIpQuestion {
-    /// The UDP port that the questions leave by and the answers come to.
+    /// The UDP port that the questions leave by and the answers come to; 0 for one that the driver chooses.
     pub local_port: u16,
     /// Broadcast addresses that reach the devices.
     pub to: Vec<Ipv4Addr>,

@@ -14,7 +14,7 @@ use alloc::vec::Vec;
 
 use identify::ProfinetSearch;
 use list_identity::EthernetIpSearch;
-use machine::{Duration, Instant, Machine, Port, Source, Transmit};
+use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
 /// Questions of one search on each bus.
 pub const QUESTIONS: u32 = 3;
@@ -92,6 +92,7 @@ pub struct Search {
     over: bool,
     /// [`Over`] waits to be told.
     telling: bool,
+    ports: Vec<PortRequest>,
     profinet: Option<ProfinetSearch>,
     ethernet_ip: Option<EthernetIpSearch>,
 }
@@ -101,12 +102,16 @@ impl Search {
     #[must_use]
     pub fn new(config: SearchConfig, start: Instant) -> Self {
         let spread = config.spread();
+        let profinet = config.profinet.iter().map(|_| profinet::ETHERNET);
+        let ethernet_ip = config.ethernet_ip.iter().map(|question| PortRequest::Udp(question.local_port));
+        let ports = profinet.chain(ethernet_ip).collect();
         Self {
             start,
             length: config.length,
             asked: 0,
             over: false,
             telling: false,
+            ports,
             profinet: config.profinet.map(|question| ProfinetSearch::new(question, spread)),
             ethernet_ip: config.ethernet_ip.map(|question| EthernetIpSearch::new(question, spread)),
         }
@@ -160,6 +165,10 @@ impl Search {
 
 impl Machine for Search {
     type Event = Over;
+
+    fn ports(&self) -> &[PortRequest] {
+        &self.ports
+    }
 
     fn handle_frame(&mut self, _now: Instant, from: Source, frame: &[u8]) {
         if self.over {

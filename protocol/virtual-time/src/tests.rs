@@ -1,7 +1,7 @@
 use super::*;
 use alloc::string::String;
 use core::fmt::Write;
-use machine::{Duration, StreamChange, StreamId, StreamRequest};
+use machine::{Duration, PortRequest, StreamChange, StreamId, StreamRequest};
 
 /// Sends a number every millisecond of its own clock and reports those that come in.
 struct Counter {
@@ -19,6 +19,10 @@ impl Counter {
 
 impl Machine for Counter {
     type Event = (Instant, u8);
+
+    fn ports(&self) -> &[PortRequest] {
+        &[]
+    }
 
     fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
         self.received.push_back((now, frame[0]));
@@ -131,6 +135,10 @@ struct Talker {
 
 impl Machine for Talker {
     type Event = ();
+
+    fn ports(&self) -> &[PortRequest] {
+        &[]
+    }
 
     fn handle_frame(&mut self, _now: Instant, _from: Source, frame: &[u8]) {
         self.heard.extend_from_slice(frame);

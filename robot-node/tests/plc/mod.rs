@@ -10,7 +10,7 @@
 use std::time::Duration;
 
 use machine::wire::BigEndian;
-use machine::{Cycle, Instant, Machine, Source, Transmit};
+use machine::{Cycle, Instant, Machine, PortRequest, Source, Transmit};
 use protocol::direct::Direct;
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{
@@ -69,6 +69,10 @@ impl Plc {
 
 impl Machine for Plc {
     type Event = ();
+
+    fn ports(&self) -> &[PortRequest] {
+        self.bus.ports()
+    }
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
     }

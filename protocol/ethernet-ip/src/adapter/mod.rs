@@ -26,7 +26,7 @@ use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use crate::IoData;
 use machine::{Counters, DownCause, LinkEvent};
-use machine::{Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 /// What an adapter must be told.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -90,6 +90,10 @@ impl Adapter {
 
 impl Machine for Adapter {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        super::PORTS
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match (from.port, from.peer) {

@@ -29,7 +29,9 @@ use super::objects::Qos;
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use crate::{IO_DATA_LEN, IoData};
 use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::{
+    Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
 
 /// How often a session without requests shows that it is alive: adapters end silent ones after 120 s.
 const KEEP_ALIVE: Duration = Duration::from_secs(30);
@@ -210,6 +212,10 @@ impl Scanner {
 
 impl Machine for Scanner {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        super::PORTS
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match from.port {

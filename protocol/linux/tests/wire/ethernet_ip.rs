@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 
 use ethernet_ip::description::SKILL_ROBOT;
 use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
-use machine::{Machine, Port, Source, Transmit};
+use machine::{Machine, Port, PortRequest, Source, Transmit};
 use pcap_file::pcapng::{Block, PcapNgReader};
 use protocol::fieldbus::LinkEvent;
 use protocol_linux::capture::Keep;
-use protocol_linux::{CyclicThread, Interface, Recorder, Udp, Wire, clock};
+use protocol_linux::{CyclicThread, Interface, Recorder, clock};
 
 use super::{ADDRESSES, Bed, MASK, Watch, stop};
 
@@ -38,16 +38,12 @@ fn adapter(interface: &Interface) -> Adapter {
     })
 }
 
-fn wires(interface: &Interface) -> Vec<Wire> {
-    Wire::ethernet_ip(interface).unwrap()
-}
-
 /// Runs a scanner for a moment from when it is connected. Returns how many frames it took in.
 ///
 /// It leaves like one that was switched off: the next one has to wait for the adapter's watchdog.
 fn exchange(bed: &Bed, multicast: bool) -> u64 {
     let config = ScannerConfig { multicast, ..ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, 2_000) };
-    let mut thread = bed.start_on(0, |_| Scanner::new(config, clock::now()), wires);
+    let mut thread = bed.start(0, |_| Scanner::new(config, clock::now()));
     until_up(&mut thread);
     std::thread::sleep(Duration::from_millis(200));
     stop(thread).driver.machine().counters().received
@@ -129,7 +125,7 @@ fn packets(capture: File) -> Vec<Packet> {
 #[test]
 fn cyclic_packets_carry_the_dscp_that_the_qos_object_says_and_a_changed_one_from_the_next_connection_on() {
     let bed = Bed::lay();
-    let robot = bed.start_on(1, adapter, wires);
+    let robot = bed.start(1, adapter);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
     let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Keep::All).unwrap();
     let recorder = bed.ends[0].0.run(start).unwrap();
@@ -180,6 +176,10 @@ const LAST: u8 = b'z';
 impl Machine for Ear {
     type Event = LinkEvent;
 
+    fn ports(&self) -> &[PortRequest] {
+        &[PortRequest::Udp(EAR_PORT)]
+    }
+
     fn handle_frame(&mut self, _: machine::Instant, _: Source, frame: &[u8]) {
         self.own.extend(frame);
         self.heard_the_last = frame == [LAST];
@@ -212,8 +212,7 @@ impl Machine for Ear {
 fn a_machine_is_told_what_went_to_everybody_and_hears_of_multicasts_only_those_of_its_group() {
     let bed = Bed::lay();
     let ear = |_: &Interface| Ear::default();
-    let mut ear =
-        bed.start_on(1, ear, |interface| vec![Wire::udp(interface, Udp { port: EAR_PORT }).unwrap()]);
+    let mut ear = bed.start(1, ear);
     let other_group = Ipv4Addr::new(239, 192, 1, 64);
     let send = || {
         let socket = UdpSocket::bind(SocketAddrV4::new(PLC, 0)).unwrap();

@@ -12,13 +12,12 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use machine::{Instant, Machine};
+use machine::{Instant, Machine, PortRequest};
 use machines::{Cable, Echo, Station};
 use protocol::fieldbus::LinkEvent;
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{
-    CyclicThread, Driver, DriverError, Finished, Interface, Notifier, Outbox, PROFINET, Task, Udp, Wire,
-    clock, veth,
+    CyclicThread, Driver, DriverError, Finished, Interface, Notifier, OpenPort, Outbox, Task, clock, veth,
 };
 
 #[global_allocator]
@@ -59,28 +58,13 @@ impl Bed {
         end: usize,
         machine: impl FnOnce(&Interface) -> M + Send,
     ) -> CyclicThread<M, Watch> {
-        self.start_on(end, machine, |interface| {
-            vec![
-                Wire::ethernet(interface, PROFINET).unwrap(),
-                Wire::udp(interface, Udp { port: machines::UDP_PORT }).unwrap(),
-            ]
-        })
-    }
-
-    fn start_on<M: Machine<Event = LinkEvent> + Send + 'static>(
-        &self,
-        end: usize,
-        machine: impl FnOnce(&Interface) -> M + Send,
-        wires: impl FnOnce(&Interface) -> Vec<Wire> + Send,
-    ) -> CyclicThread<M, Watch> {
         let (namespace, name) = &self.ends[end];
         namespace
             .run(|| {
                 let interface = Interface::open(name).unwrap();
-                let wires = wires(&interface);
                 let machine = machine(&interface);
                 let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
-                let driver = Driver::new(machine, interface, wires, waker.clone()).unwrap();
+                let driver = Driver::new(machine, interface, waker.clone()).unwrap();
                 CyclicThread::start(driver, Watch::default(), waker, reader).unwrap()
             })
             .unwrap()
@@ -230,8 +214,8 @@ fn a_taken_udp_port_is_named() {
     let message = namespace
         .run(|| {
             let interface = Interface::open(name).unwrap();
-            let _first = Wire::udp(&interface, Udp { port: 4000 }).unwrap();
-            Wire::udp(&interface, Udp { port: 4000 }).unwrap_err().to_string()
+            let _first = OpenPort::open(&interface, PortRequest::Udp(4000)).unwrap();
+            OpenPort::open(&interface, PortRequest::Udp(4000)).unwrap_err().to_string()
         })
         .unwrap();
     assert!(message.contains("UDP port 4000") && message.contains(" at 0.0.0.0:4000;"), "{message}");

@@ -131,7 +131,7 @@ fn a_taken_tcp_port_is_named_with_who_has_it() {
             let _other = TcpListener::bind(SERVER).unwrap();
             let interface = Interface::open(name).unwrap();
             let machine = EchoServer::new(clock::now());
-            Driver::new(machine, interface, vec![], Notifier::new().unwrap()).unwrap_err().to_string()
+            Driver::new(machine, interface, Notifier::new().unwrap()).unwrap_err().to_string()
         })
         .unwrap();
     assert!(message.contains("TCP port 44818") && message.contains(" at 10.0.0.2:44818;"), "{message}");

@@ -51,7 +51,7 @@ use discovery::{Discovery, Wanted};
 use link::Link;
 use machine::ethernet::EthernetHeader;
 use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Duration, Instant, Machine, Port, Source, Transmit};
+use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 use responder::Responder;
 
 /// How long no connection may be there before that is told.
@@ -321,6 +321,10 @@ impl Controller {
 
 impl Machine for Controller {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        super::PORTS
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         let devices = from.peer.filter(|peer| *peer.ip() == self.config.device_address);

@@ -39,7 +39,7 @@ use crate::ETHER_TYPE;
 use crate::{IO_DATA_LEN, IoData};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Instant, Machine, Port, Source, Transmit};
+use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
 
 /// Events that can wait for the owner; it drains them after every call, of which none makes as many.
 const MOST_EVENTS: usize = 8;
@@ -348,6 +348,10 @@ impl Core {
 
 impl Machine for Device {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        super::PORTS
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match (from.port, from.peer) {

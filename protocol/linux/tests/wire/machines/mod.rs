@@ -5,7 +5,7 @@ pub(crate) mod tcp;
 use std::net::SocketAddrV4;
 
 use machine::ethernet::Mac;
-use machine::{Cycle, Duration, Instant, Lateness, Machine, Port, Source, Tick, Transmit};
+use machine::{Cycle, Duration, Instant, Lateness, Machine, Port, PortRequest, Source, Tick, Transmit};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
 use protocol_linux::Interface;
@@ -59,8 +59,18 @@ fn head(mac: Mac, cable: Cable) -> Vec<u8> {
     [&BROADCAST[..], &mac.0, &tag, &ETHERTYPE].concat()
 }
 
+/// Raw Ethernet and a UDP port, whichever of them a station uses.
+const PORTS: &[PortRequest] = &[
+    PortRequest::Ethernet { ether_type: u16::from_be_bytes(ETHERTYPE), groups: &[] },
+    PortRequest::Udp(UDP_PORT),
+];
+
 impl Machine for Station {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        PORTS
+    }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match from.port {
@@ -116,6 +126,10 @@ impl Echo {
 
 impl Machine for Echo {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        PORTS
+    }
 
     fn handle_frame(&mut self, now: Instant, _: Source, frame: &[u8]) {
         let Some(stamp) = frame.get(14..22).and_then(|bytes| bytes.try_into().ok()) else {

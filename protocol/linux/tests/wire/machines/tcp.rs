@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::net::SocketAddrV4;
 
 use machine::{
-    Cycle, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
+    Cycle, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
 };
 use protocol::fieldbus::LinkEvent;
 
@@ -46,6 +47,10 @@ impl EchoServer {
 
 impl Machine for EchoServer {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        &[]
+    }
 
     fn handle_frame(&mut self, _: Instant, from: Source, frame: &[u8]) {
         let Port::Stream(stream) = from.port else { return };
@@ -135,6 +140,10 @@ impl Caller {
 
 impl Machine for Caller {
     type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        &[]
+    }
 
     fn handle_frame(&mut self, _: Instant, _: Source, frame: &[u8]) {
         self.heard.extend_from_slice(frame);

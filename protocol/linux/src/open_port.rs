@@ -3,17 +3,14 @@
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
-use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
-use machine::Port;
-use profinet::RPC_PORT;
-use profinet::rt::UDP_PORT;
+use machine::{Port, PortRequest};
 use rustix::io::Errno;
 
+use crate::Interface;
 use crate::dscp::Marking;
 use crate::ethernet::EthernetSocket;
 use crate::taken::{self, Transport};
 use crate::udp::UdpPort;
-use crate::{Ethernet, Interface, PROFINET, Udp};
 
 /// Why a port cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -112,7 +109,7 @@ pub enum Received {
 
 /// An open port of a machine. What impairs frames on their way is to become one more variant. TCP is the driver's own.
 #[derive(Debug)]
-pub struct Wire {
+pub struct OpenPort {
     kind: Kind,
     marking: Marking,
 }
@@ -123,36 +120,21 @@ enum Kind {
     Udp(UdpPort),
 }
 
-impl Wire {
-    /// Opens raw Ethernet. Needs `CAP_NET_RAW`.
-    pub fn ethernet(interface: &Interface, ethernet: Ethernet) -> Result<Self, PortError> {
-        Ok(Self::of(Kind::Ethernet(EthernetSocket::open(interface, ethernet)?)))
+impl OpenPort {
+    /// Opens a port on an interface. Raw Ethernet needs `CAP_NET_RAW`.
+    pub fn open(interface: &Interface, request: PortRequest) -> Result<Self, PortError> {
+        let kind = match request {
+            PortRequest::Ethernet { ether_type, groups } => {
+                Kind::Ethernet(EthernetSocket::open(interface, ether_type, groups)?)
+            }
+            PortRequest::Udp(port) => Kind::Udp(UdpPort::open(interface, port)?),
+        };
+        Ok(Self { kind, marking: Marking::default() })
     }
 
-    /// Opens a UDP port.
-    pub fn udp(interface: &Interface, udp: Udp) -> Result<Self, PortError> {
-        Ok(Self::of(Kind::Udp(UdpPort::open(interface, udp)?)))
-    }
-
-    fn of(kind: Kind) -> Self {
-        Self { kind, marking: Marking::default() }
-    }
-
-    /// The ports of a PROFINET station: raw Ethernet, connection management, and cyclic data over UDP.
-    pub fn profinet(interface: &Interface) -> Result<Vec<Self>, PortError> {
-        Ok(vec![
-            Self::ethernet(interface, PROFINET)?,
-            Self::udp(interface, Udp { port: RPC_PORT })?,
-            Self::udp(interface, Udp { port: UDP_PORT })?,
-        ])
-    }
-
-    /// The UDP ports of an EtherNet/IP station: explicit messages and cyclic data.
-    pub fn ethernet_ip(interface: &Interface) -> Result<Vec<Self>, PortError> {
-        Ok(vec![
-            Self::udp(interface, Udp { port: IO_PORT })?,
-            Self::udp(interface, Udp { port: ENCAPSULATION_PORT })?,
-        ])
+    /// Opens several ports, or none.
+    pub fn open_all(interface: &Interface, requests: &[PortRequest]) -> Result<Vec<Self>, PortError> {
+        requests.iter().map(|request| Self::open(interface, *request)).collect()
     }
 
     /// The machine's name for it.
@@ -160,7 +142,7 @@ impl Wire {
     pub const fn port(&self) -> Port {
         match &self.kind {
             Kind::Ethernet(_) => Port::Ethernet,
-            Kind::Udp(udp) => Port::Udp(udp.local_port()),
+            Kind::Udp(udp) => Port::Udp(udp.port()),
         }
     }
 
