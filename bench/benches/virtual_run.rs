@@ -2,8 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
-use bench::plan::Plan;
-use bench::virtual_run::whole;
+use bench::records::schedule::Plan;
+use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType;
 
 fn main() {

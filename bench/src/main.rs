@@ -1,15 +1,15 @@
-//! `bench`: see [`bench::cli`].
+//! `bench`: see [`bench::command_line`].
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
 use std::process::ExitCode;
 
-use bench::cli::{CalibrateOptions, Cli, Command, Mode, RunOptions};
-use bench::exit::{Exit, Failure};
-use bench::out;
+use bench::command_line::{Cli, Command};
 use bench::output::errln;
-use bench::{
-    calibrate, doctor, gate, history, long, measure, overhead, report, rig, sensitivity, sweep, timing,
+use bench::output::exit::Failure;
+use bench::stands::rig;
+use bench::verbs::{
+    calibrate, doctor, gate, history, long, measure, overhead, report, sensitivity, sweep, timing,
 };
 use clap::Parser;
 
@@ -19,13 +19,10 @@ fn main() -> ExitCode {
     }
     let cli = Cli::parse();
     let outcome = match &cli.command {
-        None => measure(&cli.run),
-        Some(Command::Calibrate(options)) => calibrate(options),
+        None => measure::run(&cli.run),
+        Some(Command::Calibrate(options)) => calibrate::run(options),
         Some(Command::Gate(options)) => gate::run(options),
-        Some(Command::Overhead(options)) => match rig::enter_user_namespace() {
-            Ok(()) => overhead::run(options),
-            Err(error) => Err(Failure::new(error.exit(), error)),
-        },
+        Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
@@ -42,21 +39,4 @@ fn main() -> ExitCode {
             exit.into()
         }
     }
-}
-
-fn measure(options: &RunOptions) -> Result<Exit, Failure> {
-    if options.mode == Mode::Real && options.attach.is_none() {
-        // The kernel allows it only while this process has one thread.
-        rig::enter_user_namespace().map_err(|error| Failure::new(error.exit(), error))?;
-    }
-    measure::run(options)
-}
-
-fn calibrate(options: &CalibrateOptions) -> Result<Exit, Failure> {
-    let (setup, found) = planning::setup_with_application(&options.setup)?;
-    found.plan(&setup)?;
-    let progress = |text: &str| errln!("{text}");
-    let found = calibrate::calibrate(&setup, &found.application, options.reps, options.seed, progress)?;
-    out!("{}", found.report());
-    Ok(Exit::Pass)
 }

@@ -2,9 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
-use bench::plan::Plan;
-use bench::results::Results;
-use bench::virtual_run::whole;
+use bench::records::results::Results;
+use bench::records::schedule::Plan;
+use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 
 fn run(application: &str) -> Results {

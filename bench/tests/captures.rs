@@ -5,10 +5,10 @@
 use std::fs::File;
 use std::path::Path;
 
-use bench::capture::{PLC_FILE, ROBOT_FILE};
-use bench::plan::Plan;
-use bench::stand::Stand as _;
-use bench::virtual_run::{Extras, VirtualBus, VirtualRun};
+use bench::records::schedule::Plan;
+use bench::stands::Stand as _;
+use bench::stands::capture::{PLC_FILE, ROBOT_FILE};
+use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use plc_node::ExecutionType;
@@ -46,7 +46,7 @@ fn read(directory: &Path, file: &str) -> Vec<Seen> {
 }
 
 /// What both ends saw of one CM, and how often a fault was put in.
-fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::faults::FaultReport>) {
+fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::records::faults::FaultReport>) {
     let place = tempfile::tempdir().unwrap();
     let (setup, found) = planning::setup_with_application(setup).unwrap();
     let extras = Extras {

@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use bench::gate::{Baseline, judge};
-use bench::plan::Plan;
-use bench::virtual_run::whole;
+use bench::records::schedule::Plan;
+use bench::stands::virtual_run::whole;
+use bench::verbs::gate::{Baseline, judge};
 use planning::Application;
 use plc_node::ExecutionType;
 use setup::Setup;
@@ -64,7 +64,7 @@ fn a_millisecond_more_in_the_plcs_scan_is_red_and_sm_pays_it_again_and_again() {
 #[test]
 fn the_committed_baseline_of_each_setup_holds() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    for (name, _) in bench::gate::BASELINES {
+    for (name, _) in bench::verbs::gate::BASELINES {
         let said = gate(root, &["--setup", name]);
         assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
     }

@@ -5,7 +5,7 @@
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::time::Duration;
 
-use bench::faults;
+use bench::records::faults;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
 use protocol_linux::impaired::{ImpairedCable, Plan, Witness};

@@ -6,7 +6,7 @@ use std::fs;
 use std::time::Duration;
 
 use assert_cmd::Command;
-use bench::long::{Finished, LongRun, Mismatch, Origin, Supplied, Supply};
+use bench::verbs::long::{Finished, LongRun, Mismatch, Origin, Supplied, Supply};
 use plc_node::MotionSource;
 use protocol::image::Motion;
 use protocol_linux::allocation;

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use bench::results::{CycleLateness, Results, Status};
+use bench::records::results::{CycleLateness, Results, Status};
 
 const SECTIONS: [&str; 9] =
     ["table", "quality", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];

@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use bench::sensitivity::{Factor, Sensitivity};
-use bench::sweep::Sweep;
+use bench::verbs::sensitivity::{Factor, Sensitivity};
+use bench::verbs::sweep::Sweep;
 
 struct Said {
     code: Option<i32>,

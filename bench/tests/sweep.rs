@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
-use bench::sweep::{Grid, Predicted, Sweep, csv, render};
+use bench::verbs::sweep::{Grid, Predicted, Sweep, csv, render};
 
 fn sweep(name: &str, grid: &Grid) -> Sweep {
     let (setup, found) = planning::setup_with_application(name).unwrap();

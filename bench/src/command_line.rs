@@ -1,0 +1,73 @@
+//! The command line.
+
+use clap::{Parser, Subcommand};
+
+use crate::verbs::calibrate::CalibrateOptions;
+use crate::verbs::doctor::DoctorOptions;
+use crate::verbs::gate::GateOptions;
+use crate::verbs::history::HistoryOptions;
+use crate::verbs::long::LongOptions;
+use crate::verbs::measure::RunOptions;
+use crate::verbs::overhead::OverheadOptions;
+use crate::verbs::report::{CompareOptions, ReportOptions};
+use crate::verbs::sensitivity::SensitivityOptions;
+use crate::verbs::sweep::SweepOptions;
+use crate::verbs::timing::TimingOptions;
+
+/// Measures skill-based robot control over a real fieldbus: the same sequence as a robot program (RC), as single
+/// skills from the PLC (SM) and as one MoveContinuousSkill from the PLC (CM).
+#[derive(Parser, Debug)]
+#[command(
+    name = "bench",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = EXAMPLES,
+)]
+pub struct Cli {
+    /// Without a subcommand the setup is run and measured.
+    #[command(flatten)]
+    pub run: RunOptions,
+    /// Everything but a measured run.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  bench --setup A                            two processes, real PROFINET, 75 runs in about six minutes
+  bench --setup A --mode virtual             the same in virtual time, in about a second
+  bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
+  bench --setup A --types rc,cm --export-json results.json
+  bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
+  bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
+  bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
+
+Exit codes:
+  0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable   130 interrupted";
+
+/// Everything but a measured run.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum.
+    Calibrate(CalibrateOptions),
+    /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
+    Gate(GateOptions),
+    /// Measure in real mode what captures and traces cost, recorded and unrecorded seconds in turn.
+    Overhead(OverheadOptions),
+    /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
+    Long(LongOptions),
+    /// Draw the report of a run again.
+    Report(ReportOptions),
+    /// Set runs beside each other.
+    Compare(CompareOptions),
+    /// List the runs that are kept, with the trend of their figures.
+    History(HistoryOptions),
+    /// Look whether this machine can do real mode, and how well.
+    Doctor(DoctorOptions),
+    /// Measure how evenly cyclic EtherNet/IP frames come, beside a bare loop on this host and a peer.
+    Timing(TimingOptions),
+    /// See where one MoveContinuousSkill loses to the robot's program: slots × bus cycle × length of motions.
+    Sweep(SweepOptions),
+    /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
+    Sensitivity(SensitivityOptions),
+}

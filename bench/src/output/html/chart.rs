@@ -1,0 +1,232 @@
+//! What all figures share: their two widths, their colours, their axes.
+//!
+//! Each figure is drawn twice, for a screen or paper and for a phone, and the page shows the one that fits. The
+//! colours stand in the SVG as those of the light page; the style sheet names each of them and says what it is on a
+//! dark one.
+
+use plc_node::ExecutionType;
+use plotters::backend::SVGBackend;
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::drawing::{DrawingArea, IntoDrawingArea};
+use plotters::prelude::{Cartesian2d, Color, IntoFont, RGBColor, TextStyle};
+use plotters::style::FontStyle;
+
+/// Where figures are drawn.
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// A rectangle with two linear axes.
+pub(crate) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Units of the SVG in a pixel: the backend knows whole numbers only, and a curve needs finer ones.
+const UNITS: f64 = 10.0;
+
+/// Text and marks.
+pub(crate) const INK: RGBColor = RGBColor(0x1B, 0x1B, 0x1A);
+/// Labels of axes.
+pub(crate) const MUTED: RGBColor = RGBColor(0x66, 0x64, 0x5F);
+/// Lines of a grid.
+pub(crate) const GRID: RGBColor = RGBColor(0xE4, 0xE2, 0xDB);
+/// Axes.
+const AXIS: RGBColor = RGBColor(0xB5, 0xB2, 0xA9);
+/// What is behind the figure.
+pub(crate) const PAPER: RGBColor = RGBColor(0xFF, 0xFF, 0xFE);
+
+/// A type has the same colour everywhere.
+pub(crate) const fn colour(of: ExecutionType) -> RGBColor {
+    match of {
+        ExecutionType::Rc => RGBColor(0x2A, 0x78, 0xD6),
+        ExecutionType::Sm => RGBColor(0xE0, 0x5A, 0x24),
+        ExecutionType::Cm => RGBColor(0x12, 0x8A, 0x63),
+    }
+}
+
+/// What a page is read on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Format {
+    /// A screen or paper: 960 pixels.
+    Wide,
+    /// A phone: 360 pixels.
+    Narrow,
+}
+
+impl Format {
+    /// Width of a figure in pixels.
+    pub(crate) const fn width(self) -> f64 {
+        match self {
+            Self::Wide => 960.0,
+            Self::Narrow => 360.0,
+        }
+    }
+
+    /// One of two values.
+    pub(crate) fn pick<T>(self, wide: T, narrow: T) -> T {
+        match self {
+            Self::Wide => wide,
+            Self::Narrow => narrow,
+        }
+    }
+
+    /// Width in pixels of what stands left of a vertical axis.
+    pub(crate) fn margin(self) -> f64 {
+        self.pick(52.0, 38.0)
+    }
+}
+
+/// Pixels in units of the SVG.
+pub(crate) const fn px(pixels: f64) -> i32 {
+    (pixels * UNITS).round() as i32
+}
+
+/// Width of a line.
+pub(crate) const fn stroke(pixels: f64) -> u32 {
+    (pixels * UNITS).round() as u32
+}
+
+/// Text of a size in pixels.
+pub(crate) fn text(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
+    // The backend divides by 1.24.
+    ("sans-serif", pixels * 1.24 * UNITS).into_font().color(&colour)
+}
+
+/// A type's name beside its panel.
+pub(crate) fn name(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", pixels * 1.24 * UNITS, FontStyle::Bold).into_font().color(&colour)
+}
+
+/// Draws a figure of this height in pixels and returns it as SVG.
+pub(crate) fn figure(
+    format: Format,
+    height: f64,
+    draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<String> {
+    let mut svg = String::new();
+    {
+        let area =
+            SVGBackend::with_string(&mut svg, (stroke(format.width()), stroke(height))).into_drawing_area();
+        draw(&area)?;
+        area.present()?;
+    }
+    Ok(svg.replace('\n', ""))
+}
+
+/// Panels of one height below each other, each with a line of text above it; all have the last one's horizontal axis.
+pub(crate) struct Panels {
+    /// Height of that line in pixels.
+    pub(crate) title: f64,
+    /// Height of a panel in pixels.
+    pub(crate) panel: f64,
+}
+
+/// One of them.
+pub(crate) struct Panel<'a> {
+    /// Where its line of text begins, in pixels from the top of the figure.
+    pub(crate) top: f64,
+    /// Below that line.
+    pub(crate) area: Area<'a>,
+    /// Whether the horizontal axis is below it.
+    pub(crate) is_last: bool,
+}
+
+impl Panels {
+    /// Draws a figure with a panel for each of `all`, whose line of text `draw` writes into the whole figure.
+    pub(crate) fn figure<T>(
+        &self,
+        format: Format,
+        all: &[T],
+        draw: impl Fn(&Area<'_>, &Panel<'_>, &T) -> anyhow::Result<()>,
+    ) -> anyhow::Result<String> {
+        let height = all.len() as f64 * (self.title + self.panel) + Axes::below(true);
+        figure(format, height, |whole| {
+            for (index, one) in all.iter().enumerate() {
+                let is_last = index + 1 == all.len();
+                let top = index as f64 * (self.title + self.panel);
+                let bottom = if is_last { height } else { top + self.title + self.panel };
+                let size = (whole.dim_in_pixel().0, stroke(bottom - top - self.title));
+                let area = whole.clone().shrink((0, px(top + self.title)), size);
+                draw(whole, &Panel { top, area, is_last }, one)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// How a value of an axis is written.
+type Write<'a> = &'a dyn Fn(&f64) -> String;
+
+/// The axes of a panel.
+pub(crate) struct Axes<'a> {
+    /// Ends of the horizontal axis.
+    pub(crate) x: (f64, f64),
+    /// Ends of the vertical axis.
+    pub(crate) y: (f64, f64),
+    /// Title of the horizontal axis; without one the axis has no labels.
+    pub(crate) x_title: Option<&'a str>,
+    /// Title of the vertical axis.
+    pub(crate) y_title: &'a str,
+    /// Whether the labels of the horizontal axis have lines.
+    pub(crate) x_lines: bool,
+    /// Most labels on each axis.
+    pub(crate) labels: (usize, usize),
+    /// How values of each axis are written.
+    pub(crate) write: (Write<'a>, Write<'a>),
+}
+
+impl Axes<'_> {
+    /// Height in pixels of what stands below the horizontal axis.
+    pub(crate) const fn below(has_title: bool) -> f64 {
+        if has_title { 44.0 } else { 6.0 }
+    }
+
+    /// Draws the grid; the chart that comes back takes the data.
+    pub(crate) fn draw<'a, 'b>(&self, format: Format, area: &'a Area<'b>) -> anyhow::Result<Chart<'a, 'b>> {
+        let mut builder = ChartBuilder::on(area);
+        builder.set_label_area_size(plotters::chart::LabelAreaPosition::Left, px(format.margin()));
+        let below = px(Self::below(self.x_title.is_some()));
+        if self.x_title.is_some() {
+            builder.set_label_area_size(plotters::chart::LabelAreaPosition::Bottom, below);
+        } else {
+            builder.margin_bottom(below);
+        }
+        builder.margin_right(px(10.0)).margin_top(px(6.0));
+        let mut chart = builder.build_cartesian_2d(self.x.0..self.x.1, self.y.0..self.y.1)?;
+        let small = format.pick(12.0, 11.0);
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(plotters::style::TRANSPARENT)
+            .bold_line_style(GRID.stroke_width(stroke(1.0)))
+            .axis_style(AXIS.stroke_width(stroke(1.0)))
+            .set_all_tick_mark_size(px(3.0))
+            .label_style(text(small, MUTED))
+            .x_labels(self.labels.0)
+            .y_labels(self.labels.1)
+            .x_label_formatter(self.write.0)
+            .y_label_formatter(self.write.1)
+            .axis_desc_style(text(small, MUTED));
+        if !self.x_lines {
+            mesh.disable_x_mesh();
+        }
+        if let Some(title) = self.x_title {
+            mesh.x_desc(title);
+        }
+        mesh.draw()?;
+        // A title above the axis is read without turning the head.
+        if !self.y_title.is_empty() {
+            area.draw_text(self.y_title, &text(small, MUTED), (px(2.0), px(-14.0)))?;
+        }
+        Ok(chart)
+    }
+}
+
+/// Numbers with the decimals that they have, at most two.
+pub(crate) fn short(value: &f64) -> String {
+    let text = format!("{value:.2}");
+    if text == "-0.00" {
+        return "0".to_owned();
+    }
+    text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
+}
+
+/// Whole numbers.
+pub(crate) fn whole(value: &f64) -> String {
+    format!("{value:.0}").replace('-', "−")
+}

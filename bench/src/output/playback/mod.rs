@@ -1,0 +1,188 @@
+//! A run as `motion.mcap`: the arm's joints, the way of its tool and the speed along it, as Foxglove and Rerun play it.
+//!
+//! The messages are ROS 2's, since those are the ones that both know as joints and poses; messages in JSON Rerun shows as
+//! text. The first repetitions of the types stand beside each other, each from its start edge on, which is time zero:
+//!
+//! ```text
+//! /rc/joint_states      sensor_msgs/JointState     every robot cycle, in rad and rad/s, m and m/s on a linear axis
+//! /rc/tool              geometry_msgs/PoseStamped  every robot cycle, in m, in the frame `base`
+//! /rc/path_speed        std_msgs/Float64           every robot cycle, in m/s
+//! /rc/programmed_speed  std_msgs/Float64           every robot cycle, in m/s
+//! /rc/path              nav_msgs/Path              once, the whole way of the tool, which Foxglove draws
+//! /rc/path_points       sensor_msgs/PointCloud2    once, the same with the speed there, which Rerun draws too
+//! /sm/…, /cm/…
+//! ```
+
+mod programmed;
+mod ros2;
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::time::Duration;
+
+use mcap::records::MessageHeader;
+use mcap::{McapResult, WriteOptions, Writer};
+use planning::Plan;
+use plc_node::ExecutionType;
+use robot_node::arm::Rotation;
+use setup::{Kinematics, Setup};
+
+use crate::records::trace::{RobotTick, Trace};
+use ros2::{Joint, Message, Pose};
+
+/// The file, in the run directory.
+pub const FILE: &str = "motion.mcap";
+
+/// Frame of the poses: the base that the motions are programmed in.
+const FRAME: &str = "base";
+
+/// A trace as the bytes of an MCAP file.
+///
+/// # Errors
+///
+/// None is known; the writer reserves it.
+pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
+    let options = WriteOptions::new()
+        .compression(None)
+        .profile("ros2")
+        .library(concat!("skillbench ", env!("CARGO_PKG_VERSION")));
+    let mut file = File { writer: options.create(Cursor::new(Vec::new()))?, sequences: BTreeMap::new() };
+    let arm = Arm::of(setup);
+    let motions = plan.wire_motions(setup);
+    let mut moments = Vec::new();
+    for of in ExecutionType::ALL {
+        let ticks = ticks(trace, of);
+        if ticks.is_empty() {
+            continue;
+        }
+        let channels = Channels::open(&mut file, of)?;
+        // Until it moves for the first time the robot reports its pose in no base in particular.
+        let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0).collect();
+        let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, pose(tick))).collect();
+        file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
+        let points: Vec<_> = moved.iter().map(|(_, tick)| point(tick)).collect();
+        file.write(channels.points, Duration::ZERO, &Message::points(FRAME, &points))?;
+        let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| *tick), &motions);
+        let joints = arm.joint_states(&ticks);
+        let of_ticks = ticks.into_iter().zip(joints).zip(speeds);
+        moments.extend(of_ticks.map(|(((at, tick), joints), speed)| (at, channels, tick, joints, speed)));
+    }
+    // The types are one after the other so far, and players want a file in order of time.
+    moments.sort_by_key(|(at, ..)| *at);
+    for (at, channels, tick, joints, programmed_mm_s) in moments {
+        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.names, &joints))?;
+        file.write(channels.tool, at, &Message::pose(at, FRAME, &pose(tick)))?;
+        file.write(channels.speed, at, &Message::float(f64::from(tick.path_speed_mm_s) / 1e3))?;
+        file.write(channels.programmed, at, &Message::float(programmed_mm_s / 1e3))?;
+    }
+    file.writer.finish()?;
+    Ok(file.writer.into_inner().into_inner())
+}
+
+/// The robot's cycles of a run with their times. A cycle that began before the start edge is none of the run.
+fn ticks(trace: &Trace, of: ExecutionType) -> Vec<(Duration, &RobotTick)> {
+    let all = trace.types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
+    let since_start = |tick: &RobotTick| Duration::from_nanos((tick.at_ms * 1e6).round() as u64);
+    all.iter().filter(|tick| tick.at_ms >= 0.0).map(|tick| (since_start(tick), tick)).collect()
+}
+
+fn pose(tick: &RobotTick) -> Pose {
+    let [x, y, z, a, b, c] = tick.pose.map(f64::from);
+    Pose {
+        position_m: [x, y, z].map(|mm| mm / 1e3),
+        orientation: Rotation::from_angles([a, b, c]).quaternion(),
+    }
+}
+
+/// Where the tool is, x, y and z in m, and how fast it is there in m/s.
+fn point(tick: &RobotTick) -> [f32; 4] {
+    let [x, y, z, ..] = tick.pose;
+    [x, y, z, tick.path_speed_mm_s].map(|value| value / 1e3)
+}
+
+/// Which joints there are.
+struct Arm {
+    names: Vec<String>,
+    linear: Option<usize>,
+}
+
+impl Arm {
+    fn of(setup: &Setup) -> Self {
+        let (axes, linear) = match &setup.robot.kinematics {
+            Kinematics::Scara(_) => (4, Some(2)),
+            Kinematics::Opw(_) => (6, None),
+        };
+        Self { names: (1..=axes).map(|axis| format!("joint_{axis}")).collect(), linear }
+    }
+
+    /// The joints in each cycle, their speeds by the difference from the cycle before to the one behind.
+    fn joint_states(&self, ticks: &[(Duration, &RobotTick)]) -> Vec<Vec<Joint>> {
+        let last = ticks.len().saturating_sub(1);
+        let around = |index: usize| (ticks.get(index.saturating_sub(1)), ticks.get((index + 1).min(last)));
+        let of_tick = |(index, (_, tick)): (usize, &(Duration, &RobotTick))| {
+            let joint = |axis| {
+                let speed = match around(index) {
+                    (Some((from, before)), Some((to, behind))) if to > from => {
+                        (self.value(behind, axis) - self.value(before, axis)) / (*to - *from).as_secs_f64()
+                    }
+                    _ => 0.0,
+                };
+                Joint { position: self.value(tick, axis), speed }
+            };
+            (0..self.names.len()).map(joint).collect()
+        };
+        ticks.iter().enumerate().map(of_tick).collect()
+    }
+
+    /// The value of a joint in rad or m.
+    fn value(&self, tick: &RobotTick, axis: usize) -> f64 {
+        let value = f64::from(tick.joints.get(axis).copied().unwrap_or_default());
+        if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() }
+    }
+}
+
+/// The channels of one type.
+#[derive(Clone, Copy)]
+struct Channels {
+    joints: u16,
+    tool: u16,
+    speed: u16,
+    programmed: u16,
+    path: u16,
+    points: u16,
+}
+
+impl Channels {
+    fn open(file: &mut File, of: ExecutionType) -> McapResult<Self> {
+        let mut open = |topic: &str, schema| file.open(&format!("/{of}/{topic}"), schema);
+        Ok(Self {
+            joints: open("joint_states", ros2::JOINT_STATE)?,
+            tool: open("tool", ros2::POSE_STAMPED)?,
+            speed: open("path_speed", ros2::FLOAT)?,
+            programmed: open("programmed_speed", ros2::FLOAT)?,
+            path: open("path", ros2::PATH)?,
+            points: open("path_points", ros2::POINT_CLOUD)?,
+        })
+    }
+}
+
+struct File {
+    writer: Writer<Cursor<Vec<u8>>>,
+    /// The number of each channel's next message.
+    sequences: BTreeMap<u16, u32>,
+}
+
+impl File {
+    fn open(&mut self, topic: &str, schema: ros2::Schema) -> McapResult<u16> {
+        let schema = self.writer.add_schema(schema.name, "ros2msg", schema.definition.as_bytes())?;
+        self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
+    }
+
+    fn write(&mut self, channel_id: u16, at: Duration, message: &Message) -> McapResult<()> {
+        let log_time = u64::try_from(at.as_nanos()).unwrap_or(u64::MAX);
+        let next = self.sequences.entry(channel_id).or_default();
+        let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time: log_time };
+        *next += 1;
+        self.writer.write_to_known_channel(&header, message.as_bytes())
+    }
+}

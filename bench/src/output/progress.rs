@@ -1,0 +1,140 @@
+//! What a person sees while a run runs: a live line a type on a terminal, plain lines elsewhere. All on stderr, so
+//! that stdout holds the table alone.
+
+use std::io::{self, IsTerminal};
+use std::time::{Duration, Instant};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use plc_node::ExecutionType;
+
+use crate::output::errln;
+use crate::records::results::Results;
+use crate::records::schedule::Plan;
+
+/// At most one plain line in this time, but for a type's last one.
+const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
+
+/// The view of a run.
+#[derive(Debug)]
+pub struct Progress {
+    view: View,
+    reps: u32,
+    started: Instant,
+    done: u32,
+    all: u32,
+}
+
+#[derive(Debug)]
+enum View {
+    Live { bars: Vec<(ExecutionType, ProgressBar)>, _screen: MultiProgress },
+    Plain { last_line: Option<Instant> },
+    Quiet,
+}
+
+impl Progress {
+    /// The view that fits where stderr goes.
+    #[must_use]
+    pub fn start(plan: &Plan, quiet: bool) -> Self {
+        let view = if quiet {
+            View::Quiet
+        } else if io::stderr().is_terminal() {
+            live(plan)
+        } else {
+            View::Plain { last_line: None }
+        };
+        let all = plan.reps.saturating_mul(u32::try_from(plan.types.len()).unwrap_or(u32::MAX));
+        Self { view, reps: plan.reps, started: Instant::now(), done: 0, all }
+    }
+
+    /// Shows that a run of this type is under way.
+    pub fn running(&self, of: ExecutionType, repetition: u32) {
+        if let Some(bar) = self.bar(of)
+            && repetition == 1
+        {
+            bar.set_message("running");
+        }
+    }
+
+    /// Shows a finished repetition.
+    pub fn finished(&mut self, of: ExecutionType, repetition: u32, results: &Results) {
+        self.done += 1;
+        let figure = results.figure(of).map_or_else(String::new, |figure| {
+            format!("AET {:8.1} ms ± {:5.1} ms", figure.aet_ms, figure.mad_ms)
+        });
+        let left = self.time_left();
+        let text = format!("{figure}{left}");
+        let is_last = repetition == self.reps;
+        if let Some(bar) = self.bar(of) {
+            bar.set_position(u64::from(repetition));
+            bar.set_message(text);
+            if is_last {
+                bar.abandon();
+            }
+        } else if let View::Plain { last_line } = &mut self.view
+            && (is_last || last_line.is_none_or(|last| last.elapsed() >= PLAIN_LINE_EVERY))
+        {
+            *last_line = Some(Instant::now());
+            errln!("{:<3} {repetition:>3}/{}  {text}", label(of), self.reps);
+        }
+    }
+
+    /// Prints a warning: what happened, and which option helps.
+    pub fn warn(&self, text: &str) {
+        self.say(&format!("warning: {text}"));
+    }
+
+    /// Prints a line beside the view.
+    pub fn say(&self, line: &str) {
+        match &self.view {
+            View::Live { _screen, .. } => {
+                let _ = _screen.println(line);
+            }
+            View::Plain { .. } => {
+                errln!("{line}");
+            }
+            View::Quiet => {}
+        }
+    }
+
+    /// Leaves the lines as they are: nothing changes them any more.
+    pub fn end(&self) {
+        if let View::Live { bars, .. } = &self.view {
+            bars.iter().for_each(|(_, bar)| bar.abandon());
+        }
+    }
+
+    fn bar(&self, of: ExecutionType) -> Option<&ProgressBar> {
+        let View::Live { bars, .. } = &self.view else { return None };
+        bars.iter().find(|(bar, _)| *bar == of).map(|(_, bar)| bar)
+    }
+
+    /// What the rest takes if it goes on like this; nothing where that is less than a second.
+    fn time_left(&self) -> String {
+        let per_run = self.started.elapsed().as_secs_f64() / f64::from(self.done.max(1));
+        let seconds = (per_run * f64::from(self.all.saturating_sub(self.done))).round() as u64;
+        match seconds {
+            0 => String::new(),
+            1..60 => format!("  {seconds} s left"),
+            _ => format!("  {} min {:02} s left", seconds / 60, seconds % 60),
+        }
+    }
+}
+
+fn live(plan: &Plan) -> View {
+    let screen = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
+    let style = ProgressStyle::with_template("{prefix:<3} {bar:25} {pos:>3}/{len}  {msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let bar = |of: &ExecutionType| {
+        let bar = screen.add(ProgressBar::new(u64::from(plan.reps)).with_style(style.clone()));
+        bar.set_prefix(label(*of));
+        bar.tick();
+        (*of, bar)
+    };
+    View::Live { bars: plan.types.iter().map(bar).collect(), _screen: screen }
+}
+
+/// The type as the paper writes it.
+#[must_use]
+pub fn label(of: ExecutionType) -> String {
+    of.to_string().to_uppercase()
+}

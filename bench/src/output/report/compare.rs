@@ -1,0 +1,166 @@
+//! Runs beside each other: a table on screen, and a page with the samples on one axis.
+
+use std::path::PathBuf;
+
+use comfy_table::{CellAlignment, Table, presets};
+use plc_node::ExecutionType;
+use serde::Serialize;
+
+use super::run::Run;
+use super::samples;
+use crate::output::exit::Failure;
+use crate::output::html::chart::colour;
+use crate::output::html::document::fill;
+use crate::output::html::figure::Figure;
+use crate::output::progress::label;
+use crate::records::results::Status;
+use crate::records::schedule::repetitions;
+
+const TEMPLATE: &str = include_str!("compare.html");
+
+/// A run, told from the others by a number.
+#[derive(Serialize)]
+struct Column {
+    number: usize,
+    name: String,
+    about: String,
+    /// AET, MAD and the difference to the first run's AET of each type, then AETi; as text.
+    cells: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Page {
+    rows: Vec<&'static str>,
+    columns: Vec<Column>,
+    figures: Vec<(String, Figure)>,
+}
+
+/// The rows of the comparison.
+const ROWS: [&str; 10] = [
+    "RC AET",
+    "RC MAD",
+    "RC AET − run 1",
+    "SM AET",
+    "SM MAD",
+    "SM AET − run 1",
+    "CM AET",
+    "CM MAD",
+    "CM AET − run 1",
+    "AETi",
+];
+
+/// Runs beside each other; the others are set against the first.
+#[derive(Debug)]
+pub struct Comparison {
+    runs: Vec<Run>,
+}
+
+impl Comparison {
+    /// Reads the runs from their directories.
+    ///
+    /// # Errors
+    ///
+    /// A directory holds no run.
+    pub fn load(directories: &[PathBuf]) -> Result<Self, Failure> {
+        Ok(Self { runs: directories.iter().map(|path| Run::load(path)).collect::<Result<_, _>>()? })
+    }
+
+    /// The table for the screen.
+    #[must_use]
+    pub fn table(&self) -> String {
+        table(&columns(&self.runs))
+    }
+
+    /// The page, as HTML.
+    ///
+    /// # Errors
+    ///
+    /// A figure cannot be drawn.
+    pub fn page(&self) -> anyhow::Result<String> {
+        page(&self.runs, columns(&self.runs))
+    }
+}
+
+fn columns(runs: &[Run]) -> Vec<Column> {
+    let column = |(index, run): (usize, &Run)| {
+        let millis = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
+        let mut cells = Vec::new();
+        for of in ExecutionType::ALL {
+            let figure = run.results.figure(of);
+            let first = runs.first().and_then(|first| first.results.figure(of));
+            let difference = figure.zip(first).filter(|_| index > 0);
+            cells.push(millis(figure.map(|figure| figure.aet_ms)));
+            cells.push(millis(figure.map(|figure| figure.mad_ms)));
+            cells.push(difference.map_or_else(String::new, |(figure, first)| {
+                format!("{:+.1}", figure.aet_ms - first.aet_ms).replace('-', "−")
+            }));
+        }
+        let share = run.results.aet_improvement;
+        cells.push(share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", share * 100.0)));
+        let ended = match run.results.status {
+            Status::Complete => "",
+            Status::Running => ", not finished",
+            Status::Failed => ", failed",
+            Status::Interrupted => ", interrupted",
+        };
+        let commit = run.host("commit").map_or_else(String::new, |commit| format!(", commit {commit}"));
+        let results = &run.results;
+        let about = format!(
+            "setup {}, {} mode, {}, seed {}{commit}{ended}",
+            results.setup,
+            results.mode,
+            repetitions(results.reps),
+            results.seed
+        );
+        Column { number: index + 1, name: run.name(), about, cells }
+    };
+    runs.iter().enumerate().map(column).collect()
+}
+
+fn table(columns: &[Column]) -> String {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    table.set_header(
+        std::iter::once("ms".to_owned()).chain(columns.iter().map(|column| format!("run {}", column.number))),
+    );
+    for (index, row) in ROWS.iter().enumerate() {
+        let cells = columns.iter().map(|column| column.cells.get(index).cloned().unwrap_or_default());
+        table.add_row(std::iter::once((*row).to_owned()).chain(cells));
+    }
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    let runs =
+        columns.iter().map(|Column { number, name, about, .. }| format!("run {number}: {name} ({about})\n"));
+    let text = table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n");
+    format!("{}\n{text}", runs.collect::<String>())
+}
+
+fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
+    let mut figures = Vec::new();
+    for of in ExecutionType::ALL {
+        let first = runs.first().and_then(|first| first.results.figure(of)).map(|figure| figure.aet_ms);
+        let row = |(index, run): (usize, &Run)| {
+            let (figure, result) = (run.results.figure(of)?, run.results.results.get(of)?);
+            Some(samples::Row {
+                name: (index + 1).to_string(),
+                about: format!(
+                    "{:.1} ms, MAD {:.1} ms, n = {}",
+                    figure.aet_ms,
+                    figure.mad_ms,
+                    result.samples_ms.len()
+                ),
+                colour: colour(of),
+                samples: result.samples_ms.iter().map(|sample| sample - first.unwrap_or(0.0)).collect(),
+            })
+        };
+        let rows: Vec<_> = runs.iter().enumerate().filter_map(row).collect();
+        let title =
+            if first.is_some() { "execution time minus run 1's AET, in ms" } else { "execution time in ms" };
+        let drawn =
+            Figure::draw("Samples of the runs on one axis", |format| samples::draw(&rows, title, format))?;
+        figures.extend(drawn.map(|figure| (label(of), figure)));
+    }
+    let page = Page { rows: ROWS.to_vec(), columns, figures };
+    fill(TEMPLATE, &page)
+}

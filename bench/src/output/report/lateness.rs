@@ -1,0 +1,69 @@
+//! How late the cycles of a real run were, as histograms with logarithmic axes: the rare stall is what matters.
+
+use plotters::element::Rectangle;
+use plotters::prelude::{Color, RGBColor};
+
+use crate::output::html::chart::{Axes, Format, INK, Panels, px, text};
+use crate::records::results::{CycleLateness, Cycles};
+
+/// Height of a panel and of the line of text above it, in pixels.
+const PANEL: f64 = 120.0;
+const TITLE: f64 = 30.0;
+
+/// The buckets are a sixteenth of a power of two wide.
+const BUCKET: f64 = 1.0 - 1.0 / 17.0;
+
+const BAR: RGBColor = RGBColor(0x6B, 0x5F, 0xC7);
+
+/// Draws the figure; none where no cycle was late, as in virtual time.
+pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<String>> {
+    let panels: Vec<(&str, &CycleLateness)> = [("PLC scans", &cycles.plc), ("Robot cycles", &cycles.robot)]
+        .into_iter()
+        .filter(|(_, cycle)| cycle.max_us > 0.0 && !cycle.buckets.is_empty())
+        .collect();
+    let buckets = || panels.iter().flat_map(|(_, cycle)| cycle.buckets.iter());
+    let latest = buckets().map(|(upper_us, _)| *upper_us).fold(1.0, f64::max);
+    let most = buckets().map(|(_, count)| f64::from(*count)).fold(1.0, f64::max);
+    if panels.is_empty() {
+        return Ok(None);
+    }
+    let layout = Panels { title: TITLE, panel: PANEL };
+    let svg = layout.figure(format, &panels, |whole, panel, (name, cycle)| {
+        let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
+        let about = format.pick(
+            format!("{name}: half within {p50_us:.0} µs, 99 % within {p99_us:.0} µs, latest {max_us:.0} µs, {missed} missed"),
+            format!("{name}: p50 {p50_us:.0}, p99 {p99_us:.0}, max {max_us:.0} µs"),
+        );
+        whole.draw_text(&about, &text(format.pick(13.0, 12.0), INK), (px(2.0), px(panel.top + 8.0)))?;
+        let axes = Axes {
+            x: (0.0, (latest * 1.2).log10()),
+            y: (0.0, (most * 1.6).log10()),
+            x_title: panel.is_last.then_some("late by, in µs"),
+            y_title: "",
+            x_lines: true,
+            labels: (format.pick(6, 6), 5),
+            write: (&power, &power),
+        };
+        let mut chart = axes.draw(format, &panel.area)?;
+        let bars = cycle.buckets.iter().map(|(upper_us, count)| {
+            let left = (upper_us * BUCKET).max(1.0).log10();
+            // A single cycle is drawn too: log 1 is 0.
+            let height = (f64::from(*count) * 1.25).log10();
+            Rectangle::new([(left, 0.0), (upper_us.max(1.07).log10(), height)], BAR.filled())
+        });
+        chart.draw_series(bars)?;
+        Ok(())
+    })?;
+    Ok(Some(svg))
+}
+
+/// A power of ten by its exponent; nothing between them.
+fn power(exponent: &f64) -> String {
+    if (exponent - exponent.round()).abs() > 1e-6 {
+        return String::new();
+    }
+    match exponent.round() {
+        exponent if exponent < 4.0 => format!("{:.0}", 10_f64.powf(exponent)),
+        exponent => format!("{:.0} 000", 10_f64.powf(exponent - 3.0)),
+    }
+}

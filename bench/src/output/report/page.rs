@@ -1,0 +1,362 @@
+//! The report's words, tables and figures, as its template takes them.
+
+use plc_node::ExecutionType;
+use serde::Serialize;
+
+use super::run::Run;
+use super::{lateness, numbers, path, queue, samples, speed};
+use crate::output::html::chart::{colour, short};
+use crate::output::html::document::fill;
+use crate::output::html::figure::Figure;
+use crate::output::progress::label;
+use crate::output::quality;
+use crate::records::ratio::Ratio;
+use crate::records::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, Status, VELOCITY};
+use crate::records::schedule::repetitions;
+use crate::records::statistics::aet_improvement;
+
+const TEMPLATE: &str = include_str!("page.html");
+
+#[derive(Serialize)]
+struct Page {
+    name: String,
+    title: String,
+    subtitle: String,
+    made: String,
+    banner: Option<Banner>,
+    summary: Option<String>,
+    has_without: bool,
+    has_paper: bool,
+    is_virtual: bool,
+    rows: Vec<Row>,
+    improvement: Improvement,
+    calibrated: Vec<[String; 3]>,
+    ratio: Option<String>,
+    suppressed: u32,
+    frames: [u64; 4],
+    repeated: u32,
+    quality: Vec<QualityRow>,
+    quality_columns: [[&'static str; 2]; quality::COLUMNS.len()],
+    quality_legend: [&'static str; quality::LEGEND.len()],
+    quality_summary: Option<String>,
+    speed: Option<Figure>,
+    samples: Option<Figure>,
+    path: Option<Figure>,
+    approximation: Option<String>,
+    queue: Option<Figure>,
+    lateness: Option<Figure>,
+    cycles: Vec<[String; 5]>,
+    numbers: Vec<numbers::Number>,
+    host: Vec<[String; 2]>,
+    failures: Vec<[String; 2]>,
+    missing: Vec<String>,
+    no_trace: String,
+}
+
+#[derive(Serialize)]
+struct Banner {
+    title: &'static str,
+    text: String,
+}
+
+/// A type's line of the table.
+#[derive(Serialize)]
+struct Row {
+    name: String,
+    how: &'static str,
+    aet: String,
+    is_aet_calibrated: bool,
+    mad: String,
+    is_mad_calibrated: bool,
+    count: usize,
+    without: [String; 2],
+    paper: [String; 2],
+    difference: String,
+}
+
+#[derive(Serialize)]
+struct Improvement {
+    own: String,
+    is_calibrated: bool,
+    without: String,
+    paper: String,
+}
+
+/// How the arm moved in the runs of a type.
+#[derive(Serialize)]
+struct QualityRow {
+    name: String,
+    cells: [String; quality::COLUMNS.len()],
+}
+
+const NONE: &str = "–";
+
+/// The report as HTML.
+pub(super) fn render(run: &Run) -> anyhow::Result<String> {
+    fill(TEMPLATE, &page(run)?)
+}
+
+fn page(run: &Run) -> anyhow::Result<Page> {
+    let results = &run.results;
+    let trace = run.trace.as_ref();
+    let traced = |draw: &dyn Fn(&crate::records::trace::Trace) -> anyhow::Result<Option<String>>| match trace
+    {
+        Some(trace) => draw(trace),
+        None => Ok(None),
+    };
+    Ok(Page {
+        name: run.name(),
+        title: results.title.clone(),
+        subtitle: format!(
+            "Setup {} · {} · {} mode · {} of each type · seed {}",
+            results.setup,
+            results.application,
+            results.mode,
+            repetitions(results.reps),
+            results.seed
+        ),
+        made: made(run),
+        banner: banner(results),
+        summary: summary(results),
+        has_without: results.without_skill_overhead.is_some(),
+        has_paper: results.paper.is_some(),
+        is_virtual: results.mode == "virtual",
+        rows: ExecutionType::ALL.into_iter().filter_map(|of| row(results, of)).collect(),
+        improvement: improvement(results),
+        calibrated: calibrated(results),
+        ratio: ratio(results),
+        suppressed: ExecutionType::ALL
+            .iter()
+            .filter_map(|of| results.results.get(*of))
+            .flat_map(|result| &result.blends_suppressed)
+            .sum(),
+        frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
+        repeated: results.repeated,
+        quality: qualities(results),
+        quality_columns: quality::COLUMNS,
+        quality_legend: quality::LEGEND,
+        quality_summary: quality::summary(results),
+        speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
+            traced(&|trace| speed::draw(trace, format))
+        })?,
+        samples: Figure::draw("Deviation of each execution time from its type's mean", |format| {
+            samples::draw(&sample_rows(results), "execution time minus the type's AET, in ms", format)
+        })?,
+        path: Figure::draw("The tool's path from the side and from above", |format| {
+            traced(&|trace| path::draw(trace, run.setup.as_ref(), run.application.as_ref(), format))
+        })?,
+        approximation: run.setup.as_ref().map(|setup| short(&setup.motions.approximation_mm.value)),
+        queue: Figure::draw("Motions in the slots over time", |format| {
+            traced(&|trace| queue::draw(trace, format))
+        })?,
+        lateness: Figure::draw("Histograms of the cycles' lateness", |format| {
+            // The rounding between two clocks is no lateness.
+            if results.mode == "real" { lateness::draw(&results.cycle, format) } else { Ok(None) }
+        })?,
+        cycles: cycles(results),
+        numbers: numbers::of(run)?,
+        host: host(run),
+        failures: failures(results),
+        missing: run.missing.clone(),
+        no_trace: if results.mode == "real" {
+            format!(
+                "Not recorded: the nodes left no trace. bench --mode virtual --setup {} draws it in virtual time.",
+                run.directory.join("setup.toml").display()
+            )
+        } else {
+            "Not recorded: this run has no trace.".to_owned()
+        },
+    })
+}
+
+fn made(run: &Run) -> String {
+    let date = run.host("date").map(|date| date.replace('T', " ").replace('Z', " UTC"));
+    let version = run.host("version").map(|version| format!("skillbench {version}"));
+    let commit = run.host("commit").map(|commit| format!("commit {commit}"));
+    date.into_iter().chain(version).chain(commit).collect::<Vec<_>>().join(" · ")
+}
+
+fn banner(results: &Results) -> Option<Banner> {
+    let done: usize = ExecutionType::ALL
+        .iter()
+        .filter_map(|of| results.results.get(*of))
+        .map(|result| result.samples_ms.len())
+        .sum();
+    let types = ExecutionType::ALL.iter().filter(|of| results.results.get(**of).is_some()).count();
+    let all = results.reps as usize * types;
+    let so_far = format!("{done} of {all} runs are done, and this report shows those.");
+    match results.status {
+        Status::Complete => None,
+        Status::Interrupted => Some(Banner { title: "This run was interrupted.", text: so_far }),
+        Status::Failed => Some(Banner {
+            title: "A repetition of this run failed.",
+            text: format!("{so_far} What went wrong stands under Failures."),
+        }),
+        Status::Running => Some(Banner {
+            title: "This run is not finished.",
+            text: format!(
+                "It is still running, or the program was ended from outside or by a full disk. {so_far}"
+            ),
+        }),
+    }
+}
+
+/// The result in a sentence or two.
+fn summary(results: &Results) -> Option<String> {
+    let figure = |of| results.figure(of);
+    let (rc, sm, cm) = (figure(ExecutionType::Rc)?, figure(ExecutionType::Sm)?, figure(ExecutionType::Cm)?);
+    let by = (cm.aet_ms - rc.aet_ms) / rc.aet_ms * 100.0;
+    let rc_and_cm = if by.abs() < 0.05 {
+        "as long as the robot's own program".to_owned()
+    } else {
+        let way = if by > 0.0 { "longer" } else { "shorter" };
+        format!("{:.1}\u{a0}% {way} than the robot's own program", by.abs())
+    };
+    let saved = aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
+    let paper = results.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm));
+    let published = paper
+        .map(|(sm, cm)| format!(" (published: {:.0}\u{a0}%)", aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0));
+    Some(format!(
+        "One MoveContinuousSkill takes {rc_and_cm}, and saves {saved:.1}\u{a0}%{} of what single skills take.",
+        published.unwrap_or_default()
+    ))
+}
+
+/// What one run can say about CM against RC, whatever the host did to both.
+fn ratio(results: &Results) -> Option<String> {
+    let samples = |of| Some(results.results.get(of)?.samples_ms.as_slice());
+    let found = Ratio::of(samples(ExecutionType::Cm)?, samples(ExecutionType::Rc)?, results.seed)?;
+    let Ratio { ratio, low, high } = found;
+    Some(format!(
+        "CM / RC = {ratio:.4}, 95\u{a0}% interval {low:.4} to {high:.4} (percentile bootstrap of this run's samples)."
+    ))
+}
+
+fn millis(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+fn pair(figure: Option<PaperFigure>) -> [String; 2] {
+    figure.map_or_else(
+        || [NONE.to_owned(), NONE.to_owned()],
+        |figure| [millis(figure.aet_ms), millis(figure.mad_ms)],
+    )
+}
+
+fn row(results: &Results, of: ExecutionType) -> Option<Row> {
+    let result = results.results.get(of)?;
+    let found = results.figure(of);
+    let aet_key = match of {
+        ExecutionType::Rc => Some(VELOCITY),
+        ExecutionType::Sm => Some(SKILL_OVERHEAD),
+        ExecutionType::Cm => None,
+    };
+    let paper = results.paper.as_ref().and_then(|paper| paper.get(of)).copied();
+    let without =
+        results.without_skill_overhead.as_ref().and_then(|without| without.results.get(of)).copied();
+    let [aet, mad] = pair(found);
+    Some(Row {
+        name: label(of),
+        how: match of {
+            ExecutionType::Rc => "robot program",
+            ExecutionType::Sm => "single skills",
+            ExecutionType::Cm => "MoveContinuousSkill",
+        },
+        aet,
+        is_aet_calibrated: found.is_some() && aet_key.is_some_and(|key| results.is_calibrated(key)),
+        mad,
+        is_mad_calibrated: found.is_some() && of != ExecutionType::Cm && results.is_calibrated(QUANTUM),
+        count: result.samples_ms.len(),
+        without: pair(without),
+        paper: paper.map_or_else(
+            || [NONE.to_owned(), NONE.to_owned()],
+            |paper| [format!("{:.0}", paper.aet_ms), millis(paper.mad_ms)],
+        ),
+        difference: found.zip(paper).map_or_else(
+            || NONE.to_owned(),
+            |(found, paper)| format!("{:+.1}", found.aet_ms - paper.aet_ms).replace('-', "−"),
+        ),
+    })
+}
+
+fn qualities(results: &Results) -> Vec<QualityRow> {
+    let row = |of: ExecutionType| {
+        let quality = results.results.get(of)?.quality?;
+        Some(QualityRow { name: label(of), cells: quality::cells(&quality) })
+    };
+    ExecutionType::ALL.into_iter().filter_map(row).collect()
+}
+
+fn improvement(results: &Results) -> Improvement {
+    let percent = |share: Option<f64>, digits: usize| {
+        share.map_or_else(|| NONE.to_owned(), |share| format!("{:.*} %", digits, share * 100.0))
+    };
+    let paper = results.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm));
+    Improvement {
+        own: percent(results.aet_improvement, 1),
+        is_calibrated: results.aet_improvement.is_some() && results.is_calibrated(SKILL_OVERHEAD),
+        without: percent(
+            results.without_skill_overhead.as_ref().and_then(|without| without.aet_improvement),
+            1,
+        ),
+        paper: percent(paper.map(|(sm, cm)| aet_improvement(sm.aet_ms, cm.aet_ms)), 0),
+    }
+}
+
+fn calibrated(results: &Results) -> Vec<[String; 3]> {
+    let line = |calibrated: &crate::records::results::Calibrated| {
+        [calibrated.key.clone(), calibrated.value.to_string(), calibrated.note.clone()]
+    };
+    results.calibrated.iter().map(line).collect()
+}
+
+fn sample_rows(results: &Results) -> Vec<samples::Row> {
+    let row = |of: ExecutionType| {
+        let result = results.results.get(of)?;
+        let PaperFigure { aet_ms, mad_ms } = results.figure(of)?;
+        Some(samples::Row {
+            name: label(of),
+            about: format!("{aet_ms:.1} ms, MAD {mad_ms:.1} ms, n = {}", result.samples_ms.len()),
+            colour: colour(of),
+            samples: result.samples_ms.iter().map(|sample| sample - aet_ms).collect(),
+        })
+    };
+    ExecutionType::ALL.into_iter().filter_map(row).collect()
+}
+
+fn cycles(results: &Results) -> Vec<[String; 5]> {
+    if results.mode != "real" {
+        return Vec::new();
+    }
+    let line = |name: &str, cycle: &crate::records::results::CycleLateness| {
+        let micros = |value: f64| format!("{value:.0}");
+        [
+            name.to_owned(),
+            micros(cycle.p50_us),
+            micros(cycle.p99_us),
+            micros(cycle.max_us),
+            cycle.missed.to_string(),
+        ]
+    };
+    vec![line("PLC scans", &results.cycle.plc), line("Robot cycles", &results.cycle.robot)]
+}
+
+fn failures(results: &Results) -> Vec<[String; 2]> {
+    let of_type = |of: ExecutionType| {
+        let failed = results.results.get(of).map_or(&[][..], |result| &result.failed);
+        failed
+            .iter()
+            .map(move |failed| [format!("{} {}", label(of), failed.repetition), failed.error.clone()])
+    };
+    ExecutionType::ALL.into_iter().flat_map(of_type).collect()
+}
+
+fn host(run: &Run) -> Vec<[String; 2]> {
+    let Some(host) = &run.host else { return Vec::new() };
+    let text = |value: &serde_json::Value| match value {
+        serde_json::Value::Null => NONE.to_owned(),
+        serde_json::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    host.iter().map(|(key, value)| [key.replace('_', " "), text(value)]).collect()
+}

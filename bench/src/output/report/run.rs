@@ -1,0 +1,72 @@
+//! A run as its directory has it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use planning::Application;
+use setup::Setup;
+
+use crate::output::exit::{Exit, Failure};
+use crate::records::results::Results;
+use crate::records::run_directory;
+use crate::records::trace::{Trace, tables};
+
+/// Everything of a run that a report shows.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub(super) directory: PathBuf,
+    pub(super) results: Results,
+    pub(super) setup: Option<Setup>,
+    pub(super) application: Option<Application>,
+    /// `host.json`, key by key.
+    pub(super) host: Option<serde_json::Map<String, serde_json::Value>>,
+    pub(super) trace: Option<Trace>,
+    /// What is missing besides the results, and why.
+    pub(super) missing: Vec<String>,
+}
+
+impl Run {
+    /// Reads a run directory. Only the results must be there; what else is missing is named in the report.
+    pub(super) fn load(directory: &Path) -> Result<Self, Failure> {
+        let results = run_directory::results(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
+        let mut missing = Vec::new();
+        let mut or_missing = |error: anyhow::Error| missing.push(format!("{error:#}"));
+        let read = |name: &str| {
+            let path = directory.join(name);
+            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+        };
+        let (setup, application) =
+            match planning::setup_with_application(&directory.join("setup.toml").to_string_lossy()) {
+                Ok((setup, found)) => (Some(setup), Some(found.application)),
+                Err(error) => {
+                    or_missing(error.into());
+                    (None, None)
+                }
+            };
+        let host = read("host.json")
+            .and_then(|text| serde_json::from_str(&text).context("host.json is not what this version writes"))
+            .map_err(&mut or_missing)
+            .ok();
+        let trace = match directory.join(tables::ROBOT_FILE).exists() {
+            // A run whose nodes were killed may have none; the report says so in its place.
+            false => None,
+            true => read(tables::ROBOT_FILE)
+                .and_then(|robot| Ok((robot, read(tables::PLC_FILE)?)))
+                .and_then(|(robot, plc)| Ok(Trace::from_csv(&robot, &plc)?))
+                .map_err(&mut or_missing)
+                .ok(),
+        };
+        Ok(Self { directory: directory.to_owned(), results, setup, application, host, trace, missing })
+    }
+
+    /// The directory's own name, by which the run is told from others.
+    pub(super) fn name(&self) -> String {
+        let name = self.directory.file_name().or_else(|| self.directory.parent()?.file_name());
+        name.map_or_else(|| self.directory.display().to_string(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// A value of `host.json` as text.
+    pub(super) fn host(&self, key: &str) -> Option<&str> {
+        self.host.as_ref()?.get(key)?.as_str()
+    }
+}

@@ -1,0 +1,85 @@
+//! Path speed over time, one panel a type above each other on one time axis: why SM takes longer.
+
+use plc_node::ExecutionType;
+use plotters::element::{PathElement, Polygon};
+use plotters::prelude::Color;
+
+use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
+use crate::output::progress::label;
+use crate::records::trace::{RobotTick, Trace};
+
+/// Height in pixels of a panel and of the line of text above it.
+const PANEL: f64 = 130.0;
+const TITLE: f64 = 40.0;
+
+/// Draws the figure; none without any tick.
+pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
+    let panels: Vec<_> = ExecutionType::ALL
+        .into_iter()
+        .filter_map(|of| Some((of, trace.types.get(of)?.robot_ticks())))
+        .filter(|(_, ticks)| !ticks.is_empty())
+        .collect();
+    let ticks = || panels.iter().flat_map(|(_, ticks)| ticks.iter());
+    let longest_s = ticks().map(|tick| tick.at_ms / 1e3).fold(0.0, f64::max);
+    let fastest = ticks().map(|tick| f64::from(tick.path_speed_mm_s)).fold(0.0, f64::max);
+    if longest_s <= 0.0 {
+        return Ok(None);
+    }
+    let layout = Panels { title: TITLE, panel: format.pick(PANEL, PANEL * 0.8) };
+    let svg = layout.figure(format, &panels, |whole, panel, (of, ticks)| {
+        let ended = ticks.last().map_or(0.0, |tick| tick.at_ms);
+        title(whole, *of, ended, panel.top, format)?;
+        let axes = Axes {
+            x: (0.0, longest_s * 1.01),
+            y: (0.0, (fastest * 1.08).max(1.0)),
+            x_title: panel.is_last.then_some("time since the PLC's start edge in s"),
+            y_title: "mm/s",
+            x_lines: false,
+            labels: (format.pick(14, 7), 5),
+            write: (&chart::short, &chart::whole),
+        };
+        let mut chart = axes.draw(format, &panel.area)?;
+        for at_ms in ends(ticks) {
+            let line = [(at_ms / 1e3, 0.0), (at_ms / 1e3, fastest * 1.08)];
+            chart.plotting_area().draw(&PathElement::new(line, MUTED.mix(0.35).stroke_width(stroke(0.7))))?;
+        }
+        let curve: Vec<_> =
+            ticks.iter().map(|tick| (tick.at_ms / 1e3, f64::from(tick.path_speed_mm_s))).collect();
+        let first = curve.first().map(|(x, _)| (*x, 0.0));
+        let last = curve.last().map(|(x, _)| (*x, 0.0));
+        let under: Vec<_> = first.into_iter().chain(curve.iter().copied()).chain(last).collect();
+        chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
+        chart.draw_series([PathElement::new(curve, colour(*of).stroke_width(stroke(1.6)))])?;
+        Ok(())
+    })?;
+    Ok(Some(svg))
+}
+
+fn title(
+    area: &chart::Area<'_>,
+    of: ExecutionType,
+    ended: f64,
+    top: f64,
+    format: Format,
+) -> anyhow::Result<()> {
+    let y = px(top + 5.0);
+    area.draw_text(&label(of), &chart::name(15.0, colour(of)), (px(2.0), y))?;
+    let how = match of {
+        ExecutionType::Rc => format.pick("the robot's own program, started by the PLC", "robot program"),
+        ExecutionType::Sm => format.pick("one skill call a motion, each to an exact stop", "single skills"),
+        ExecutionType::Cm => format
+            .pick("one MoveContinuousSkill, fed by the PLC through five slots", "one MoveContinuousSkill"),
+    };
+    let text_at = text(format.pick(13.0, 12.0), INK);
+    area.draw_text(&format!("{how}: {:.2} s", ended / 1e3), &text_at, (px(38.0), y + px(1.5)))?;
+    Ok(())
+}
+
+/// When each motion was done, in ms.
+pub(super) fn ends(ticks: &[RobotTick]) -> impl Iterator<Item = f64> {
+    let count = |tick: &RobotTick| (tick.command, tick.executed);
+    ticks.windows(2).filter_map(move |pair| match pair {
+        [before, after] if after.executed > 0 && count(after) != count(before) => Some(after.at_ms),
+        _ => None,
+    })
+}

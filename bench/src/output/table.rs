@@ -1,0 +1,280 @@
+//! The table at the end: measured figures beside the paper's, with what is calibrated marked as such.
+
+use comfy_table::Cell;
+use plc_node::ExecutionType;
+
+use crate::output::progress::label;
+use crate::output::quality;
+use crate::output::screen::{drawn, styled};
+use crate::records::results::{
+    Allocations, CycleLateness, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY,
+};
+use crate::records::schedule::repetitions;
+
+/// The mark of a number that was calibrated on the figure that it stands beside.
+const CALIBRATED: &str = "*";
+
+/// The whole report on screen.
+#[must_use]
+pub fn render(results: &Results) -> String {
+    let mut text = format!(
+        "Setup {}: {}\n{}, {}, {} mode, seed {}\n\n",
+        results.setup,
+        results.title,
+        results.application,
+        repetitions(results.reps),
+        results.mode,
+        results.seed
+    );
+    text.push_str(&figures(results));
+    text.push_str("\n\n");
+    text.push_str(&legend(results));
+    if let Some(table) = quality::table(results) {
+        text.push_str("\n\n");
+        text.push_str(&table);
+    }
+    text
+}
+
+fn figures(results: &Results) -> String {
+    let mut table = styled();
+    let mut header = vec!["ms", "AET", "MAD", "n"];
+    let has_without = results.without_skill_overhead.is_some();
+    if has_without {
+        header.extend(["AET, h = 0", "MAD, h = 0"]);
+    }
+    if results.paper.is_some() {
+        header.extend(["paper AET", "paper MAD", "AET − paper"]);
+    }
+    table.set_header(header);
+    for of in ExecutionType::ALL {
+        let Some(result) = results.results.get(of) else { continue };
+        let found = results.figure(of);
+        let mark = |key: Option<&str>| match key {
+            Some(key) if results.is_calibrated(key) => CALIBRATED,
+            _ => " ",
+        };
+        let aet_key = match of {
+            ExecutionType::Rc => Some(VELOCITY),
+            ExecutionType::Sm => Some(SKILL_OVERHEAD),
+            ExecutionType::Cm => None,
+        };
+        let mad_key = (of != ExecutionType::Cm).then_some(QUANTUM);
+        let mut row = vec![
+            label(of),
+            found.map_or_else(none, |found| format!("{}{}", millis(found.aet_ms), mark(aet_key))),
+            found.map_or_else(none, |found| format!("{}{}", millis(found.mad_ms), mark(mad_key))),
+            result.samples_ms.len().to_string(),
+        ];
+        if let Some(without) = &results.without_skill_overhead {
+            let figure = without.results.get(of);
+            row.push(figure.map_or_else(none, |figure| millis(figure.aet_ms)));
+            row.push(figure.map_or_else(none, |figure| millis(figure.mad_ms)));
+        }
+        if let Some(paper) = &results.paper {
+            let paper = paper.get(of);
+            row.push(paper.map_or_else(none, |paper| format!("{:.0}", paper.aet_ms)));
+            row.push(paper.map_or_else(none, |paper| millis(paper.mad_ms)));
+            row.push(found.zip(paper.copied()).map_or_else(none, deviation));
+        }
+        table.add_row(row);
+    }
+    table.add_row(improvement(results, has_without));
+    drawn(table)
+}
+
+fn improvement(results: &Results, has_without: bool) -> Vec<Cell> {
+    let percent = |share: Option<f64>, digits: usize| {
+        Cell::new(share.map_or_else(none, |share| format!("{:.*} %", digits, share * 100.0)))
+    };
+    let mark = if results.is_calibrated(SKILL_OVERHEAD) { CALIBRATED } else { " " };
+    let own = results.aet_improvement.map_or_else(none, |share| format!("{:.1} %{mark}", share * 100.0));
+    let mut row = vec![Cell::new("AETi"), Cell::new(own), Cell::new(""), Cell::new("")];
+    if has_without {
+        let without = results.without_skill_overhead.as_ref().and_then(|without| without.aet_improvement);
+        row.extend([percent(without, 1), Cell::new("")]);
+    }
+    if let Some(paper) = &results.paper {
+        let paper = paper.sm.zip(paper.cm);
+        let share = paper.map(|(sm, cm)| crate::records::statistics::aet_improvement(sm.aet_ms, cm.aet_ms));
+        row.extend([percent(share, 0), Cell::new(""), Cell::new("")]);
+    }
+    row
+}
+
+fn legend(results: &Results) -> String {
+    let mut lines = Vec::new();
+    if !results.calibrated.is_empty() {
+        lines.push(format!("{CALIBRATED} calibrated on the paper's figure beside it, so no prediction:"));
+        for calibrated in &results.calibrated {
+            let of = match calibrated.key.as_str() {
+                VELOCITY => "RC's AET",
+                SKILL_OVERHEAD => "SM's AET",
+                START_QUANTUM => "RC's MAD",
+                QUANTUM if results.is_calibrated(START_QUANTUM) => "SM's MAD",
+                _ => "the MADs of RC and SM",
+            };
+            lines.push(format!("    {} = {} from {of}", calibrated.key, calibrated.value));
+        }
+        lines.push("  Predicted: CM, and with h = 0 all of SM − CM but for the speed.".to_owned());
+    }
+    if results.without_skill_overhead.is_some() {
+        let whence = if results.mode == "real" { ", from a virtual run" } else { "" };
+        lines.push(format!(
+            "  h = 0: a skill call costs nothing but its motion and the cycles it waits for{whence}."
+        ));
+    }
+    let suppressed: u32 = ExecutionType::ALL
+        .iter()
+        .filter_map(|of| results.results.get(*of))
+        .flat_map(|result| &result.blends_suppressed)
+        .sum();
+    if suppressed > 0 {
+        lines.push(format!(
+            "  {suppressed} blends became stops, because the next motion was not there in time."
+        ));
+    }
+    if results.mode == "real" {
+        let (plc, robot) = (lateness(&results.cycle.plc), lateness(&results.cycle.robot));
+        lines.push(format!("  Cycles late by p50 / p99 / max: PLC {plc}; robot {robot}."));
+    }
+    if let Some(after) = results.connected_after_ms {
+        let allocations =
+            results.cyclic_allocations.map_or_else(String::new, |Allocations { plc, robot }| {
+                format!("; allocations in the cyclic threads since: PLC {plc}, robot {robot}")
+            });
+        lines.push(format!("  Connected {after:.0} ms after the start of the nodes{allocations}."));
+    }
+    let bus = results.bus;
+    let mut frames = format!(
+        "  Cyclic frames: {} sent, {} received, {} lost",
+        bus.frames_sent, bus.frames_received, bus.lost
+    );
+    if bus.skipped > 0 {
+        frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
+    }
+    lines.push(frames + ".");
+    if results.repeated > 0 {
+        lines.push(format!(
+            "  Repetitions run again, because the host held a node up until the connection was lost: {}.",
+            results.repeated
+        ));
+    }
+    if let Some(faults) = &results.faults {
+        lines.push(format!("  {faults}"));
+    }
+    lines.join("\n")
+}
+
+fn lateness(cycle: &CycleLateness) -> String {
+    if cycle.buckets.is_empty() && cycle.max_us == 0.0 {
+        // Real hardware, or a node that the bench was not attached to.
+        return "not reported".to_owned();
+    }
+    let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
+    format!("{p50_us:.0} / {p99_us:.0} / {max_us:.0} µs, {missed} missed")
+}
+
+fn millis(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+fn none() -> String {
+    "–".to_owned()
+}
+
+fn deviation((found, paper): (PaperFigure, PaperFigure)) -> String {
+    let difference = found.aet_ms - paper.aet_ms;
+    format!("{difference:+.1} ({:+.2} %)", difference / paper.aet_ms * 100.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::conditions::Measured;
+    use crate::records::mode::Mode;
+    use crate::records::schedule::Plan;
+    use std::time::Duration;
+
+    fn results(mode: Mode, types: &[ExecutionType]) -> Results {
+        let setup = setup::setup("A").unwrap();
+        let mut results = Results::new(&setup, "pick-and-place", mode, &Plan::new(types, 2, 7));
+        for calibrated in &mut results.calibrated {
+            calibrated.value = 1.0;
+        }
+        results
+    }
+
+    fn run(micros: u64) -> Measured {
+        let execution = Duration::from_micros(micros);
+        Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None }
+    }
+
+    #[test]
+    fn figures_stand_beside_the_papers_and_the_calibrated_ones_are_marked() {
+        let mut results = results(Mode::Virtual, &ExecutionType::ALL);
+        for (of, micros) in
+            [(ExecutionType::Rc, 3_725_500), (ExecutionType::Sm, 6_480_000), (ExecutionType::Cm, 3_730_000)]
+        {
+            results.record(of, &run(micros - 3_000));
+            results.record(of, &run(micros + 3_000));
+        }
+        let mut without = results.clone();
+        without.record(ExecutionType::Sm, &run(4_900_000));
+        results.without_skill_overhead = Some(without.as_without_overhead());
+        insta::assert_snapshot!(render(&results), @"
+        Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
+        pick-and-place, 2 repetitions, virtual mode, seed 7
+
+        ──────────────────────────────────────────────────────────────────────────────────────────────
+         ms         AET    MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD      AET − paper
+        ──────────────────────────────────────────────────────────────────────────────────────────────
+         RC     3725.5*   3.0*   2       3725.5          3.0        3725         3.6   +0.5 (+0.01 %)
+         SM     6480.0*   3.0*   2       5953.3        702.2        6477        11.3   +3.0 (+0.05 %)
+         CM     3730.0    3.0    2       3730.0          3.0        3729         3.3   +1.0 (+0.03 %)
+         AETi   42.4 %*                  37.3 %                     42 %
+        ──────────────────────────────────────────────────────────────────────────────────────────────
+
+        * calibrated on the paper's figure beside it, so no prediction:
+            motions.velocity_percent = 1 from RC's AET
+            robot.skill_overhead_us = 1 from SM's AET
+            robot.interpreter_quantum_us = 1 from the MADs of RC and SM
+          Predicted: CM, and with h = 0 all of SM − CM but for the speed.
+          h = 0: a skill call costs nothing but its motion and the cycles it waits for.
+          Cyclic frames: 0 sent, 0 received, 0 lost.
+        ");
+    }
+
+    #[test]
+    fn repetitions_that_were_run_again_are_told_where_there_were_some() {
+        let told = |repeated| {
+            let table = render(&Results { repeated, ..results(Mode::Real, &[ExecutionType::Rc]) });
+            table.lines().find(|line| line.contains("again")).map(str::to_owned)
+        };
+        assert_eq!(told(0), None);
+        insta::assert_snapshot!(told(2).unwrap(), @"  Repetitions run again, because the host held a node up until the connection was lost: 2.");
+    }
+
+    #[test]
+    fn a_type_that_was_not_asked_for_has_no_row_and_one_without_a_sample_no_figure() {
+        insta::assert_snapshot!(render(&results(Mode::Real, &[ExecutionType::Rc])), @"
+        Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
+        pick-and-place, 2 repetitions, real mode, seed 7
+
+        ────────────────────────────────────────────────────────────
+         ms     AET   MAD   n   paper AET   paper MAD   AET − paper
+        ────────────────────────────────────────────────────────────
+         RC       –     –   0        3725         3.6             –
+         AETi     –                  42 %
+        ────────────────────────────────────────────────────────────
+
+        * calibrated on the paper's figure beside it, so no prediction:
+            motions.velocity_percent = 1 from RC's AET
+            robot.skill_overhead_us = 1 from SM's AET
+            robot.interpreter_quantum_us = 1 from the MADs of RC and SM
+          Predicted: CM, and with h = 0 all of SM − CM but for the speed.
+          Cycles late by p50 / p99 / max: PLC not reported; robot not reported.
+          Cyclic frames: 0 sent, 0 received, 0 lost.
+        ");
+    }
+}

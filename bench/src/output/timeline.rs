@@ -1,0 +1,291 @@
+//! A trace as a timeline: Chrome's Trace Event Format, which Perfetto and chrome://tracing open.
+//!
+//! The first repetition of each type stands behind the one before, 100 ms apart, so that its size has a bound: a minute
+//! of each type at most. Three processes with a track for each thing that goes on:
+//!
+//! ```text
+//! run     which type is running
+//! PLC     scans · the command that it gives · motions in the slots · motions written
+//! cable   what each end sends and receives
+//! robot   ticks · state · the command that it executes · path speed · queue
+//! ```
+
+use plc_node::ExecutionType;
+use serde::Serialize;
+use virtual_time::Side;
+
+use crate::records::trace::{Recording, Trace};
+
+/// The timeline, in the run directory.
+pub const FILE: &str = "trace.json";
+
+/// Between two repetitions, in µs.
+const GAP_US: f64 = 100_000.0;
+
+const RUN: u32 = 1;
+const PLC: u32 = 2;
+const ROBOT: u32 = 3;
+const CABLE: u32 = 4;
+
+/// Tracks of a process.
+const REPETITIONS: u32 = 1;
+const CYCLES: u32 = 1;
+const COMMAND: u32 = 2;
+const STATE: u32 = 3;
+
+/// One event, with the format's names for its fields.
+#[derive(Serialize, Debug)]
+struct TraceEvent {
+    name: String,
+    /// What it is: X a span, i an instant, C a counter, M a name.
+    ph: &'static str,
+    /// In µs.
+    ts: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dur: Option<f64>,
+    pid: u32,
+    tid: u32,
+    /// An instant's scope: t is its track.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    s: Option<&'static str>,
+    #[serde(skip_serializing_if = "serde_json::Map::is_empty")]
+    args: serde_json::Map<String, serde_json::Value>,
+}
+
+impl TraceEvent {
+    fn new(ph: &'static str, name: impl Into<String>, (pid, tid): (u32, u32), ts: f64) -> Self {
+        // Times are exact to a nanosecond; more digits are noise of the arithmetic.
+        let ts = (ts * 1e3).round() / 1e3;
+        Self { name: name.into(), ph, ts, dur: None, pid, tid, s: None, args: serde_json::Map::new() }
+    }
+
+    fn with(mut self, key: &str, value: impl Into<serde_json::Value>) -> Self {
+        self.args.insert(key.to_owned(), value.into());
+        self
+    }
+}
+
+#[derive(Serialize, Debug)]
+#[serde(rename_all = "camelCase")]
+struct Timeline {
+    display_time_unit: &'static str,
+    trace_events: Vec<TraceEvent>,
+}
+
+/// The timeline of a trace.
+///
+/// # Errors
+///
+/// None is known; the serialiser reserves it.
+pub fn json(trace: &Trace) -> serde_json::Result<String> {
+    let mut events = names();
+    let mut start = 0.0;
+    for of in ExecutionType::ALL {
+        let Some(recording) = trace.types.get(of) else { continue };
+        let length = length_us(recording);
+        let mut span = TraceEvent::new("X", of.to_string(), (RUN, REPETITIONS), start);
+        span.dur = Some(length);
+        events.push(span);
+        plc(&mut events, recording, start, start + length);
+        robot(&mut events, recording, start, start + length);
+        frames(&mut events, recording, start);
+        start += length + GAP_US;
+    }
+    serde_json::to_string(&Timeline { display_time_unit: "ms", trace_events: events }).map(|json| json + "\n")
+}
+
+fn names() -> Vec<TraceEvent> {
+    let process = |pid, name| TraceEvent::new("M", "process_name", (pid, 0), 0.0).with("name", name);
+    let track = |pid, tid, name| TraceEvent::new("M", "thread_name", (pid, tid), 0.0).with("name", name);
+    vec![
+        process(RUN, "run"),
+        track(RUN, REPETITIONS, "first repetition of each type"),
+        process(PLC, "PLC"),
+        track(PLC, CYCLES, "scans"),
+        track(PLC, COMMAND, "command given"),
+        process(ROBOT, "robot"),
+        track(ROBOT, CYCLES, "interpolation cycles"),
+        track(ROBOT, COMMAND, "command executed"),
+        track(ROBOT, STATE, "state"),
+        process(CABLE, "cable"),
+        track(CABLE, 1, "PLC sends"),
+        track(CABLE, 2, "robot receives"),
+        track(CABLE, 3, "robot sends"),
+        track(CABLE, 4, "PLC receives"),
+    ]
+}
+
+fn frames(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
+    for frame in recording.frames() {
+        let track = match (frame.end, frame.sent) {
+            (Side::A, true) => 1,
+            (Side::B, false) => 2,
+            (Side::B, true) => 3,
+            (Side::A, false) => 4,
+        };
+        let mut event = TraceEvent::new("i", frame.carrier, (CABLE, track), start + frame.at_us)
+            .with("bytes", frame.bytes);
+        event.s = Some("t");
+        events.push(if frame.faulty { event.with("fault", true) } else { event });
+    }
+}
+
+/// From the start edge to the last cycle that was recorded.
+fn length_us(recording: &Recording) -> f64 {
+    let plc = recording.plc_scans().last().map_or(0.0, |scan| scan.at_us as f64);
+    recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms * 1e3).max(plc)
+}
+
+fn plc(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
+    let scans = recording.plc_scans();
+    for scan in scans {
+        let at = start + scan.at_us as f64;
+        let mut cycle = TraceEvent::new("i", "scan", (PLC, CYCLES), at).with("scan", scan.scan);
+        cycle.s = Some("t");
+        events.push(cycle);
+    }
+    let commands = scans.iter().map(|scan| (start + scan.at_us as f64, format!("command {}", scan.command)));
+    spans(events, (PLC, COMMAND), commands, end);
+    let fill = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.in_slots)));
+    counter(events, (PLC, "motions in the slots"), fill);
+    let written = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.written)));
+    counter(events, (PLC, "motions written"), written);
+}
+
+fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
+    // The robot's clock is its own: a tick that began before the start edge is none of this run.
+    let ticks = || recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0);
+    let at = move |at_ms: f64| start + at_ms * 1e3;
+    for tick in ticks() {
+        let mut cycle = TraceEvent::new("i", "tick", (ROBOT, CYCLES), at(tick.at_ms))
+            .with("executed", tick.executed)
+            .with("accepted", tick.accepted);
+        cycle.s = Some("t");
+        events.push(cycle);
+    }
+    let commands = ticks().map(|tick| (at(tick.at_ms), format!("command {}", tick.command)));
+    spans(events, (ROBOT, COMMAND), commands, end);
+    spans(events, (ROBOT, STATE), ticks().map(|tick| (at(tick.at_ms), format!("{:?}", tick.state))), end);
+    let speed = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.path_speed_mm_s)));
+    counter(events, (ROBOT, "path speed in mm/s"), speed);
+    let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.queued())));
+    counter(events, (ROBOT, "motions in the queue"), queue);
+}
+
+/// A span for each stretch in which the name stays the same.
+fn spans(
+    events: &mut Vec<TraceEvent>,
+    track: (u32, u32),
+    samples: impl Iterator<Item = (f64, String)>,
+    end: f64,
+) {
+    let mut open: Option<TraceEvent> = None;
+    for (at, name) in samples {
+        if open.as_ref().is_some_and(|open| open.name == name) {
+            continue;
+        }
+        let next = TraceEvent::new("X", name, track, at);
+        if let Some(mut ended) = open.replace(next) {
+            ended.dur = Some(at - ended.ts);
+            events.push(ended);
+        }
+    }
+    if let Some(mut last) = open {
+        last.dur = Some((end - last.ts).max(0.0));
+        events.push(last);
+    }
+}
+
+/// A value where it changes.
+fn counter(
+    events: &mut Vec<TraceEvent>,
+    (pid, name): (u32, &str),
+    samples: impl Iterator<Item = (f64, f64)>,
+) {
+    let mut last = None;
+    for (at, value) in samples {
+        if last != Some(value) {
+            last = Some(value);
+            events.push(TraceEvent::new("C", name, (pid, 0), at).with("value", value));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::trace::{PlcScan, RobotTick};
+    use protocol::image::State;
+    use std::collections::BTreeMap;
+
+    fn trace() -> Trace {
+        let mut trace = Trace::default();
+        for of in [ExecutionType::Rc, ExecutionType::Cm] {
+            let mut recording = Recording::default();
+            for number in 0..40_u16 {
+                let state = if number < 4 { State::Ready } else { State::Running };
+                recording.robot(RobotTick {
+                    at_ms: f64::from(number) * 4.0 - 1.5,
+                    state,
+                    command: number / 20,
+                    executed: 0,
+                    accepted: 3,
+                    blends_suppressed: 0,
+                    path_speed_mm_s: f32::from(number),
+                    pose: [0.0; 6],
+                    joints: [0.0; 6],
+                });
+                recording.plc(PlcScan {
+                    at_us: i64::from(number) * 1_000,
+                    scan: number.into(),
+                    command: number / 20,
+                    total: 13,
+                    written: 5,
+                    in_slots: 5,
+                });
+            }
+            *trace.types.entry(of) = Some(recording);
+        }
+        trace
+    }
+
+    #[test]
+    fn every_event_has_the_fields_that_the_format_wants_and_no_track_runs_backwards() {
+        let json: serde_json::Value = serde_json::from_str(&json(&trace()).unwrap()).unwrap();
+        let events = json["traceEvents"].as_array().unwrap();
+        assert!(events.len() > 200, "{}", events.len());
+        let mut tracks: BTreeMap<(u64, u64, String), f64> = BTreeMap::new();
+        for event in events {
+            let phase = event["ph"].as_str().unwrap();
+            let name = event["name"].as_str().unwrap();
+            let (pid, tid) = (event["pid"].as_u64().unwrap(), event["tid"].as_u64().unwrap());
+            let ts = event["ts"].as_f64().unwrap();
+            let counter = if phase == "C" { name } else { "" };
+            match phase {
+                "X" => assert!(event["dur"].as_f64().unwrap() >= 0.0, "{event}"),
+                "i" => assert_eq!(event["s"], "t"),
+                "C" => assert!(event["args"]["value"].is_number(), "{event}"),
+                "M" => assert!(event["args"]["name"].is_string(), "{event}"),
+                other => panic!("phase {other}"),
+            }
+            // Spans of a track follow each other: none begins before the last one ended.
+            let free = tracks.entry((pid, tid, counter.to_owned())).or_insert(f64::MIN);
+            assert!(ts >= *free - 1e-3, "{event} begins before {free}");
+            *free = ts + event["dur"].as_f64().unwrap_or_default();
+        }
+    }
+
+    #[test]
+    fn every_track_has_a_name() {
+        let json: serde_json::Value = serde_json::from_str(&json(&trace()).unwrap()).unwrap();
+        let events = json["traceEvents"].as_array().unwrap();
+        let named = |pid: &serde_json::Value, tid: &serde_json::Value| {
+            events
+                .iter()
+                .any(|event| event["name"] == "thread_name" && event["pid"] == *pid && event["tid"] == *tid)
+        };
+        for event in events.iter().filter(|event| event["ph"] == "X" || event["ph"] == "i") {
+            assert!(named(&event["pid"], &event["tid"]), "{event}");
+        }
+    }
+}

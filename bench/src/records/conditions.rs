@@ -1,0 +1,81 @@
+//! What a stand says of a run, and of the conditions that it was measured under.
+
+use std::time::Duration;
+
+use machine::Lateness;
+use protocol::fieldbus::Counters;
+use robot_node::Quality;
+
+use crate::records::faults::FaultReport;
+
+/// One finished run.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Measured {
+    /// From the start edge to the end seen, on the PLC.
+    pub execution: Duration,
+    /// The robot's own measure; for SM the sum over its skills.
+    pub robot_execution: Duration,
+    /// Motions that were run to a stop because the next one was not there in time.
+    pub blends_suppressed: u32,
+    /// How well the arm moved, by the robot; none where it did not say so of every motion.
+    pub quality: Option<Quality>,
+}
+
+/// The conditions that runs were measured under.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Health {
+    /// Lateness of the PLC's scans.
+    pub plc: CycleHealth,
+    /// Lateness of the robot's interpolation cycles.
+    pub robot: CycleHealth,
+    /// Cyclic frames as the PLC counts them.
+    pub bus: Counters,
+    /// Cyclic frames as the robot counts them.
+    pub robot_bus: Counters,
+    /// From the start of the nodes until the robot was ready; none in virtual mode and where the nodes ran already.
+    pub connected_after: Option<Duration>,
+    /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
+    /// not counted.
+    pub allocations: Option<[u64; 2]>,
+    /// Repetitions that were run again because a host that held a node up took the connection from them: which, and why.
+    pub repeated: Vec<String>,
+    /// What came of the faults that were put in, where some were.
+    pub faults: Option<FaultReport>,
+}
+
+impl Health {
+    /// Frames that were sent, either way, and never came. A side sees that a cycle brought no frame; what the other
+    /// side says that it skipped was not lost.
+    #[must_use]
+    pub const fn frames_lost(&self) -> u64 {
+        let towards_plc = self.bus.lost.saturating_sub(self.robot_bus.skipped);
+        towards_plc + self.robot_bus.lost.saturating_sub(self.bus.skipped)
+    }
+}
+
+/// How late the runs of a cyclic task were.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct CycleHealth {
+    /// Half of the runs were not later.
+    pub p50: Duration,
+    /// 99 % of the runs were not later.
+    pub p99: Duration,
+    /// The latest run.
+    pub max: Duration,
+    /// Cycles that passed without a run.
+    pub missed: u64,
+    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    pub buckets: Vec<(f64, u32)>,
+}
+
+impl From<&Lateness> for CycleHealth {
+    fn from(lateness: &Lateness) -> Self {
+        Self {
+            p50: lateness.quantile(0.5),
+            p99: lateness.quantile(0.99),
+            max: lateness.max(),
+            missed: lateness.missed(),
+            buckets: lateness.buckets().map(|(upper, runs)| (upper.as_nanos() as f64 / 1e3, runs)).collect(),
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! The directory of a run: what was asked for, what it ran on, and every finished repetition.
+//!
+//! ```text
+//! setup.toml        the setup as it was used; runs again as `--setup DIR/setup.toml`
+//! application.toml  the text of the application as it was used
+//! host.json         the machine
+//! samples.csv       a line a repetition, written before the next one starts
+//! results.json      the results so far, replaced as a whole
+//! trace-*.csv       both nodes tick by tick in the first repetition of each type
+//! report.html       the report
+//! ```
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::{Context, anyhow};
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use setup::Setup;
+
+use crate::records::conditions::Measured;
+use crate::records::host::date;
+use crate::records::results::{Results, SCHEMA_VERSION};
+use crate::records::schedule::Step;
+
+/// How sure a repetition is on the disk before the next one starts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Durability {
+    /// It survives a loss of power: what was measured cannot be measured again.
+    Synced,
+    /// It survives the end of this process; enough for a run that its seed repeats.
+    Written,
+}
+
+/// A run's directory.
+#[derive(Debug)]
+pub struct RunDirectory {
+    path: PathBuf,
+    samples: File,
+    /// Length of the samples that are saved whole, in bytes.
+    samples_len: u64,
+    durability: Durability,
+}
+
+impl RunDirectory {
+    /// Makes the directory and writes down what is to be run: the setup and the text of its application. One that holds a run already is left alone.
+    pub fn create(
+        path: &Path,
+        setup: &Setup,
+        application: &str,
+        durability: Durability,
+    ) -> anyhow::Result<Self> {
+        fs::create_dir_all(path).with_context(|| {
+            format!("cannot make the run directory {}; choose another by --out", path.display())
+        })?;
+        let samples_path = path.join("samples.csv");
+        let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
+        let samples = match samples {
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                anyhow::bail!("{} holds a run already; choose another directory by --out", path.display())
+            }
+            samples => samples.with_context(|| format!("cannot write {}", samples_path.display()))?,
+        };
+        let mut directory = Self { path: path.to_owned(), samples, samples_len: 0, durability };
+        directory.append("type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error\n")?;
+        let mut setup = setup.clone();
+        setup.application = "application.toml".to_owned();
+        directory.write("setup.toml", &setup::setup_to_toml(&setup)?)?;
+        directory.write("application.toml", application)?;
+        Ok(directory)
+    }
+
+    /// Writes a file that is not written again.
+    fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
+        replace(&self.path.join(name), text, Durability::Written)
+    }
+
+    /// Adds a line to the samples, whole or not at all.
+    fn append(&mut self, line: &str) -> anyhow::Result<()> {
+        let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
+            Durability::Synced => self.samples.sync_data(),
+            Durability::Written => Ok(()),
+        });
+        if saved.is_err() {
+            // A disk that takes the first half of a line takes this too; if not, the line is seen to be broken.
+            let _ = self.samples.set_len(self.samples_len);
+        } else {
+            self.samples_len += line.len() as u64;
+        }
+        saved.with_context(|| format!("cannot write {}", self.path.join("samples.csv").display()))
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the machine's description.
+    pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
+        self.write("host.json", json)
+    }
+
+    /// Writes down a finished repetition, good or failed, and the results so far.
+    pub fn save(
+        &mut self,
+        step: &Step,
+        outcome: &anyhow::Result<Measured>,
+        results: &Results,
+    ) -> anyhow::Result<()> {
+        self.append(&sample_line(step, outcome))?;
+        self.save_results(results)
+    }
+
+    /// Writes the results so far.
+    pub fn save_results(&self, results: &Results) -> anyhow::Result<()> {
+        replace(&self.path.join("results.json"), &results.to_json()?, self.durability)
+    }
+}
+
+/// The results that a run directory holds.
+///
+/// # Errors
+///
+/// There are none, or they are of another version.
+pub fn results(directory: &Path) -> anyhow::Result<Results> {
+    let path = directory.join("results.json");
+    let text = match fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let shown = directory.display();
+            return Err(if directory.join("samples.csv").exists() {
+                anyhow!(
+                    "the run in {shown} ended before its first repetition did, so there is nothing to report"
+                )
+            } else if directory.is_dir() {
+                anyhow!(
+                    "{shown} holds no run: results.json is missing; name a run directory, such as one below runs/"
+                )
+            } else {
+                anyhow!("there is no run directory {shown}; name one, such as one below runs/")
+            });
+        }
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+    };
+    let value: serde_json::Value =
+        serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
+    match value.get("schema_version").and_then(serde_json::Value::as_u64) {
+        Some(version) if version == u64::from(SCHEMA_VERSION) => {}
+        Some(version) => anyhow::bail!(
+            "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
+            path.display()
+        ),
+        None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
+    }
+    serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
+}
+
+/// What a run directory says of the machine, key by key; none where it does not.
+#[must_use]
+pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Value>> {
+    let text = fs::read_to_string(directory.join("host.json")).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// Where a run goes that names no directory: below `runs`, by its start, its setup and what it is; the first such name
+/// that is free.
+#[must_use]
+pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
+    let time = date(started).replace([':', '-'], "");
+    let setup: String = setup.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let name = format!("runs/{time}-{setup}-{what}");
+    let numbered = (2..).map(|number| PathBuf::from(format!("{name}-{number}")));
+    std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
+}
+
+/// Makes the directory of a study, which holds many virtual runs' figures and no run, and writes down what setup it
+/// varied.
+///
+/// # Errors
+///
+/// It holds a run, or cannot be written.
+pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
+    if path.join("samples.csv").exists() {
+        anyhow::bail!("{} holds a run; choose another directory by --out", path.display());
+    }
+    fs::create_dir_all(path)
+        .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
+    replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
+}
+
+/// Replaces a file as a whole: whoever reads it sees the old content or the new one, also where this process is killed or
+/// the disk is full, and where it is synced also after a loss of power.
+///
+/// # Errors
+///
+/// The disk does not take it. The old file is there as it was, and nothing else.
+pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -> anyhow::Result<()> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".new");
+    let new = path.with_file_name(name);
+    let write = || {
+        let mut file = File::create(&new)?;
+        file.write_all(content.as_ref())?;
+        match durability {
+            Durability::Synced => file.sync_data().and_then(|()| fs::rename(&new, path)),
+            Durability::Written => put_in_place(&new, path),
+        }
+    };
+    write()
+        .inspect_err(|_| {
+            // Half a file would take the last bytes of a full disk.
+            let _ = fs::remove_file(&new);
+        })
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Gives `new` the name of the file that it replaces. Renamed over a file, ext4 sends its bytes to the disk at once, as
+/// though they had to survive a loss of power: more than a millisecond after each repetition, a seventh of a virtual run.
+/// Two names that are exchanged are as atomic and cost nothing.
+fn put_in_place(new: &Path, path: &Path) -> std::io::Result<()> {
+    // An exchange would take a directory for a file.
+    let replaces_file = fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
+    if replaces_file && renameat_with(CWD, new, CWD, path, RenameFlags::EXCHANGE).is_ok() {
+        // The old content. Left behind, the next one would take its place.
+        let _ = fs::remove_file(new);
+        return Ok(());
+    }
+    fs::rename(new, path)
+}
+
+fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
+    let Step { execution_type, repetition, .. } = step;
+    match outcome {
+        Ok(measured) => {
+            let millis = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e6;
+            format!(
+                "{execution_type},{repetition},{},{},{},\n",
+                millis(measured.execution),
+                millis(measured.robot_execution),
+                measured.blends_suppressed
+            )
+        }
+        Err(error) => {
+            let text = format!("{error:#}").replace('"', "\"\"").replace('\n', " ");
+            format!("{execution_type},{repetition},,,,\"{text}\"\n")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plc_node::ExecutionType;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::Duration;
+
+    fn step(repetition: u32) -> Step {
+        Step { execution_type: ExecutionType::Sm, repetition, pause: Duration::ZERO }
+    }
+
+    #[test]
+    fn a_repetition_is_a_line_whether_it_went_well_or_not() {
+        let measured = Measured {
+            execution: Duration::from_nanos(6_477_123_456),
+            robot_execution: Duration::from_millis(6_470),
+            blends_suppressed: 0,
+            quality: None,
+        };
+        let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
+        let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];
+        insta::assert_snapshot!(lines.concat(), @r#"
+        sm,1,6477.123456,6470,0,
+        sm,2,,,,"sm failed: the robot said ""no"" and stopped"
+        "#);
+    }
+
+    #[test]
+    fn a_directory_that_holds_a_run_is_left_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let create = || RunDirectory::create(directory.path(), &setup, &found.text, Durability::Written);
+        create().unwrap();
+        let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
+        insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole_and_nothing_else_is_left() {
+        for durability in [Durability::Written, Durability::Synced] {
+            let directory = tempfile::tempdir().unwrap();
+            let path = directory.path().join("results.json");
+            for content in ["the first, which is longer", "the second"] {
+                replace(&path, content, durability).unwrap();
+                assert_eq!(fs::read_to_string(&path).unwrap(), content);
+                assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+            }
+        }
+    }
+
+    #[test]
+    fn whoever_reads_while_a_file_is_replaced_finds_the_old_content_or_the_new_one() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("results.json");
+        let contents = ["a".repeat(5_000), "b".repeat(4_000)];
+        replace(&path, &contents[0], Durability::Written).unwrap();
+        let is_done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let reader = scope.spawn(|| {
+                while !is_done.load(Ordering::Relaxed) {
+                    assert!(contents.contains(&fs::read_to_string(&path).unwrap()));
+                }
+            });
+            for content in contents.iter().cycle().take(2_000) {
+                replace(&path, content, Durability::Written).unwrap();
+            }
+            is_done.store(true, Ordering::Relaxed);
+            reader.join().unwrap();
+        });
+    }
+
+    #[test]
+    fn a_directory_in_the_place_of_a_file_is_left_alone() {
+        for durability in [Durability::Written, Durability::Synced] {
+            let directory = tempfile::tempdir().unwrap();
+            let path = directory.path().join("results.json");
+            fs::create_dir(&path).unwrap();
+            replace(&path, "content", durability).unwrap_err();
+            assert!(path.is_dir());
+            assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+        }
+    }
+
+    #[test]
+    fn the_setup_in_the_directory_runs_the_same_again() {
+        let directory = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        RunDirectory::create(directory.path(), &setup, &found.text, Durability::Synced).unwrap();
+        let written = directory.path().join("setup.toml");
+        let (again, same) = planning::setup_with_application(written.to_str().unwrap()).unwrap();
+        assert_eq!((again.motions, again.robot), (setup.motions, setup.robot));
+        assert_eq!((same.text, same.application), (found.text, found.application));
+    }
+}

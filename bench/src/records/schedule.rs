@@ -1,0 +1,104 @@
+//! Which run follows which: the types interleaved, with a pause of random length before each start.
+
+use std::time::Duration;
+
+use plc_node::ExecutionType;
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+/// The seed of runs that name none.
+pub(crate) const SEED: u64 = 1;
+
+/// Repetitions of each type in the paper (section 6.2).
+pub(crate) const REPETITIONS: u32 = 25;
+
+/// The shortest pause before a start edge: the arm has settled and every node has seen the end of the run before.
+pub(crate) const PAUSE: Duration = Duration::from_millis(40);
+
+/// Up to this much more, evenly spread: several of the longest cycle there is, so that start edges fall on every phase
+/// of every cycle alike.
+const SPREAD: Duration = Duration::from_millis(60);
+
+/// One run of a plan.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Step {
+    /// How the sequence is run.
+    pub execution_type: ExecutionType,
+    /// Which repetition of its type, counted from 1.
+    pub repetition: u32,
+    /// How long to wait before the start edge.
+    pub pause: Duration,
+}
+
+/// All runs of a measurement, so that a drift of anything hits all types alike.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Plan {
+    /// Execution types in the order of each round, each once.
+    pub types: Vec<ExecutionType>,
+    /// Repetitions of each.
+    pub reps: u32,
+    /// Seed of the pauses.
+    pub seed: u64,
+}
+
+/// How many there are, in words.
+pub(crate) fn repetitions(count: u32) -> String {
+    format!("{count} repetition{}", if count == 1 { "" } else { "s" })
+}
+
+impl Plan {
+    /// A plan of `reps` rounds over `types`; a type that is named twice counts once.
+    #[must_use]
+    pub fn new(types: &[ExecutionType], reps: u32, seed: u64) -> Self {
+        let mut once = Vec::new();
+        for execution_type in types {
+            if !once.contains(execution_type) {
+                once.push(*execution_type);
+            }
+        }
+        Self { types: once, reps, seed }
+    }
+
+    /// The runs in order.
+    pub fn steps(&self) -> impl Iterator<Item = Step> + '_ {
+        let mut random = Pcg64Mcg::seed_from_u64(self.seed);
+        (1..=self.reps).flat_map(move |repetition| self.types.iter().map(move |of| (*of, repetition))).map(
+            move |(execution_type, repetition)| Step {
+                execution_type,
+                repetition,
+                pause: PAUSE + below(&mut random, SPREAD),
+            },
+        )
+    }
+}
+
+/// A time from zero up to `bound`, which it does not reach.
+pub(crate) fn below(random: &mut Pcg64Mcg, bound: Duration) -> Duration {
+    let share = u128::from(random.next_u64());
+    let nanos = (share * bound.as_nanos()) >> 64;
+    Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ExecutionType::{Cm, Rc, Sm};
+
+    #[test]
+    fn the_types_are_interleaved() {
+        let plan = Plan::new(&[Rc, Sm, Cm, Rc], 2, 1);
+        let order: Vec<_> = plan.steps().map(|step| (step.execution_type, step.repetition)).collect();
+        assert_eq!(order, [(Rc, 1), (Sm, 1), (Cm, 1), (Rc, 2), (Sm, 2), (Cm, 2)]);
+    }
+
+    #[test]
+    fn the_pauses_come_from_the_seed_and_fill_their_range() {
+        let pauses =
+            |seed| -> Vec<_> { Plan::new(&[Rc], 1_000, seed).steps().map(|step| step.pause).collect() };
+        assert_eq!(pauses(1), pauses(1));
+        assert_ne!(pauses(1), pauses(2));
+        let (shortest, longest) = (*pauses(1).iter().min().unwrap(), *pauses(1).iter().max().unwrap());
+        assert!(shortest >= PAUSE && shortest < PAUSE + SPREAD / 100, "{shortest:?}");
+        assert!(longest < PAUSE + SPREAD && longest > PAUSE + SPREAD * 99 / 100, "{longest:?}");
+    }
+}

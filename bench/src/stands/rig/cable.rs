@@ -1,0 +1,209 @@
+//! The cable: two networks without a name, a veth pair between them, and whoever listens in. Where faults are asked for
+//! there are two pairs, and between them what does them.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use protocol_linux::capture::{CaptureFile, Keep};
+use protocol_linux::impaired::{ImpairedCable, Witness};
+use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
+use protocol_linux::{Interface, InterfaceError, Recorder, RecorderError, veth};
+use virtual_time::Side;
+
+use super::RigError;
+use super::frames::FrameLog;
+use crate::records::faults::{self, Fault, FaultReport};
+use crate::stands::capture::{PLC_FILE, ROBOT_FILE};
+
+/// Name of the PLC's interface, in a network where it is the only one.
+pub(super) const PLC: &str = "plc0";
+/// Name of the robot's interface.
+pub(super) const ROBOT: &str = "robot0";
+
+/// The near ends of the cables to both nodes, in the network of what does faults.
+const TO_PLC: &str = "to-plc";
+const TO_ROBOT: &str = "to-robot";
+
+/// What is to be done with what passes a cable.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fittings<'a> {
+    /// Both ends are captured into this directory, from the first frame on.
+    pub(super) capture: Option<&'a (PathBuf, Keep)>,
+    /// Faults to put in.
+    pub(super) faults: &'a [Fault],
+    /// Decides which frames they hit.
+    pub(super) seed: u64,
+    /// Takes up frames while [`Cable::watch`] asks for it.
+    pub(super) frames: Option<&'a FrameLog>,
+}
+
+#[derive(Debug)]
+pub(super) struct Cable {
+    plc: NetworkNamespace,
+    robot: NetworkNamespace,
+    middle: Option<ImpairedCable>,
+    faults: Vec<Fault>,
+    recorders: Vec<Recorder>,
+    frames: Option<FrameLog>,
+    /// They show frames to the log.
+    watchers: Vec<Recorder>,
+    discarded: bool,
+}
+
+impl Cable {
+    /// Lays it, switches both ends on and starts the capture.
+    pub(super) fn lay(fittings: Fittings<'_>) -> Result<Self, RigError> {
+        let (plc, robot) = (NetworkNamespace::new()?, NetworkNamespace::new()?);
+        let mut cable = Self {
+            plc,
+            robot,
+            middle: None,
+            faults: fittings.faults.to_vec(),
+            recorders: Vec::new(),
+            frames: fittings.frames.cloned(),
+            watchers: Vec::new(),
+            discarded: false,
+        };
+        if fittings.faults.is_empty() {
+            cable.lay_clean(fittings)?;
+        } else {
+            cable.lay_impaired(fittings)?;
+        }
+        Ok(cable)
+    }
+
+    fn lay_clean(&mut self, Fittings { capture, .. }: Fittings<'_>) -> Result<(), RigError> {
+        veth::connect(&self.plc, PLC, &self.robot, ROBOT)?;
+        // Both ends, since a node that is first would otherwise find a cable without a carrier.
+        switch_on(&self.plc, PLC)??;
+        switch_on(&self.robot, ROBOT)??;
+        if let Some((directory, keep)) = capture {
+            for (network, interface, file) in [(&self.plc, PLC, PLC_FILE), (&self.robot, ROBOT, ROBOT_FILE)] {
+                let path = directory.join(file);
+                let start =
+                    || Ok::<_, RigError>(Recorder::start(&Interface::open(interface)?, &path, "", *keep)?);
+                self.recorders.push(network.run(start)??);
+            }
+        }
+        Ok(())
+    }
+
+    /// Which frame met with which fault only the middle knows, so that it writes the captures too.
+    fn lay_impaired(&mut self, fittings: Fittings<'_>) -> Result<(), RigError> {
+        let Fittings { capture, faults, seed, frames } = fittings;
+        let middle = NetworkNamespace::new()?;
+        for (network, end, near_end) in [(&self.plc, PLC, TO_PLC), (&self.robot, ROBOT, TO_ROBOT)] {
+            veth::connect(network, end, &middle, near_end)?;
+            switch_on(network, end)??;
+            switch_on(&middle, near_end)??;
+            network.run(|| Interface::open(end)?.fill_in_checksums())??;
+        }
+        let about = faults::about(faults);
+        let witness = |end, interface, file| {
+            let capture =
+                capture.map(|(directory, keep)| create(&directory.join(file), interface, &about, *keep));
+            let see = frames.map(|frames| Box::new(frames.at(end)) as _);
+            Ok::<_, RecorderError>(Witness { capture: capture.transpose()?, see })
+        };
+        let witnesses = [witness(Side::A, PLC, PLC_FILE)?, witness(Side::B, ROBOT, ROBOT_FILE)?];
+        let plan = faults::cable_plan(faults, seed);
+        let start = || {
+            let (to_plc, to_robot) = (Interface::open(TO_PLC)?, Interface::open(TO_ROBOT)?);
+            Ok::<_, RigError>(ImpairedCable::start([&to_plc, &to_robot], &plan, witnesses)?)
+        };
+        self.middle = Some(middle.run(start)??);
+        Ok(())
+    }
+
+    pub(super) const fn plc(&self) -> &NetworkNamespace {
+        &self.plc
+    }
+
+    pub(super) const fn robot(&self) -> &NetworkNamespace {
+        &self.robot
+    }
+
+    /// The robot is ready: the times of faults count from now.
+    pub(super) fn set_ready(&self) {
+        if let Some(middle) = &self.middle {
+            middle.set_ready();
+        }
+    }
+
+    /// Notes at both ends that a node is killed.
+    pub(super) fn note_killed(&self, node: Side) {
+        if let Some(middle) = &self.middle {
+            middle.note_killed(node);
+        }
+    }
+
+    /// What came of the faults so far; none where none were asked for.
+    pub(super) fn fault_report(&self) -> Option<FaultReport> {
+        self.middle.as_ref().map(|middle| FaultReport::new(&self.faults, middle.counters()))
+    }
+
+    pub(super) fn pause_capture(&self, paused: bool) -> io::Result<()> {
+        if let Some(middle) = &self.middle {
+            middle.pause(paused);
+        }
+        self.recorders.iter().try_for_each(|recorder| recorder.pause(paused))
+    }
+
+    /// Shows frames to the log from now on, or no more. Where nobody sees them anyway, somebody listens only that long.
+    pub(super) fn watch(&mut self, on: bool) -> Result<(), RigError> {
+        let Some(frames) = &self.frames else { return Ok(()) };
+        if !on {
+            // What passed until now is seen before nobody wants it any more.
+            let stopped = all(self.watchers.drain(..).map(|watcher| watcher.stop().map(drop)));
+            frames.want(false);
+            return Ok(stopped?);
+        }
+        frames.want(true);
+        if self.middle.is_none() && self.watchers.is_empty() {
+            for (network, interface, end) in [(&self.plc, PLC, Side::A), (&self.robot, ROBOT, Side::B)] {
+                let see = frames.at(end);
+                let start = || Ok::<_, RigError>(Recorder::watch(&Interface::open(interface)?, see)?);
+                self.watchers.push(network.run(start)??);
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) const fn discard_capture(&mut self) {
+        self.discarded = true;
+    }
+
+    /// Ends whoever listens in, so that the last frame is in the file. Says what came of the faults until then.
+    pub(super) fn end_capture(&mut self) -> Result<Option<FaultReport>, RigError> {
+        let watched = self.watch(false);
+        let end =
+            |recorder: Recorder| if self.discarded { recorder.discard() } else { recorder.stop().map(drop) };
+        let ended = all(self.recorders.drain(..).map(end));
+        let middle = self.middle.take().map(|middle| middle.stop(!self.discarded)).transpose();
+        watched?;
+        let faults = middle?.map(|stopped| FaultReport::new(&self.faults, stopped.counters));
+        ended?;
+        Ok(faults)
+    }
+}
+
+impl Drop for Cable {
+    fn drop(&mut self) {
+        // A run that failed is when the capture is wanted most.
+        let _ = self.end_capture();
+    }
+}
+
+/// The first error, once all are through.
+fn all<E>(results: impl Iterator<Item = Result<(), E>>) -> Result<(), E> {
+    results.fold(Ok(()), Result::and)
+}
+
+fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> Result<CaptureFile, RecorderError> {
+    CaptureFile::create(path, interface, about, keep)
+        .map_err(|source| RecorderError::File { path: path.to_owned(), source })
+}
+
+fn switch_on(network: &NetworkNamespace, name: &str) -> Result<Result<(), InterfaceError>, NamespaceError> {
+    network.run(|| Interface::open(name)?.set_up())
+}

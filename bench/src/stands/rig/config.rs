@@ -1,0 +1,73 @@
+//! What a rig is to run, and how the nodes are told so.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use protocol_linux::capture::Keep;
+use setup::{Cyclic, Setup};
+
+use super::frames::FrameLog;
+use crate::records::faults::Fault;
+
+/// What the rig is to run.
+#[derive(Clone, Debug)]
+pub struct RigConfig {
+    /// A built-in setup's name, or the path of a file.
+    pub setup: OsString,
+    /// How long the setup's connection bears no frame.
+    pub watchdog: Duration,
+    /// How PROFINET's cyclic frames travel, instead of what the setup says.
+    pub cyclic: Option<Cyclic>,
+    /// Seed of the robot's interpreter.
+    pub seed: u64,
+    /// Records what passes both interfaces into this directory, from before the first frame, and how much of it.
+    pub capture: Option<(PathBuf, Keep)>,
+    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`](super::Rig::record) asks for it.
+    pub trace: Option<PathBuf>,
+    /// Takes up what passes both interfaces while cycles are recorded.
+    pub frames: Option<FrameLog>,
+    /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
+    pub faults: Vec<Fault>,
+    /// The program that both nodes are; none for this one.
+    pub program: Option<PathBuf>,
+    /// Exchange images without a protocol, for tests that are not about a bus.
+    pub direct: bool,
+}
+
+impl RigConfig {
+    /// A rig of this setup, and where the nodes read it, with nothing special about it.
+    pub fn new(setup: &Setup, read_from: impl Into<OsString>) -> Self {
+        Self {
+            setup: read_from.into(),
+            watchdog: setup.bus.watchdog(),
+            cyclic: None,
+            seed: 1,
+            capture: None,
+            trace: None,
+            frames: None,
+            faults: Vec::new(),
+            program: None,
+            direct: false,
+        }
+    }
+
+    pub(super) fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
+        let mut args: Vec<OsString> = ["run", "--json", "--interface", interface].map(OsString::from).into();
+        args.extend(["--setup".into(), self.setup.clone()]);
+        if let Some(cyclic) = self.cyclic {
+            let name = match cyclic {
+                Cyclic::Udp => "udp",
+                Cyclic::Rt1 => "rt1",
+            };
+            args.extend(["--cyclic".into(), name.into()]);
+        }
+        if let Some(directory) = &self.trace {
+            args.extend(["--trace-file".into(), directory.join(rows).into()]);
+        }
+        if self.direct {
+            args.push("--direct".into());
+        }
+        args
+    }
+}

@@ -1,0 +1,137 @@
+//! The frames of the recorded runs, for a timeline: in memory, and only while it wants them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use machine::Instant;
+use protocol_linux::capture::Packet;
+use virtual_time::Side;
+
+use crate::records::trace::{FRAME_ROOM, Frame};
+
+/// What passes both ends of the cable, as far as it is wanted. Clones are the same log.
+#[derive(Clone, Debug, Default)]
+pub struct FrameLog(Arc<Log>);
+
+#[derive(Debug, Default)]
+struct Log {
+    wanted: AtomicBool,
+    ends: [Mutex<Vec<(Instant, Frame)>>; 2],
+}
+
+impl FrameLog {
+    /// Takes up frames from now on, or no more.
+    pub(super) fn want(&self, wanted: bool) {
+        self.0.wanted.store(wanted, Ordering::Relaxed);
+    }
+
+    /// Who takes up what passes this end.
+    pub(super) fn at(&self, end: Side) -> impl FnMut(Instant, &Packet<'_>) + Send + 'static {
+        let log = Arc::clone(&self.0);
+        move |at, packet| {
+            if !log.wanted.load(Ordering::Relaxed) {
+                return;
+            }
+            let Some(frames) = log.ends.get(end.index()) else { return };
+            let mut frames = frames.lock().unwrap_or_else(PoisonError::into_inner);
+            if frames.len() < FRAME_ROOM {
+                frames.push((at, frame(end, packet)));
+            }
+        }
+    }
+
+    /// All frames so far with their instants by the nodes' clock: those at the PLC's end, then those at the robot's.
+    #[must_use]
+    pub fn take(&self) -> Vec<(Instant, Frame)> {
+        let of = |frames: &Mutex<Vec<_>>| {
+            std::mem::take(&mut *frames.lock().unwrap_or_else(PoisonError::into_inner))
+        };
+        self.0.ends.iter().flat_map(of).collect()
+    }
+}
+
+/// What a timeline shows of a frame; the time since the start edge is the trace's to say.
+fn frame(end: Side, packet: &Packet<'_>) -> Frame {
+    let (carrier, bytes) = carrier(packet.data).unwrap_or(("Ethernet", packet.data.len()));
+    Frame {
+        at_us: 0.0,
+        end,
+        sent: packet.sent == Some(true),
+        carrier,
+        bytes,
+        faulty: packet.comment.is_some(),
+    }
+}
+
+/// What a frame carries and how many bytes of it, where it carries something: as in a virtual cable, of what is sent over IP
+/// only the payload counts.
+fn carrier(frame: &[u8]) -> Option<(&'static str, usize)> {
+    let at = if frame.get(12..14)? == [0x81, 0x00] { 16 } else { 12 };
+    let packet = frame.get(at + 2..)?;
+    match frame.get(at..at + 2)? {
+        [0x08, 0x06] => return Some(("ARP", frame.len())),
+        [0x08, 0x00] => {}
+        _ => return None,
+    }
+    // RFC 791: header length in words, total length, protocol.
+    let header = usize::from(packet.first()? & 0x0F) * 4;
+    let length = usize::from(u16::from_be_bytes([*packet.get(2)?, *packet.get(3)?]));
+    let (name, inner) = match packet.get(9)? {
+        17 => ("UDP", 8),
+        // RFC 9293: the offset of the data in words.
+        6 => ("TCP", usize::from(packet.get(header + 12)? >> 4) * 4),
+        1 => ("ICMP", 0),
+        _ => return None,
+    };
+    Some((name, length.saturating_sub(header + inner)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_named_by_what_carries_it_and_counts_what_it_carries() {
+        let ip = |protocol: u8, behind: &[u8]| {
+            let length = 20 + behind.len() as u8;
+            let packet = [0x45, 0, 0, length, 0, 0, 0x40, 0, 64, protocol, 0, 0, 10, 0, 0, 1, 10, 0, 0, 2];
+            [&[0; 12][..], &[0x08, 0x00], &packet, behind].concat()
+        };
+        let named = |frame: &[u8]| {
+            let packet = Packet {
+                since_1970: std::time::Duration::ZERO,
+                sent: Some(true),
+                data: frame,
+                comment: None,
+            };
+            let Frame { carrier, bytes, .. } = super::frame(Side::A, &packet);
+            (carrier, bytes)
+        };
+        assert_eq!(named(&ip(17, &[0; 8 + 5])), ("UDP", 5));
+        let segment = [&[0; 12][..], &[0x50], &[0; 7], &[1, 2, 3]].concat();
+        assert_eq!(named(&ip(6, &segment)), ("TCP", 3));
+        let profinet = [&[0; 12][..], &[0x81, 0x00, 0xC0, 0x00, 0x88, 0x92], &[0; 42]].concat();
+        assert_eq!(named(&profinet), ("Ethernet", 60));
+        for length in 0..20 {
+            named(&ip(6, &segment)[..length]);
+        }
+    }
+
+    #[test]
+    fn frames_are_kept_only_while_they_are_wanted() {
+        let log = FrameLog::default();
+        let mut see = log.at(Side::B);
+        let packet = Packet {
+            since_1970: std::time::Duration::ZERO,
+            sent: Some(false),
+            data: &[0; 60],
+            comment: None,
+        };
+        for (at, wanted) in [(1, false), (2, true), (3, false)] {
+            log.want(wanted);
+            see(Instant::from_millis(at), &packet);
+        }
+        let found: Vec<_> = log.take().into_iter().map(|(at, frame)| (at, frame.end, frame.sent)).collect();
+        assert_eq!(found, [(Instant::from_millis(2), Side::B, false)]);
+    }
+}

@@ -1,0 +1,277 @@
+//! Both nodes of a virtual run on their cable, whichever bus they speak.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::net::Ipv4Addr;
+use std::rc::Rc;
+use std::time::Duration;
+
+use anyhow::{Context as _, bail};
+use machine::{Instant, Lateness};
+use planning::PROGRAM;
+use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::Digest;
+use protocol_linux::capture::Note;
+use robot_node::{Program, Quality, RobotEvent, RobotNode};
+use setup::Setup;
+use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
+
+use super::Work;
+use super::phases::Phases;
+use super::watch::{SharedFrames, Watch};
+use crate::records::conditions::{Health, Measured};
+use crate::records::faults::{self, Change, Fault, FaultReport};
+use crate::records::schedule::Step;
+use crate::records::trace::{Frame, Recording};
+use crate::stands::capture::VirtualCapture;
+
+/// A connection that is not up by then never will be.
+const CONNECT: Duration = Duration::from_secs(60);
+
+/// A run that has not ended by then hangs; the PLC gives up a silent robot long before.
+const LONGEST_RUN: Duration = Duration::from_secs(3_600);
+
+/// The tap writes into it, the run says what happens to the cable, and ends it.
+pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
+
+/// What the faults and whoever listens in make of a pair.
+pub(super) struct Surroundings<'a> {
+    pub(super) faults: &'a [Fault],
+    pub(super) capture: Option<SharedCapture>,
+    pub(super) frames: Option<SharedFrames>,
+}
+
+/// A pair of nodes on whichever bus.
+pub(super) trait Cell {
+    fn connect(&mut self) -> anyhow::Result<()>;
+    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
+    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
+    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent>;
+    fn digests(&self) -> [Digest; 2];
+    fn health(&self) -> Health;
+    fn now(&self) -> Instant;
+}
+
+/// Puts both nodes on their cable.
+pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
+    setup: &Setup,
+    Work { source, program, stops, robot }: Work,
+    phases: &mut Phases,
+    plc_bus: P,
+    robot_bus: R,
+    robot_address: Option<Ipv4Addr>,
+    Surroundings { faults, capture, frames }: &Surroundings<'_>,
+) -> anyhow::Result<Box<dyn Cell>> {
+    let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
+    let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
+    let program = Program::new(program, &stops);
+    let plc_config =
+        PlcConfig { motions: source, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
+    let plc = PlcNode::new(plc_config, plc_bus, plc_start);
+    let robot = RobotNode::new(robot, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
+    let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
+    let config = PairConfig {
+        seed: phases.seed,
+        clocks: phases.clocks,
+        links: faults::links(faults, Impairment { delay, ..Impairment::default() }),
+        addresses: [Some(setup.bus.plc_address), robot_address],
+    };
+    let mut pair = Pair::new(plc, robot, config);
+    if capture.is_some() || frames.is_some() {
+        let (capture, frames) = (capture.clone(), frames.clone());
+        pair.set_tap(move |tapped| {
+            if let Some(capture) = &capture
+                && let Some(capture) = &mut *capture.borrow_mut()
+            {
+                capture.see(&tapped);
+            }
+            if let Some(frames) = &frames
+                && let Some(frames) = &mut *frames.borrow_mut()
+            {
+                frames.push((tapped.at, frame(&tapped)));
+            }
+        });
+    }
+    Ok(Box::new(Nodes {
+        pair,
+        faults: faults.to_vec(),
+        changes: faults::schedule(faults).into(),
+        ready_at: None,
+        capture: capture.clone(),
+        frames: frames.clone(),
+        quality: Quality::default(),
+    }))
+}
+
+/// What a timeline shows of a frame; the time since the start edge is the watch's to say.
+fn frame(tapped: &Tapped<'_>) -> Frame {
+    Frame {
+        at_us: 0.0,
+        end: tapped.end,
+        sent: tapped.end == tapped.from,
+        carrier: match tapped.carrier {
+            Carrier::Ethernet => "Ethernet",
+            Carrier::Udp { .. } => "UDP",
+            Carrier::Tcp { .. } => "TCP",
+        },
+        bytes: tapped.frame.len(),
+        faulty: !tapped.fate.is_clean(),
+    }
+}
+
+/// Both nodes on a cable, and what is going to happen to them.
+pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
+    pair: Pair<PlcNode<P>, RobotNode<R>>,
+    faults: Vec<Fault>,
+    /// Counted from `ready_at`.
+    changes: VecDeque<(Duration, Change)>,
+    ready_at: Option<Instant>,
+    capture: Option<SharedCapture>,
+    frames: Option<SharedFrames>,
+    /// Of the present run, or of the last one.
+    quality: Quality,
+}
+
+impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
+    pub(crate) const fn pair(&self) -> &Pair<PlcNode<P>, RobotNode<R>> {
+        &self.pair
+    }
+
+    /// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and
+    /// so are the changes that faults make.
+    pub(crate) fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
+        loop {
+            let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
+            let change = next.filter(|at| *at <= until);
+            if let Some(event) = next_plc_event(&mut self.pair, change.unwrap_or(until), &mut self.quality) {
+                return Some(event);
+            }
+            change?;
+            self.change();
+        }
+    }
+
+    fn change(&mut self) {
+        let Some((_, change)) = self.changes.pop_front() else { return };
+        let lost =
+            |pair: &Pair<_, _>| [Side::A, Side::B].map(|side| pair.link_counters(side).lost).iter().sum();
+        let before: u64 = lost(&self.pair);
+        match change {
+            Change::Cut => self.pair.set_cut(true),
+            Change::Mend => self.pair.set_cut(false),
+            Change::Kill(side) => self.pair.kill(side),
+        }
+        let lost = lost(&self.pair) - before;
+        let Some(capture) = &self.capture else { return };
+        if let Some(capture) = &mut *capture.borrow_mut() {
+            capture.note(match change {
+                Change::Cut => Note::Cut { lost_under_way: lost },
+                Change::Mend => Note::Mended,
+                Change::Kill(side) => Note::Killed(side),
+            });
+        }
+    }
+}
+
+impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
+    fn connect(&mut self) -> anyhow::Result<()> {
+        let until = self.pair.now() + CONNECT;
+        while let Some(event) = self.next_plc_event(until) {
+            match event {
+                PlcEvent::Ready => {
+                    self.ready_at = Some(self.pair.now());
+                    return Ok(());
+                }
+                PlcEvent::Link(LinkEvent::Down(down)) => bail!("no connection to the robot: {down}"),
+                _ => {}
+            }
+        }
+        bail!("the robot was not ready within {} s of virtual time", CONNECT.as_secs())
+    }
+
+    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
+        let start = self.pair.now() + step.pause;
+        while self.next_plc_event(start).is_some() {}
+        self.begin(step.execution_type)?;
+        let until = self.pair.now() + LONGEST_RUN;
+        let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
+        while let Some(event) = match &mut watch {
+            Some(watch) => watch.next_plc_event(self, until),
+            None => self.next_plc_event(until),
+        } {
+            match event {
+                PlcEvent::Finished(execution) => {
+                    return Ok(Measured {
+                        execution: Duration::from_nanos(execution.execution_time_ns),
+                        robot_execution: Duration::from_nanos(execution.robot_execution_ns),
+                        blends_suppressed: execution.blends_suppressed,
+                        quality: Some(self.quality),
+                    });
+                }
+                PlcEvent::Failed(failure) => return Err(failure.into()),
+                PlcEvent::Link(_) | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+            }
+        }
+        bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
+    }
+
+    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.quality = Quality::default();
+        self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
+    }
+
+    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent> {
+        self.next_event(until)
+    }
+
+    fn digests(&self) -> [Digest; 2] {
+        [*self.pair.a().sent(), *self.pair.b().controller().accepted()]
+    }
+
+    fn health(&self) -> Health {
+        let (plc, robot): (&Lateness, &Lateness) = (self.pair.a().lateness(), self.pair.b().lateness());
+        Health {
+            plc: plc.into(),
+            robot: robot.into(),
+            bus: self.pair.a().bus().counters(),
+            robot_bus: self.pair.b().bus().counters(),
+            connected_after: None,
+            allocations: None,
+            repeated: Vec::new(),
+            faults: (!self.faults.is_empty()).then(|| {
+                FaultReport::new(&self.faults, [Side::A, Side::B].map(|side| self.pair.link_counters(side)))
+            }),
+        }
+    }
+
+    fn now(&self) -> Instant {
+        self.pair.now()
+    }
+}
+
+/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and what the
+/// robot says of its motions is added to `quality`.
+fn next_plc_event<P: Fieldbus, R: Fieldbus>(
+    pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
+    until: Instant,
+    quality: &mut Quality,
+) -> Option<PlcEvent> {
+    loop {
+        match pair.next_event(until)? {
+            Event::A(PlcEvent::Link(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::A, Some(address));
+                pair.command_a(|plc, now| plc.bus_mut().address_set(now, true));
+            }
+            Event::B(RobotEvent::Link(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::B, Some(address));
+                pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
+            }
+            Event::A(event) => return Some(event),
+            Event::B(RobotEvent::SkillFinished { quality: of_skill, .. }) => {
+                *quality = quality.then(of_skill);
+            }
+            Event::B(_) => {}
+        }
+    }
+}

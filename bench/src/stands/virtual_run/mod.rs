@@ -1,0 +1,277 @@
+//! Both nodes in virtual time: the machines of a real run on a cable without time.
+//!
+//! ```text
+//! cell           the nodes on the cable: from event to event, from the start edge of a run to its end
+//! phases         what the seed fixes
+//! plant_speed    how much faster than the plant it was
+//! watch          looks at both nodes after each of their ticks, for a trace
+//! ```
+
+mod cell;
+mod phases;
+mod plant_speed;
+mod watch;
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::Duration;
+
+use anyhow::{Context as _, bail};
+use machine::Instant;
+use machine::ethernet::Mac;
+use planning::{Application, Stop};
+use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
+use protocol::image::{Digest, Motion};
+use protocol_linux::capture::Keep;
+use robot_node::RobotConfig;
+use setup::{BusKind, Setup};
+use virtual_time::Side;
+
+pub(crate) use cell::Nodes;
+pub use plant_speed::PlantSpeed;
+
+use cell::{Cell, SharedCapture, Surroundings, cell};
+use phases::Phases;
+
+use crate::records::conditions::{Health, Measured};
+use crate::records::faults::{self, Fault};
+use crate::records::mode::Mode;
+use crate::records::results::{Results, Status};
+use crate::records::schedule::{Plan, Step};
+use crate::records::trace::{Recording, Trace};
+use crate::stands::Stand;
+use crate::stands::capture::{CableConfig, VirtualCapture};
+use watch::SharedFrames;
+
+/// Locally administered addresses of the two stations.
+const PLC_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
+const ROBOT_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 2]);
+
+/// The buses that a virtual run can run over.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum VirtualBus {
+    /// The one that the setup names.
+    OfSetup,
+    /// A cable without a protocol, for tests that are not about a bus.
+    Direct,
+}
+
+/// Two connected nodes in virtual time.
+pub struct VirtualRun {
+    cell: Box<dyn Cell>,
+    trace: Trace,
+    capture: Option<SharedCapture>,
+}
+
+/// What both nodes are to do, and the cell that the robot does it in.
+pub(crate) struct Work {
+    /// What SM and CM send.
+    source: Box<dyn MotionSource>,
+    /// What RC runs, in the robot's program store.
+    program: Vec<Motion>,
+    stops: Vec<Stop>,
+    robot: RobotConfig,
+}
+
+impl Work {
+    fn of(setup: &Setup, application: &Application) -> anyhow::Result<Self> {
+        let work = Self::of_plan(setup, &planning::plan(application, setup)?)?;
+        Ok(Self { robot: work.robot.in_cell_of(application), ..work })
+    }
+
+    /// A plan alone knows of no surfaces to press on.
+    fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
+        let program = plan.wire_motions(setup);
+        let source = Box::new(MotionList::from(program.clone()));
+        Ok(Self { program, stops: plan.stops(), ..Self::sent(setup, source)? })
+    }
+
+    /// Motions that the PLC sends, and none in the robot's program store.
+    pub(crate) fn sent(setup: &Setup, source: Box<dyn MotionSource>) -> anyhow::Result<Self> {
+        let robot = RobotConfig::from_setup(setup)?;
+        Ok(Self { source, program: Vec::new(), stops: Vec::new(), robot })
+    }
+}
+
+/// What a virtual run has besides its setup.
+#[derive(Clone, Debug, Default)]
+pub struct Extras {
+    /// Faults of the cable and of the nodes.
+    pub faults: Vec<Fault>,
+    /// Where both ends are captured, and how much of it is kept.
+    pub capture: Option<(PathBuf, Keep)>,
+    /// Whether the frames of the recorded repetitions are kept, for a timeline.
+    pub frames: bool,
+}
+
+impl VirtualRun {
+    /// Puts both nodes of a setup on a virtual cable and waits until the robot is ready.
+    ///
+    /// # Errors
+    ///
+    /// The setup does not describe a robot, or no connection comes about.
+    pub fn start(
+        setup: &Setup,
+        application: &Application,
+        seed: u64,
+        bus: VirtualBus,
+    ) -> anyhow::Result<Self> {
+        Self::start_with(setup, application, seed, bus, &Extras::default())
+    }
+
+    /// The same with faults and captures.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualRun::start`], or a capture cannot be made.
+    pub fn start_with(
+        setup: &Setup,
+        application: &Application,
+        seed: u64,
+        bus: VirtualBus,
+        extras: &Extras,
+    ) -> anyhow::Result<Self> {
+        Self::start_on(setup, Work::of(setup, application)?, seed, bus, extras)
+    }
+
+    /// The same for motions that were planned elsewhere.
+    pub(crate) fn start_on(
+        setup: &Setup,
+        work: Work,
+        seed: u64,
+        bus: VirtualBus,
+        extras: &Extras,
+    ) -> anyhow::Result<Self> {
+        let capture = extras.start_capture(setup)?;
+        let frames = extras.frames.then(SharedFrames::default);
+        let faults = &Surroundings { faults: &extras.faults, capture: capture.clone(), frames };
+        let mut phases = Phases::new(setup, seed);
+        let cell = match bus {
+            VirtualBus::Direct => {
+                let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
+                cell(setup, work, &mut phases, plc, robot, None, faults)?
+            }
+            VirtualBus::OfSetup => match setup.bus.kind {
+                BusKind::Profinet => {
+                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
+                    let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
+                    let start = phases.first(Side::B, setup.bus.cycle_us.value);
+                    let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
+                    cell(setup, work, &mut phases, plc, robot, None, faults)?
+                }
+                BusKind::EthernetIp => {
+                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
+                    let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
+                    let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
+                    let address = Some(setup.bus.robot_address);
+                    cell(setup, work, &mut phases, plc, robot, address, faults)?
+                }
+                other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
+            },
+        };
+        let mut run = Self { cell, trace: Trace::default(), capture };
+        if let Err(error) = run.cell.connect() {
+            // A run that failed is when the captures are wanted most.
+            run.end_capture(true)?;
+            return Err(error);
+        }
+        Ok(run)
+    }
+
+    /// Ends the captures, if there are any. Those that are kept in memory are written only where `wanted`.
+    ///
+    /// # Errors
+    ///
+    /// They could not be written.
+    pub fn end_capture(&self, wanted: bool) -> anyhow::Result<()> {
+        let capture = self.capture.as_ref().and_then(|capture| capture.borrow_mut().take());
+        match capture.filter(|_| wanted) {
+            Some(capture) => capture.finish().map_err(|(path, error)| {
+                anyhow::Error::new(error).context(format!("cannot write the capture {}", path.display()))
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// What happened in the first repetition of each type that was run so far.
+    #[must_use]
+    pub const fn trace(&self) -> &Trace {
+        &self.trace
+    }
+
+    /// Sets the start edge of a run now; [`run_for`](Self::run_for) goes on with it.
+    pub(crate) fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.cell.begin(execution_type)
+    }
+
+    /// Lets up to `time` of true time pass. What the PLC says first ends it early.
+    pub(crate) fn run_for(&mut self, time: Duration) -> Option<PlcEvent> {
+        self.cell.next_plc_event(self.cell.now() + time)
+    }
+
+    /// The motions that the PLC sent in this run, and those that the robot put on its path.
+    pub(crate) fn digests(&self) -> [Digest; 2] {
+        self.cell.digests()
+    }
+
+    /// True time since the nodes were switched on: what a plant would have taken.
+    #[must_use]
+    pub fn plant_time(&self) -> Duration {
+        self.cell.now().since(Instant::ZERO)
+    }
+}
+
+/// A whole run without progress, directory or interrupts.
+///
+/// # Errors
+///
+/// No connection comes about, or a repetition fails.
+pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::Result<Results> {
+    run_whole(setup, &application.name, Work::of(setup, application)?, plan)
+}
+
+/// The same of an application that is planned already.
+///
+/// # Errors
+///
+/// As [`whole`].
+pub fn whole_of(setup: &Setup, planned: &planning::Plan, plan: &Plan) -> anyhow::Result<Results> {
+    run_whole(setup, &planned.name, Work::of_plan(setup, planned)?, plan)
+}
+
+fn run_whole(setup: &Setup, name: &str, work: Work, plan: &Plan) -> anyhow::Result<Results> {
+    let mut results = Results::new(setup, name, Mode::Virtual, plan);
+    let mut run = VirtualRun::start_on(setup, work, plan.seed, VirtualBus::OfSetup, &Extras::default())?;
+    for step in plan.steps() {
+        let measured = run.cell.execute(step, None)?;
+        results.record(step.execution_type, &measured);
+    }
+    results.status = Status::Complete;
+    results.set_health(&run.cell.health());
+    Ok(results)
+}
+
+impl Stand for VirtualRun {
+    async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+        let is_first = step.repetition == 1;
+        let recording =
+            is_first.then(|| self.trace.types.entry(step.execution_type).insert(Recording::default()));
+        self.cell.execute(step, recording)
+    }
+
+    fn health(&self) -> Health {
+        self.cell.health()
+    }
+}
+
+impl Extras {
+    fn start_capture(&self, setup: &Setup) -> anyhow::Result<Option<SharedCapture>> {
+        let Some((directory, keep)) = &self.capture else { return Ok(None) };
+        let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
+        let config = CableConfig { macs: [PLC_MAC, ROBOT_MAC], delay, about: faults::about(&self.faults) };
+        let capture = VirtualCapture::create(directory, config, *keep)
+            .with_context(|| format!("cannot make captures in {}", directory.display()))?;
+        Ok(Some(Rc::new(RefCell::new(Some(capture)))))
+    }
+}

@@ -1,0 +1,103 @@
+//! Looks at both nodes of a virtual pair after each of their ticks, for a trace.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use machine::Instant;
+use plc_node::{PlcEvent, PlcNode};
+use protocol::fieldbus::Fieldbus;
+use robot_node::RobotNode;
+use virtual_time::{Pair, Side};
+
+use super::Nodes;
+use crate::records::trace::{Frame, PlcScan, Recording, RobotTick};
+
+/// How often to look; shorter than any cycle, so that no tick is missed. Looking takes no virtual time.
+const LOOK: Duration = Duration::from_micros(100);
+
+/// Frames that the tap saw and the watch has not taken up; none while nobody watches.
+pub(crate) type SharedFrames = Rc<RefCell<Option<Vec<(Instant, Frame)>>>>;
+
+/// One run that is being recorded.
+#[derive(Debug)]
+pub(crate) struct Watch<'a> {
+    recording: &'a mut Recording,
+    /// True time of the start edge; nothing is recorded before it.
+    start: Option<Instant>,
+    last_tick: Option<Instant>,
+    last_scan: u64,
+    frames: Option<SharedFrames>,
+}
+
+impl Drop for Watch<'_> {
+    fn drop(&mut self) {
+        if let Some(frames) = &self.frames {
+            *frames.borrow_mut() = None;
+        }
+    }
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(recording: &'a mut Recording, frames: Option<SharedFrames>) -> Self {
+        if let Some(frames) = &frames {
+            *frames.borrow_mut() = Some(Vec::new());
+        }
+        Self { recording, start: None, last_tick: None, last_scan: 0, frames }
+    }
+
+    /// The PLC's next event, up to `until` of true time; what happens on the way is recorded.
+    pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
+        &mut self,
+        nodes: &mut Nodes<P, R>,
+        until: Instant,
+    ) -> Option<PlcEvent> {
+        while nodes.pair().now() < until {
+            let event = nodes.next_event(until.min(nodes.pair().now() + LOOK));
+            let pair = nodes.pair();
+            if let Some(PlcEvent::Started { at, .. }) = event {
+                self.start = Some(true_time(pair, Side::A, at));
+            }
+            self.look(pair);
+            if event.is_some() {
+                return event;
+            }
+        }
+        None
+    }
+
+    fn look<P: Fieldbus, R: Fieldbus>(&mut self, pair: &Pair<PlcNode<P>, RobotNode<R>>) {
+        let Some(start) = self.start else { return };
+        let since = |at: Instant| at.as_nanos() as f64 - start.as_nanos() as f64;
+        if let Some(frames) = &self.frames {
+            for (at, frame) in frames.borrow_mut().iter_mut().flat_map(|frames| frames.drain(..)) {
+                if at >= start {
+                    self.recording.frame(Frame { at_us: since(at) / 1e3, ..frame });
+                }
+            }
+        }
+        let scan = pair.a().sample();
+        if scan.scans != self.last_scan {
+            self.last_scan = scan.scans;
+            let at_us = (since(pair.now()) / 1e3).round() as i64;
+            self.recording.plc(PlcScan::new(at_us, &scan));
+        }
+        let tick = pair.b().sample();
+        if self.last_tick != Some(tick.at) {
+            self.last_tick = Some(tick.at);
+            let at_ms = since(true_time(pair, Side::B, tick.at)) / 1e6;
+            self.recording.robot(RobotTick::new(at_ms, &tick));
+        }
+    }
+}
+
+/// True time of what a side's clock showed less than a cycle ago: what its drift adds meanwhile is far below a
+/// nanosecond.
+fn true_time<P: Fieldbus, R: Fieldbus>(
+    pair: &Pair<PlcNode<P>, RobotNode<R>>,
+    side: Side,
+    local: Instant,
+) -> Instant {
+    let ago = pair.local_time(side).as_nanos().saturating_sub(local.as_nanos());
+    Instant::from_nanos(pair.now().as_nanos().saturating_sub(ago))
+}

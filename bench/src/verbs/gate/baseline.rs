@@ -1,0 +1,223 @@
+//! The committed figures of a setup, and which file is refused as such.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use planning::Application;
+use plc_node::ExecutionType;
+use serde::{Deserialize, Serialize};
+use setup::Setup;
+
+use crate::output::exit::{Exit, Failure};
+use crate::output::progress::label;
+use crate::records::results::Results;
+
+/// Version of the format.
+const SCHEMA_VERSION: u32 = 1;
+
+/// Repetitions of each type, and the seed, of a baseline that is made anew.
+pub(super) const REPETITIONS: u32 = 25;
+pub(super) const SEED: u64 = 1;
+
+/// The baselines of the built-in setups.
+pub const BASELINES: &[(&str, &str)] =
+    &[("A", include_str!("../../../baselines/A.json")), ("B", include_str!("../../../baselines/B.json"))];
+
+/// Half of the millisecond that must not pass unseen.
+const MILLIS_TOLERANCE: f64 = 0.5;
+
+/// Half a millisecond's frames at a cycle of 1 ms, both ways, over the three types.
+const FRAMES_TOLERANCE: f64 = 1.0;
+
+/// What a virtual run of a setup gives.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Baseline {
+    /// Version of this format.
+    pub schema_version: u32,
+    /// The setup's name.
+    pub setup: String,
+    /// The application's name.
+    pub application: String,
+    /// Repetitions of each execution type.
+    pub reps: u32,
+    /// Seed of the run.
+    pub seed: u64,
+    /// What came out.
+    pub figures: Vec<Expected>,
+}
+
+/// One figure of a baseline.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Expected {
+    /// Its name: `RC AET`.
+    pub figure: String,
+    /// Its unit: `ms`.
+    pub unit: String,
+    /// Its value.
+    pub value: f64,
+    /// How far a run may be off it, either way.
+    pub tolerance: f64,
+}
+
+/// Why a file cannot serve as the baseline of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum Refusal {
+    /// It is no baseline.
+    #[error("it is no baseline: {0}; make a new one by --update after moving this file away")]
+    Unreadable(serde_json::Error),
+    /// Another version of the program wrote it.
+    #[error(
+        "it has schema version {found}, and this program reads {SCHEMA_VERSION}; move it away and make a new one by --update"
+    )]
+    Schema {
+        /// The version that it has.
+        found: u64,
+    },
+    /// It is of another setup or application.
+    #[error(
+        "it is the baseline of setup {of}, and setup {wanted} was to be run; name the one of {wanted} by --baseline, or leave the option out"
+    )]
+    OtherSetup {
+        /// Setup and application that it is of.
+        of: String,
+        /// Setup and application that were to be run.
+        wanted: String,
+    },
+    /// A value or a tolerance is no number to compare with.
+    #[error(
+        "its figure `{figure}` has a value or a tolerance that is no number from zero up; correct it by hand"
+    )]
+    Senseless {
+        /// The figure's name.
+        figure: String,
+    },
+}
+
+impl Refusal {
+    /// The failure that the program ends with.
+    #[must_use]
+    pub fn at(self, path: &Path) -> Failure {
+        Failure::new(Exit::Usage, anyhow::Error::from(self).context(format!("cannot use {}", path.display())))
+    }
+}
+
+impl Baseline {
+    /// Reads a baseline.
+    ///
+    /// # Errors
+    ///
+    /// The text is none, or one of another version.
+    pub fn parse(text: &str) -> Result<Self, Refusal> {
+        let value: serde_json::Value = serde_json::from_str(text).map_err(Refusal::Unreadable)?;
+        if let Some(found) = value.get("schema_version").and_then(serde_json::Value::as_u64)
+            && found != u64::from(SCHEMA_VERSION)
+        {
+            return Err(Refusal::Schema { found });
+        }
+        // From the text again, so that an error names its line.
+        let baseline: Self = serde_json::from_str(text).map_err(Refusal::Unreadable)?;
+        let senseless = |expected: &&Expected| !(expected.value.is_finite() && expected.tolerance >= 0.0);
+        match baseline.figures.iter().find(senseless) {
+            Some(Expected { figure, .. }) => Err(Refusal::Senseless { figure: figure.clone() }),
+            None => Ok(baseline),
+        }
+    }
+
+    /// Refuses a run of something else.
+    ///
+    /// # Errors
+    ///
+    /// The baseline is of another setup or application.
+    pub fn is_for(&self, setup: &Setup, application: &Application) -> Result<(), Refusal> {
+        if self.setup == setup.name && self.application == application.name {
+            return Ok(());
+        }
+        let of = format!("{} with {}", self.setup, self.application);
+        Err(Refusal::OtherSetup { of, wanted: format!("{} with {}", setup.name, application.name) })
+    }
+
+    /// The baseline that a run makes; the tolerances are those of the one before, where it had the figure.
+    #[must_use]
+    pub fn of(results: &Results, before: Option<&Self>) -> Self {
+        let mut figures = figures(results);
+        for new in &mut figures {
+            if let Some(old) = before.and_then(|before| before.get(&new.figure)) {
+                new.tolerance = old.tolerance;
+            }
+        }
+        Self {
+            schema_version: SCHEMA_VERSION,
+            setup: results.setup.clone(),
+            application: results.application.clone(),
+            reps: results.reps,
+            seed: results.seed,
+            figures,
+        }
+    }
+
+    /// A figure by its name.
+    #[must_use]
+    pub fn get(&self, figure: &str) -> Option<&Expected> {
+        self.figures.iter().find(|expected| expected.figure == figure)
+    }
+
+    /// What changes from `old` to this one, a line removed or added each; empty if nothing does.
+    #[must_use]
+    pub fn diff(&self, old: Option<&Self>) -> String {
+        let lines = |baseline: &Self| -> BTreeMap<String, String> {
+            let line = |expected: &Expected| {
+                let Expected { figure, unit, value, tolerance } = expected;
+                (figure.clone(), format!("{figure:<34} {value:>12.3} ± {tolerance} {unit}"))
+            };
+            baseline.figures.iter().map(line).collect()
+        };
+        let (new, old) = (lines(self), old.map(lines).unwrap_or_default());
+        let mut text = String::new();
+        for figure in new.keys().chain(old.keys().filter(|figure| !new.contains_key(*figure))) {
+            let (before, after) = (old.get(figure), new.get(figure));
+            if before == after {
+                continue;
+            }
+            before.iter().for_each(|line| text.push_str(&format!("- {line}\n")));
+            after.iter().for_each(|line| text.push_str(&format!("+ {line}\n")));
+        }
+        text
+    }
+
+    /// The baseline as JSON, with a newline at the end.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self).map(|json| json + "\n")
+    }
+}
+
+/// What a run gives, with the tolerances of a new baseline. Values are whole microseconds and thousandths.
+pub(super) fn figures(results: &Results) -> Vec<Expected> {
+    let expected = |figure: String, unit: &str, value: f64, tolerance| Expected {
+        figure,
+        unit: unit.to_owned(),
+        value: (value * 1e3).round() / 1e3,
+        tolerance,
+    };
+    let mut figures = Vec::new();
+    for of in ExecutionType::ALL {
+        if let Some(figure) = results.figure(of) {
+            figures.push(expected(format!("{} AET", label(of)), "ms", figure.aet_ms, MILLIS_TOLERANCE));
+            figures.push(expected(format!("{} MAD", label(of)), "ms", figure.mad_ms, MILLIS_TOLERANCE));
+        }
+    }
+    if let (Some(cm), Some(rc)) = (results.figure(ExecutionType::Cm), results.figure(ExecutionType::Rc)) {
+        figures.push(expected("CM − RC".to_owned(), "ms", cm.aet_ms - rc.aet_ms, MILLIS_TOLERANCE));
+    }
+    let repetitions: usize = ExecutionType::ALL
+        .iter()
+        .filter_map(|of| results.results.get(*of))
+        .map(|result| result.samples_ms.len())
+        .sum();
+    if repetitions > 0 {
+        let frames = (results.bus.frames_sent + results.bus.frames_received) as f64 / repetitions as f64;
+        figures.push(expected("cyclic frames a repetition".to_owned(), "", frames, FRAMES_TOLERANCE));
+    }
+    figures
+}

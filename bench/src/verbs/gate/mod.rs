@@ -1,0 +1,157 @@
+//! The gate: a virtual run set against figures that are committed, so that a change that costs a millisecond is seen.
+//!
+//! Virtual time repeats to the nanosecond, so a difference is never noise: it is a change of the program, of a setup
+//! or of an application. Tolerances only keep the last digits of floating point out of it.
+
+mod baseline;
+mod real;
+mod verdict;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use planning::Application;
+use plc_node::ExecutionType;
+use setup::Setup;
+
+pub use baseline::{BASELINES, Baseline, Expected, Refusal};
+pub use verdict::{Change, Verdict};
+
+use crate::output::exit::{Exit, Failure};
+use crate::records::results::Results;
+use crate::records::run_directory::{Durability, replace};
+use crate::records::schedule::Plan;
+use crate::stands::virtual_run;
+use crate::verbs::setup_option::SetupOption;
+use crate::{out, outln};
+
+/// Where the committed baselines lie, from the repository's root.
+const DIRECTORY: &str = "bench/baselines";
+
+/// Options of the gate.
+#[derive(Args, Debug)]
+pub struct GateOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// The baseline [default: bench/baselines/SETUP.json from here; outside the repository the one built in].
+    #[arg(long, value_name = "FILE")]
+    pub baseline: Option<PathBuf>,
+    /// Take this run's figures as the new baseline, and print what changes.
+    #[arg(long)]
+    pub update: bool,
+    /// Compare a real run that is there already, by ratios within it; its own setup counts.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["update", "setup"])]
+    pub run: Option<PathBuf>,
+}
+
+/// Runs the setup in virtual time and prints how it compares with its baseline.
+///
+/// # Errors
+///
+/// The setup or the baseline cannot be used, the run fails, or a new baseline cannot be written.
+pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
+    if let Some(directory) = &options.run {
+        return real::run(options, directory);
+    }
+    let (setup, found) = options.setup.load()?;
+    let application = found.application;
+    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup));
+    let found = find(&path, options.baseline.is_none(), &setup)?;
+    if let Some((baseline, _)) = &found {
+        baseline.is_for(&setup, &application).map_err(|refusal| refusal.at(&path))?;
+    }
+    if options.update {
+        let old = found.filter(|(_, origin)| *origin == Origin::File).map(|(baseline, _)| baseline);
+        return update(old, &path, &setup, &application);
+    }
+    let Some((baseline, origin)) = found else {
+        let error = anyhow!(
+            "there is no baseline {} for setup {}; make one by --update, or name another by --baseline",
+            path.display(),
+            setup.name
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    };
+    let verdict = judge(&setup, &application, &baseline)?;
+    let origin = match origin {
+        Origin::File => path.display().to_string(),
+        Origin::BuiltIn => "the one built in".to_owned(),
+    };
+    out!("{}", verdict.render(&baseline, &origin));
+    Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
+}
+
+/// Runs the setup as the baseline was run and compares.
+///
+/// # Errors
+///
+/// A repetition fails.
+pub fn judge(setup: &Setup, application: &Application, baseline: &Baseline) -> Result<Verdict, Failure> {
+    let results = virtual_results(setup, application, baseline.reps, baseline.seed)?;
+    Ok(Verdict::new(baseline, &results))
+}
+
+fn virtual_results(
+    setup: &Setup,
+    application: &Application,
+    reps: u32,
+    seed: u64,
+) -> Result<Results, Failure> {
+    virtual_run::whole(setup, application, &Plan::new(&ExecutionType::ALL, reps, seed))
+        .context("the virtual run for the gate failed")
+        .map_err(|error| Failure::new(Exit::RunFailed, error))
+}
+
+fn update(
+    old: Option<Baseline>,
+    path: &Path,
+    setup: &Setup,
+    application: &Application,
+) -> Result<Exit, Failure> {
+    let (reps, seed) =
+        old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
+    let new = Baseline::of(&virtual_results(setup, application, reps, seed)?, old.as_ref());
+    let diff = new.diff(old.as_ref());
+    let json = new.to_json().context("cannot write the baseline as JSON")?;
+    replace(path, &json, Durability::Synced).context(
+        "no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline",
+    )?;
+    if diff.is_empty() {
+        outln!("{} stays as it is.", path.display());
+    } else {
+        out!("{diff}\n{} is rewritten; commit it with the reason of the change.\n", path.display());
+    }
+    Ok(Exit::Pass)
+}
+
+/// Where a baseline was found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Origin {
+    File,
+    BuiltIn,
+}
+
+fn find(path: &Path, or_built_in: bool, setup: &Setup) -> Result<Option<(Baseline, Origin)>, Failure> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => {
+            let baseline = Baseline::parse(&text).map_err(|refusal| refusal.at(path))?;
+            return Ok(Some((baseline, Origin::File)));
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => {
+            let error = anyhow!(error).context(format!("cannot read the baseline {}", path.display()));
+            return Err(Failure::new(Exit::Usage, error));
+        }
+    }
+    let built_in = BASELINES.iter().find(|(name, _)| or_built_in && *name == setup.name);
+    let Some((_, text)) = built_in else { return Ok(None) };
+    let baseline = Baseline::parse(text).map_err(|refusal| refusal.at(Path::new("the baseline built in")))?;
+    Ok(Some((baseline, Origin::BuiltIn)))
+}
+
+fn default_path(setup: &Setup) -> PathBuf {
+    let name: String = setup.name.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    Path::new(DIRECTORY).join(name + ".json")
+}

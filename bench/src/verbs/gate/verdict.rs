@@ -1,0 +1,229 @@
+//! A run against its baseline, figure by figure.
+
+use std::fmt::Write as _;
+
+use super::baseline::{self, Baseline, Expected};
+use crate::records::results::Results;
+use crate::records::schedule::repetitions;
+
+/// How one figure compares.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Change {
+    /// What the baseline has; none for a figure that it does not know.
+    pub expected: Option<Expected>,
+    /// What the run gave; none for a figure that it does not have. Its tolerance means nothing.
+    pub found: Option<Expected>,
+}
+
+impl Change {
+    /// Run minus baseline, in the figure's unit.
+    #[must_use]
+    pub fn difference(&self) -> Option<f64> {
+        Some(self.found.as_ref()?.value - self.expected.as_ref()?.value)
+    }
+
+    /// Whether the figure is there on both sides and within its tolerance.
+    #[must_use]
+    pub fn is_within(&self) -> bool {
+        // Values have three decimals; what floating point adds to their difference does not count.
+        let within = |difference: f64, expected: &Expected| difference.abs() <= expected.tolerance + 1e-9;
+        self.difference().zip(self.expected.as_ref()).is_some_and(|(by, expected)| within(by, expected))
+    }
+
+    fn line(&self) -> String {
+        let side = |side: &Option<Expected>| {
+            side.as_ref().map_or_else(|| "–".to_owned(), |side| format!("{:.3}", side.value))
+        };
+        let name =
+            self.expected.as_ref().or(self.found.as_ref()).map_or(("", ""), |any| (&any.figure, &any.unit));
+        let difference = self.difference().map_or_else(|| "–".to_owned(), |by| format!("{by:+.3}"));
+        let tolerance = self.expected.as_ref().map_or_else(String::new, |any| format!("± {}", any.tolerance));
+        let verdict = if self.is_within() { "ok" } else { "CHANGED" };
+        format!(
+            "{:<28}{:>12}{:>12}{difference:>12}{tolerance:>9}  {verdict}",
+            [name.0, name.1].join(" ").trim_end(),
+            side(&self.expected),
+            side(&self.found),
+        )
+    }
+
+    fn sentence(&self) -> String {
+        match (&self.expected, &self.found) {
+            (Some(Expected { figure, unit, value, tolerance }), Some(found)) => {
+                let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+                let by = found.value - value;
+                let way = if by > 0.0 { "more" } else { "less" };
+                format!(
+                    "{figure}: {:.3}{unit} {way} ({:.3} instead of {value:.3}{unit}, tolerance {tolerance}{unit})",
+                    by.abs(),
+                    found.value
+                )
+            }
+            (None, Some(found)) => format!("{}: the baseline does not have it", found.figure),
+            (Some(expected), None) => format!("{}: the run does not have it", expected.figure),
+            (None, None) => String::new(),
+        }
+    }
+}
+
+/// How a run compares with its baseline.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Verdict {
+    /// All figures of either side, in the baseline's order.
+    pub changes: Vec<Change>,
+}
+
+impl Verdict {
+    /// Compares a run with its baseline.
+    #[must_use]
+    pub fn new(baseline: &Baseline, results: &Results) -> Self {
+        let found = baseline::figures(results);
+        let of = |name: &str| found.iter().find(|found| found.figure == name).cloned();
+        let known = baseline
+            .figures
+            .iter()
+            .map(|expected| Change { found: of(&expected.figure), expected: Some(expected.clone()) });
+        let unknown = found.iter().filter(|found| baseline.get(&found.figure).is_none());
+        let unknown = unknown.map(|found| Change { expected: None, found: Some(found.clone()) });
+        Self { changes: known.chain(unknown).collect() }
+    }
+
+    /// Whether every figure is within its tolerance.
+    #[must_use]
+    pub fn is_pass(&self) -> bool {
+        self.changes.iter().all(Change::is_within)
+    }
+
+    /// What the gate prints.
+    #[must_use]
+    pub fn render(&self, baseline: &Baseline, origin: &str) -> String {
+        let Baseline { setup, application, reps, seed, .. } = baseline;
+        let mut text = format!(
+            "Gate: setup {setup}, {application}, {} of each type in virtual time, seed {seed}\n\
+             Baseline: {origin}\n\n{:<28}{:>12}{:>12}{:>12}{:>9}\n",
+            repetitions(*reps),
+            "",
+            "baseline",
+            "now",
+            "difference",
+            "allowed"
+        );
+        for change in &self.changes {
+            let _ = writeln!(text, "{}", change.line());
+        }
+        let beyond: Vec<_> = self.changes.iter().filter(|change| !change.is_within()).collect();
+        if beyond.is_empty() {
+            let _ = writeln!(text, "\nPass: all {} figures are within their tolerances.", self.changes.len());
+            return text;
+        }
+        let _ = writeln!(
+            text,
+            "\nFail: {} of {} figures differ by more than their tolerance.",
+            beyond.len(),
+            self.changes.len()
+        );
+        for change in beyond {
+            let _ = writeln!(text, "  {}", change.sentence());
+        }
+        text.push_str(
+            "If this is meant, take it over by `bench gate --update` and commit the baseline with the reason.\n",
+        );
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::conditions::Measured;
+    use crate::records::mode::Mode;
+    use crate::records::results::Frames;
+    use crate::records::schedule::Plan;
+    use plc_node::ExecutionType;
+    use std::time::Duration;
+
+    fn results(sm_ms: u64) -> Results {
+        let setup = setup::setup("A").unwrap();
+        let plan = Plan::new(&ExecutionType::ALL, 2, 7);
+        let mut results = Results::new(&setup, "pick-and-place", Mode::Virtual, &plan);
+        for (of, millis) in
+            [(ExecutionType::Rc, 3_725), (ExecutionType::Sm, sm_ms), (ExecutionType::Cm, 3_729)]
+        {
+            for millis in [millis - 3, millis + 3] {
+                let execution = Duration::from_millis(millis);
+                results.record(
+                    of,
+                    &Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None },
+                );
+            }
+        }
+        results.bus = Frames { frames_sent: 6 * sm_ms, frames_received: 6 * sm_ms, ..Frames::default() };
+        results
+    }
+
+    #[test]
+    fn a_run_like_the_baseline_passes() {
+        let baseline = Baseline::of(&results(6_477), None);
+        let verdict = Verdict::new(&baseline, &results(6_477));
+        assert!(verdict.is_pass());
+        insta::assert_snapshot!(verdict.render(&baseline, "bench/baselines/A.json"), @"
+        Gate: setup A, pick-and-place, 2 repetitions of each type in virtual time, seed 7
+        Baseline: bench/baselines/A.json
+
+                                        baseline         now  difference  allowed
+        RC AET ms                       3725.000    3725.000      +0.000    ± 0.5  ok
+        RC MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
+        SM AET ms                       6477.000    6477.000      +0.000    ± 0.5  ok
+        SM MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
+        CM AET ms                       3729.000    3729.000      +0.000    ± 0.5  ok
+        CM MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
+        CM − RC ms                         4.000       4.000      +0.000    ± 0.5  ok
+        cyclic frames a repetition     12954.000   12954.000      +0.000      ± 1  ok
+
+        Pass: all 8 figures are within their tolerances.
+        ");
+    }
+
+    #[test]
+    fn a_figure_beyond_its_tolerance_or_on_one_side_only_fails_and_is_named() {
+        let mut baseline = Baseline::of(&results(6_477), None);
+        baseline.figures.retain(|expected| expected.figure != "CM MAD");
+        let mut gone = baseline.figures.last().unwrap().clone();
+        gone.figure = "blends".to_owned();
+        baseline.figures.push(gone);
+        let verdict = Verdict::new(&baseline, &results(6_490));
+        assert!(!verdict.is_pass());
+        insta::assert_snapshot!(verdict.render(&baseline, "the one built in"), @"
+        Gate: setup A, pick-and-place, 2 repetitions of each type in virtual time, seed 7
+        Baseline: the one built in
+
+                                        baseline         now  difference  allowed
+        RC AET ms                       3725.000    3725.000      +0.000    ± 0.5  ok
+        RC MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
+        SM AET ms                       6477.000    6490.000     +13.000    ± 0.5  CHANGED
+        SM MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
+        CM AET ms                       3729.000    3729.000      +0.000    ± 0.5  ok
+        CM − RC ms                         4.000       4.000      +0.000    ± 0.5  ok
+        cyclic frames a repetition     12954.000   12980.000     +26.000      ± 1  CHANGED
+        blends                         12954.000           –           –      ± 1  CHANGED
+        CM MAD ms                              –       3.000           –           CHANGED
+
+        Fail: 4 of 9 figures differ by more than their tolerance.
+          SM AET: 13.000 ms more (6490.000 instead of 6477.000 ms, tolerance 0.5 ms)
+          cyclic frames a repetition: 26.000 more (12980.000 instead of 12954.000, tolerance 1)
+          blends: the run does not have it
+          CM MAD: the baseline does not have it
+        If this is meant, take it over by `bench gate --update` and commit the baseline with the reason.
+        ");
+    }
+
+    #[test]
+    fn a_difference_of_just_the_tolerance_is_within_it() {
+        let expected =
+            |value| Expected { figure: "RC AET".to_owned(), unit: "ms".to_owned(), value, tolerance: 0.5 };
+        let change =
+            |by: f64| Change { expected: Some(expected(3725.1)), found: Some(expected(3725.1 + by)) };
+        assert!(change(0.5).is_within() && change(-0.5).is_within());
+        assert!(!change(0.501).is_within() && !change(-0.501).is_within());
+    }
+}

@@ -1,0 +1,298 @@
+//! The runs that are kept, oldest first, each set against the one before it that measured the same.
+
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use plc_node::ExecutionType;
+use serde::Serialize;
+
+use crate::outln;
+use crate::output::errln;
+use crate::output::exit::{Exit, Failure};
+use crate::output::progress::label;
+use crate::records::mode::Mode;
+use crate::records::results::{PaperFigure, PerType, Results, Status};
+use crate::records::run_directory;
+
+/// Options of the list of runs.
+#[derive(Args, Debug)]
+pub struct HistoryOptions {
+    /// The directory that holds the run directories.
+    #[arg(value_name = "DIR", default_value = "runs")]
+    pub directory: PathBuf,
+    /// Only runs of the setup with this name.
+    #[arg(long, value_name = "NAME")]
+    pub setup: Option<String>,
+    /// Only runs on this clock.
+    #[arg(long, value_enum)]
+    pub mode: Option<Mode>,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A run in the list.
+#[derive(Clone, PartialEq, Debug, Serialize)]
+pub struct Entry {
+    /// Its directory's name.
+    pub run: String,
+    /// When it started, UTC, ISO 8601; null where `host.json` does not say.
+    pub date: Option<String>,
+    /// What the program was built from; null where `host.json` does not say.
+    pub commit: Option<String>,
+    /// The setup's name.
+    pub setup: String,
+    /// The application's name.
+    pub application: String,
+    /// `real` or `virtual`.
+    pub mode: String,
+    /// How it ended.
+    pub status: Status,
+    /// AET and MAD so far.
+    pub figures: PerType<PaperFigure>,
+    /// AETi, 0…1; null without both SM and CM.
+    pub aet_improvement: Option<f64>,
+    /// AET less that of the run before it with the same setup, application and mode, in ms.
+    pub trend_ms: PerType<f64>,
+}
+
+/// What a directory holds.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct History {
+    /// The runs, oldest first.
+    pub entries: Vec<Entry>,
+    /// Run directories that cannot be read, and why.
+    pub unreadable: Vec<String>,
+}
+
+/// Prints the runs that a directory holds.
+///
+/// # Errors
+///
+/// There is no such directory.
+pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
+    let mut history = History::load(&options.directory)?;
+    let mode = options.mode.map(Mode::name);
+    history.entries.retain(|entry| {
+        options.setup.as_ref().is_none_or(|setup| *setup == entry.setup)
+            && mode.is_none_or(|mode| *mode == *entry.mode)
+    });
+    if options.json {
+        let json = serde_json::to_string_pretty(&history.entries).context("cannot write the list as JSON")?;
+        outln!("{json}");
+    } else if history.entries.is_empty() {
+        outln!("No such run in {}.", options.directory.display());
+    } else {
+        outln!("{}", history.table());
+    }
+    for unreadable in &history.unreadable {
+        errln!("warning: left out: {unreadable}");
+    }
+    Ok(Exit::Pass)
+}
+
+impl History {
+    /// Reads every run directory in `directory`. What is no run directory is passed over; one that cannot be read is
+    /// named.
+    ///
+    /// # Errors
+    ///
+    /// There is no such directory.
+    pub fn load(directory: &Path) -> Result<Self, Failure> {
+        let listed = std::fs::read_dir(directory).with_context(|| {
+            format!(
+                "cannot list the runs in {}; name the directory that holds them, or make a run: `bench --setup A --mode virtual`",
+                directory.display()
+            )
+        });
+        let mut history = Self::default();
+        for found in listed.map_err(|error| Failure::new(Exit::Usage, error))? {
+            let path = found.context("cannot list the runs")?.path();
+            if !path.join("samples.csv").exists() {
+                continue;
+            }
+            match run_directory::results(&path) {
+                Ok(results) => history.entries.push(Entry::new(&path, results)),
+                Err(error) => history.unreadable.push(format!("{error:#}")),
+            }
+        }
+        history.entries.sort_by(Entry::by_age);
+        history.unreadable.sort();
+        history.find_trends();
+        Ok(history)
+    }
+
+    fn find_trends(&mut self) {
+        for index in 0..self.entries.len() {
+            let (before, rest) = self.entries.split_at_mut(index);
+            let Some(entry) = rest.first_mut() else { continue };
+            let Some(last) = before.iter().rev().find(|last| last.measured_the_same(entry)) else { continue };
+            for of in ExecutionType::ALL {
+                let both = entry.figures.get(of).zip(last.figures.get(of));
+                *entry.trend_ms.entry(of) = both.map(|(now, then)| now.aet_ms - then.aet_ms);
+            }
+        }
+    }
+
+    /// The list as a table.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let mut table = Table::new();
+        table.load_preset(presets::NOTHING);
+        table.set_header([
+            "date",
+            "commit",
+            "setup",
+            "mode",
+            "application",
+            "RC",
+            "SM",
+            "CM",
+            "AETi",
+            "trend of AET",
+            "",
+        ]);
+        for entry in &self.entries {
+            let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
+            let figure = |of| {
+                let text = |figure: &PaperFigure| format!("{:.1} ± {:.1}", figure.aet_ms, figure.mad_ms);
+                entry.figures.get(of).map_or_else(|| "–".to_owned(), text)
+            };
+            let improvement = entry.aet_improvement.map(|share| format!("{:.1} %", share * 100.0));
+            table.add_row([
+                or_none(&entry.date),
+                or_none(&entry.commit),
+                entry.setup.clone(),
+                entry.mode.clone(),
+                entry.application.clone(),
+                figure(ExecutionType::Rc),
+                figure(ExecutionType::Sm),
+                figure(ExecutionType::Cm),
+                or_none(&improvement),
+                entry.trend(),
+                match entry.status {
+                    Status::Complete => String::new(),
+                    Status::Running => "not finished".to_owned(),
+                    Status::Failed => "failed".to_owned(),
+                    Status::Interrupted => "interrupted".to_owned(),
+                },
+            ]);
+        }
+        for column in table.column_iter_mut().skip(5).take(4) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
+    }
+}
+
+impl Entry {
+    fn new(path: &Path, results: Results) -> Self {
+        let host = run_directory::host(path);
+        let host = |key: &str| Some(host.as_ref()?.get(key)?.as_str()?.to_owned());
+        let mut figures = PerType::default();
+        for of in ExecutionType::ALL {
+            *figures.entry(of) = results.figure(of);
+        }
+        Self {
+            run: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            date: host("date"),
+            commit: host("commit"),
+            setup: results.setup,
+            application: results.application,
+            mode: results.mode,
+            status: results.status,
+            figures,
+            aet_improvement: results.aet_improvement,
+            trend_ms: PerType::default(),
+        }
+    }
+
+    fn by_age(&self, other: &Self) -> Ordering {
+        (&self.date, &self.run).cmp(&(&other.date, &other.run))
+    }
+
+    fn measured_the_same(&self, other: &Self) -> bool {
+        (&self.setup, &self.application, &self.mode) == (&other.setup, &other.application, &other.mode)
+    }
+
+    /// `RC +0.0  SM −3.1  CM +0.2 ms`; nothing for the first of its kind.
+    fn trend(&self) -> String {
+        let trend = |of| self.trend_ms.get(of).map(|ms| format!("{} {}", label(of), signed(*ms)));
+        let trends: Vec<_> = ExecutionType::ALL.into_iter().filter_map(trend).collect();
+        if trends.is_empty() { String::new() } else { trends.join("  ") + " ms" }
+    }
+}
+
+/// To a tenth, with a sign that is never that of a negative zero.
+fn signed(ms: f64) -> String {
+    let tenths = (ms * 10.0).round() / 10.0 + 0.0;
+    format!("{tenths:+.1}").replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::conditions::Measured;
+    use crate::records::run_directory::{Durability, RunDirectory};
+    use crate::records::schedule::Plan;
+    use std::time::Duration;
+
+    /// A run of all types that took `micros`, kept as `name`.
+    fn keep(place: &Path, name: &str, mode: Mode, date: &str, micros: u64) {
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let directory =
+            RunDirectory::create(&place.join(name), &setup, &found.text, Durability::Written).unwrap();
+        directory.write_host(&format!("{{\"date\": \"{date}\", \"commit\": \"4f32136\"}}")).unwrap();
+        let plan = Plan::new(&ExecutionType::ALL, 1, 1);
+        let mut results = Results::new(&setup, &found.application.name, mode, &plan);
+        for (of, more) in ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]) {
+            let execution = Duration::from_micros(micros + more);
+            results.record(
+                of,
+                &Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None },
+            );
+        }
+        results.status = if micros > 4_000_000 { Status::Interrupted } else { Status::Complete };
+        directory.save_results(&results).unwrap();
+    }
+
+    #[test]
+    fn runs_are_listed_by_age_and_set_against_the_one_before_that_measured_the_same() {
+        let place = tempfile::tempdir().unwrap();
+        keep(place.path(), "c", Mode::Virtual, "2026-11-03T08:00:00Z", 3_723_500);
+        keep(place.path(), "b", Mode::Real, "2026-11-02T08:00:00Z", 4_723_500);
+        keep(place.path(), "a", Mode::Virtual, "2026-11-01T08:00:00Z", 3_722_460);
+        std::fs::create_dir(place.path().join("no run")).unwrap();
+        let history = History::load(place.path()).unwrap();
+        assert!(history.unreadable.is_empty());
+        insta::assert_snapshot!(history.table(), @"
+        date                  commit   setup  mode     application               RC            SM            CM    AETi  trend of AET
+        2026-11-01T08:00:00Z  4f32136  A      virtual  pick-and-place  3722.5 ± 0.0  6472.5 ± 0.0  3722.5 ± 0.0  42.5 %
+        2026-11-02T08:00:00Z  4f32136  A      real     pick-and-place  4723.5 ± 0.0  7473.5 ± 0.0  4723.5 ± 0.0  36.8 %                                interrupted
+        2026-11-03T08:00:00Z  4f32136  A      virtual  pick-and-place  3723.5 ± 0.0  6473.5 ± 0.0  3723.5 ± 0.0  42.5 %  RC +1.0  SM +1.0  CM +1.0 ms
+        ");
+    }
+
+    #[test]
+    fn a_run_that_cannot_be_read_is_named_and_the_others_are_listed() {
+        let place = tempfile::tempdir().unwrap();
+        keep(place.path(), "good", Mode::Virtual, "2026-11-01T08:00:00Z", 3_722_460);
+        keep(place.path(), "old", Mode::Virtual, "2026-10-01T08:00:00Z", 3_722_460);
+        std::fs::write(place.path().join("old/results.json"), "{\"schema_version\": 0}").unwrap();
+        let history = History::load(place.path()).unwrap();
+        assert_eq!(history.entries.len(), 1);
+        let said = history.unreadable.join("\n").replace(&place.path().display().to_string(), "RUNS");
+        insta::assert_snapshot!(said, @"RUNS/old/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
+    }
+
+    #[test]
+    fn a_trend_of_nothing_is_a_positive_zero() {
+        assert_eq!(
+            (signed(-0.04), signed(-3.06), signed(0.1)),
+            ("+0.0".into(), "−3.1".into(), "+0.1".into())
+        );
+    }
+}

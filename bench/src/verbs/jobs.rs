@@ -1,0 +1,131 @@
+//! Many virtual runs that know nothing of each other, on all cores, with a line that says how far they are.
+
+use std::io::{self, IsTerminal};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::output::errln;
+
+/// At most one plain line in this time.
+const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
+
+/// Does all jobs, at most one a core at a time, and returns what came of them in their order. The first error ends it.
+///
+/// # Errors
+///
+/// That of a job.
+pub(super) fn run<J: Sync, R: Send>(
+    name: &str,
+    quiet: bool,
+    jobs: &[J],
+    work: impl Fn(&J) -> anyhow::Result<R> + Sync,
+) -> anyhow::Result<Vec<R>> {
+    let next = AtomicUsize::new(0);
+    let workers = thread::available_parallelism().map_or(1, usize::from).min(jobs.len().max(1));
+    let mut progress = Progress::start(name, quiet, jobs.len());
+    let mut results: Vec<Option<R>> = jobs.iter().map(|_| None).collect();
+    thread::scope(|scope| {
+        let (done, outcomes) = mpsc::channel();
+        for _ in 0..workers {
+            let (done, next, work) = (done.clone(), &next, &work);
+            scope.spawn(move || {
+                while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
+                    .and_then(|index| Some((index, jobs.get(index)?)))
+                {
+                    // Nobody listens any more once a job has failed.
+                    if done.send((index, work(job))).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(done);
+        for (index, outcome) in outcomes {
+            if let Some(slot) = results.get_mut(index) {
+                *slot = Some(outcome?);
+            }
+            progress.step();
+        }
+        anyhow::Ok(())
+    })?;
+    progress.end();
+    Ok(results.into_iter().flatten().collect())
+}
+
+/// A live line on a terminal, plain lines elsewhere, all on stderr.
+#[derive(Debug)]
+struct Progress {
+    view: View,
+    name: String,
+    started: Instant,
+    done: usize,
+    all: usize,
+}
+
+#[derive(Debug)]
+enum View {
+    Live(ProgressBar),
+    Plain { last_line: Instant },
+    Quiet,
+}
+
+impl Progress {
+    fn start(name: &str, quiet: bool, all: usize) -> Self {
+        let started = Instant::now();
+        let view = if quiet {
+            View::Quiet
+        } else if io::stderr().is_terminal() {
+            let style = ProgressStyle::with_template("{prefix} {bar:25} {pos:>4}/{len}  {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+            View::Live(bar.with_style(style).with_prefix(name.to_owned()))
+        } else {
+            View::Plain { last_line: started }
+        };
+        Self { view, name: name.to_owned(), started, done: 0, all }
+    }
+
+    fn step(&mut self) {
+        self.done += 1;
+        let left = self.started.elapsed().as_secs_f64() / self.done as f64 * (self.all - self.done) as f64;
+        let left = if left < 1.0 { String::new() } else { format!("{left:.0} s left") };
+        match &mut self.view {
+            View::Live(bar) => {
+                bar.set_position(self.done as u64);
+                bar.set_message(left);
+            }
+            View::Plain { last_line } => {
+                if last_line.elapsed() >= PLAIN_LINE_EVERY || self.done == self.all {
+                    *last_line = Instant::now();
+                    errln!("{} {:>4}/{}  {left}", self.name, self.done, self.all);
+                }
+            }
+            View::Quiet => {}
+        }
+    }
+
+    fn end(&self) {
+        if let View::Live(bar) = &self.view {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_come_in_the_order_of_the_jobs_and_an_error_ends_it() {
+        let jobs: Vec<u64> = (0..100).collect();
+        let square = |job: &u64| if *job == 200 { anyhow::bail!("too much") } else { Ok(job * job) };
+        let squares = run("squares", true, &jobs, square).unwrap();
+        assert!(squares.iter().zip(&jobs).all(|(square, job)| *square == job * job));
+        let failed = run("squares", true, &[1, 200, 3], square).unwrap_err();
+        assert_eq!(failed.to_string(), "too much");
+    }
+}

@@ -1,0 +1,209 @@
+//! `bench long`: a MoveContinuousSkill of millions of motions, as the paper says that it can run, in virtual time.
+//!
+//! ```text
+//! supply   the motions: planned or read on a thread, a few thousand ahead
+//! run      both nodes at work on them; digests of what was sent and of what the robot took
+//! memory   what this process has in memory
+//! ```
+
+mod memory;
+mod run;
+mod supply;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use setup::Setup;
+
+pub use memory::PeakResident;
+pub use run::{Finished, LongRun, Mismatch};
+pub use supply::{Origin, Supplied, Supply};
+
+use crate::outln;
+use crate::output::errln;
+use crate::output::exit::{Exit, Failure};
+use crate::verbs::event_loop::{event_loop, interrupt};
+use crate::verbs::setup_option::SetupOption;
+
+/// What is repeated unless an application or a list is named: many short motions.
+const APPLICATION: &str = "engraving";
+
+/// Motions unless they are counted otherwise.
+const MOTIONS: u32 = 5_000_000;
+
+/// True time from one look at the digests, and at Ctrl-C, to the next.
+const SLICE: Duration = Duration::from_secs(1);
+
+/// Options of a long run.
+#[derive(Args, Debug)]
+pub struct LongOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Motions of the one MoveContinuousSkill [default: 5000000; of a list all].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub motions: Option<u32>,
+    /// The application that is repeated: a built-in one's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|FILE", default_value = APPLICATION, conflicts_with = "from")]
+    pub application: String,
+    /// Take the motions from a list, one a line; see --write.
+    #[arg(long, value_name = "FILE")]
+    pub from: Option<PathBuf>,
+    /// Write the motions to a list instead of running them.
+    #[arg(long, value_name = "FILE")]
+    pub write: Option<PathBuf>,
+    /// Seed of the clocks and phases.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Print the result only: no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Runs the motions and prints whether all arrived, or writes them to a list.
+///
+/// # Errors
+///
+/// The setup, the application or the list cannot be used; the run fails; a motion was lost, duplicated or reordered.
+pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
+    let (setup, directory) = setup::setup_with_directory(options.setup.name())?;
+    let origin = origin(options, &setup, directory.as_deref())?;
+    let usage = |error| Failure::new(Exit::Usage, error);
+    let most = match (options.motions, &origin) {
+        (Some(motions), _) => motions,
+        (None, Origin::List(_)) => u32::MAX,
+        (None, Origin::Application(_)) => MOTIONS,
+    };
+    if let Some(path) = &options.write {
+        let sum = origin.write(most, path).map_err(usage)?;
+        outln!("{}: {sum}", path.display());
+        return Ok(Exit::Pass);
+    }
+    let total = origin.count(most).map_err(usage)?;
+    outln!("Setup {}: {}", setup.name, setup.title);
+    outln!("MoveContinuous of {total} motions of {}, virtual mode, seed {}\n", origin.name(), options.seed);
+    let runtime = event_loop()?;
+    runtime.block_on(drive(options, &setup, origin, total))
+}
+
+fn origin(
+    options: &LongOptions,
+    setup: &Setup,
+    directory: Option<&std::path::Path>,
+) -> Result<Origin, Failure> {
+    match &options.from {
+        Some(path) => Ok(Origin::List(path.clone())),
+        None => {
+            let found = planning::application(&options.application, directory)?;
+            found.plan(setup)?;
+            Ok(Origin::Application(Box::new((found.application, setup.clone()))))
+        }
+    }
+}
+
+/// Runs to the end, to an error or to an interrupt.
+async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32) -> Result<Exit, Failure> {
+    let mut interrupt = std::pin::pin!(interrupt()?);
+    let started = Instant::now();
+    let at_start = PeakResident::now()?;
+    let failed = |error| Failure::new(Exit::RunFailed, error);
+    let mut run = LongRun::start(setup, origin, total, options.seed).map_err(failed)?;
+    let progress = Progress::start(total, options.quiet);
+    let (mut tenths, mut at_a_tenth) = (0, None);
+    let ended = loop {
+        // A virtual run never waits, so this is where signals get their turn.
+        tokio::task::yield_now().await;
+        tokio::select! {
+            biased;
+            () = &mut interrupt => break None,
+            () = std::future::ready(()) => {}
+        }
+        match run.advance(SLICE) {
+            Ok(None) => {}
+            Ok(Some(execution)) => break Some(Ok(execution)),
+            Err(error) => break Some(Err(error)),
+        }
+        let [sent, accepted] = run.digests();
+        let done = accepted.sum().motions;
+        progress.set(done);
+        let now = done * 10 / u64::from(total);
+        if now > tenths {
+            tenths = now;
+            at_a_tenth.get_or_insert(PeakResident::now()?);
+            let speed = done as f64 / started.elapsed().as_secs_f64();
+            progress.line(&format!(
+                "{:>4} %  {:>9.0} s of plant time  {speed:>7.0} motions/s  at {:>8} motions PLC {:016x}, robot {:016x}",
+                tenths * 10,
+                run.plant_time().as_secs_f64(),
+                accepted.mark().motions,
+                sent.mark().value,
+                accepted.mark().value,
+            ));
+        }
+    };
+    progress.end();
+    let (plant, elapsed) = (run.plant_time(), started.elapsed());
+    let accepted = run.digests()[1].sum();
+    let so_far = format!(
+        "after {} of {total} motions and {:.0} s of plant time",
+        accepted.motions,
+        plant.as_secs_f64()
+    );
+    let Some(ended) = ended else {
+        return Err(Failure::new(
+            Exit::Interrupted,
+            anyhow!("interrupted {so_far}; the PLC and the robot agreed up to there"),
+        ));
+    };
+    let finished = run.finish(ended).with_context(|| format!("the run failed {so_far}")).map_err(failed)?;
+    let Finished { execution, list, sent, accepted } = finished;
+    outln!("digest of the list   {list}\n       of the PLC    {sent}\n       of the robot  {accepted}");
+    let rate = f64::from(execution.motions) / elapsed.as_secs_f64();
+    outln!(
+        "executed {} motions, {} blends suppressed, in {:.3} s of plant time\ntook {:.1} s: {rate:.0} motions/s, {:.0} times faster than the plant",
+        execution.motions,
+        execution.blends_suppressed,
+        execution.execution_time_ns as f64 / 1e9,
+        elapsed.as_secs_f64(),
+        plant.as_secs_f64() / elapsed.as_secs_f64(),
+    );
+    let tenth = at_a_tenth.map_or_else(String::new, |peak| format!("{peak} at 10 %, "));
+    outln!("resident memory at most: {at_start} at the start, {tenth}{} at the end", PeakResident::now()?);
+    finished.check().map_err(|mismatch| failed(mismatch.into()))?;
+    outln!("every motion arrived, once and in order");
+    Ok(Exit::Pass)
+}
+
+/// A bar on a terminal, lines elsewhere; on stderr.
+struct Progress {
+    bar: ProgressBar,
+    quiet: bool,
+}
+
+impl Progress {
+    fn start(total: u32, quiet: bool) -> Self {
+        let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let style = ProgressStyle::with_template("{bar:25} {human_pos}/{human_len} motions  {eta} left");
+        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+        Self { bar: ProgressBar::with_draw_target(Some(total.into()), target).with_style(style), quiet }
+    }
+
+    fn set(&self, motions: u64) {
+        self.bar.set_position(motions);
+    }
+
+    fn line(&self, text: &str) {
+        match (self.quiet, self.bar.is_hidden()) {
+            (true, _) => {}
+            (false, true) => errln!("{text}"),
+            (false, false) => self.bar.println(text),
+        }
+    }
+
+    fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}

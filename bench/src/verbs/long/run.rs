@@ -1,0 +1,151 @@
+//! One MoveContinuousSkill of any length, in steps that allocate nothing.
+
+use std::time::Duration;
+
+use anyhow::Context;
+use plc_node::{Execution, ExecutionType, MotionSource, PlcEvent};
+use protocol::image::{Digest, Sum};
+use setup::Setup;
+
+use super::supply::{Origin, Supply};
+use crate::stands::virtual_run::{Extras, VirtualBus, VirtualRun, Work};
+
+/// Both nodes at work on one long sequence.
+pub struct LongRun {
+    run: VirtualRun,
+    supply: Supply,
+    total: u32,
+    begun: Duration,
+}
+
+/// The two sides do not agree on the motions.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("motions were lost, duplicated or reordered: {one} has the digest {}, {other} has {}", .sums[0], .sums[1])]
+pub struct Mismatch {
+    /// Who has the first digest.
+    pub one: &'static str,
+    /// Who has the second one.
+    pub other: &'static str,
+    /// Both.
+    pub sums: [Sum; 2],
+}
+
+/// What a finished run came to.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Finished {
+    /// The PLC's account.
+    pub execution: Execution,
+    /// The motions as they came from the list.
+    pub list: Sum,
+    /// The motions that the PLC sent.
+    pub sent: Sum,
+    /// The motions that the robot put on its path.
+    pub accepted: Sum,
+}
+
+impl Finished {
+    /// Whether every motion of the list went over, once and in order.
+    ///
+    /// # Errors
+    ///
+    /// Who disagrees with whom.
+    pub fn check(&self) -> Result<(), Mismatch> {
+        agree("the list", self.list, "the PLC", self.sent)?;
+        agree("the PLC", self.sent, "the robot", self.accepted)
+    }
+}
+
+fn agree(one: &'static str, first: Sum, other: &'static str, second: Sum) -> Result<(), Mismatch> {
+    if first == second { Ok(()) } else { Err(Mismatch { one, other, sums: [first, second] }) }
+}
+
+impl LongRun {
+    /// Connects the nodes and sets the start edge of a run of the first `total` motions. RC has no part in it, so that
+    /// the robot's program store is empty.
+    ///
+    /// # Errors
+    ///
+    /// The setup does not describe a robot, or no connection comes about.
+    pub fn start(setup: &Setup, origin: Origin, total: u32, seed: u64) -> anyhow::Result<Self> {
+        let (supply, source) = Supply::start(origin, total);
+        Self::with_source(setup, supply, Box::new(source), seed)
+    }
+
+    /// The same with something between the list and the PLC, for tests of the digests.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`start`](Self::start).
+    pub fn with_source(
+        setup: &Setup,
+        supply: Supply,
+        source: Box<dyn MotionSource>,
+        seed: u64,
+    ) -> anyhow::Result<Self> {
+        let total = source.total();
+        let work = Work::sent(setup, source)?;
+        let mut run = VirtualRun::start_on(setup, work, seed, VirtualBus::OfSetup, &Extras::default())?;
+        run.begin(ExecutionType::Cm)?;
+        let begun = run.plant_time();
+        Ok(Self { run, supply, total, begun })
+    }
+
+    /// Motions in all.
+    #[must_use]
+    pub const fn total(&self) -> u32 {
+        self.total
+    }
+
+    /// What the plant would have taken so far.
+    #[must_use]
+    pub fn plant_time(&self) -> Duration {
+        self.run.plant_time().saturating_sub(self.begun)
+    }
+
+    /// The motions that the PLC sent so far, and those that the robot put on its path.
+    #[must_use]
+    pub fn digests(&self) -> [Digest; 2] {
+        self.run.digests()
+    }
+
+    /// Lets `time` pass, or less where the run ends before. Wherever both sides are past the same interval, their
+    /// digests are compared. It allocates nothing unless something is wrong.
+    ///
+    /// # Errors
+    ///
+    /// [`Mismatch`], or why the run failed.
+    pub fn advance(&mut self, time: Duration) -> anyhow::Result<Option<Execution>> {
+        let until = self.run.plant_time() + time;
+        while let Some(event) = self.run.run_for(until.saturating_sub(self.run.plant_time())) {
+            match event {
+                PlcEvent::Finished(execution) => return Ok(Some(execution)),
+                PlcEvent::Failed(failure) => return Err(failure.into()),
+                PlcEvent::Link(_) | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+            }
+        }
+        let [sent, accepted] = self.digests().map(|digest| digest.mark());
+        if sent.motions == accepted.motions {
+            agree("the PLC", sent, "the robot", accepted)?;
+        }
+        Ok(None)
+    }
+
+    /// Ends the run with what [`advance`](Self::advance) said at last; one that was given up says why.
+    ///
+    /// # Errors
+    ///
+    /// The list could not be read or planned to its end, or the run failed.
+    pub fn finish(self, ended: anyhow::Result<Execution>) -> anyhow::Result<Finished> {
+        let [sent, accepted] = self.digests().map(|digest| digest.sum());
+        // The source goes with the PLC: whoever still makes motions for it ends.
+        drop(self.run);
+        let list = self.supply.finish();
+        match (ended, list) {
+            (Ok(execution), Ok(list)) => Ok(Finished { execution, list, sent, accepted }),
+            // A list that broke off is why the run failed.
+            (Err(run), Err(list)) => Err(list.context(format!("{run:#}"))),
+            (Ok(_), Err(list)) => Err(list).context("the run ended before its list"),
+            (Err(run), Ok(_)) => Err(run),
+        }
+    }
+}

@@ -1,0 +1,343 @@
+//! A measured run: from its options to its table and exit code.
+
+mod options;
+pub mod session;
+
+pub use options::{Capture, RunOptions};
+
+use std::future::Future;
+use std::path::PathBuf;
+use std::thread::{self, JoinHandle};
+use std::time::{Instant, SystemTime};
+
+use anyhow::anyhow;
+use planning::{Application, Found};
+use protocol_linux::capture::Keep;
+use setup::Setup;
+
+use crate::outln;
+use crate::output::errln;
+use crate::output::exit::{Exit, Failure};
+#[cfg(feature = "mcap")]
+use crate::output::playback;
+use crate::output::progress::Progress;
+use crate::output::report;
+use crate::output::table;
+use crate::output::timeline;
+use crate::records::faults;
+use crate::records::host::Host;
+use crate::records::mode::Mode;
+use crate::records::results::{self, Results, Status};
+use crate::records::run_directory::{self, Durability, RunDirectory, replace};
+use crate::records::schedule::Plan;
+use crate::records::trace::Trace;
+use crate::stands::rig::{self, FrameLog, Rig, RigConfig, RigError};
+use crate::stands::virtual_run::{self, Extras, PlantSpeed, VirtualBus, VirtualRun};
+use crate::verbs::event_loop::{event_loop, interrupt};
+use session::{Ended, Session};
+
+/// Warnings of a plan that are shown before a run.
+const WARNINGS: usize = 5;
+
+/// What the nodes' cyclic threads have where nothing was refused.
+const GRANTED: &str = "SCHED_FIFO, memory locked";
+
+/// Runs a setup and prints the table.
+///
+/// # Errors
+///
+/// The options, the setup, the machine or the disk does not allow it. A repetition that fails is none: its table is
+/// printed as far as it goes, and the exit code says so.
+pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
+    let (mut setup, found) = options.setup.load()?;
+    if let Some(cyclic) = options.cyclic {
+        let Some(profinet) = &mut setup.bus.profinet else {
+            let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);
+            return Err(Failure::new(Exit::Usage, error));
+        };
+        profinet.cyclic = cyclic.into();
+        setup::check(&setup)?;
+    }
+    let warnings = found.plan(&setup)?.warnings().collect();
+    if let Some(file) = options.exports.written_twice() {
+        let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    if options.mcap && !cfg!(feature = "mcap") {
+        let error = anyhow!(
+            "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \
+             `cargo run -p bench --features mcap -- …` runs it"
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    if options.mode == Mode::Real {
+        faults::check_real(&options.fault).map_err(|error| Failure::new(Exit::Usage, error))?;
+    }
+    if options.attach.is_some() {
+        check_attach(options)?;
+    }
+    if options.mode == Mode::Real && options.attach.is_none() {
+        // The kernel allows it only while this process has one thread.
+        rig::enter_user_namespace()?;
+    }
+    let measurement = Measurement {
+        plan: Plan::new(&options.types, options.reps, options.seed),
+        options,
+        setup,
+        found,
+        warnings,
+    };
+    let runtime = event_loop()?;
+    let (ended, directory) = runtime.block_on(measurement.run())?;
+    let shown = directory.display();
+    outln!("{}", table::render(&ended.results));
+    if ended.exit == Exit::Internal {
+        outln!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
+    } else {
+        outln!("  Saved in {shown}.");
+        match report::write(&directory) {
+            Ok(path) => outln!("  Report: {}.", path.display()),
+            Err(Failure { error, .. }) => errln!(
+                "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
+            ),
+        }
+    }
+    ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
+    Ok(ended.exit)
+}
+
+/// What the bench cannot ask of nodes that somebody else started.
+fn check_attach(options: &RunOptions) -> Result<(), Failure> {
+    let instead = if options.mode == Mode::Virtual {
+        "--attach measures on running nodes, in real time: leave out `--mode virtual`"
+    } else if options.capture != Capture::Never {
+        "--capture records the network that the bench makes: with --attach, record on the nodes' machine"
+    } else if !options.fault.is_empty() {
+        "--fault impairs the cable that the bench lays: leave it out with --attach, and impair the nodes' network, by \
+         `tc qdisc add dev IF root netem` for instance"
+    } else if options.trace || options.mcap {
+        "--trace and --mcap record nodes that the bench starts: leave them out with --attach"
+    } else if options.cyclic.is_some() {
+        "the nodes run already: give --cyclic to plc-node"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::new(Exit::Usage, anyhow!(instead)))
+}
+
+struct Measurement<'a> {
+    options: &'a RunOptions,
+    setup: Setup,
+    found: Found,
+    plan: Plan,
+    /// What a person should look at in the planned motions: blends that had to shrink.
+    warnings: Vec<String>,
+}
+
+impl Measurement<'_> {
+    async fn run(&self) -> Result<(Ended, PathBuf), Failure> {
+        let started = SystemTime::now();
+        let path = self.options.out.clone().unwrap_or_else(|| {
+            run_directory::default_path(&self.setup.name, self.options.mode.name(), started)
+        });
+        let durability = match self.options.mode {
+            Mode::Real => Durability::Synced,
+            Mode::Virtual => Durability::Written,
+        };
+        let mut session = Session {
+            directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
+            exports: self.options.exports.clone(),
+            progress: Progress::start(&self.plan, self.options.quiet),
+        };
+        self.warn(&session.progress);
+        let host = Host::look(started);
+        session.write_host(&host)?;
+        let interrupt = interrupt()?;
+        let results = Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.plan);
+        let ended = match self.options.mode {
+            Mode::Virtual => {
+                let without_overhead =
+                    WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
+                let extras = Extras {
+                    faults: self.options.fault.clone(),
+                    capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
+                    frames: self.options.trace,
+                };
+                let start = Instant::now();
+                let mut stand = VirtualRun::start_with(
+                    &self.setup,
+                    &self.found.application,
+                    self.options.seed,
+                    VirtualBus::OfSetup,
+                    &extras,
+                )?;
+                let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
+                let speed = PlantSpeed { plant: stand.plant_time(), host: start.elapsed() };
+                session.progress.say(&speed.to_string());
+                let wanted = self.wants_capture(ended.exit);
+                let ended = ended
+                    .and_saved(self.save_trace(stand.trace(), &session))
+                    .and_saved(stand.end_capture(wanted));
+                match ended.exit {
+                    Exit::Pass => ended.beside(without_overhead.finish()?),
+                    _ => ended,
+                }
+            }
+            Mode::Real => {
+                let ended = self.run_real(&mut session, host, results, interrupt).await?;
+                match ended.exit {
+                    // Afterwards, so that it takes no core from the nodes. Whoever interrupted the run, or has a node
+                    // to look after, does not want to wait for it.
+                    Exit::Pass => {
+                        let started =
+                            WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
+                        ended.beside(started.finish()?)
+                    }
+                    _ => ended,
+                }
+            }
+        };
+        // Where the disk took no more before, it is not asked again: what is there is whole.
+        let saved = if ended.exit == Exit::Internal { Ok(()) } else { session.finish(&ended.results) };
+        Ok((ended.and_saved(saved), path))
+    }
+
+    /// Shows the first warnings of the plan: in a grid each comes once a cycle.
+    fn warn(&self, progress: &Progress) {
+        self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
+        let more = self.warnings.len().saturating_sub(WARNINGS);
+        if more > 0 {
+            let Setup { name, application, .. } = &self.setup;
+            progress.warn(&format!(
+                "{more} more of that kind; `plc-node plan {application} --setup {name}` shows them all"
+            ));
+        }
+    }
+
+    /// Runs the plan on two processes: ones that run already, or own ones, which read the setup as it stands in the run
+    /// directory.
+    async fn run_real(
+        &self,
+        session: &mut Session,
+        host: Host,
+        results: Results,
+        interrupt: impl Future<Output = ()>,
+    ) -> Result<Ended, Failure> {
+        let config = RigConfig {
+            seed: self.options.seed,
+            capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
+            trace: Some(session.directory.path().to_owned()),
+            frames: self.options.trace.then(FrameLog::default),
+            faults: self.options.fault.clone(),
+            ..RigConfig::new(&self.setup, session.directory.path().join("setup.toml"))
+        };
+        let unusable = |error: RigError| Failure::new(error.exit(), error);
+        let mut interrupt = std::pin::pin!(interrupt);
+        let start = async {
+            match &self.options.attach {
+                Some(nodes) => Rig::attach(nodes, &self.setup).await,
+                None => Rig::start(&config).await,
+            }
+        };
+        let started = tokio::select! {
+            () = &mut interrupt => None,
+            rig = start => Some(rig),
+        };
+        let mut rig = match started {
+            Some(Ok(rig)) => rig,
+            Some(Err(error)) => {
+                session.finish(&Results { status: Status::Failed, ..results })?;
+                return Err(unusable(error));
+            }
+            None => {
+                let results = Results { status: Status::Interrupted, ..results };
+                return Ok(Ended { results, exit: Exit::Interrupted, failures: Vec::new() });
+            }
+        };
+        let refused = rig.warnings();
+        let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
+        session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
+        refused.iter().for_each(|warning| session.progress.warn(warning));
+        let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
+        if !self.wants_capture(ended.exit) {
+            rig.discard_capture();
+        }
+        let traced = rig.traced().to_vec();
+        let stopped = rig.stop().await;
+        if self.options.attach.is_none() {
+            // A node that was killed may have left nothing; the run's results do not depend on it.
+            match Trace::collect(session.directory.path(), &traced) {
+                Ok(mut trace) => {
+                    trace.add_frames(&traced, config.frames.as_ref().map(FrameLog::take).unwrap_or_default());
+                    ended = ended.and_saved(self.save_trace(&trace, session));
+                }
+                Err(error) => {
+                    session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
+                }
+            }
+        }
+        match stopped {
+            // What both nodes counted at their end belongs together; on the way their reports come one by one.
+            Ok(health) if ended.failures.is_empty() => ended.results.set_health(&health),
+            // A run that failed has said why; its nodes then have little to add.
+            Err(error) if ended.exit != Exit::RunFailed => {
+                // No repetition failed, so it is no such code.
+                let exit = if error.exit() == Exit::RunFailed { Exit::Internal } else { error.exit() };
+                ended.failures.push(error.into());
+                ended.exit = if ended.exit == Exit::Pass { exit } else { ended.exit };
+            }
+            _ => {}
+        }
+        Ok(ended)
+    }
+
+    /// Saves the tables that the report draws, and the timeline and the arm's motion where they are asked for.
+    fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
+        trace.save(session.directory.path())?;
+        if self.options.trace {
+            let path = session.directory.path().join(timeline::FILE);
+            replace(&path, &timeline::json(trace)?, Durability::Written)?;
+        }
+        #[cfg(feature = "mcap")]
+        if self.options.mcap {
+            let path = session.directory.path().join(playback::FILE);
+            let plan = self.found.plan(&self.setup)?;
+            replace(&path, playback::bytes(trace, &self.setup, &plan)?, Durability::Written)?;
+        }
+        Ok(())
+    }
+
+    /// How much of what passes the interfaces is kept.
+    fn keep(&self) -> Option<Keep> {
+        match self.options.capture {
+            Capture::Always => Some(Keep::All),
+            Capture::OnFailure => Some(Keep::FirstAndLast),
+            Capture::Never => None,
+        }
+    }
+
+    /// Whether the captures of a run that ended so are to be written.
+    fn wants_capture(&self, exit: Exit) -> bool {
+        self.options.capture == Capture::Always || exit == Exit::RunFailed
+    }
+}
+
+/// The virtual run without the calibrated overhead, on the other core meanwhile; none where there is no overhead.
+struct WithoutOverhead(Option<JoinHandle<anyhow::Result<Results>>>);
+
+impl WithoutOverhead {
+    fn start(setup: &Setup, application: &Application, plan: &Plan) -> Self {
+        if setup.robot.skill_overhead_us.value == 0 {
+            return Self(None);
+        }
+        let (mut setup, application, plan) = (setup.clone(), application.clone(), plan.clone());
+        setup.robot.skill_overhead_us.value = 0;
+        Self(Some(thread::spawn(move || virtual_run::whole(&setup, &application, &plan))))
+    }
+
+    fn finish(self) -> anyhow::Result<Option<results::WithoutOverhead>> {
+        let Some(thread) = self.0 else { return Ok(None) };
+        let results = thread.join().map_err(|_| anyhow!("the virtual run without overhead broke off"))??;
+        Ok(Some(results.as_without_overhead()))
+    }
+}

@@ -1,0 +1,94 @@
+//! Options of a measured run.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use plc_node::ExecutionType;
+
+use crate::output::export::Exports;
+use crate::records::faults::Fault;
+use crate::records::mode::Mode;
+use crate::records::schedule::{REPETITIONS, SEED};
+use crate::stands::rig::Attach;
+use crate::verbs::setup_option::SetupOption;
+
+/// Options of a measured run.
+#[derive(Args, Debug)]
+pub struct RunOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Two processes on a real network, or both nodes in virtual time.
+    #[arg(long, value_enum, default_value_t = Mode::Real)]
+    pub mode: Mode,
+    /// Repetitions of each execution type.
+    #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub reps: u32,
+    /// Execution types to run, interleaved in this order.
+    #[arg(long, value_name = "TYPES", value_delimiter = ',', default_value = "rc,sm,cm")]
+    pub types: Vec<ExecutionType>,
+    /// Seed of the pauses between runs, and in virtual mode of the clocks and phases.
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    pub seed: u64,
+    /// Run directory; it must not hold a run yet [default: runs/TIME-SETUP-MODE].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Files besides the run directory.
+    #[command(flatten)]
+    pub exports: Exports,
+    /// How PROFINET's cyclic frames travel, instead of what the setup says.
+    #[arg(long, value_enum)]
+    pub cyclic: Option<Cyclic>,
+    /// Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng.
+    #[arg(long, value_enum, default_value_t = Capture::Never)]
+    pub capture: Capture,
+    /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
+    /// alone where the robot is real. Real mode only; they are started with the same --setup.
+    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
+    pub attach: Option<Attach>,
+    /// Write a timeline of the first repetition of each type, as DIR/trace.json; ui.perfetto.dev opens it.
+    #[arg(long)]
+    pub trace: bool,
+    /// Write the arm's joints, the way of its tool and its path speed, actual and programmed, in the first repetition of
+    /// each type, as DIR/motion.mcap; Foxglove and Rerun open it. Only in a bench that was built with `--features mcap`.
+    #[arg(long)]
+    pub mcap: bool,
+    /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
+    /// duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the
+    /// moment that the robot is ready; the same seed gives the same faults.
+    #[arg(long, value_name = "FAULT")]
+    pub fault: Vec<Fault>,
+    /// Print the table only: no progress, no warnings.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// When a capture is kept.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Capture {
+    /// Of every run.
+    Always,
+    /// Of runs in which a repetition failed: how the connection was made (the first MiB of each end), and the last
+    /// 64 MiB of each end before the failure.
+    OnFailure,
+    /// Nothing is recorded.
+    Never,
+}
+
+/// How PROFINET's cyclic frames travel.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Cyclic {
+    /// RT_CLASS_UDP: UDP port 34962.
+    Udp,
+    /// RT_CLASS_1: EtherType 0x8892.
+    Rt1,
+}
+
+impl From<Cyclic> for setup::Cyclic {
+    fn from(cyclic: Cyclic) -> Self {
+        match cyclic {
+            Cyclic::Udp => Self::Udp,
+            Cyclic::Rt1 => Self::Rt1,
+        }
+    }
+}

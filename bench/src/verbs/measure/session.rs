@@ -1,0 +1,252 @@
+//! One measured run from its plan to its table: every repetition is saved before the next one starts, and what is
+//! there stays when it ends early.
+
+use crate::output::exit::Exit;
+use crate::output::export::Exports;
+use crate::output::progress::Progress;
+use crate::records::host::Host;
+use crate::records::results::{Results, Status, WithoutOverhead};
+use crate::records::run_directory::{Durability, RunDirectory};
+use crate::records::schedule::Plan;
+use crate::stands::Stand;
+
+/// What a run writes to, and who watches.
+#[derive(Debug)]
+pub struct Session {
+    /// The run directory.
+    pub directory: RunDirectory,
+    /// Files besides it.
+    pub exports: Exports,
+    /// The live view.
+    pub progress: Progress,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// What it found out.
+    pub results: Results,
+    /// The code that the program ends with.
+    pub exit: Exit,
+    /// Why a repetition failed, where one did, and what of the run could not be saved.
+    pub failures: Vec<anyhow::Error>,
+}
+
+impl Ended {
+    /// The same with the run that it is to be compared with.
+    #[must_use]
+    pub fn beside(self, without_skill_overhead: Option<WithoutOverhead>) -> Self {
+        Self { results: Results { without_skill_overhead, ..self.results }, ..self }
+    }
+
+    /// The same after an attempt to save more of the run. Where that failed, a run that passed did not.
+    #[must_use]
+    pub fn and_saved(mut self, saved: anyhow::Result<()>) -> Self {
+        if let Err(error) = saved {
+            self.failures.push(error);
+            if self.exit == Exit::Pass {
+                self.exit = Exit::Internal;
+            }
+        }
+        self
+    }
+}
+
+impl Session {
+    /// Writes down what the run runs on.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be written.
+    pub fn write_host(&self, host: &Host) -> anyhow::Result<()> {
+        self.directory.write_host(&host.to_json()?)
+    }
+
+    /// Runs the plan on the stand until it is done, a repetition fails, or `interrupt` resolves.
+    ///
+    /// # Errors
+    ///
+    /// The results of no repetition yet cannot be written. Where those of a repetition cannot, the run ends there: what
+    /// it measured is returned, and what was written before is still there.
+    pub async fn run(
+        &mut self,
+        stand: &mut impl Stand,
+        plan: &Plan,
+        mut results: Results,
+        interrupt: impl Future<Output = ()>,
+    ) -> anyhow::Result<Ended> {
+        let mut interrupt = std::pin::pin!(interrupt);
+        let mut failures = Vec::new();
+        // A file that cannot be written is to be known before the first repetition, not after it.
+        self.save(&results, Durability::Written)?;
+        results.status = Status::Complete;
+        let end = |status| match status {
+            Status::Failed => Exit::RunFailed,
+            Status::Interrupted => Exit::Interrupted,
+            Status::Running | Status::Complete => Exit::Pass,
+        };
+        for step in plan.steps() {
+            self.progress.running(step.execution_type, step.repetition);
+            // A virtual run never waits, so this is where its signals get their turn.
+            tokio::task::yield_now().await;
+            let outcome = tokio::select! {
+                biased;
+                () = &mut interrupt => {
+                    results.status = Status::Interrupted;
+                    break;
+                }
+                outcome = stand.execute(step) => outcome,
+            };
+            match &outcome {
+                Ok(measured) => results.record(step.execution_type, measured),
+                Err(error) => {
+                    results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+                }
+            }
+            let health = stand.health();
+            for lost in health.repeated.iter().skip(results.repeated as usize) {
+                self.progress.warn(&format!("run again, {lost}"));
+            }
+            results.set_health(&health);
+            let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
+            let status = std::mem::replace(&mut results.status, so_far);
+            let saved = self
+                .directory
+                .save(&step, &outcome, &results)
+                .and_then(|()| self.exports.write(&results, Durability::Written));
+            self.progress.finished(step.execution_type, step.repetition, &results);
+            if let Err(error) = outcome {
+                let name = format!("{} {} of {}", step.execution_type, step.repetition, plan.reps);
+                failures.push(error.context(format!("repetition {name} failed")));
+            }
+            if let Err(error) = saved {
+                self.progress.end();
+                failures.push(error.context("the run ends here, since the disk does not take its results"));
+                return Ok(Ended { results, exit: Exit::Internal, failures });
+            }
+            if results.status == Status::Failed {
+                break;
+            }
+            results.status = status;
+        }
+        self.progress.end();
+        let saved = self.finish(&results);
+        Ok(Ended { exit: end(results.status), results, failures }.and_saved(saved))
+    }
+
+    /// Writes the results for good.
+    ///
+    /// # Errors
+    ///
+    /// They cannot be written.
+    pub fn finish(&self, results: &Results) -> anyhow::Result<()> {
+        self.save(results, Durability::Synced)
+    }
+
+    fn save(&self, results: &Results, durability: Durability) -> anyhow::Result<()> {
+        self.directory.save_results(results)?;
+        self.exports.write(results, durability)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::conditions::{Health, Measured};
+    use crate::records::mode::Mode;
+    use crate::records::schedule::Step;
+    use plc_node::ExecutionType;
+    use std::time::Duration;
+
+    /// Takes as many milliseconds as it has run before, and fails at run `fails_at`.
+    struct Scripted {
+        runs: u64,
+        fails_at: u64,
+    }
+
+    impl Stand for Scripted {
+        async fn execute(&mut self, _step: Step) -> anyhow::Result<Measured> {
+            self.runs += 1;
+            if self.runs == self.fails_at {
+                anyhow::bail!("the connection to the robot was lost");
+            }
+            let execution = Duration::from_millis(self.runs);
+            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None })
+        }
+
+        fn health(&self) -> Health {
+            Health::default()
+        }
+    }
+
+    struct Outcome {
+        ended: Ended,
+        samples: String,
+        saved: Results,
+    }
+
+    fn run(fails_at: u64, interrupt: impl Future<Output = ()>) -> Outcome {
+        let place = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let plan = Plan::new(&ExecutionType::ALL, 2, 1);
+        let results = Results::new(&setup, &found.application.name, Mode::Real, &plan);
+        let mut session = Session {
+            directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
+            exports: Exports::json(place.path().join("exported.json")),
+            progress: Progress::start(&plan, true),
+        };
+        let mut stand = Scripted { runs: 0, fails_at };
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let ended = runtime.block_on(session.run(&mut stand, &plan, results, interrupt)).unwrap();
+        let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
+        assert_eq!(read("results.json"), read("exported.json"));
+        Outcome {
+            ended,
+            samples: read("samples.csv"),
+            saved: serde_json::from_str(&read("results.json")).unwrap(),
+        }
+    }
+
+    #[test]
+    fn a_run_that_goes_well_saves_every_repetition() {
+        let outcome = run(0, std::future::pending());
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Pass, Status::Complete));
+        assert_eq!(outcome.saved, outcome.ended.results);
+        insta::assert_snapshot!(outcome.samples, @"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
+        rc,1,1,1,0,
+        sm,1,2,2,0,
+        cm,1,3,3,0,
+        rc,2,4,4,0,
+        sm,2,5,5,0,
+        cm,2,6,6,0,
+        ");
+    }
+
+    #[test]
+    fn a_repetition_that_fails_is_marked_and_those_before_it_stay() {
+        let outcome = run(5, std::future::pending());
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
+        insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
+        insta::assert_snapshot!(outcome.samples, @r#"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
+        rc,1,1,1,0,
+        sm,1,2,2,0,
+        cm,1,3,3,0,
+        rc,2,4,4,0,
+        sm,2,,,,"the connection to the robot was lost"
+        "#);
+    }
+
+    #[test]
+    fn an_interrupt_keeps_what_is_done() {
+        let mut turns = 0;
+        let after_three = std::future::poll_fn(move |_| {
+            turns += 1;
+            if turns > 3 { std::task::Poll::Ready(()) } else { std::task::Poll::Pending }
+        });
+        let outcome = run(0, after_three);
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Interrupted, Status::Interrupted));
+        assert_eq!(outcome.samples.lines().count(), 1 + 3);
+    }
+}

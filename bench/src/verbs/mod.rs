@@ -1,0 +1,17 @@
+//! What a user can ask the bench for, a module a verb, each with its options.
+
+pub mod calibrate;
+pub mod doctor;
+mod event_loop;
+pub mod gate;
+pub mod history;
+mod jobs;
+pub mod long;
+pub mod measure;
+pub mod overhead;
+pub mod report;
+pub mod sensitivity;
+mod setup_option;
+mod study;
+pub mod sweep;
+pub mod timing;

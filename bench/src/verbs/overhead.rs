@@ -1,0 +1,315 @@
+//! What recording costs: `bench overhead` runs the sequence over and over in real mode, switches captures and traces on
+//! and off meanwhile, and compares how late the cycles were.
+//!
+//! A second of cycles has one figure, the 99th percentile of their lateness. Recorded and unrecorded seconds come in
+//! pairs, in an order that the seed draws, and are compared pair by pair: a drift of the host hits both alike, and a
+//! stall one of the many. A pair in which the hypervisor ran others for longer, by the kernel's count of stolen time,
+//! says nothing of either and is left out. Whole repetitions would take four to eight times as long, and a host that many
+//! share is seldom the same for so long.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use clap::Args;
+use plc_node::ExecutionType;
+use protocol_linux::capture::Keep;
+use protocol_linux::report::LatenessReport;
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use setup::Setup;
+
+use crate::outln;
+use crate::output::errln;
+use crate::output::exit::{Exit, Failure};
+use crate::records::host::ProcessorTime;
+use crate::records::ratio::{Ratio, RatioVerdict, median};
+use crate::stands::rig::{self, Rig, RigConfig, RigError};
+use crate::verbs::event_loop::{event_loop, interrupt};
+use crate::verbs::setup_option::SetupOption;
+
+/// Recording may cost this much of the p99 cycle lateness.
+const LIMIT: f64 = 1.05;
+
+/// How long cycles are counted: some hundred of them, so that the 99th percentile is no single one.
+const COUNTED: Duration = Duration::from_secs(1);
+
+/// How long they are not, from switching on or off: listeners come and go then, which is no part of recording.
+const SETTLING: Duration = Duration::from_millis(100);
+
+/// Pairs between two lines of progress, after that of the first.
+const TOLD_EVERY: u32 = 10;
+
+/// A pair with more ticks of stolen time is left out. One may be made of what was taken before; and its 10 ms hold up no
+/// more of a second's cycles than the percentile leaves out.
+const STOLEN_TICKS: u64 = 1;
+
+/// Options of the measurement.
+#[derive(Args, Debug)]
+pub struct OverheadOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Pairs of seconds, one recorded and one not.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(5..=100_000))]
+    pub pairs: u32,
+    /// Execution type to run, over and over.
+    #[arg(long = "type", value_name = "TYPE", default_value = "cm")]
+    pub execution_type: ExecutionType,
+    /// Seed of the order within the pairs and of the intervals.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Keep what was recorded in this directory; otherwise it is removed.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// The p99 lateness in µs of a node's cycles in two seconds, one after the other.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Pair {
+    /// Of the one that was recorded.
+    pub recorded_us: f64,
+    /// Of the other.
+    pub unrecorded_us: f64,
+}
+
+/// What recording costs a node.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Cost {
+    node: &'static str,
+    recorded_us: f64,
+    unrecorded_us: f64,
+    ratio: Option<Ratio>,
+}
+
+impl Cost {
+    /// Compares the seconds of a node, pair by pair.
+    #[must_use]
+    pub fn new(node: &'static str, pairs: &[Pair], seed: u64) -> Self {
+        let pairs: Vec<_> = pairs.iter().map(|pair| (pair.recorded_us, pair.unrecorded_us)).collect();
+        Self {
+            node,
+            recorded_us: median(pairs.iter().map(|(recorded, _)| *recorded)),
+            unrecorded_us: median(pairs.iter().map(|(_, unrecorded)| *unrecorded)),
+            ratio: Ratio::median_of_pairs(&pairs, seed),
+        }
+    }
+
+    /// Whether recording keeps its limit.
+    #[must_use]
+    pub fn verdict(&self) -> RatioVerdict {
+        self.ratio.map_or(RatioVerdict::Inconclusive, |ratio| ratio.against(LIMIT))
+    }
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (with, without) = (self.recorded_us, self.unrecorded_us);
+        if with.is_nan() {
+            write!(f, "{:5}  no pair that says anything", self.node)?;
+        } else {
+            write!(f, "{:5}  p99 {with:7.1} µs recorded, {without:7.1} µs not", self.node)?;
+        }
+        if let Some(Ratio { ratio, low, high }) = self.ratio {
+            let percent = |ratio: f64| (ratio - 1.0) * 100.0;
+            write!(f, ": {:+.1} %, 95 % of {:+.1} … {:+.1} %", percent(ratio), percent(low), percent(high))?;
+        }
+        let verdict = match self.verdict() {
+            RatioVerdict::Within => "pass",
+            RatioVerdict::Beyond => "fail",
+            RatioVerdict::Inconclusive => "inconclusive, more --pairs narrow the interval",
+        };
+        write!(f, "; {verdict}")
+    }
+}
+
+/// Measures and prints what recording costs.
+///
+/// # Errors
+///
+/// The setup or the machine does not allow it, or a repetition fails.
+pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
+    rig::enter_user_namespace()?;
+    let (setup, found) = options.setup.load()?;
+    found.plan(&setup)?;
+    let kept = options.out.clone();
+    let directory = kept
+        .clone()
+        .unwrap_or_else(|| std::env::temp_dir().join(format!("bench-overhead-{}", std::process::id())));
+    std::fs::create_dir_all(&directory)
+        .with_context(|| format!("cannot make {}; choose another by --out", directory.display()))?;
+    let runtime = event_loop()?;
+    let mut seen = Seen::default();
+    let ended = runtime.block_on(async {
+        let interrupt = interrupt()?;
+        tokio::select! {
+            biased;
+            () = interrupt => Ok(Some(Exit::Interrupted)),
+            ended = measure(options, &setup, &directory, &mut seen) => ended.map(|()| None),
+        }
+    });
+    // Whatever ended it: an hour's pairs are not lost by the last one.
+    let costs = seen.tell(options, &setup);
+    if kept.is_none() {
+        let removed = std::fs::remove_dir_all(&directory);
+        removed.with_context(|| format!("cannot remove {}", directory.display()))?;
+    }
+    if let Some(interrupted) = ended? {
+        return Ok(interrupted);
+    }
+    let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
+    Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
+}
+
+/// What was seen so far.
+#[derive(Default)]
+struct Seen {
+    plc: Vec<Pair>,
+    robot: Vec<Pair>,
+    /// Pairs that say nothing.
+    left_out: u32,
+}
+
+impl Seen {
+    /// Prints what recording costs either node, if there was a pair at all.
+    fn tell(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
+        let costs = [("PLC", &self.plc), ("robot", &self.robot)]
+            .map(|(node, pairs)| Cost::new(node, pairs, options.seed));
+        let pairs = self.plc.len() + self.left_out as usize;
+        if pairs == 0 {
+            return costs;
+        }
+        outln!(
+            "Setup {}, seconds of {} in pairs: {pairs}; limit {:+.0} % of the p99 cycle lateness; medians of the seconds, \
+             and of the pairs' ratios:",
+            setup.name,
+            options.execution_type,
+            (LIMIT - 1.0) * 100.0
+        );
+        costs.iter().for_each(|cost| outln!("  {cost}"));
+        if self.left_out > 0 {
+            outln!("  {} of the pairs are left out: the host ran others meanwhile.", self.left_out);
+        }
+        costs
+    }
+}
+
+/// Measures pair after pair and adds each to what was seen.
+async fn measure(
+    options: &OverheadOptions,
+    setup: &Setup,
+    directory: &Path,
+    seen: &mut Seen,
+) -> Result<(), Failure> {
+    let config = RigConfig {
+        seed: options.seed,
+        capture: Some((directory.to_owned(), Keep::All)),
+        trace: Some(directory.to_owned()),
+        ..RigConfig::new(setup, options.setup.name())
+    };
+    let unusable = |error: RigError| Failure::new(error.exit(), error);
+    let mut rig = Rig::start(&config).await.map_err(unusable)?;
+    let failed = |error: RigError| Failure::new(Exit::RunFailed, error);
+    // The first run of all warms the nodes up.
+    rig.execute(options.execution_type).await.map_err(failed)?;
+    let mut random = Pcg64Mcg::seed_from_u64(options.seed);
+    for number in 1..=options.pairs {
+        let recorded_first = random.next_u32().is_multiple_of(2);
+        let (mut pair, mut whole, stolen) = ([Pair::default(); 2], true, stolen_ticks());
+        for recorded in [recorded_first, !recorded_first] {
+            rig.pause_capture(!recorded).context("cannot pause the capture")?;
+            rig.record(recorded).await.map_err(unusable)?;
+            rig.keep_running(options.execution_type, SETTLING).await.map_err(failed)?;
+            let before = rig.reports();
+            rig.keep_running(options.execution_type, COUNTED).await.map_err(failed)?;
+            let after = rig.reports();
+            let cycles = [(&before.plc.cycle, &after.plc.cycle), (&before.robot.cycle, &after.robot.cycle)];
+            for (pair, (before, after)) in pair.iter_mut().zip(cycles) {
+                let of = if recorded { &mut pair.recorded_us } else { &mut pair.unrecorded_us };
+                match p99_us(before, after) {
+                    Some(p99) => *of = p99,
+                    None => whole = false,
+                }
+            }
+        }
+        if whole && stolen_ticks().saturating_sub(stolen) <= STOLEN_TICKS {
+            let [plc, robot] = pair;
+            seen.plc.push(plc);
+            seen.robot.push(robot);
+        } else {
+            seen.left_out += 1;
+        }
+        if number == 1 || number % TOLD_EVERY == 0 {
+            let left = (COUNTED + SETTLING) * 2 * (options.pairs - number);
+            errln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
+        }
+    }
+    rig.stop().await.map(drop).map_err(unusable)
+}
+
+/// Processor time that other virtual machines took so far; 0 where the kernel does not say.
+fn stolen_ticks() -> u64 {
+    ProcessorTime::now().map_or(0, |time| time.stolen)
+}
+
+/// The 99th percentile of the runs between two reports, in µs; within its bucket, runs are taken as evenly spread.
+fn p99_us(before: &LatenessReport, after: &LatenessReport) -> Option<f64> {
+    let LatenessReport { runs, buckets, .. } = after.since(before);
+    let (wanted, mut seen) = (runs as f64 * 0.99, 0.0);
+    for (upper, count) in buckets {
+        let count = f64::from(count);
+        if seen + count >= wanted {
+            // A bucket is a sixteenth of its lower end wide.
+            let lower = upper * 16.0 / 17.0;
+            return Some(lower + (upper - lower) * (wanted - seen) / count);
+        }
+        seen += count;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(buckets: &[(f64, u32)]) -> LatenessReport {
+        LatenessReport { buckets: buckets.to_vec(), ..LatenessReport::default() }
+    }
+
+    #[test]
+    fn the_percentile_is_that_of_the_runs_between_two_reports() {
+        let before = report(&[(10.0, 1_000), (500.0, 900)]);
+        let after = report(&[(10.0, 1_980), (34.0, 20), (500.0, 900)]);
+        // 990 of the 1000 new runs: all of the first bucket's 980 and half of the second, which spans 32 to 34.
+        assert_eq!(p99_us(&before, &after), Some(33.0));
+        assert_eq!(p99_us(&after, &after), None);
+    }
+
+    #[test]
+    fn a_cost_is_told_with_its_interval_and_its_verdict() {
+        let cost = |with: f64| {
+            // A stall of the host hits every tenth, the recorded ones and the others in turn.
+            let stall = |index: u32, of| if index % 20 == of { 4_000.0 } else { 0.0 };
+            let pair = |index| Pair {
+                recorded_us: with + f64::from(index % 5) + stall(index, 3),
+                unrecorded_us: 100.0 + f64::from(index / 5) + stall(index, 13),
+            };
+            Cost::new("PLC", &(0..25).map(pair).collect::<Vec<_>>(), 1)
+        };
+        assert_eq!(cost(100.0).verdict(), RatioVerdict::Within);
+        assert_eq!(cost(120.0).verdict(), RatioVerdict::Beyond);
+        assert_eq!(cost(105.0).verdict(), RatioVerdict::Inconclusive);
+        let said = cost(120.0).to_string();
+        assert!(
+            said.starts_with("PLC    p99   122.0 µs recorded,   102.0 µs not: +19.6 %, 95 % of"),
+            "{said}"
+        );
+        assert!(said.ends_with("; fail"), "{said}");
+        let nothing = Cost::new("robot", &[], 1).to_string();
+        assert_eq!(
+            nothing,
+            "robot  no pair that says anything; inconclusive, more --pairs narrow the interval"
+        );
+    }
+}

@@ -1,0 +1,61 @@
+//! `bench report` and `bench compare`: runs that are there already, drawn again or set beside each other.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::outln;
+use crate::output::exit::{Exit, Failure};
+use crate::output::report::{self, Comparison};
+use crate::records::run_directory::{Durability, replace};
+
+/// Options of a report that is drawn again.
+#[derive(Args, Debug)]
+pub struct ReportOptions {
+    /// The run directory.
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Write the report to this file [default: RUN/report.html].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+/// Draws a run's report again and prints where it is.
+///
+/// # Errors
+///
+/// There is no run, it is of another version, or the report cannot be written; the report before it then stays.
+pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
+    let path = options.out.clone().unwrap_or_else(|| options.run.join(report::FILE));
+    let html = report::render(&options.run)?;
+    replace(&path, &html, Durability::Synced)
+        .map_err(|error| error.context("the run is as it was; name a file that can be written by --out"))?;
+    outln!("{}", path.display());
+    Ok(Exit::Pass)
+}
+
+/// Options of a comparison.
+#[derive(Args, Debug)]
+pub struct CompareOptions {
+    /// The run directories; the others are set against the first.
+    #[arg(value_name = "RUN", required = true, num_args = 2..)]
+    pub runs: Vec<PathBuf>,
+    /// Write a page with the samples of all runs to this file as well.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+}
+
+/// Prints runs beside each other, and writes a page where one is asked for.
+///
+/// # Errors
+///
+/// A directory holds no run, or the page cannot be written.
+pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
+    let comparison = Comparison::load(&options.runs)?;
+    outln!("{}", comparison.table());
+    if let Some(path) = &options.html {
+        replace(path, &comparison.page()?, Durability::Written)?;
+        outln!("\n{}", path.display());
+    }
+    Ok(Exit::Pass)
+}

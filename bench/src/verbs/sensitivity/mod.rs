@@ -1,0 +1,226 @@
+//! How the execution times move with what nobody could find out: one number at a time, with and without calibration.
+//!
+//! ```text
+//! factor   what is varied, and the setup or plan that it makes
+//! table    the rows on screen and as CSV
+//! ```
+
+mod factor;
+mod table;
+
+use std::time::SystemTime;
+
+use clap::Args;
+use planning::{Application, Plan as Planned};
+use plc_node::ExecutionType;
+use serde::{Deserialize, Serialize};
+use setup::Setup;
+
+pub use factor::{Case, Factor};
+pub use table::{csv, render};
+
+use crate::outln;
+use crate::output::exit::{Exit, Failure};
+use crate::records::results::{PaperFigure, PerType};
+use crate::records::schedule::Plan;
+use crate::stands::virtual_run;
+use crate::verbs::jobs;
+use crate::verbs::study::{Found, StudyOptions};
+
+/// Version of the study's JSON.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// Repetitions of each type in every case.
+const REPETITIONS: u32 = 5;
+
+const EXAMPLES: &str = "\
+Examples:
+  bench sensitivity --setup A                     one number at a time: half of it, as it is, twice as much
+  bench sensitivity --setup B --reps 25           as exact as the table of a run
+  bench sensitivity --factors 0.9,1,1.1           ten per cent either way
+  bench sensitivity --export-csv sensitivity.csv --quiet";
+
+/// Options of a sensitivity study.
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct SensitivityOptions {
+    /// Setup, seed and files.
+    #[command(flatten)]
+    pub study: StudyOptions,
+    /// By what each number but that of the motions is multiplied, in place of its own factors.
+    #[arg(long, value_name = "F,…", value_delimiter = ',', value_parser = multiplier)]
+    pub factors: Option<Vec<f64>>,
+    /// Repetitions of each execution type in every case.
+    #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
+    pub reps: u32,
+}
+
+fn multiplier(text: &str) -> Result<f64, String> {
+    let factor: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.0..=100.0).contains(&factor) { Ok(factor) } else { Err("a factor is 0 to 100".to_owned()) }
+}
+
+/// Everything that a study found out.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Sensitivity {
+    /// Version of this format.
+    pub schema_version: u32,
+    /// The setup's name.
+    pub setup: String,
+    /// The setup's title.
+    pub title: String,
+    /// The application's name.
+    pub application: String,
+    /// Repetitions of each type in every case.
+    pub reps: u32,
+    /// Seed of clocks, phases and pauses.
+    pub seed: u64,
+    /// The published figures, if the paper measured this setup.
+    pub paper: Option<PerType<PaperFigure>>,
+    /// The cases; the first one is the setup as it is.
+    pub rows: Vec<Row>,
+}
+
+/// One case: the setup as it is but for one number.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// What is varied; null for the setup as it is.
+    pub factor: Option<Factor>,
+    /// By what it is multiplied; see [`Factor`] for the motions.
+    pub times: f64,
+    /// What it then is, with its unit.
+    pub value: String,
+    /// Why it cannot be run, in words; then there are no figures.
+    pub refused: Option<String>,
+    /// With the setup's calibrated numbers.
+    pub calibrated: Figures,
+    /// The same where a skill call costs nothing besides its motion.
+    pub without_skill_overhead: Figures,
+    /// Without any calibrated number: h = 0, rated speeds, no quanta.
+    pub uncalibrated: Figures,
+}
+
+/// What one variant of a case came to.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Figures {
+    /// AET of RC, in ms.
+    pub rc_ms: Option<f64>,
+    /// AET of SM, in ms.
+    pub sm_ms: Option<f64>,
+    /// AET of CM, in ms.
+    pub cm_ms: Option<f64>,
+    /// AETi, (SM − CM) / SM, 0…1.
+    pub aet_improvement: Option<f64>,
+}
+
+/// Which numbers of the setup are as they were calibrated.
+#[derive(Clone, Copy, Debug)]
+enum Variant {
+    Calibrated,
+    WithoutOverhead,
+    Uncalibrated,
+}
+
+/// What is run: a variant of a case, planned.
+struct Job {
+    setup: Setup,
+    planned: Planned,
+}
+
+/// Runs the study, prints its table and saves it.
+///
+/// # Errors
+///
+/// The options or the setup do not allow it, a run fails, or the disk does not take the results. A case that the planner
+/// or the robot refuses is none: its row says why.
+pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
+    let started = SystemTime::now();
+    let (setup, found) = options.study.setup.load()?;
+    found.plan(&setup)?;
+    let study = study(&setup, &found.application, options)?;
+    outln!("{}", render(&study));
+    let found = Found {
+        json: &(serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n"),
+        csv: &csv(&study),
+        page: None,
+    };
+    let directory = options.study.save("sensitivity", &setup, started, found)?;
+    outln!("  Saved in {}.", directory.display());
+    Ok(Exit::Pass)
+}
+
+fn study(
+    setup: &Setup,
+    application: &Application,
+    options: &SensitivityOptions,
+) -> anyhow::Result<Sensitivity> {
+    let cases = Case::all(setup, options.factors.as_deref());
+    let plan = Plan::new(&ExecutionType::ALL, options.reps, options.study.seed);
+    let mut jobs = Vec::new();
+    for case in &cases {
+        for variant in [Variant::Calibrated, Variant::WithoutOverhead, Variant::Uncalibrated] {
+            jobs.push(
+                case.make(&variant.of(setup.clone()), application)
+                    .map(|(setup, planned)| Job { setup, planned }),
+            );
+        }
+    }
+    // What the robot refuses is an answer as well: the case is out of its reach.
+    let outcomes = jobs::run("sensitivity", options.study.quiet, &jobs, |job| {
+        Ok(match job {
+            Ok(job) => figures(job, &plan).map_err(|error| format!("{error:#}")),
+            Err(error) => Err(error.to_string()),
+        })
+    })?;
+    let mut outcomes = outcomes.into_iter();
+    let rows = cases.into_iter().map(|case| {
+        let mut refused = None;
+        let mut next = || match outcomes.next() {
+            Some(Ok(figures)) => figures,
+            Some(Err(reason)) => {
+                refused.get_or_insert(reason);
+                Figures::default()
+            }
+            None => Figures::default(),
+        };
+        let (calibrated, without_skill_overhead, uncalibrated) = (next(), next(), next());
+        let value = case.value(setup, application);
+        let Case { factor, times } = case;
+        Row { factor, times, value, refused, calibrated, without_skill_overhead, uncalibrated }
+    });
+    Ok(Sensitivity {
+        schema_version: SCHEMA_VERSION,
+        setup: setup.name.clone(),
+        title: setup.title.clone(),
+        application: application.name.clone(),
+        reps: options.reps,
+        seed: options.study.seed,
+        paper: setup.paper.as_ref().map(|paper| PerType {
+            rc: Some(paper.rc.into()),
+            sm: Some(paper.sm.into()),
+            cm: Some(paper.cm.into()),
+        }),
+        rows: rows.collect(),
+    })
+}
+
+impl Variant {
+    fn of(self, setup: Setup) -> Setup {
+        match self {
+            Self::Calibrated => setup,
+            Self::WithoutOverhead => setup.with_skill_overhead(0),
+            Self::Uncalibrated => setup.uncalibrated(),
+        }
+    }
+}
+
+fn figures(job: &Job, plan: &Plan) -> anyhow::Result<Figures> {
+    let results = virtual_run::whole_of(&job.setup, &job.planned, plan)?;
+    let aet = |of| results.figure(of).map(|figure| figure.aet_ms);
+    Ok(Figures {
+        rc_ms: aet(ExecutionType::Rc),
+        sm_ms: aet(ExecutionType::Sm),
+        cm_ms: aet(ExecutionType::Cm),
+        aet_improvement: results.aet_improvement,
+    })
+}

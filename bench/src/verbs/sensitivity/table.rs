@@ -1,0 +1,122 @@
+//! A study on screen and as CSV.
+
+use std::fmt::Write as _;
+
+use super::{Factor, Figures, Row, Sensitivity};
+use crate::output::screen::{drawn, styled};
+use crate::records::schedule::repetitions;
+
+const NONE: &str = "–";
+
+/// The table and what its columns mean.
+#[must_use]
+pub fn render(study: &Sensitivity) -> String {
+    let Sensitivity { setup, title, application, reps, seed, .. } = study;
+    let mut table = styled();
+    table.set_header([
+        "varied",
+        "is",
+        "RC\nms",
+        "SM\nms",
+        "CM\nms",
+        "AETi\n",
+        "change\npoints",
+        "SM\nh = 0",
+        "CM\nh = 0",
+        "AETi\nh = 0",
+        "RC\nuncal.",
+        "SM\nuncal.",
+        "CM\nuncal.",
+        "AETi\nuncal.",
+    ]);
+    let base = study.rows.first().and_then(|row| row.calibrated.aet_improvement);
+    let mut notes = Vec::new();
+    for row in &study.rows {
+        let name = name(row);
+        if let Some(reason) = &row.refused {
+            notes.push(format!("  {name} is refused: {reason}"));
+        }
+        let (with, without, bare) = (&row.calibrated, &row.without_skill_overhead, &row.uncalibrated);
+        let change =
+            row.factor.and(with.aet_improvement.zip(base)).map(|(share, base)| (share - base) * 100.0);
+        table.add_row([
+            name,
+            row.value.clone(),
+            millis(with.rc_ms),
+            millis(with.sm_ms),
+            millis(with.cm_ms),
+            percent(with),
+            change.map_or_else(String::new, |points| format!("{points:+.1}").replace('-', "−")),
+            millis(without.sm_ms),
+            millis(without.cm_ms),
+            percent(without),
+            millis(bare.rc_ms),
+            millis(bare.sm_ms),
+            millis(bare.cm_ms),
+            percent(bare),
+        ]);
+    }
+    let mut text = format!(
+        "Setup {setup}: {title}\n\
+         {application}, one number at a time, {} of each type, virtual mode, seed {seed}\n\n{}\n\n",
+        repetitions(*reps),
+        drawn(table)
+    );
+    if let Some((sm, cm)) = study.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm)) {
+        let share = crate::records::statistics::aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
+        let _ = writeln!(text, "  The paper's AETi: {share:.0} %.");
+    }
+    text.push_str(
+        "  RC, SM, CM: AET with the setup's calibrated numbers, which are not calibrated again for the varied ones.\n  \
+         h = 0: a skill call costs nothing but its motion and the cycles it waits for.\n  \
+         uncal.: nothing that was calibrated: h = 0, rated speeds, every command noticed at once.\n  \
+         motions: the same way, pre- and post-movements joined with their paths, or each straight motion in so many pieces.",
+    );
+    for note in notes {
+        text.push('\n');
+        text.push_str(&note);
+    }
+    text
+}
+
+fn name(row: &Row) -> String {
+    match row.factor {
+        Some(Factor::Motions) if row.times < 1.0 => "motions joined".to_owned(),
+        Some(Factor::Motions) => format!("motions in {}", row.times),
+        Some(factor) => format!("{factor} × {}", row.times),
+        None => "as it is".to_owned(),
+    }
+}
+
+fn millis(value: Option<f64>) -> String {
+    value.map_or_else(|| NONE.to_owned(), |ms| format!("{ms:.0}"))
+}
+
+fn percent(figures: &Figures) -> String {
+    figures.aet_improvement.map_or_else(|| NONE.to_owned(), |share| format!("{:.1} %", share * 100.0))
+}
+
+/// All rows, one a line.
+#[must_use]
+pub fn csv(study: &Sensitivity) -> String {
+    let mut text = String::from("varied,times,value");
+    for variant in ["", "_h0", "_uncalibrated"] {
+        let _ = write!(text, ",rc_ms{variant},sm_ms{variant},cm_ms{variant},aeti{variant}");
+    }
+    text.push_str(",refused\n");
+    for row in &study.rows {
+        let factor = row.factor.map_or_else(|| "none".to_owned(), |factor| factor.to_string());
+        let _ = write!(text, "{factor},{},{}", row.times, row.value);
+        for figures in [&row.calibrated, &row.without_skill_overhead, &row.uncalibrated] {
+            for value in [figures.rc_ms, figures.sm_ms, figures.cm_ms, figures.aet_improvement] {
+                text.push(',');
+                if let Some(value) = value {
+                    let _ = write!(text, "{value:.4}");
+                }
+            }
+        }
+        let refused = row.refused.as_deref().unwrap_or_default().replace('"', "\"\"").replace('\n', " ");
+        let _ = if refused.is_empty() { writeln!(text, ",") } else { writeln!(text, ",\"{refused}\"") };
+    }
+    text
+}

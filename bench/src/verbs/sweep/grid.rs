@@ -1,0 +1,175 @@
+//! The runs of a sweep and what comes of them.
+
+use std::time::Duration;
+
+use planning::Application;
+use plc_node::ExecutionType;
+use serde::{Deserialize, Serialize};
+use setup::Setup;
+
+use super::round_trip::RoundTrip;
+use super::square;
+use crate::records::schedule::Plan;
+use crate::stands::virtual_run;
+use crate::verbs::jobs;
+
+/// Cost of a skill call in the sweep, in µs: longer than the robot needs to look through its program before it starts,
+/// so that RC and CM start alike. Both pay it once, and it is taken off again.
+const OVERHEAD_US: u32 = 200_000;
+
+/// From this share on CM counts as slower than RC: below it lies what a robot cycle does to a run.
+const SLOWER: f64 = 0.01;
+
+/// What is varied.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Grid {
+    /// Slots of the image in use.
+    pub depths: Vec<u32>,
+    /// Bus cycles, in µs.
+    pub bus_cycles_us: Vec<u32>,
+    /// Lengths of every motion, in mm.
+    pub lengths_mm: Vec<f64>,
+    /// Motions in a run.
+    pub motions: u32,
+    /// Runs whose mean counts.
+    pub reps: u32,
+    /// Seed of clocks, phases and pauses.
+    pub seed: u64,
+}
+
+/// What one point of the grid came to.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Point {
+    /// Slots in use.
+    pub depth: u32,
+    /// Bus cycle in ms.
+    pub bus_cycle_ms: f64,
+    /// Length of a motion in mm.
+    pub length_mm: f64,
+    /// Time of the whole path as the robot's own program, in ms, by the robot and without the call's overhead.
+    pub rc_ms: f64,
+    /// The same as a MoveContinuousSkill.
+    pub cm_ms: f64,
+    /// Blends that CM lost in a run, on average.
+    pub blends_suppressed: f64,
+    /// The round trip from an executed motion to the next one in its slot, at its longest, in ms.
+    pub round_trip_ms: f64,
+    /// What the round trip alone says.
+    pub predicted: Predicted,
+}
+
+/// What the round trip alone says of a point, whatever the profile of the motions.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Predicted {
+    /// CM loses no blend.
+    KeepsUp,
+    /// It depends on where in a motion the robot must know of the next.
+    Open,
+    /// CM loses blends.
+    Starves,
+}
+
+impl Point {
+    /// Time that CM takes more than RC, as a share of RC's.
+    #[must_use]
+    pub fn loss(&self) -> f64 {
+        (self.cm_ms - self.rc_ms) / self.rc_ms
+    }
+
+    /// Whether CM loses to RC: a blend, or more time than the cycles alone explain.
+    #[must_use]
+    pub fn loses(&self) -> bool {
+        self.blends_suppressed > 0.0 || self.loss() > SLOWER
+    }
+
+    /// Whether CM lost time but no blend: the robot plans for a stop at the end of the motions that it knows, and knows
+    /// too few to be as quick as with its whole program.
+    #[must_use]
+    pub fn looks_too_short(&self) -> bool {
+        self.loses() && self.blends_suppressed == 0.0
+    }
+}
+
+/// One run: of RC, which knows no depth, or of CM.
+struct Job {
+    depth: Option<u32>,
+    bus_cycle_us: u32,
+    length_mm: f64,
+}
+
+/// What it came to.
+#[derive(Clone, Copy)]
+struct Outcome {
+    path_ms: f64,
+    blends_suppressed: f64,
+}
+
+impl Grid {
+    /// Runs it all; depth is the slowest to change, length the fastest.
+    ///
+    /// # Errors
+    ///
+    /// The setup cannot be run with one of the bus cycles, the arm does not reach the square, or a run fails.
+    pub fn run(&self, setup: &Setup, application: &Application, quiet: bool) -> anyhow::Result<Vec<Point>> {
+        let job = |depth, bus_cycle_us, length_mm| Job { depth, bus_cycle_us, length_mm };
+        let of_cells = |depth: Option<u32>| {
+            self.bus_cycles_us
+                .iter()
+                .flat_map(move |cycle| self.lengths_mm.iter().map(move |length| job(depth, *cycle, *length)))
+        };
+        // RC first: it is what all else is compared with.
+        let rc: Vec<Job> = of_cells(None).collect();
+        let cells = rc.len();
+        let jobs: Vec<Job> =
+            rc.into_iter().chain(self.depths.iter().flat_map(|depth| of_cells(Some(*depth)))).collect();
+        let outcomes = jobs::run("sweep", quiet, &jobs, |job| self.one(setup, application, job))?;
+        let (rc, cm) = outcomes.split_at(cells.min(outcomes.len()));
+        let of_rc = rc.iter().cycle();
+        let points = jobs.iter().skip(cells).zip(cm).zip(of_rc).map(|((job, cm), rc)| {
+            let depth = job.depth.unwrap_or_default();
+            let trip = RoundTrip::of(&setup.clone().with_bus_cycle(job.bus_cycle_us));
+            let motion = Duration::from_secs_f64(rc.path_ms / 1e3 / f64::from(self.motions));
+            Point {
+                depth,
+                bus_cycle_ms: f64::from(job.bus_cycle_us) / 1e3,
+                length_mm: job.length_mm,
+                rc_ms: rc.path_ms,
+                cm_ms: cm.path_ms,
+                blends_suppressed: cm.blends_suppressed,
+                round_trip_ms: trip.longest.as_secs_f64() * 1e3,
+                predicted: if trip.sufficient(depth).is_some_and(|sufficient| motion >= sufficient) {
+                    Predicted::KeepsUp
+                } else if motion < trip.necessary(depth) {
+                    Predicted::Starves
+                } else {
+                    Predicted::Open
+                },
+            }
+        });
+        Ok(points.collect())
+    }
+
+    fn one(&self, setup: &Setup, application: &Application, job: &Job) -> anyhow::Result<Outcome> {
+        let (of, depth) = match job.depth {
+            None => (ExecutionType::Rc, setup.plc.slots_in_use()),
+            Some(depth) => (ExecutionType::Cm, depth),
+        };
+        let setup = setup
+            .clone()
+            .with_bus_cycle(job.bus_cycle_us)
+            .with_queue_depth(depth)
+            .with_skill_overhead(OVERHEAD_US)
+            .without_quanta();
+        setup::check(&setup)?;
+        let square = square::application(application, job.length_mm, self.motions);
+        let results = virtual_run::whole(&setup, &square, &Plan::new(&[of], self.reps, self.seed))?;
+        let result = results.results.get(of).cloned().unwrap_or_default();
+        let mean = |sum: f64| sum / f64::from(self.reps);
+        let robot_ms = mean(result.robot_samples_ms.iter().sum());
+        Ok(Outcome {
+            path_ms: robot_ms - f64::from(OVERHEAD_US) / 1e3,
+            blends_suppressed: mean(result.blends_suppressed.iter().copied().map(f64::from).sum()),
+        })
+    }
+}

@@ -1,0 +1,169 @@
+//! The starvation sweep: from which bus cycle on a MoveContinuousSkill loses to the robot's own program, for every
+//! number of slots and several lengths of motion, and why five slots suffice.
+//!
+//! ```text
+//! grid        the runs: RC and CM round a square, in virtual time
+//! ├─ square      that application
+//! └─ round_trip  what must be known of a setup to say beforehand who wins
+//! found       what the grid comes to, in sentences
+//! table       the grid on screen, and as CSV; report::sweep draws it
+//! ```
+
+mod found;
+mod grid;
+mod page;
+mod round_trip;
+mod square;
+pub(crate) mod table;
+
+use std::time::SystemTime;
+
+use clap::Args;
+use serde::{Deserialize, Serialize};
+use setup::Setup;
+
+pub use found::sentences;
+pub use grid::{Grid, Point, Predicted};
+pub use round_trip::RoundTrip;
+pub use table::{csv, render};
+
+use crate::outln;
+use crate::output::exit::{Exit, Failure};
+use crate::verbs::study::{Found, StudyOptions};
+
+/// Version of the sweep's JSON.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// Motions of a run: six times round the square.
+const MOTIONS: u32 = 24;
+/// Runs of every point, each at other phases.
+const REPETITIONS: u32 = 3;
+/// The paper's five slots, and fewer.
+const DEPTHS: [u32; 5] = [1, 2, 3, 4, 5];
+/// Bus cycles in µs, of those that every bus knows.
+const BUS_CYCLES_US: [u32; 7] = [1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000];
+/// Lengths of a motion in mm: from a point of a taught curve to a way across the cell.
+const LENGTHS_MM: [f64; 7] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
+
+const EXAMPLES: &str = "\
+Examples:
+  bench sweep --setup A                       where CM loses to RC, as a table and as a page
+  bench sweep --setup B --lengths 0.5,1,2     shorter motions, over EtherNet/IP
+  bench sweep --depths 5 --cycles 64 --quiet  one column, for scripts
+  bench sweep --export-csv sweep.csv --export-json sweep.json";
+
+/// Options of a sweep.
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct SweepOptions {
+    /// Setup, seed and files.
+    #[command(flatten)]
+    pub study: StudyOptions,
+    /// Slots of the image in use.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_values_t = DEPTHS, value_parser = clap::value_parser!(u32).range(1..=5))]
+    pub depths: Vec<u32>,
+    /// Bus cycles in ms [default: 1,2,4,8,16,32,64].
+    #[arg(long, value_name = "MS,…", value_delimiter = ',', value_parser = milliseconds)]
+    pub cycles: Option<Vec<u32>>,
+    /// Lengths of every motion in mm.
+    #[arg(long, value_name = "MM,…", value_delimiter = ',', default_values_t = LENGTHS_MM, value_parser = length)]
+    pub lengths: Vec<f64>,
+    /// Motions of a run; a square has four sides.
+    #[arg(long, value_name = "N", default_value_t = MOTIONS, value_parser = clap::value_parser!(u32).range(6..=1_000))]
+    pub motions: u32,
+    /// Repetitions of every point, each at other phases of the cycles.
+    #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
+    pub reps: u32,
+}
+
+/// A bus cycle in ms, as µs.
+fn milliseconds(text: &str) -> Result<u32, String> {
+    let ms: f64 = text.parse().map_err(|_| "not a number of milliseconds".to_owned())?;
+    if ms > 0.0 && ms <= 10_000.0 {
+        Ok((ms * 1e3).round() as u32)
+    } else {
+        Err("a bus cycle is above 0 and at most 10000 ms".to_owned())
+    }
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    let mm: f64 = text.parse().map_err(|_| "not a number of millimetres".to_owned())?;
+    if mm > 0.0 && mm <= 10_000.0 {
+        Ok(mm)
+    } else {
+        Err("a length is above 0 and at most 10000 mm".to_owned())
+    }
+}
+
+/// Everything that a sweep found out.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Sweep {
+    /// Version of this format.
+    pub schema_version: u32,
+    /// The setup's name.
+    pub setup: String,
+    /// The setup's title.
+    pub title: String,
+    /// The setup's own bus cycle, in ms.
+    pub bus_cycle_ms: f64,
+    /// The setup's own slots in use.
+    pub queue_depth: u32,
+    /// Motions of a run.
+    pub motions: u32,
+    /// Runs of every point.
+    pub reps: u32,
+    /// Seed of clocks, phases and pauses.
+    pub seed: u64,
+    /// The points: depth is the slowest to change, length the fastest.
+    pub points: Vec<Point>,
+}
+
+impl Sweep {
+    /// What the points of a grid are of a setup.
+    #[must_use]
+    pub fn new(setup: &Setup, grid: &Grid, points: Vec<Point>) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            setup: setup.name.clone(),
+            title: setup.title.clone(),
+            bus_cycle_ms: f64::from(setup.bus.cycle_us.value) / 1e3,
+            queue_depth: setup.plc.slots_in_use(),
+            motions: grid.motions,
+            reps: grid.reps,
+            seed: grid.seed,
+            points,
+        }
+    }
+}
+
+/// Runs a sweep, prints its table and writes its page.
+///
+/// # Errors
+///
+/// The options or the setup do not allow it, a run fails, or the disk does not take the results.
+pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
+    let started = SystemTime::now();
+    let (setup, found) = options.study.setup.load()?;
+    let grid = Grid {
+        depths: options.depths.clone(),
+        bus_cycles_us: options.cycles.clone().unwrap_or_else(|| BUS_CYCLES_US.to_vec()),
+        lengths_mm: options.lengths.clone(),
+        motions: options.motions,
+        reps: options.reps,
+        seed: options.study.seed,
+    };
+    for cycle_us in &grid.bus_cycles_us {
+        setup::check(&setup.clone().with_bus_cycle(*cycle_us))?;
+    }
+    let points = grid.run(&setup, &found.application, options.study.quiet)?;
+    let sweep = Sweep::new(&setup, &grid, points);
+    outln!("{}", render(&sweep));
+    let found = Found {
+        json: &(serde_json::to_string_pretty(&sweep).map_err(anyhow::Error::from)? + "\n"),
+        csv: &csv(&sweep),
+        page: Some(&page::page(&sweep)?),
+    };
+    let directory = options.study.save("sweep", &setup, started, found)?;
+    outln!("  Saved in {}.\n  Page: {}.", directory.display(), directory.join("sweep.html").display());
+    Ok(Exit::Pass)
+}

@@ -1,0 +1,111 @@
+//! A sweep on screen, a block for each depth, and as CSV.
+
+use std::fmt::Write as _;
+
+use super::{Point, Sweep, sentences};
+use crate::output::screen::{self, drawn, styled};
+use crate::records::schedule::repetitions;
+
+/// All blocks and what they come to.
+#[must_use]
+pub fn render(sweep: &Sweep) -> String {
+    let Sweep { setup, title, motions, reps, seed, .. } = sweep;
+    let mut text = format!(
+        "Setup {setup}: {title}\n\
+         {motions} blended motions round a square, RC and CM, {}, virtual mode, seed {seed}\n\
+         How much longer CM takes than RC, and in brackets how many of {} blends became stops; · is none.\n",
+        repetitions(*reps),
+        motions.saturating_sub(1)
+    );
+    for depth in depths(sweep) {
+        let _ = write!(text, "\n{}\n{}\n", slots(depth), block(sweep, depth));
+    }
+    let sentences = sentences(sweep);
+    text.push('\n');
+    text.push_str(&screen::sentences(sentences.iter().map(String::as_str)));
+    text
+}
+
+/// The depths of a sweep, each once, in order.
+pub(crate) fn depths(sweep: &Sweep) -> Vec<u32> {
+    let mut depths: Vec<u32> = sweep.points.iter().map(|point| point.depth).collect();
+    depths.dedup();
+    depths
+}
+
+/// The points of a depth in rows of one length each, the longest on top.
+pub(crate) fn rows(sweep: &Sweep, depth: u32) -> Vec<Vec<Point>> {
+    let mut rows: Vec<Vec<Point>> = Vec::new();
+    for point in sweep.points.iter().filter(|point| point.depth == depth) {
+        match rows.iter_mut().find(|row| row.first().is_some_and(|first| first.length_mm == point.length_mm))
+        {
+            Some(row) => row.push(*point),
+            None => rows.push(vec![*point]),
+        }
+    }
+    rows.reverse();
+    rows
+}
+
+/// A depth in words.
+pub(crate) fn slots(depth: u32) -> String {
+    if depth == 1 { "1 slot".to_owned() } else { format!("{depth} slots") }
+}
+
+fn block(sweep: &Sweep, depth: u32) -> String {
+    let rows = rows(sweep, depth);
+    let mut table = styled();
+    let cycles = rows.first().into_iter().flatten().map(|point| format!("bus {} ms", point.bus_cycle_ms));
+    table.set_header(["motion".to_owned(), "takes".to_owned()].into_iter().chain(cycles));
+    for row in rows {
+        let Some(first) = row.first() else { continue };
+        let motion =
+            [format!("{} mm", first.length_mm), format!("{:.0} ms", first.rc_ms / f64::from(sweep.motions))];
+        table.add_row(motion.into_iter().chain(row.iter().map(cell)));
+    }
+    drawn(table)
+}
+
+pub(crate) fn cell(point: &Point) -> String {
+    if !point.loses() {
+        return "·".to_owned();
+    }
+    format!("{} ({:.0})", percent(point.loss()), point.blends_suppressed)
+}
+
+/// A share in whole percent, or in tenths where it is small.
+pub(crate) fn percent(share: f64) -> String {
+    let percent = share * 100.0;
+    if percent.abs() < 1.0 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
+}
+
+/// All points, one a line.
+#[must_use]
+pub fn csv(sweep: &Sweep) -> String {
+    let mut text = String::from(
+        "queue_depth,bus_cycle_ms,length_mm,rc_ms,cm_ms,loss_percent,blends_suppressed,round_trip_ms,predicted\n",
+    );
+    for point in &sweep.points {
+        let Point {
+            depth,
+            bus_cycle_ms,
+            length_mm,
+            rc_ms,
+            cm_ms,
+            blends_suppressed,
+            round_trip_ms,
+            predicted,
+        } = point;
+        let predicted = match predicted {
+            super::Predicted::KeepsUp => "keeps-up",
+            super::Predicted::Open => "open",
+            super::Predicted::Starves => "starves",
+        };
+        let loss = point.loss() * 100.0;
+        let _ = writeln!(
+            text,
+            "{depth},{bus_cycle_ms},{length_mm},{rc_ms:.3},{cm_ms:.3},{loss:.3},{blends_suppressed:.2},{round_trip_ms:.3},{predicted}"
+        );
+    }
+    text
+}
