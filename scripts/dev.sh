@@ -22,6 +22,7 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v setpriv >/dev/null || missing+=(util-linux)
     command -v shellcheck >/dev/null || missing+=(shellcheck)
+    command -v python3 >/dev/null || missing+=(python3)
     command -v valgrind >/dev/null || missing+=(valgrind)
     command -v npm >/dev/null || missing+=(nodejs npm)
     browser >/dev/null || missing+=(chromium)
@@ -44,6 +45,10 @@ verb_lint() { #: clippy with warnings denied, the purity rules among them; shell
     cargo clippy --workspace --all-targets --all-features --locked -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --locked --quiet
     shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
+}
+
+verb_modules() { #: fail where modules of one folder import each other in a circle, or an import of the bench runs up
+    python3 scripts/module-graph.py
 }
 
 verb_purity() { #: prove that the crates of machines can name no clock, socket, thread or file
@@ -355,7 +360,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
 }
 
 verb_ci() { #: all of it but setup and timing
-    for verb in format lint purity test docs browser gate instructions wire user interop demo; do
+    for verb in format lint modules purity test docs browser gate instructions wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

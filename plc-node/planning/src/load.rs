@@ -8,7 +8,8 @@ use setup::Setup;
 
 use crate::application::Application;
 use crate::error::Error;
-use crate::plan::{Plan, plan};
+use crate::plan::Plan;
+use crate::planner::plan;
 
 /// Applications compiled in: name and text.
 pub const APPLICATIONS: &[(&str, &str)] = &[

@@ -3,9 +3,7 @@
 use std::ops::Range;
 
 use crate::application::{Action, Application, Labels};
-use crate::error::Error;
 use crate::motion::Motion;
-use crate::planner::Planner;
 use crate::zone::Why;
 use setup::Setup;
 
@@ -114,17 +112,4 @@ impl Plan {
             why => format!("{this}: {why}"),
         }
     }
-}
-
-/// Plans all cycles of an application on a setup: the paper's steps I to IV.
-///
-/// # Errors
-/// [`Error::Refused`] names the step, the motion, the quantity and its limit.
-pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
-    let mut plan = Plan::empty(application, setup);
-    let mut planner = Planner::new(application, setup);
-    for cell in 0..application.cells() {
-        planner.cycle(cell, &mut plan)?;
-    }
-    Ok(plan)
 }

@@ -12,6 +12,19 @@ use crate::plan::{Continuous, Plan, Reason};
 use crate::way::{Space, Way};
 use crate::zone::{Sizes, Why};
 
+/// Plans all cycles of an application on a setup: the paper's steps I to IV.
+///
+/// # Errors
+/// [`Error::Refused`] names the step, the motion, the quantity and its limit.
+pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
+    let mut plan = Plan::empty(application, setup);
+    let mut planner = Planner::new(application, setup);
+    for cell in 0..application.cells() {
+        planner.cycle(cell, &mut plan)?;
+    }
+    Ok(plan)
+}
+
 /// Plans cycle after cycle. It remembers where the tool is and nothing else, so its memory does not grow.
 #[derive(Debug)]
 pub(crate) struct Planner<'a> {

@@ -6,7 +6,8 @@
 use std::fmt::{self, Write};
 
 use ethernet_ip::cip::class;
-use ethernet_ip::description::{Assembly, CLASSES, Description, PORT_NUMBER, Role};
+use ethernet_ip::description::{Assembly, Description, Role};
+use ethernet_ip::{CLASSES, PORT_NUMBER};
 
 use crate::Date;
 

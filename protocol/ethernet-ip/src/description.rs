@@ -4,7 +4,6 @@ use core::fmt;
 
 use super::cip::{ElectronicKey, Revision};
 use super::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
-pub use super::objects::{CLASSES, PORT_NUMBER};
 use crate::IO_DATA_LEN;
 
 /// What an assembly is for.

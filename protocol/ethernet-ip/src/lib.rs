@@ -24,6 +24,7 @@ mod objects;
 pub mod scanner;
 
 pub use adapter::{Adapter, AdapterConfig};
+pub use objects::{CLASSES, PORT_NUMBER};
 pub use scanner::{Scanner, ScannerConfig};
 
 use machine::PortRequest;

@@ -14,7 +14,7 @@ use std::time::Duration;
 use rustix::event::{PollFd, PollFlags};
 use socket2::{SockRef, TcpKeepalive};
 
-use crate::inbox::{Input, Lines};
+use crate::input::{Input, Lines};
 use crate::message::Message;
 
 /// Longest answer that waits for a controller to read it, in bytes: minutes of what a node has to say.

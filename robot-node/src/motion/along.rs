@@ -15,8 +15,6 @@ use arrayvec::ArrayVec;
 use super::curve::Curve;
 use super::derivatives::{Channel, Derivatives, NODES, PLACES, SHARES, Samples, largest, most};
 use super::profile::Limits;
-use super::segment::Segment;
-use super::spline::Spline;
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve for what the samples do not show. Where they leave out more, the curve is cut.
@@ -299,14 +297,4 @@ fn speed_within_jerk(mut speed: f64, linear: f64, cubic: f64, jerk: f64) -> f64 
         speed -= over / (linear + 3.0 * square);
     }
     speed
-}
-
-/// A motion of a spline in the shape that its neighbours give it, from the joints `from`; none where the arm cannot
-/// follow that shape to the same joints.
-#[must_use]
-pub(super) fn reshaped(segment: &Segment, spline: Spline, from: &Joints, arm: &Arm) -> Option<Segment> {
-    let curve = Curve::Spline(spline);
-    let Followed { end, limits, zones } = along(&curve, from, spline.programmed(), arm).ok()?;
-    let same_turns = end.iter().zip(&segment.end).all(|(one, other)| (one - other).abs() < 1e-3);
-    same_turns.then_some(Segment { curve, end, limits, zones, ..*segment })
 }

@@ -2,7 +2,6 @@
 
 use protocol::image::Motion;
 
-use super::along;
 use super::blend::{self, Blend};
 use super::curve::Curve;
 use super::path::{Corner, Law, Path, Planned};
@@ -120,12 +119,12 @@ impl Path {
         let corner = before.checked_sub(1).and_then(|index| self.queue.get(index));
         let start = corner.map_or(&self.start, |corner| &corner.segment.end);
         let shape = first.with_neighbours(first.before(), Some(*second.to()));
-        let one = along::reshaped(&self.queue.get(before)?.segment, shape, start, arm)?;
+        let one = self.queue.get(before)?.segment.reshaped(shape, start, arm)?;
         let next = if is_shaped {
             None
         } else {
             let shape = second.with_neighbours(Some(*first.from()), None);
-            Some(along::reshaped(&self.queue.back()?.segment, shape, &one.end, arm)?)
+            Some(self.queue.back()?.segment.reshaped(shape, &one.end, arm)?)
         };
         let corner = corner
             .filter(|corner| corner.corner.is_some())
@@ -168,7 +167,7 @@ impl Path {
         let (Some(before), Some(last)) = (self.queue.get(before), self.queue.back()) else { return };
         let Curve::Spline(piece) = &last.segment.curve else { return };
         let alone = piece.with_neighbours(None, None);
-        if let Some(straight) = along::reshaped(&last.segment, alone, &before.segment.end, arm) {
+        if let Some(straight) = last.segment.reshaped(alone, &before.segment.end, arm) {
             self.set_last(straight, arm);
         }
     }

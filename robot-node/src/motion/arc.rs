@@ -1,6 +1,6 @@
 //! The circle of one motion: through an intermediate point to the target.
 
-use super::curve::Flange;
+use super::flange::Flange;
 use crate::arm::{Frame, LEAST_WAY_MM, Rotation, Violation, cross, dot, length};
 
 /// How far the intermediate point must be off the line from start to target, in mm: beyond what single precision on

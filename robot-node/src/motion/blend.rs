@@ -16,8 +16,9 @@
 //! A corner is passed at one rate as a rule. Its limits leave room to brake in it and to start again, for a stop on
 //! the path may come at any moment.
 
-use super::curve::{Curve, Flange};
+use super::curve::Curve;
 use super::derivatives::{Channel, Derivatives, NODES, SHARES, Samples, most};
+use super::flange::Flange;
 use super::profile::Limits;
 use super::segment::Segment;
 use crate::arm::{AXES, Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};

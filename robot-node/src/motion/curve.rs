@@ -1,6 +1,7 @@
 //! The geometry of one motion, without time: where the arm is after a way `s` along it.
 
 use super::arc::Arc;
+use super::flange::Flange;
 use super::spline::Spline;
 use crate::arm::{Arm, Frame, Joints, Rotation, Violation, distance};
 
@@ -38,24 +39,6 @@ pub struct Line {
 pub struct AxisLine {
     from: Joints,
     to: Joints,
-}
-
-/// How the flange follows from the tool.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Flange(Option<Frame>);
-
-impl Flange {
-    /// For this tool frame. The flange itself, the common case, costs no multiplication.
-    #[must_use]
-    pub fn of_tool(tool: &Frame) -> Self {
-        Self((*tool != Frame::IDENTITY).then(|| tool.inverse()))
-    }
-
-    /// The flange, when the tool is at `tool` in the root.
-    #[must_use]
-    pub fn when_tool_at(&self, tool: Frame) -> Frame {
-        self.0.map_or(tool, |from_tool| tool * from_tool)
-    }
 }
 
 impl Line {

@@ -4,7 +4,8 @@ use protocol::image::{ErrorNumber, Motion, MotionKind};
 
 use super::along::{Followed, along};
 use super::arc::Arc;
-use super::curve::{AxisLine, Curve, Flange, Line};
+use super::curve::{AxisLine, Curve, Line};
+use super::flange::Flange;
 use super::profile::Limits;
 use super::spline::Spline;
 use crate::RobotConfig;
@@ -150,6 +151,16 @@ impl Segment {
                 base_inverse,
             })
         }
+    }
+
+    /// The same motion of a spline in the shape that its neighbours give it, from the joints `from`; none where the arm
+    /// cannot follow that shape to the same joints.
+    #[must_use]
+    pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
+        let curve = Curve::Spline(spline);
+        let Followed { end, limits, zones } = along(&curve, from, spline.programmed(), arm).ok()?;
+        let same_turns = end.iter().zip(&self.end).all(|(one, other)| (one - other).abs() < 1e-3);
+        same_turns.then_some(Self { curve, end, limits, zones, ..*self })
     }
 
     /// The tool in the root when the joints are these.

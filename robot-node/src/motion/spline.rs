@@ -19,7 +19,7 @@
 //! Square roots of the distances (the centripetal parameter) keep a long piece beside a short one from swinging out.
 //! The orientation goes through the same blend as a quaternion and is normalised, so it is as smooth as the position.
 
-use super::curve::Flange;
+use super::flange::Flange;
 use super::profile::Limits;
 use crate::arm::{Frame, Rotation, distance, dot, length};
 

@@ -57,14 +57,14 @@ pub enum RigError {
         reason: io::Error,
     },
     /// A node ended that should not have.
-    #[error("the {which} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_words))]
+    #[error("the {which} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_stderr))]
     NodeEnded {
         /// Which node.
         which: Which,
         /// How it ended, if it could be found out.
         status: Option<ExitStatus>,
         /// What it last wrote on standard error.
-        last_words: Vec<String>,
+        last_stderr: Vec<String>,
     },
     /// A node that somebody else was to start is not there.
     #[error(
@@ -109,14 +109,14 @@ pub enum RigError {
         wanted: String,
     },
     /// No connection came about.
-    #[error("the PLC found no robot that was ready within {} s: {reason}{}", waited.as_secs(), quoted(last_words))]
+    #[error("the PLC found no robot that was ready within {} s: {reason}{}", waited.as_secs(), quoted(last_stderr))]
     NotConnected {
         /// For how long it tried.
         waited: Duration,
         /// What the PLC said of it last.
         reason: String,
         /// What both nodes last wrote on standard error.
-        last_words: Vec<String>,
+        last_stderr: Vec<String>,
     },
     /// The connection was there and is gone.
     #[error("the connection between the nodes was lost; the {seen_by} says: {reason}")]
@@ -158,7 +158,7 @@ pub enum RigError {
     },
     /// A node says what no node says.
     #[error("the {which} said `{line}`, which is no message: are bench and node of one build?")]
-    Gibberish {
+    UnreadableLine {
         /// Which node.
         which: Which,
         /// What it said.
@@ -198,13 +198,13 @@ impl RigError {
             | Self::HeldUp { .. }
             | Self::RunFailed { .. }
             | Self::NoAnswer { .. }
-            | Self::Gibberish { .. } => Exit::RunFailed,
+            | Self::UnreadableLine { .. } => Exit::RunFailed,
         }
     }
 }
 
-fn quoted(last_words: &[String]) -> String {
-    if last_words.is_empty() { String::new() } else { format!("; it said: {}", last_words.join(" / ")) }
+fn quoted(last_stderr: &[String]) -> String {
+    if last_stderr.is_empty() { String::new() } else { format!("; it said: {}", last_stderr.join(" / ")) }
 }
 
 impl From<RigError> for Failure {

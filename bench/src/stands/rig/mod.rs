@@ -17,19 +17,20 @@
 //! tokio serves pipes, connections, processes and timeouts here. The cyclic threads are in the other processes and know
 //! nothing of it.
 
-mod attached;
+mod attach;
+mod attached_node;
 mod cable;
 mod config;
-mod conversation;
 mod error;
+mod executions;
 mod frames;
 mod kills;
+mod messages;
 mod node;
-mod party;
-mod runs;
+mod node_process;
 mod stand;
 
-pub use attached::{Attach, AttachError};
+pub use attach::{Attach, AttachError};
 pub use config::RigConfig;
 pub use error::{RigError, Which};
 pub use frames::FrameLog;
@@ -49,11 +50,11 @@ use tokio::time::Instant;
 use virtual_time::Side;
 
 use cable::{Cable, Fittings};
-use conversation::Beginning;
+use executions::ExecutedMotions;
 use kills::Kills;
-use node::{NodeProcess, Said};
-use party::Party;
-use runs::Moved;
+use messages::Startup;
+use node::Node;
+use node_process::{NodeEvent, NodeProcess};
 
 use crate::records::conditions::Health;
 use crate::records::faults::FaultReport;
@@ -108,16 +109,16 @@ pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
 /// Both nodes, connected.
 #[derive(Debug)]
 pub struct Rig {
-    plc: Party,
+    plc: Node,
     /// None where the robot is no node of ours.
-    robot: Option<Party>,
-    said: mpsc::Receiver<Said>,
+    robot: Option<Node>,
+    said: mpsc::Receiver<NodeEvent>,
     hellos: Vec<(Which, Hello)>,
     reports: Reports,
     /// What the nodes had done before this rig.
     before: Reports,
     /// In the present run, or in the last one.
-    moved: Moved,
+    moved: ExecutedMotions,
     traced: Vec<Window>,
     recording: bool,
     is_traced: bool,
@@ -162,7 +163,7 @@ impl Rig {
         let (capture, frames) = (capture.as_ref(), frames.as_ref());
         let cable = Cable::lay(Fittings { capture, faults, seed: *seed, frames })?;
         // Room for all that two nodes say while the bench writes a file.
-        let (sayings, said) = mpsc::channel(1_024);
+        let (events, said) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
         let robot_args = [
             config.args(cable::ROBOT, tables::ROBOT_ROWS),
@@ -175,7 +176,7 @@ impl Rig {
             ROBOT_NODE,
             robot_args,
             cable.robot(),
-            sayings.clone(),
+            events.clone(),
         )?;
         let plc = NodeProcess::spawn(
             Which::Plc,
@@ -183,11 +184,11 @@ impl Rig {
             PLC_NODE,
             config.args(cable::PLC, tables::PLC_ROWS),
             cable.plc(),
-            sayings,
+            events,
         )?;
         let mut rig =
-            Self::of(Party::Process(plc), Some(Party::Process(robot)), said, Some(cable), config.watchdog);
-        rig.wait_until_ready(Beginning::new(None)).await?;
+            Self::of(Node::Process(plc), Some(Node::Process(robot)), said, Some(cable), config.watchdog);
+        rig.wait_until_ready(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.kills = Kills::from_now(faults);
         if let Some(cable) = &rig.cable {
@@ -198,9 +199,9 @@ impl Rig {
     }
 
     fn of(
-        plc: Party,
-        robot: Option<Party>,
-        said: mpsc::Receiver<Said>,
+        plc: Node,
+        robot: Option<Node>,
+        said: mpsc::Receiver<NodeEvent>,
         cable: Option<Cable>,
         watchdog: Duration,
     ) -> Self {
@@ -211,7 +212,7 @@ impl Rig {
             hellos: Vec::new(),
             reports: Reports::default(),
             before: Reports::default(),
-            moved: Moved::default(),
+            moved: ExecutedMotions::default(),
             traced: Vec::new(),
             recording: false,
             is_traced: false,
@@ -301,7 +302,7 @@ impl Rig {
     /// Process numbers of the PLC's and of the robot's node, while they run.
     #[must_use]
     pub fn processes(&self) -> [Option<u32>; 2] {
-        [self.plc.id(), self.robot.as_ref().and_then(Party::id)]
+        [self.plc.id(), self.robot.as_ref().and_then(Node::id)]
     }
 
     /// Ends the connection in order, then both nodes, then the capture, and says how it went until then. Nodes that ran
@@ -313,7 +314,7 @@ impl Rig {
     /// then either.
     pub async fn stop(mut self) -> Result<Health, RigError> {
         let Some(mut cable) = self.cable.take() else {
-            if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Party::has_ended) {
+            if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Node::has_ended) {
                 self.ask_for_reports().await?;
             }
             return Ok(self.health());
@@ -338,6 +339,6 @@ struct Links {
 }
 
 /// What a PLC's process says.
-type PlcSaying = Message<PlcMessage>;
+type FromPlc = Message<PlcMessage>;
 /// What a robot's process says.
-type RobotSaying = Message<RobotMessage>;
+type FromRobot = Message<RobotMessage>;

@@ -3,7 +3,7 @@
 use alloc::boxed::Box;
 use core::net::SocketAddrV4;
 
-use super::sessions::Session;
+use super::session::Session;
 use super::state::{Context, State};
 use crate::cpf::{Item, Packet, kind, write_address, write_item};
 use crate::encapsulation::{Command, HEADER_LEN, Header, Message, PROTOCOL_VERSION, Status};

@@ -9,6 +9,7 @@ mod establish;
 mod explicit;
 mod io;
 mod router;
+mod session;
 mod sessions;
 mod state;
 

@@ -5,19 +5,10 @@ use alloc::collections::VecDeque;
 use core::net::SocketAddrV4;
 
 use super::encapsulated::{Answer, answer};
+use super::session::Session;
 use super::state::State;
 use crate::encapsulation::Reassembly;
 use machine::{Duration, Instant, StreamId};
-
-/// A TCP connection.
-#[derive(Debug)]
-pub(super) struct Session {
-    pub(super) stream: StreamId,
-    pub(super) peer: SocketAddrV4,
-    /// The handle that RegisterSession gave out, 0 before it.
-    pub(super) handle: u32,
-    last_heard: Instant,
-}
 
 #[derive(Debug, Default)]
 struct Slot {

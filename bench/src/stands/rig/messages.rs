@@ -1,4 +1,4 @@
-//! What the rig and its nodes say to each other: the beginning, runs, questions, the end.
+//! What the rig and its nodes say to each other: the startup, runs, questions, the end.
 
 use std::time::Duration;
 
@@ -8,8 +8,8 @@ use protocol_linux::report::NodeReport;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::time::timeout;
 
-use super::node::Said;
-use super::party::Party;
+use super::node::Node;
+use super::node_process::NodeEvent;
 use super::{Links, Reports, Rig, RigError, Which};
 
 /// How long a connection may take before the rig gives up. A real one takes less than a second.
@@ -20,20 +20,20 @@ const ANSWER: Duration = Duration::from_secs(1);
 
 /// What is waited for before a run, and what was heard of it.
 #[derive(Debug)]
-pub(super) struct Beginning<'a> {
+pub(super) struct Startup<'a> {
     /// The setup that nodes which ran before have to be of.
     setup: Option<&'a str>,
     /// Why the last attempt to connect failed.
     last_attempt: Option<String>,
 }
 
-impl<'a> Beginning<'a> {
+impl<'a> Startup<'a> {
     pub(super) const fn new(setup: Option<&'a str>) -> Self {
         Self { setup, last_attempt: None }
     }
 
-    fn hear(&mut self, said: Said) {
-        if let Said::Plc(Message::LinkDown { reason }) = said {
+    fn hear(&mut self, said: NodeEvent) {
+        if let NodeEvent::Plc(Message::LinkDown { reason }) = said {
             self.last_attempt = Some(reason);
         }
     }
@@ -41,29 +41,29 @@ impl<'a> Beginning<'a> {
 
 impl Rig {
     /// Waits for every node that there is so far to introduce itself, as one of the wanted setup.
-    pub(super) async fn meet(&mut self, beginning: &mut Beginning<'_>) -> Result<(), RigError> {
+    pub(super) async fn meet(&mut self, startup: &mut Startup<'_>) -> Result<(), RigError> {
         let nodes = 1 + usize::from(self.robot.is_some());
         let all_met = async {
             while self.hellos.len() < nodes {
-                beginning.hear(self.next_saying().await?);
+                startup.hear(self.next_event().await?);
             }
-            self.check_hellos(beginning.setup)
+            self.check_hellos(startup.setup)
         };
         let met = timeout(CONNECT, all_met).await;
-        met.unwrap_or_else(|_| Err(self.not_connected(beginning)))
+        met.unwrap_or_else(|_| Err(self.not_connected(startup)))
     }
 
     /// Waits for the PLC to find the robot ready.
-    pub(super) async fn wait_until_ready(&mut self, mut beginning: Beginning<'_>) -> Result<(), RigError> {
-        self.meet(&mut beginning).await?;
+    pub(super) async fn wait_until_ready(&mut self, mut startup: Startup<'_>) -> Result<(), RigError> {
+        self.meet(&mut startup).await?;
         let ready = async {
             while !self.is_ready() {
-                beginning.hear(self.next_saying().await?);
+                startup.hear(self.next_event().await?);
             }
             Ok(())
         };
         let ready = timeout(CONNECT, ready).await;
-        ready.unwrap_or_else(|_| Err(self.not_connected(&beginning)))
+        ready.unwrap_or_else(|_| Err(self.not_connected(&startup)))
     }
 
     /// Whether both nodes are connected, and the robot is ready.
@@ -72,22 +72,22 @@ impl Rig {
         plc && (robot || self.robot.is_none()) && ready
     }
 
-    fn not_connected(&self, beginning: &Beginning<'_>) -> RigError {
-        let reason = beginning.last_attempt.as_deref().unwrap_or("the nodes said nothing of it").to_owned();
+    fn not_connected(&self, startup: &Startup<'_>) -> RigError {
+        let reason = startup.last_attempt.as_deref().unwrap_or("the nodes said nothing of it").to_owned();
         let nodes = [Some(&self.plc), self.robot.as_ref()];
-        let last_words = nodes.into_iter().flatten().flat_map(Party::last_words).collect();
-        RigError::NotConnected { waited: CONNECT, reason, last_words }
+        let last_stderr = nodes.into_iter().flatten().flat_map(Node::last_stderr).collect();
+        RigError::NotConnected { waited: CONNECT, reason, last_stderr }
     }
 
     /// What the PLC says next of its runs. A lost connection and an ended node are errors.
     pub(super) async fn next_plc_message(&mut self) -> Result<PlcMessage, RigError> {
         loop {
-            match self.next_saying().await? {
-                Said::Plc(Message::Node(message)) => return Ok(message),
-                Said::Plc(Message::LinkDown { reason }) => {
+            match self.next_event().await? {
+                NodeEvent::Plc(Message::Node(message)) => return Ok(message),
+                NodeEvent::Plc(Message::LinkDown { reason }) => {
                     return Err(RigError::ConnectionLost { seen_by: Which::Plc, reason });
                 }
-                Said::Robot(Message::LinkDown { reason }) => {
+                NodeEvent::Robot(Message::LinkDown { reason }) => {
                     return Err(RigError::ConnectionLost { seen_by: Which::Robot, reason });
                 }
                 _ => {}
@@ -96,52 +96,52 @@ impl Rig {
     }
 
     /// What either node says next; what concerns the rig itself is taken note of.
-    async fn next_saying(&mut self) -> Result<Said, RigError> {
+    async fn next_event(&mut self) -> Result<NodeEvent, RigError> {
         // Both readers say that their node ended before they let go of the channel.
         let said = loop {
             tokio::select! {
-                said = self.said.recv() => break said.unwrap_or(Said::Ended(Which::Plc)),
+                said = self.said.recv() => break said.unwrap_or(NodeEvent::Ended(Which::Plc)),
                 node = self.kills.next() => self.kill(node),
             }
         };
         match &said {
-            Said::Plc(Message::Hello(hello)) => self.hellos.push((Which::Plc, hello.clone())),
-            Said::Robot(Message::Hello(hello)) => self.hellos.push((Which::Robot, hello.clone())),
-            Said::Plc(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
+            NodeEvent::Plc(Message::Hello(hello)) => self.hellos.push((Which::Plc, hello.clone())),
+            NodeEvent::Robot(Message::Hello(hello)) => self.hellos.push((Which::Robot, hello.clone())),
+            NodeEvent::Plc(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.plc = report.clone();
             }
-            Said::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
+            NodeEvent::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.robot = report.clone();
             }
-            Said::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
+            NodeEvent::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
                 self.moved.motions = self.moved.motions.saturating_add(*motions);
                 self.moved.quality = self.moved.quality.then(*quality);
             }
-            Said::Plc(Message::LinkUp) => self.links.plc = true,
-            Said::Plc(Message::LinkDown { .. }) => {
+            NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
+            NodeEvent::Plc(Message::LinkDown { .. }) => {
                 self.links = Links { plc: false, ready: false, ..self.links }
             }
-            Said::Robot(Message::LinkUp) => self.links.robot = true,
-            Said::Robot(Message::LinkDown { .. }) => self.links.robot = false,
-            Said::Plc(Message::Node(PlcMessage::Ready)) => self.links.ready = true,
-            Said::Plc(Message::Node(PlcMessage::Finished(_))) => self.is_running = false,
-            Said::Plc(Message::Node(PlcMessage::Failed { .. })) => {
+            NodeEvent::Robot(Message::LinkUp) => self.links.robot = true,
+            NodeEvent::Robot(Message::LinkDown { .. }) => self.links.robot = false,
+            NodeEvent::Plc(Message::Node(PlcMessage::Ready)) => self.links.ready = true,
+            NodeEvent::Plc(Message::Node(PlcMessage::Finished(_))) => self.is_running = false,
+            NodeEvent::Plc(Message::Node(PlcMessage::Failed { .. })) => {
                 (self.is_running, self.links.ready) = (false, false);
             }
-            Said::Plc(Message::Busy { controller }) => {
+            NodeEvent::Plc(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Plc, controller: *controller });
             }
-            Said::Robot(Message::Busy { controller }) => {
+            NodeEvent::Robot(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Robot, controller: *controller });
             }
-            Said::Ended(which) => {
+            NodeEvent::Ended(which) => {
                 return Err(match self.node(*which) {
-                    Some(node) => node.obituary().await,
-                    None => RigError::NodeEnded { which: *which, status: None, last_words: Vec::new() },
+                    Some(node) => node.end_error().await,
+                    None => RigError::NodeEnded { which: *which, status: None, last_stderr: Vec::new() },
                 });
             }
-            Said::Gibberish { which, line } => {
-                return Err(RigError::Gibberish { which: *which, line: line.clone() });
+            NodeEvent::UnreadableLine { which, line } => {
+                return Err(RigError::UnreadableLine { which: *which, line: line.clone() });
             }
             _ => {}
         }
@@ -165,7 +165,7 @@ impl Rig {
             Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) => better,
             Err(RigError::NoAnswer { which, .. }) => {
                 // It has had its time; the end of the rig need not wait for it again.
-                self.node(which).into_iter().for_each(Party::kill);
+                self.node(which).into_iter().for_each(Node::kill);
                 error
             }
             Err(_) => error,
@@ -185,7 +185,7 @@ impl Rig {
     /// there to stay, and comes back.
     pub(super) async fn recovered(&mut self, error: RigError) -> Result<(), RigError> {
         match error {
-            RigError::HeldUp { .. } => self.wait_until_ready(Beginning::new(None)).await,
+            RigError::HeldUp { .. } => self.wait_until_ready(Startup::new(None)).await,
             lasting => Err(lasting),
         }
     }
@@ -198,9 +198,9 @@ impl Rig {
         let (mut plc, mut robot) = (false, self.robot.is_none());
         let both = async {
             while !(plc && robot) {
-                match self.next_saying().await? {
-                    Said::Plc(Message::Report(_)) => plc = true,
-                    Said::Robot(Message::Report(_)) => robot = true,
+                match self.next_event().await? {
+                    NodeEvent::Plc(Message::Report(_)) => plc = true,
+                    NodeEvent::Robot(Message::Report(_)) => robot = true,
                     _ => {}
                 }
             }
@@ -219,7 +219,7 @@ impl Rig {
         node.tell(&Instruction::<()>::Stop).await;
         let end = async {
             loop {
-                match self.next_saying().await {
+                match self.next_event().await {
                     Ok(_) => {}
                     Err(RigError::NodeEnded { which: ended, status: Some(status), .. })
                         if ended == which && status.success() =>
@@ -238,7 +238,7 @@ impl Rig {
         self.plc.tell(instruction).await;
     }
 
-    const fn node(&mut self, which: Which) -> Option<&mut Party> {
+    const fn node(&mut self, which: Which) -> Option<&mut Node> {
         match which {
             Which::Plc => Some(&mut self.plc),
             Which::Robot => self.robot.as_mut(),

@@ -1,33 +1,17 @@
-//! A node that somebody else started, reached over its control port: a container, another machine, or the one node of
-//! which the peer is real hardware.
+//! The option `--attach`: nodes that run already, and how the rig takes control of them.
 
 use std::str::FromStr;
-use std::time::Duration;
 
 use plc_node::process::PlcInstruction;
 use protocol_linux::message::Instruction;
 use robot_node::process::RobotInstruction;
-use serde::Serialize;
 use setup::Setup;
-use tokio::io::AsyncWriteExt as _;
-use tokio::net::TcpStream;
-use tokio::net::tcp::OwnedWriteHalf;
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::conversation::Beginning;
-use super::node::{Said, listen};
-use super::party::Party;
+use super::attached_node::AttachedNode;
+use super::messages::Startup;
+use super::node::Node;
 use super::{Rig, RigError, Which};
-
-/// How long a node may take to come up that is started together with the bench.
-const PATIENCE: Duration = Duration::from_secs(10);
-
-/// How long an address may take to answer before it is tried again: one that is not there yet never does.
-const ATTEMPT: Duration = Duration::from_secs(2);
-
-/// From an attempt that was refused to the next.
-const RETRY: Duration = Duration::from_millis(200);
 
 /// Where to reach nodes that run already.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -86,20 +70,20 @@ impl Rig {
     /// A node that is not there, is not the one that is wanted or has another controller; or a connection between them
     /// that does not come about.
     pub async fn attach(to: &Attach, setup: &Setup) -> Result<Self, RigError> {
-        let (sayings, said) = mpsc::channel(1_024);
-        let mut plc = AttachedNode::reach(Which::Plc, &to.plc, sayings.clone()).await?;
+        let (events, said) = mpsc::channel(1_024);
+        let mut plc = AttachedNode::reach(Which::Plc, &to.plc, events.clone()).await?;
         // Whoever says nothing yields the control port to the next that comes.
         plc.tell(&Instruction::<PlcInstruction>::Report).await;
-        let mut rig = Self::of(Party::Attached(plc), None, said, None, setup.bus.watchdog());
-        let mut beginning = Beginning::new(Some(&setup.name));
+        let mut rig = Self::of(Node::Attached(plc), None, said, None, setup.bus.watchdog());
+        let mut startup = Startup::new(Some(&setup.name));
         // One after the other: what is wrong with the PLC is often wrong with both, and is told of the PLC then.
-        rig.meet(&mut beginning).await?;
+        rig.meet(&mut startup).await?;
         if let Some(address) = &to.robot {
-            let mut robot = AttachedNode::reach(Which::Robot, address, sayings).await?;
+            let mut robot = AttachedNode::reach(Which::Robot, address, events).await?;
             robot.tell(&Instruction::<RobotInstruction>::Report).await;
-            rig.robot = Some(Party::Attached(robot));
+            rig.robot = Some(Node::Attached(robot));
         }
-        rig.wait_until_ready(beginning).await?;
+        rig.wait_until_ready(startup).await?;
         rig.ask_for_reports().await?;
         rig.before = rig.reports.clone();
         Ok(rig)
@@ -109,7 +93,7 @@ impl Rig {
     pub(super) fn check_hellos(&self, setup: Option<&str>) -> Result<(), RigError> {
         for (which, node) in [(Which::Plc, Some(&self.plc)), (Which::Robot, self.robot.as_ref())] {
             let hello = self.hellos.iter().find(|(from, _)| *from == which);
-            let (Some(Party::Attached(node)), Some((_, hello)), Some(setup)) = (node, hello, setup) else {
+            let (Some(Node::Attached(node)), Some((_, hello)), Some(setup)) = (node, hello, setup) else {
                 continue;
             };
             if hello.node != which.to_string() || hello.setup != setup {
@@ -121,65 +105,6 @@ impl Rig {
             }
         }
         Ok(())
-    }
-}
-
-/// The conversation with one of them.
-#[derive(Debug)]
-pub(super) struct AttachedNode {
-    which: Which,
-    address: String,
-    stream: OwnedWriteHalf,
-    ended: bool,
-}
-
-impl AttachedNode {
-    /// Connects, again and again until the node is there.
-    pub(super) async fn reach(
-        which: Which,
-        address: &str,
-        sayings: mpsc::Sender<Said>,
-    ) -> Result<Self, RigError> {
-        let until = Instant::now() + PATIENCE;
-        let mut reason = "no answer".to_owned();
-        let reached = async {
-            loop {
-                match timeout(ATTEMPT, TcpStream::connect(address)).await {
-                    Ok(Ok(stream)) => return stream,
-                    Ok(Err(error)) => reason = error.to_string(),
-                    Err(_) => {}
-                }
-                sleep(RETRY).await;
-            }
-        };
-        let reached = timeout_at(until, reached).await;
-        let unreachable =
-            |reason| RigError::Unreachable { which, address: address.to_owned(), waited: PATIENCE, reason };
-        let stream = reached.map_err(|_| unreachable(reason))?;
-        stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
-        let (from, stream) = stream.into_split();
-        listen(which, from, sayings);
-        Ok(Self { which, address: address.to_owned(), stream, ended: false })
-    }
-
-    /// Tells the node something. If it cannot hear, it has gone, and that is told by [`Said::Ended`].
-    pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
-        let mut line = serde_json::to_vec(instruction).unwrap_or_default();
-        line.push(b'\n');
-        let _ = self.stream.write_all(&line).await;
-    }
-
-    pub(super) const fn has_ended(&self) -> bool {
-        self.ended
-    }
-
-    pub(super) fn obituary(&mut self) -> RigError {
-        self.ended = true;
-        RigError::Detached { which: self.which, address: self.address.clone() }
-    }
-
-    pub(super) fn address(&self) -> &str {
-        &self.address
     }
 }
 

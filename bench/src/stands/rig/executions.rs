@@ -17,7 +17,7 @@ const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
 /// What the robot said of its motions in a run.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Moved {
+pub(super) struct ExecutedMotions {
     pub(super) motions: u32,
     pub(super) quality: Quality,
 }
@@ -77,7 +77,7 @@ impl Rig {
     }
 
     async fn start_run(&mut self, execution_type: ExecutionType) {
-        self.moved = Moved::default();
+        self.moved = ExecutedMotions::default();
         self.is_running = true;
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
     }
