@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Checks the documentation: every link leads somewhere, and every command shown does what it says.
 #
-#   scripts/docs.sh            self-test, links, commands
+#   scripts/docs.sh            self-test, links, reference, commands
 #   scripts/docs.sh self-test  show that the checks below find a broken link and a failing command
 #   scripts/docs.sh links      relative links and #anchors of every tracked *.md
+#   scripts/docs.sh reference  each command, option and key that there is stands on its page
 #   scripts/docs.sh commands [FILE...]
 #                              run every block tagged ```sh of README.md and docs/, or of these files
 #
@@ -172,6 +173,54 @@ check_commands() {
     return "$status"
 }
 
+# undocumented PAGE: prints each line of standard input that PAGE does not have as `code`; fails where there is one.
+undocumented() {
+    local page=$1 name status=0
+    while IFS= read -r name; do
+        if ! grep -qE -- "\`([^\`]*[^\`a-z_-])?$name([^\`a-z_-][^\`]*)?\`" "$page"; then
+            echo "$page does not explain $name"
+            status=1
+        fi
+    done
+    return "$status"
+}
+
+# help_names: the commands and options of every program, by what its --help says.
+help_names() {
+    local program command
+    for program in bench plc-node robot-node; do
+        "$PROGRAMS/$program" --help | grep -oE '^ +(-[a-zA-Z], )?--[a-z-]+' | grep -oE -- '--[a-z-]+'
+        "$PROGRAMS/$program" --help | awk '/^[A-Z].*:$/ { commands = $1 == "Commands:" } commands && /^  [a-z]/ { print $1 }' |
+            while IFS= read -r command; do
+                [ "$command" != help ] || continue
+                echo "$program $command"
+                "$PROGRAMS/$program" "$command" --help | grep -oE '^ +(-[a-zA-Z], )?--[a-z-]+' | grep -oE -- '--[a-z-]+'
+            done
+    done | sort -u
+}
+
+# file_keys FILE...: the keys and sections of these TOML files, but for names that their author chose.
+file_keys() {
+    sed -E 's/#.*//; s/"[^"]*"//g' "$@" | awk '
+        /^\[/ { section = $0; gsub(/[][ ]/, "", section); print section }
+        /=/ {
+            free = section ~ /^(tools|bases|frames|grids|actions)$/
+            while (match($0, /[A-Za-z_][A-Za-z0-9_-]* *=/)) {
+                key = substr($0, RSTART, RLENGTH - 1); $0 = substr($0, RSTART + RLENGTH); gsub(/ /, "", key)
+                if (!free) print key
+                free = 0
+            }
+        }' | sort -u
+}
+
+# check_reference: what the programs and the shipped files have is explained.
+check_reference() {
+    help_names | undocumented docs/command-line.md
+    file_keys bench/setups/*.toml | undocumented docs/setups.md
+    file_keys bench/applications/*.toml | undocumented docs/applications.md
+    echo "reference: every command, option and key is explained"
+}
+
 # expect NAME EXPECTED FOUND: one check of the self-test.
 expect() {
     if [ "$2" != "$3" ]; then
@@ -200,6 +249,12 @@ self_test() {
     expect "each broken link is named by its line" "bad.md:1 bad.md:1 bad.md:2 bad.md:4" \
         "$(sed -E 's/^([^:]*:[0-9]+):.*/\1/' <<<"$found" | paste -sd ' ')"
 
+    printf '%s\n' '`--there FILE`, `[part.of]` `key`' >"$here/page.md"
+    found=$(printf '%s\n' --there part.of key --the ke --gone | undocumented "$here/page.md") || true
+    expect "names that a page lacks are named" "--the ke --gone" "$(awk '{ print $NF }' <<<"$found" | paste -sd ' ')"
+    printf '%s\n' '[part.of] # c = 1' 'a_b = { value = 1, note = "x = 1" }' '[[frames]]' 'mine = { on = 1 }' >"$here/file.toml"
+    expect "keys of a file" "a_b frames note on part.of value" "$(file_keys "$here/file.toml" | paste -sd ' ')"
+
     export -f cargo
     printf '%s\n' '```sh' 'echo one >file' '```' '```console' 'false' '```' '```sh' 'test "$(cat file)" = one' '```' >"$here/runs.md"
     found=$(failing_blocks "$here/runs.md" "$here") || true
@@ -226,11 +281,13 @@ self_test() {
 case ${1:-all} in
     self-test) self_test ;;
     links) check_links ;;
+    reference) check_reference ;;
     commands) check_commands "${@:2}" ;;
     all)
         # One by one: in a list with && a failure within a function would not end it.
         self_test
         check_links
+        check_reference
         check_commands
         ;;
     *) sed -n '2,/^set/p' "$0" | sed -n 's/^# \{0,1\}//p' >&2; exit 2 ;;
