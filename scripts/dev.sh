@@ -266,6 +266,46 @@ verb_interop() { #: our stacks against those of others, each in a process of its
     done
 }
 
+# Switches that leave glibc its plainest variant of every function, as on a processor without AVX and FMA.
+PLAIN_PROCESSOR="glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-AVX512VL,-AVX_Fast_Unaligned_Load,-FMA,-FMA4,-ERMS,-FSRM"
+
+# virtual_runs DIRECTORY: every application on every setup, each with results, traces and captures; a refusal is its message.
+virtual_runs() {
+    local setup application name
+    mkdir -p "$1"
+    for setup in A B; do
+        for application in bench/applications/*.toml; do
+            name=$(basename "$application" .toml)
+            sed "s/^application = .*/application = \"$name\"/" "bench/setups/$setup.toml" >"$1/$setup-$name.toml"
+            built bench --setup "$1/$setup-$name.toml" --mode virtual --reps 1 --trace --capture always --quiet \
+                --out "$1/$setup-$name" >"$1/$setup-$name.txt" 2>&1 || echo "exit code $?" >>"$1/$setup-$name.txt"
+        done
+    done
+}
+
+verb_bits() { #: prove that virtual runs are the same bytes whatever glibc picks for the processor
+    build
+    local out program imported compared
+    # What a node decides by comes from no other library at all; the bench draws with some of it.
+    for program in plc-node robot-node; do
+        imported=$(nm --dynamic --undefined-only "${CARGO_TARGET_DIR:-target}/debug/$program" |
+            grep -wE 'a?(sin|cos|tan)h?f?|atan2f?|sincosf?|cbrtf?|hypotf?|(exp|log)(2|10|m1|1p)?f?|powf?|fmaf?' || true)
+        [ -z "$imported" ] || { echo "$program takes from the C library: $imported" >&2; return 1; }
+    done
+    out=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$out'" EXIT
+    virtual_runs "$out/runs"
+    mv "$out/runs" "$out/this"
+    GLIBC_TUNABLES=$PLAIN_PROCESSOR virtual_runs "$out/runs"
+    mv "$out/runs" "$out/plain"
+    # host.json and the report say when the run was.
+    diff --recursive --brief --exclude host.json --exclude report.html "$out/this" "$out/plain"
+    compared=$(find "$out/this" -name results.json | wc -l)
+    [ "$compared" -ge 10 ] || { cat "$out/this/"*.txt; return 1; }
+    echo "$compared virtual runs are the same bytes with and without AVX and FMA: results, samples, traces, captures"
+}
+
 verb_instructions() { #: count the instructions of the hot paths; fail where one takes over 1 % more than committed (--update)
     build
     built hot-path "$@"
@@ -360,7 +400,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
 }
 
 verb_ci() { #: all of it but setup and timing
-    for verb in format lint modules purity test docs browser gate instructions wire user interop demo; do
+    for verb in format lint modules purity test docs browser gate bits instructions wire user interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

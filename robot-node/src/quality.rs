@@ -169,18 +169,18 @@ impl Observer {
         let Self { tick_s, quality, .. } = self;
         let (tick_s, limits) = (*tick_s, arm.limits());
         let ([j1, j2, j3], [t1, t2, t3]) = (&self.joints, &self.tool);
-        let rate = |power: i32| tick_s.powi(power).recip();
+        let [per_s, per_s2, per_s3] = [tick_s, tick_s * tick_s, tick_s * tick_s * tick_s].map(f64::recip);
 
         let jerk: [f64; 3] = core::array::from_fn(|i| tool[i] - 3.0 * (t1[i] - t2[i]) - t3[i]);
         let acceleration: [f64; 3] = core::array::from_fn(|i| tool[i] - 2.0 * t1[i] + t2[i]);
-        quality.tool_acceleration.add(length(acceleration) * rate(2), tick_s);
-        quality.tool_jerk.add(length(jerk) * rate(3), tick_s);
+        quality.tool_acceleration.add(length(acceleration) * per_s2, tick_s);
+        quality.tool_jerk.add(length(jerk) * per_s3, tick_s);
 
-        let per = |change: Joints, power| change.map(|change| change * rate(power));
-        let before = per(core::array::from_fn(|i| j1[i] - j2[i]), 1);
-        let velocity = per(core::array::from_fn(|i| joints[i] - j1[i]), 1);
-        let acceleration = per(core::array::from_fn(|i| joints[i] - 2.0 * j1[i] + j2[i]), 2);
-        let jerk = per(core::array::from_fn(|i| joints[i] - 3.0 * (j1[i] - j2[i]) - j3[i]), 3);
+        let per = |change: Joints, rate: f64| change.map(|change| change * rate);
+        let before = per(core::array::from_fn(|i| j1[i] - j2[i]), per_s);
+        let velocity = per(core::array::from_fn(|i| joints[i] - j1[i]), per_s);
+        let acceleration = per(core::array::from_fn(|i| joints[i] - 2.0 * j1[i] + j2[i]), per_s2);
+        let jerk = per(core::array::from_fn(|i| joints[i] - 3.0 * (j1[i] - j2[i]) - j3[i]), per_s3);
         quality.joint_acceleration.add(limits.acceleration_load(&acceleration).share, tick_s);
         quality.joint_jerk.add(limits.jerk_load(&jerk).share, tick_s);
         for axis in 0..AXES {

@@ -58,8 +58,8 @@ fn run_within_limits(
         let limits = arm.limits();
         let loads = [
             limits.speed_load(&next.map(|step| step / cycle_s)),
-            limits.acceleration_load(&next_change.map(|change| change / cycle_s.powi(2))),
-            limits.jerk_load(&jerk.map(|jerk| jerk / cycle_s.powi(3))),
+            limits.acceleration_load(&next_change.map(|change| change / (cycle_s * cycle_s))),
+            limits.jerk_load(&jerk.map(|jerk| jerk / (cycle_s * cycle_s * cycle_s))),
         ];
         prop_assert!(loads.iter().all(|load| load.share <= TOLERANCE), "{loads:?}");
         prop_assert!(arm.within_range(&joints).is_ok(), "{joints:?}");

@@ -145,7 +145,7 @@ fn a_late_successor_makes_an_exact_stop_that_is_reported_and_the_run_goes_on() {
                 feedback.number == number && waits
             });
             let [x, y, _] = place(robot.feedback());
-            assert!((x - last_good[0]).hypot(y - last_good[1]) < 1e-2, "{setup} {name}: ({x}, {y})");
+            assert!(libm::hypotf(x - last_good[0], y - last_good[1]) < 1e-2, "{setup} {name}: ({x}, {y})");
             assert_eq!(robot.feedback().state, State::Running, "it waits, it does not fail");
             robot.keep_back = 0;
             robot.wait_for_end();

@@ -95,8 +95,8 @@ impl Watched {
         let ([a, b, c, d], dt) = (&self.last, self.config.cycle.as_secs_f64());
         let limits = self.config.arm.limits();
         let first = core::array::from_fn(|i| (d[i] - c[i]) / dt);
-        let second = core::array::from_fn(|i| (d[i] - 2.0 * c[i] + b[i]) / dt.powi(2));
-        let third = core::array::from_fn(|i| (d[i] - 3.0 * (c[i] - b[i]) - a[i]) / dt.powi(3));
+        let second = core::array::from_fn(|i| (d[i] - 2.0 * c[i] + b[i]) / (dt * dt));
+        let third = core::array::from_fn(|i| (d[i] - 3.0 * (c[i] - b[i]) - a[i]) / (dt * dt * dt));
         let found = [limits.speed_load(&first), limits.acceleration_load(&second), limits.jerk_load(&third)];
         for (load, found) in self.loads.iter_mut().zip(found) {
             *load = load.max(found.share);

@@ -45,11 +45,11 @@ fn circle() -> impl Strategy<Value = Vec<Motion>> {
     (motion(), motion(), centre, plane, turns).prop_map(
         |(to_start, limits, (x, y, z), (radius, turn, tilt), (middle, end))| {
             let at = |angle: f32| {
-                let (across, along) = (radius * angle.cos(), radius * angle.sin());
+                let (across, along) = (radius * libm::cosf(angle), radius * libm::sinf(angle));
                 [
-                    x + across * turn.cos() - along * turn.sin() * tilt.cos(),
-                    y + across * turn.sin() + along * turn.cos() * tilt.cos(),
-                    z + along * tilt.sin(),
+                    x + across * libm::cosf(turn) - along * libm::sinf(turn) * libm::cosf(tilt),
+                    y + across * libm::sinf(turn) + along * libm::cosf(turn) * libm::cosf(tilt),
+                    z + along * libm::sinf(tilt),
                 ]
             };
             let with = |motion: Motion, [x, y, z]: [f32; 3]| {

@@ -75,7 +75,7 @@ fn a_circle_runs_as_a_single_skill_and_within_a_continuous_motion() {
         cell.call(skill, motions);
         cell.wait(|feedback| feedback.pose[1] > 89.0);
         let [x, y, ..] = cell.feedback().pose;
-        assert!(((x - 50.0).hypot(y - 40.0) - 50.0).abs() < 1e-3, "({x}, {y}) is not on the circle");
+        assert!((libm::hypotf(x - 50.0, y - 40.0) - 50.0).abs() < 1e-3, "({x}, {y}) is not on the circle");
         cell.wait_for_end();
         assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
         assert!((cell.feedback().pose[0] - target[0]).abs() < 1e-3);
@@ -99,7 +99,7 @@ fn a_spline_passes_its_targets_at_constant_speed() {
         let Feedback { path_speed, pose: [x, y, ..], .. } = *cell.feedback();
         slowest = slowest.min(path_speed);
         for (nearest, target) in nearest.iter_mut().zip(targets) {
-            *nearest = nearest.min((x - target.0).hypot(y - target.1));
+            *nearest = nearest.min(libm::hypotf(x - target.0, y - target.1));
         }
     }
     assert!(slowest > 249.0, "it slowed down to {slowest} mm/s");

@@ -140,7 +140,7 @@ pub fn calibrate(
         let off = |of: &Calibration| -> anyhow::Result<f64> {
             let rc = aet(&of.results, ExecutionType::Rc)? / paper.rc.aet_ms - 1.0;
             let sm = aet(&of.results, ExecutionType::Sm)? / paper.sm.aet_ms - 1.0;
-            Ok(rc.hypot(sm))
+            Ok(libm::hypot(rc, sm))
         };
         if off(&found)? >= off(&best)? {
             return Ok(best);
@@ -182,10 +182,11 @@ fn with_quantum(
         let mad = |of| results.figure(of).map_or(0.0, |figure| figure.mad_ms);
         let (rc, sm) = (mad(ExecutionType::Rc), mad(ExecutionType::Sm));
         progress(&format!("{key} = {quantum_us}: MAD of RC {rc:.1} ms, of SM {sm:.1} ms"));
-        Ok(wanted.iter().map(|(of, wanted)| (mad(*of) / wanted - 1.0).powi(2)).sum())
+        let off = |(of, wanted): &(ExecutionType, f64)| mad(*of) / wanted - 1.0;
+        Ok(wanted.iter().map(off).map(|off| off * off).sum())
     };
     let own = quantum(&mut setup).map_or(0, |quantum| *quantum);
-    if error_of(&mut setup, own)? <= wanted.len() as f64 * MAD_KNOWN_TO.powi(2) {
+    if error_of(&mut setup, own)? <= wanted.len() as f64 * MAD_KNOWN_TO * MAD_KNOWN_TO {
         return Ok(setup);
     }
     let mut best = (f64::INFINITY, 0_u32);

@@ -64,7 +64,7 @@ impl Point {
     /// The angle between two directions, in degrees.
     #[must_use]
     pub fn angle_deg(self, other: Self) -> f64 {
-        self.cross(other).length().atan2(self.dot(other)).to_degrees()
+        libm::atan2(self.cross(other).length(), self.dot(other)).to_degrees()
     }
 }
 
@@ -132,7 +132,7 @@ impl Pose {
         }
         let (mine, theirs) = (axes(self.abc_deg), axes(other.abc_deg));
         let trace: f64 = mine.iter().zip(theirs).map(|(mine, theirs)| mine.dot(theirs)).sum();
-        ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
+        libm::acos(((trace - 1.0) / 2.0).clamp(-1.0, 1.0)).to_degrees()
     }
 
     /// Where the tip of tool `new` is when that of tool `old` is here; both are given from the flange.
@@ -152,9 +152,9 @@ impl Pose {
         let [x, y, z] = new_axes.map(turn);
         // R = Rz(a) · Ry(b) · Rx(c): the first column is (cos a · cos b, sin a · cos b, −sin b), the last row ends in
         // cos b · sin c, cos b · cos c.
-        let a = x.y.atan2(x.x);
-        let b = (-x.z).atan2(x.x.hypot(x.y));
-        let c = y.z.atan2(z.z);
+        let a = libm::atan2(x.y, x.x);
+        let b = libm::atan2(-x.z, (x.x * x.x + x.y * x.y).sqrt());
+        let c = libm::atan2(y.z, z.z);
         Self {
             point: self.point + turn(new.point - old.point),
             abc_deg: [a.to_degrees(), b.to_degrees(), c.to_degrees()],
@@ -164,7 +164,7 @@ impl Pose {
 
 /// The directions of a frame's x, y and z axes, turned by a, b, c degrees about z, y', x''.
 fn axes(abc_deg: [f64; 3]) -> [Point; 3] {
-    let [(sa, ca), (sb, cb), (sc, cc)] = abc_deg.map(|angle| angle.to_radians().sin_cos());
+    let [(sa, ca), (sb, cb), (sc, cc)] = abc_deg.map(|angle| libm::sincos(angle.to_radians()));
     [
         Point::new(ca * cb, sa * cb, -sb),
         Point::new(ca * sb * sc - sa * cc, sa * sb * sc + ca * cc, cb * sc),

@@ -172,7 +172,7 @@ impl Motion {
             let share = f64::from(piece) / f64::from(pieces);
             match arc {
                 Some((leaves, inwards, radius)) => {
-                    let (sine, cosine) = (self.length_mm * share / radius).sin_cos();
+                    let (sine, cosine) = libm::sincos(self.length_mm * share / radius);
                     self.start.point + leaves * (radius * sine) + inwards * (radius * (1.0 - cosine))
                 }
                 None => self.start.point.toward(self.target.point, share),

@@ -131,7 +131,7 @@ fn rounding_mm(motion: &Motion, next: &Motion) -> f64 {
         (Some(arrives), Some(leaves))
             if motion.kind == MotionKind::LinCartesian && next.kind != MotionKind::Circular =>
         {
-            motion.zone_mm / 2.0 * arrives.angle_deg(leaves).to_radians().sin().abs()
+            motion.zone_mm / 2.0 * libm::sin(arrives.angle_deg(leaves).to_radians()).abs()
         }
         _ => motion.zone_mm,
     }

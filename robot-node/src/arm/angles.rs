@@ -1,7 +1,8 @@
-//! Angles of vectors in the plane, several at once.
+//! Angles of vectors in the plane and vectors of angles, several at once, in degrees.
 //!
-//! An inverse kinematics ends in an arc tangent for each joint, and those of a library come one after the other. Here
-//! all of them are worked on side by side, without a branch, in the processor's vectors.
+//! An inverse kinematics ends in an arc tangent for each joint and a forward one begins with a sine and a cosine of each;
+//! those of a library come one after the other. Here all of them are worked on side by side, without a branch, in the
+//! processor's vectors, and in sums and products alone: the same bits on every machine.
 
 /// tan(22.5°)
 const TAN: f64 = core::f64::consts::SQRT_2 - 1.0;
@@ -9,8 +10,8 @@ const TAN: f64 = core::f64::consts::SQRT_2 - 1.0;
 /// The polynomial in u that is nearest to atan(√u)/√u, in degrees, from u = 0 to tan²(22.5°): a Chebyshev fit, off by
 /// 2·10⁻¹⁵° at most, which is less than rounding. The highest power first, and then two powers at a time: pairs need not
 /// wait for each other.
-const HIGHEST: f64 = 1.210_967_680_369_910_5;
-const PAIRS: [[f64; 2]; 5] = [
+const ANGLE_HIGHEST: f64 = 1.210_967_680_369_910_5;
+const ANGLE_PAIRS: [[f64; 2]; 5] = [
     [-2.491_250_410_630_595, 3.259_184_030_926_613_6],
     [-3.804_573_791_931_714, 4.406_018_799_902_542],
     [-5.208_629_296_976_883, 6.366_194_898_618_501],
@@ -18,9 +19,71 @@ const PAIRS: [[f64; 2]; 5] = [
     [-19.098_593_171_024_635, 57.295_779_513_082_316],
 ];
 
+/// The polynomial in u that is nearest to sin(√u°)/√u, from u = 0 to 45²: a Chebyshev fit, off by 2·10⁻¹⁷ of itself.
+const SINE_HIGHEST: f64 = 2.216_456_005_957_463_2e-33;
+const SINE_PAIRS: [[f64; 2]; 3] = [
+    [-1.146_756_482_356_073_4e-27, 4.141_266_538_492_003e-22],
+    [-9.788_384_855_392_072e-17, 1.349_601_623_161_154_3e-11],
+    [-8.860_961_557_012_953e-7, 0.017_453_292_519_943_295],
+];
+
+/// The polynomial in u that is nearest to cos(√u°), likewise, off by 4·10⁻¹⁷.
+const COSINE_HIGHEST: f64 = 3.511_377_951_827_021e-42;
+const COSINE_PAIRS: [[f64; 2]; 4] = [
+    [-2.791_617_520_664_019e-36, 1.667_982_087_225_27e-30],
+    [-7.227_875_160_708_368e-25, 2.135_494_303_592_910_3e-19],
+    [-3.925_831_985_743_087e-14, 3.866_323_851_562_994e-9],
+    [-0.000_152_308_709_893_354_3, 1.0],
+];
+
+/// Added to a number and taken away again, this leaves the nearest whole number; between the two, the lowest bits are that
+/// number's.
+const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
+
+/// Angles up to this are taken as they are, in degrees; of larger ones the full turns are taken away first.
+const MANY_TURNS: f64 = 1e9;
+
+/// The sines and cosines of angles in degrees, to some 10⁻¹⁶; exactly 0 and ±1 on the axes.
+pub(super) fn sin_cos<const N: usize>(mut degrees: [f64; N]) -> ([f64; N], [f64; N]) {
+    if degrees.iter().any(|angle| angle.abs() > MANY_TURNS) {
+        degrees = degrees.map(|angle| angle % 360.0);
+    }
+    let (mut rest, mut square, mut quarters) = ([0.0; N], [0.0; N], [0_u64; N]);
+    for i in 0..N {
+        let rounded = degrees[i] * (1.0 / 90.0) + ROUND;
+        quarters[i] = rounded.to_bits();
+        // Exact: both are multiples of what the angle's last bit is worth, and the rest is within ±45°.
+        rest[i] = degrees[i] - 90.0 * (rounded - ROUND);
+        square[i] = rest[i] * rest[i];
+    }
+    let sine = polynomials(SINE_HIGHEST, &SINE_PAIRS, &square);
+    let cosine = polynomials(COSINE_HIGHEST, &COSINE_PAIRS, &square);
+    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+    for i in 0..N {
+        let (sine, cosine) = (rest[i] * sine[i], cosine[i]);
+        let (along, across) = if quarters[i] & 1 == 0 { (cosine, sine) } else { (sine, cosine) };
+        // The second bit is the sign, and a sum with 0 has no negative zero.
+        let signed = |value: f64, quarters: u64| f64::from_bits(value.to_bits() ^ (quarters & 2) << 62) + 0.0;
+        sines[i] = signed(across, quarters[i]);
+        cosines[i] = signed(along, quarters[i].wrapping_add(1));
+    }
+    (sines, cosines)
+}
+
+/// The values of one polynomial at several places: its highest coefficient, and then two at a time.
+fn polynomials<const N: usize>(highest: f64, pairs: &[[f64; 2]], at: &[f64; N]) -> [f64; N] {
+    let mut sum = [highest; N];
+    for [odd, even] in pairs {
+        for i in 0..N {
+            sum[i] = sum[i] * (at[i] * at[i]) + (odd * at[i] + even);
+        }
+    }
+    sum
+}
+
 /// The angles in degrees, −180 to 180, of the vectors (x, y), to some 10⁻¹⁴°; about 0 for one without length.
 pub(super) fn degrees<const N: usize>(x: [f64; N], y: [f64; N]) -> [f64; N] {
-    let (mut tangent, mut square, mut sum) = ([0.0; N], [0.0; N], [HIGHEST; N]);
+    let (mut tangent, mut square) = ([0.0; N], [0.0; N]);
     for i in 0..N {
         let (along, across) = (x[i].abs(), y[i].abs());
         let (long, short) = if across > along { (across, along) } else { (along, across) };
@@ -29,11 +92,7 @@ pub(super) fn degrees<const N: usize>(x: [f64; N], y: [f64; N]) -> [f64; N] {
         tangent[i] = (short - long * TAN) / (long + short * TAN);
         square[i] = tangent[i] * tangent[i];
     }
-    for [odd, even] in &PAIRS {
-        for i in 0..N {
-            sum[i] = sum[i] * (square[i] * square[i]) + (odd * square[i] + even);
-        }
-    }
+    let sum = polynomials(ANGLE_HIGHEST, &ANGLE_PAIRS, &square);
     core::array::from_fn(|i| {
         let acute = 22.5 + tangent[i] * sum[i];
         let acute = if y[i].abs() > x[i].abs() { 90.0 - acute } else { acute };
@@ -62,14 +121,41 @@ mod tests {
         assert!(degrees([f64::NAN, 1.0], [1.0, f64::NAN]).iter().all(|angle| angle.is_nan()));
     }
 
+    #[test]
+    fn sines_and_cosines_on_the_axes_are_whole_numbers() {
+        for turns in [-1e12, -1e6, -360.0, 0.0, 720.0, 1e6, 1e12].map(|turns: f64| turns * 360.0) {
+            let (sines, cosines) = sin_cos([turns, turns + 90.0, turns + 180.0, turns - 90.0]);
+            assert_eq!((sines, cosines), ([0.0, 1.0, 0.0, -1.0], [1.0, 0.0, -1.0, 0.0]));
+        }
+    }
+
+    #[test]
+    fn what_is_no_angle_has_no_sine() {
+        let (sines, cosines) = sin_cos([f64::NAN, f64::INFINITY]);
+        assert!(sines.iter().chain(&cosines).all(|value| value.is_nan()), "{sines:?} {cosines:?}");
+    }
+
     proptest! {
+        #[test]
+        fn sines_and_cosines_are_those_of_the_library(
+            degrees in prop_oneof![-90.0..90.0_f64, -800.0..800.0_f64],
+            turns in prop_oneof![Just(0.0), Just(360.0)],
+        ) {
+            let ([sine], [cosine]) = sin_cos([degrees + turns]);
+            let (expected_sine, expected_cosine) = libm::sincos(degrees.to_radians());
+            // The library's angle in radians is off by its last bit.
+            let off = 2e-16 + degrees.abs().max(360.0).to_radians() * f64::EPSILON;
+            prop_assert!((sine - expected_sine).abs() < off, "sin {degrees}°: {sine}");
+            prop_assert!((cosine - expected_cosine).abs() < off, "cos {degrees}°: {cosine}");
+        }
+
         #[test]
         fn angles_are_those_of_the_library(
             (x, y) in (-1.0..1.0_f64, -1.0..1.0_f64),
             scale in prop_oneof![Just(1e-200), Just(1.0), Just(1e200)],
         ) {
             let [found] = degrees([x * scale], [y * scale]);
-            prop_assert!((found - y.atan2(x).to_degrees()).abs() < 5e-14, "{found}");
+            prop_assert!((found - libm::atan2(y, x).to_degrees()).abs() < 5e-14, "{found}");
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use core::ops::Mul;
 
+use super::angles::sin_cos;
+
 /// A rotation, as a unit quaternion.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rotation {
@@ -16,14 +18,14 @@ impl Rotation {
     /// The rotation by `angle` degrees about the unit vector `axis`.
     #[must_use]
     pub fn about(axis: [f64; 3], angle: f64) -> Self {
-        let (sin, cos) = (angle / 2.0).to_radians().sin_cos();
+        let ([sin], [cos]) = sin_cos([angle / 2.0]);
         Self { w: cos, v: axis.map(|part| part * sin) }
     }
 
     /// A tool that points straight down, turned by `yaw` degrees about the upward z axis: a = yaw, b = 0, c = 180.
     #[must_use]
     pub fn pointing_down(yaw: f64) -> Self {
-        let (sin, cos) = (yaw / 2.0).to_radians().sin_cos();
+        let ([sin], [cos]) = sin_cos([yaw / 2.0]);
         Self { w: 0.0, v: [cos, sin, 0.0] }
     }
 
@@ -38,9 +40,9 @@ impl Rotation {
     pub fn angles(self) -> [f64; 3] {
         let Self { w, v: [x, y, z] } = self;
         let sin_b = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0);
-        let a = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
-        let c = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
-        [half_open(a.to_degrees()), sin_b.asin().to_degrees(), half_open(c.to_degrees())]
+        let a = libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
+        let c = libm::atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
+        [half_open(a.to_degrees()), libm::asin(sin_b).to_degrees(), half_open(c.to_degrees())]
     }
 
     /// The unit quaternion w, x, y, z.
@@ -78,7 +80,7 @@ impl Rotation {
         if sin < 1e-12 {
             return ([0.0, 0.0, 1.0], 0.0);
         }
-        (self.v.map(|part| sign * part / sin), 2.0 * sin.atan2(sign * self.w).to_degrees())
+        (self.v.map(|part| sign * part / sin), 2.0 * libm::atan2(sin, sign * self.w).to_degrees())
     }
 
     /// The rotated z axis.
@@ -98,7 +100,7 @@ impl Rotation {
     #[must_use]
     pub fn tilt_from_down(self) -> f64 {
         let Self { w, v: [x, y, z] } = self;
-        2.0 * w.hypot(z).atan2(x.hypot(y)).to_degrees()
+        2.0 * libm::atan2((w * w + z * z).sqrt(), (x * x + y * y).sqrt()).to_degrees()
     }
 
     /// Half of the angle by which a tool that points straight down is turned about z, as its cosine and sine.

@@ -8,14 +8,12 @@
 //! orientation = Rz(θ1)·Ry(θ2 + θ3)·Rz(θ4)·Ry(θ5)·Rz(θ6)
 //! ```
 //!
-//! Forward is the crate's. Its inverse finds all eight configurations, checks each with a forward one and returns them
-//! in a new `Vec`: several microseconds and an allocation, 50 times for one line with its corner. A path wants one
-//! configuration, that of the point before, so [`Opw`] solves for that one alone; tests compare it with the crate's.
+//! That crate's inverse finds all eight configurations, checks each with a forward one and returns them in a new `Vec`:
+//! several microseconds and an allocation, 50 times for one line with its corner. A path wants one configuration, that of
+//! the point before, so [`Opw`] solves for that one alone. The crate also takes its sines from the C library, whose last
+//! bits differ from one processor to another. So both ways are our own; tests compare them with the crate's.
 
-use rs_opw_kinematics::kinematics_impl::OPWKinematics;
-use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
-
-use super::angles::degrees;
+use super::angles::{degrees, sin_cos};
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
 /// Below this tangent of half of axis 5's angle, axes 4 and 6 turn about one line: axis 4 stays.
@@ -60,7 +58,6 @@ pub struct Opw {
     stretch: f64,
     /// 1 / (2·c2·k): how the cosine of that bend grows with the square of the distance.
     bend_per_reach: f64,
-    solver: OPWKinematics,
 }
 
 /// Which of the eight ways to reach a pose.
@@ -78,18 +75,15 @@ impl Opw {
     /// An arm of these numbers: all finite, c2 and c3 above 0, offsets within ±360°.
     #[must_use]
     pub fn new(parameters: OpwParameters) -> Self {
-        let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
-        let offsets = offsets.map(|offset| offset.clamp(-360.0, 360.0).to_radians());
-        let numbers = Parameters { a1, a2, b, c1, c2, c3, c4, offsets, sign_corrections: signs, dof: 6 };
-        let forearm = a2.hypot(c3);
+        let OpwParameters { a2, c2, c3, .. } = parameters;
+        let forearm = (a2 * a2 + c3 * c3).sqrt();
         Self {
             parameters,
             forearm,
-            lean: a2.atan2(c3).to_degrees(),
+            lean: libm::atan2(a2, c3).to_degrees(),
             lean_direction: Direction::of(c3, a2, forearm),
             stretch: c2 * c2 + forearm * forearm,
             bend_per_reach: 1.0 / (2.0 * c2 * forearm),
-            solver: OPWKinematics::new(numbers),
         }
     }
 
@@ -107,10 +101,14 @@ impl Opw {
     fn configuration(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Configuration {
         let elbow = q3 + self.lean;
         let OpwParameters { a1, c2, .. } = self.parameters;
+        let wrist_centre = || {
+            let ([upper_arm, forearm], _) = sin_cos([q2, q2 + elbow]);
+            a1 + c2 * upper_arm + self.forearm * forearm
+        };
         // Where all of its parts lie in front, nothing needs to be summed up.
         let front =
             (a1 >= 0.0 && is_within_the_first_half_turn(q2) && is_within_the_first_half_turn(q2 + elbow))
-                || a1 + c2 * q2.to_radians().sin() + self.forearm * (q2 + elbow).to_radians().sin() >= 0.0;
+                || wrist_centre() >= 0.0;
         Configuration {
             front,
             elbow_positive: is_within_the_first_half_turn(elbow),
@@ -136,7 +134,7 @@ impl Opw {
         let bend = (reach - self.stretch) * self.bend_per_reach;
         if square < 0.0 || bend.abs() > 1.0 + ROUNDING {
             return Err(Violation::WristReach {
-                distance_mm: n.hypot(h),
+                distance_mm: reach.sqrt(),
                 nearest_mm: (c2 - forearm).abs(),
                 farthest_mm: c2 + forearm,
             });
@@ -213,17 +211,23 @@ impl Kinematics for Opw {
     }
 
     fn forward(&self, joints: &Joints) -> Frame {
-        // The crate refuses joints that are no numbers; so is their pose.
-        self.solver.try_forward(&joints.map(f64::to_radians)).map_or(
-            Frame { position: [f64::NAN; 3], rotation: Rotation::IDENTITY },
-            |pose| {
-                let rotation = pose.rotation;
-                Frame {
-                    position: pose.translation.to_array(),
-                    rotation: Rotation::from_quaternion([rotation.w, rotation.x, rotation.y, rotation.z]),
-                }
-            },
-        )
+        let OpwParameters { a1, a2, b, c1, c2, c3, c4, .. } = self.parameters;
+        let [q1, q2, q3, q4, q5, q6] = self.model(joints);
+        let lift = q2 + q3;
+        // Axes 1 to 3 as they are, and half of what turns the flange: axes 4 and 6 together, and one against the other.
+        let ([s1, s2, s_lift, s_turn, s_lifted, s_sum, s_difference, s_bend], cosines) =
+            sin_cos([q1, q2, lift, q1 / 2.0, lift / 2.0, (q4 + q6) / 2.0, (q4 - q6) / 2.0, q5 / 2.0]);
+        let [k1, k2, k_lift, k_turn, k_lifted, k_sum, k_difference, k_bend] = cosines;
+        // Rz(θ1)·Ry(θ2 + θ3) and Rz(θ4)·Ry(θ5)·Rz(θ6)
+        let forearm = [k_turn * k_lifted, -s_turn * s_lifted, k_turn * s_lifted, s_turn * k_lifted];
+        let wrist = [k_bend * k_sum, -s_bend * s_difference, s_bend * k_difference, k_bend * s_sum];
+        let rotation = Rotation::from_parts(forearm) * Rotation::from_parts(wrist);
+        // k·sin(θ + ψ) is c3·sin θ + a2·cos θ.
+        let n = a1 + c2 * s2 + c3 * s_lift + a2 * k_lift;
+        let h = c1 + c2 * k2 + c3 * k_lift - a2 * s_lift;
+        let centre = [n * k1 - b * s1, n * s1 + b * k1, h];
+        let hand = rotation.z_axis();
+        Frame { position: core::array::from_fn(|i| centre[i] + c4 * hand[i]), rotation }
     }
 
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
@@ -259,6 +263,8 @@ mod tests {
     use proptest::prelude::*;
     use rs_opw_kinematics::glam::{DQuat, DVec3};
     use rs_opw_kinematics::kinematic_traits::{Kinematics as _, Pose};
+    use rs_opw_kinematics::kinematics_impl::OPWKinematics;
+    use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
     use std::sync::Arc;
 
     const IRB_1100: OpwParameters = OpwParameters {
@@ -296,6 +302,13 @@ mod tests {
         }
     }
 
+    /// The same arm in the crate `rs-opw-kinematics`, which takes radians.
+    fn reference(parameters: OpwParameters) -> OPWKinematics {
+        let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
+        let offsets = offsets.map(f64::to_radians);
+        OPWKinematics::new(Parameters { a1, a2, b, c1, c2, c3, c4, offsets, sign_corrections: signs, dof: 6 })
+    }
+
     fn any_joints() -> impl Strategy<Value = Joints> {
         (-230.0..230.0, -115.0..113.0, -205.0..55.0, -230.0..230.0, -125.0..120.0, -400.0..400.0)
             .prop_map(|(q1, q2, q3, q4, q5, q6): (f64, f64, f64, f64, f64, f64)| [q1, q2, q3, q4, q5, q6])
@@ -304,12 +317,10 @@ mod tests {
     /// Away from where two configurations meet: there, rounding chooses.
     fn is_regular(opw: &Opw, joints: &Joints) -> bool {
         let model = opw.model(joints);
-        let forward = opw.parameters.c2 * model[1].to_radians().sin()
-            + opw.forearm * (model[1] + model[2] + opw.lean).to_radians().sin()
-            + opw.parameters.a1;
-        forward.abs() > 5.0
-            && (model[2] + opw.lean).to_radians().sin().abs() > 0.02
-            && model[4].to_radians().sin().abs() > 0.02
+        let elbow = model[2] + opw.lean;
+        let ([upper_arm, forearm, elbow, wrist], _) = sin_cos([model[1], model[1] + elbow, elbow, model[4]]);
+        let forward = opw.parameters.c2 * upper_arm + opw.forearm * forearm + opw.parameters.a1;
+        forward.abs() > 5.0 && elbow.abs() > 0.02 && wrist.abs() > 0.02
     }
 
     #[test]
@@ -384,6 +395,18 @@ mod tests {
         }
 
         #[test]
+        fn the_crate_has_the_flange_at_the_same_pose(joints in any_joints()) {
+            for parameters in [IRB_1100, odd()] {
+                let found = Opw::new(parameters).forward(&joints);
+                let expected = reference(parameters).forward(&joints.map(f64::to_radians));
+                prop_assert!(distance(found.position, expected.translation.to_array()) < 1e-9);
+                let DQuat { x, y, z, w } = expected.rotation;
+                let between = found.rotation.inverse() * Rotation::from_quaternion([w, x, y, z]);
+                prop_assert!(between.axis_angle().1 < 1e-9, "{between:?}");
+            }
+        }
+
+        #[test]
         fn the_crate_finds_the_same_joints_among_all_configurations(joints in any_joints(), near in any_joints()) {
             for parameters in [IRB_1100, odd()] {
                 let opw = Opw::new(parameters);
@@ -398,7 +421,7 @@ mod tests {
                         (turn - 360.0 * (turn / 360.0).round()).abs() < 1e-4
                     })
                 };
-                let all = opw.solver.inverse(&pose);
+                let all = reference(parameters).inverse(&pose);
                 prop_assert!(all.iter().any(same), "{found:?} is not among {all:?} rad");
             }
         }

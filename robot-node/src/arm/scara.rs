@@ -5,7 +5,7 @@
 //! y = l1·sin(q1) + l2·sin(q1 + q2)        a = q1 + q2 + q4, b = 0, c = 180: the tool points down
 //! ```
 
-use super::angles::degrees;
+use super::angles::{degrees, sin_cos};
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
 /// How far the commanded orientation may be off from straight down, in degrees: what single precision leaves.
@@ -35,8 +35,7 @@ impl Kinematics for Scara {
     }
 
     fn forward(&self, &[q1, q2, q3, q4, ..]: &Joints) -> Frame {
-        let (sin_1, cos_1) = q1.to_radians().sin_cos();
-        let (sin_12, cos_12) = (q1 + q2).to_radians().sin_cos();
+        let ([sin_1, sin_12], [cos_1, cos_12]) = sin_cos([q1, q1 + q2]);
         Frame {
             position: [
                 self.link_1_mm * cos_1 + self.link_2_mm * cos_12,

@@ -49,6 +49,9 @@ use crate::quality::Observer;
 /// Events that wait for the owner; it takes them after every call.
 const EVENTS: usize = 64;
 
+/// How many values a random word has.
+const RANDOM_WORDS: f64 = (1_u64 << 32) as f64;
+
 /// A command that the interpreter has not noticed yet.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Pending {
@@ -230,11 +233,11 @@ impl Controller {
             Some(pending) if pending.number == command.number => pending,
             _ => {
                 let quantum = self.config.interpreter_quantum;
-                let mut noticed_at = at + quantum.mul_f64(self.random.next_u32() as f64 / 2_f64.powi(32));
+                let mut noticed_at = at + quantum.mul_f64(f64::from(self.random.next_u32()) / RANDOM_WORDS);
                 let start = self.config.start_quantum;
                 let is_start = matches!(command.skill, Skill::RunProgram | Skill::MoveContinuous);
                 if is_start && !start.is_zero() {
-                    noticed_at += start.mul_f64(self.random.next_u32() as f64 / 2_f64.powi(32));
+                    noticed_at += start.mul_f64(f64::from(self.random.next_u32()) / RANDOM_WORDS);
                 }
                 Pending { number: command.number, seen_at: at, noticed_at }
             }

@@ -112,7 +112,7 @@ impl Press {
         if !(wanted_n > 0.0 && wanted_n <= limit_n) {
             return Err(Violation::Force { value_n: wanted_n, limit_n });
         }
-        let angle_deg = (dot(force, direction) / wanted_n).clamp(-1.0, 1.0).acos().to_degrees();
+        let angle_deg = libm::acos((dot(force, direction) / wanted_n).clamp(-1.0, 1.0)).to_degrees();
         if angle_deg > MOST_ASTRAY_DEG {
             return Err(Violation::ForceDirection { angle_deg, limit_deg: MOST_ASTRAY_DEG });
         }
@@ -153,7 +153,7 @@ impl Press {
     /// The speed in mm/s from which the arm stops within `way` mm.
     fn stops_within(&self, way: f64) -> f64 {
         let way = way.max(0.0);
-        let by_jerk = (way * way * self.control.jerk_mm_s3 * JERK_SHARE).cbrt();
+        let by_jerk = libm::cbrt(way * way * self.control.jerk_mm_s3 * JERK_SHARE);
         by_jerk.min((self.segment.limits.acceleration * way).sqrt())
     }
 

@@ -243,8 +243,8 @@ mod tests {
             let change: Joints = core::array::from_fn(|axis| joints[axis] - 2.0 * one[axis] + two[axis]);
             let jerk: Joints =
                 core::array::from_fn(|axis| joints[axis] - 3.0 * (one[axis] - two[axis]) - three[axis]);
-            let acceleration = rated.acceleration_load(&change.map(|change| change / cycle_s.powi(2)));
-            let jerk = rated.jerk_load(&jerk.map(|jerk| jerk / cycle_s.powi(3)));
+            let acceleration = rated.acceleration_load(&change.map(|change| change / (cycle_s * cycle_s)));
+            let jerk = rated.jerk_load(&jerk.map(|jerk| jerk / (cycle_s * cycle_s * cycle_s)));
             assert!(acceleration.share < 1.001 && jerk.share < 1.001, "{acceleration:?}, {jerk:?}");
             history = [joints, one, two];
             assert!(executed.len() < 2_000, "it never ends: {:?}", controller.feedback());

@@ -217,15 +217,15 @@ impl Found {
         let Limits { speed, acceleration, jerk } = &mut self.limits;
         *speed = speed
             .min((ACROSS * programmed.acceleration / curvature).sqrt())
-            .min((CHANGING * programmed.jerk / change).cbrt())
-            .min((TURNING * programmed.jerk / (curvature * curvature)).cbrt());
+            .min(libm::cbrt(CHANGING * programmed.jerk / change))
+            .min(libm::cbrt(TURNING * programmed.jerk / (curvature * curvature)));
         let along = |whole: f64, across: f64| (whole * whole - across * across).max(0.0).sqrt();
-        let changing = change * speed.powi(3);
+        let changing = change * cube(*speed);
         *acceleration = acceleration
             .min(along(programmed.acceleration, *speed * *speed * curvature))
             .min((ACROSS * programmed.jerk - changing) / (3.0 * curvature * *speed));
         let across = changing + 3.0 * curvature * *speed * *acceleration;
-        *jerk = jerk.min(along(programmed.jerk, across) - curvature * curvature * speed.powi(3));
+        *jerk = jerk.min(along(programmed.jerk, across) - curvature * curvature * cube(*speed));
     }
 
     /// Whether these limits keep what the arm allows even if the derivatives are off by as much as they may be.
@@ -237,14 +237,18 @@ impl Found {
             let [slope, bend, twist] = joint.off;
             slope * speed <= reserve * rated.speed[axis]
                 && slope * acceleration + bend * speed * speed <= reserve * rated.acceleration[axis]
-                && slope * jerk + 3.0 * bend * speed * acceleration + twist * speed.powi(3)
+                && slope * jerk + 3.0 * bend * speed * acceleration + twist * cube(speed)
                     <= reserve * rated.jerk[axis]
         });
         let (bend, twist) = (length(piece.tool_off(1)), length(piece.tool_off(2)));
         let of_tool = bend * speed * speed <= 1e-3 * acceleration
-            && 3.0 * bend * speed * acceleration + twist * speed.powi(3) <= 1e-3 * jerk;
+            && 3.0 * bend * speed * acceleration + twist * cube(speed) <= 1e-3 * jerk;
         of_joints && (of_tool || matches!(curve, Curve::Line(_)))
     }
+}
+
+fn cube(value: f64) -> f64 {
+    value * value * value
 }
 
 /// The highest speed up to that of `limits` at which a joint stays within what it is rated for, while the other limits

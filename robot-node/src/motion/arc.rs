@@ -54,7 +54,7 @@ impl Arc {
         let unit = normal.map(|part| part / length(normal));
         let forward = cross(unit, outward);
         let end = difference(to.position, centre);
-        let opening = dot(end, forward).atan2(dot(end, outward)).rem_euclid(core::f64::consts::TAU);
+        let opening = libm::atan2(dot(end, forward), dot(end, outward)).rem_euclid(core::f64::consts::TAU);
         let (axis, angle) = (from.rotation.inverse() * to.rotation).axis_angle();
         let radius = length(outward);
         Ok(Self { from, to, centre, outward, forward, radius, opening, axis, angle, flange })
@@ -97,7 +97,7 @@ impl Arc {
 
     /// Where the tool is after `way`.
     pub(super) fn position(&self, way: f64) -> [f64; 3] {
-        let (sin, cos) = (way / self.radius).sin_cos();
+        let (sin, cos) = libm::sincos(way / self.radius);
         core::array::from_fn(|i| self.centre[i] + cos * self.outward[i] + sin * self.forward[i])
     }
 

@@ -70,17 +70,17 @@ impl AxisMonitor {
             let jerk = change - self.change[axis];
             // What is no number is within no limit.
             let is_within = |value: f64, most: f64| value.abs() <= most * (1.0 + ROUNDING);
-            let (rated, value, most, cycles) = if !is_within(step, self.most_step[axis]) {
-                (Rated::Speed, step, self.most_step[axis], 1)
+            let cycle = self.cycle_s;
+            let (rated, value, most, per) = if !is_within(step, self.most_step[axis]) {
+                (Rated::Speed, step, self.most_step[axis], cycle)
             } else if !is_within(change, self.most_change[axis]) {
-                (Rated::Acceleration, change, self.most_change[axis], 2)
+                (Rated::Acceleration, change, self.most_change[axis], cycle * cycle)
             } else if !is_within(jerk, self.most_jerk[axis]) {
-                (Rated::Jerk, jerk, self.most_jerk[axis], 3)
+                (Rated::Jerk, jerk, self.most_jerk[axis], cycle * cycle * cycle)
             } else {
                 continue;
             };
-            let rate = self.cycle_s.powi(-cycles);
-            let (value, limit) = (value.abs() * rate, most * rate);
+            let (value, limit) = (value.abs() / per, most / per);
             return Err(Violation::Rated { axis: axis as u8 + 1, rated, value, limit });
         }
         arm.within_range(joints)

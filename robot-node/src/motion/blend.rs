@@ -226,7 +226,7 @@ impl<'a> Load<'a> {
         let rate = speed
             .min(1.0 / highest(0, &self.of_speed))
             .min((BENDING / highest(1, &self.of_acceleration)).sqrt())
-            .min((TWISTING / highest(2, &self.of_jerk)).cbrt());
+            .min(libm::cbrt(TWISTING / highest(2, &self.of_jerk)));
         let (square, cube) = (rate * rate, rate * rate * rate);
         let (mut acceleration, mut jerk) = (f64::MAX, f64::MAX);
         let limited = || {

@@ -159,7 +159,7 @@ pub fn reachable_speed(speed: f64, length: f64, limits: &Limits) -> f64 {
     }
     // Without: x³ + 2·speed·x = length·√jerk of its root x. From above, Newton's method comes down to it.
     let known = length * jerk.sqrt();
-    let mut root = known.cbrt().min(if speed > 0.0 { known / (2.0 * speed) } else { f64::INFINITY });
+    let mut root = libm::cbrt(known).min(if speed > 0.0 { known / (2.0 * speed) } else { f64::INFINITY });
     for _ in 0..8 {
         let square = root * root;
         root -= ((square + 2.0 * speed) * root - known) / (3.0 * square + 2.0 * speed);

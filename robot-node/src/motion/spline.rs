@@ -184,7 +184,7 @@ impl Spline {
         let one = difference(self.to.position, self.from.position);
         let other = difference(next.to.position, next.from.position);
         let cos = dot(one, other) / (length(one) * length(other));
-        self.flange == next.flange && cos > TURNS_BACK_DEG.to_radians().cos()
+        self.flange == next.flange && cos > libm::cos(TURNS_BACK_DEG.to_radians())
     }
 
     /// The tool in the root after `way`.
@@ -387,7 +387,7 @@ mod tests {
     #[test]
     fn points_of_a_circle_give_nearly_that_circle() {
         let on_circle = |index: usize| {
-            let (sin, cos) = (index as f64 * 20.0).to_radians().sin_cos();
+            let (sin, cos) = libm::sincos((index as f64 * 20.0).to_radians());
             [100.0 * cos, 100.0 * sin, 0.0, 0.0, 0.0, 0.0]
         };
         let targets: Vec<_> = (0..10).map(on_circle).collect();

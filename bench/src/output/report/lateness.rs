@@ -36,8 +36,8 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
         );
         whole.draw_text(&about, &text(format.pick(13.0, 12.0), INK), (px(2.0), px(panel.top + 8.0)))?;
         let axes = Axes {
-            x: (0.0, (latest * 1.2).log10()),
-            y: (0.0, (most * 1.6).log10()),
+            x: (0.0, libm::log10(latest * 1.2)),
+            y: (0.0, libm::log10(most * 1.6)),
             x_title: panel.is_last.then_some("late by, in µs"),
             y_title: "",
             x_lines: true,
@@ -46,10 +46,10 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
         };
         let mut chart = axes.draw(format, &panel.area)?;
         let bars = cycle.buckets.iter().map(|(upper_us, count)| {
-            let left = (upper_us * BUCKET).max(1.0).log10();
+            let left = libm::log10((upper_us * BUCKET).max(1.0));
             // A single cycle is drawn too: log 1 is 0.
-            let height = (f64::from(*count) * 1.25).log10();
-            Rectangle::new([(left, 0.0), (upper_us.max(1.07).log10(), height)], BAR.filled())
+            let height = libm::log10(f64::from(*count) * 1.25);
+            Rectangle::new([(left, 0.0), (libm::log10(upper_us.max(1.07)), height)], BAR.filled())
         });
         chart.draw_series(bars)?;
         Ok(())
@@ -63,7 +63,7 @@ fn power(exponent: &f64) -> String {
         return String::new();
     }
     match exponent.round() {
-        exponent if exponent < 4.0 => format!("{:.0}", 10_f64.powf(exponent)),
-        exponent => format!("{:.0} 000", 10_f64.powf(exponent - 3.0)),
+        exponent if exponent < 4.0 => format!("{:.0}", libm::pow(10.0, exponent)),
+        exponent => format!("{:.0} 000", libm::pow(10.0, exponent - 3.0)),
     }
 }

@@ -183,7 +183,7 @@ fn thinned(points: impl Iterator<Item = (f64, f64)>, least: f64) -> Vec<(f64, f6
     let mut last = None;
     for point in points {
         last = Some(point);
-        let is_far = |before: &(f64, f64)| (point.0 - before.0).hypot(point.1 - before.1) >= least;
+        let is_far = |before: &(f64, f64)| libm::hypot(point.0 - before.0, point.1 - before.1) >= least;
         if kept.last().is_none_or(is_far) {
             kept.push(point);
         }
