@@ -3,7 +3,7 @@
 #
 #   scripts/docs.sh            self-test, links, reference, commands
 #   scripts/docs.sh self-test  show that the checks below find a broken link and a failing command
-#   scripts/docs.sh links      relative links and #anchors of every tracked *.md
+#   scripts/docs.sh links      relative links, #anchors and paths in `code` of every tracked *.md
 #   scripts/docs.sh reference  each command, option and key that there is stands on its page
 #   scripts/docs.sh commands [FILE...]
 #                              run every block tagged ```sh of README.md and docs/, or of these files
@@ -151,11 +151,41 @@ failing_blocks() {
     return "$status"
 }
 
+# paths FILE: its paths as LINE:PATH: what is written as `code` and begins with a folder of this repository. What has a
+# word in capitals, as SETUP.json, stands for something.
+paths() {
+    prose "$1" | awk -v folders="$2" '
+        {
+            at = index($0, ":"); line = substr($0, 1, at - 1); rest = substr($0, at + 1)
+            while (match(rest, /`[^`]+`/)) {
+                path = substr(rest, RSTART + 1, RLENGTH - 2); rest = substr(rest, RSTART + RLENGTH)
+                sub(/ .*/, "", path); split(path, parts, "/")
+                if (index(path, "/") && index(folders, " " parts[1] " ") && path !~ /[A-Z][A-Z]/) print line ":" path
+            }
+        }'
+}
+
+# gone_paths DIRECTORY FILE...: prints each path that these files name and that is not there; fails where there is one.
+gone_paths() {
+    local directory=$1 folders file path status=0
+    folders=$(cd "$directory" && find . -maxdepth 1 -type d -name '[a-z]*' ! -name target ! -name runs -printf ' %P ')
+    for file in "${@:2}"; do
+        while IFS= read -r path; do
+            if [ ! -e "$directory/${path#*:}" ]; then
+                echo "$file:${path%%:*}: there is no ${path#*:}"
+                status=1
+            fi
+        done < <(paths "$directory/$file" "$folders")
+    done
+    return "$status"
+}
+
 # check_links: all tracked Markdown.
 check_links() {
     local files
     mapfile -t files < <(git ls-files --cached --others --exclude-standard '*.md')
-    broken_links . "${files[@]}" || return 1
+    broken_links . "${files[@]}"
+    gone_paths . "${files[@]}"
     echo "links: ${#files[@]} files, none broken"
 }
 
@@ -249,6 +279,9 @@ self_test() {
     expect "each broken link is named by its line" "bad.md:1 bad.md:1 bad.md:2 bad.md:4" \
         "$(sed -E 's/^([^:]*:[0-9]+):.*/\1/' <<<"$found" | paste -sd ' ')"
 
+    printf '%s\n' '`docs/there.md` `docs/gone.md --with` `docs/NAME.md` `other/x.md`' '```text' '`docs/block`' '```' >"$here/paths.md"
+    found=$(gone_paths "$here" paths.md) || true
+    expect "a path that is gone is named" "paths.md:1: there is no docs/gone.md" "$found"
     printf '%s\n' '`--there FILE`, `[part.of]` `key`' >"$here/page.md"
     found=$(printf '%s\n' --there part.of key --the ke --gone | undocumented "$here/page.md") || true
     expect "names that a page lacks are named" "--the ke --gone" "$(awk '{ print $NF }' <<<"$found" | paste -sd ' ')"
