@@ -246,8 +246,8 @@ file_keys() {
 # check_reference: what the programs and the shipped files have is explained.
 check_reference() {
     help_names | undocumented docs/command-line.md
-    file_keys bench/setups/*.toml | undocumented docs/setups.md
-    file_keys bench/applications/*.toml | undocumented docs/applications.md
+    file_keys cell/setups/*.toml | undocumented docs/setups.md
+    file_keys cell/applications/*.toml | undocumented docs/applications.md
     echo "reference: every command, option and key is explained"
 }
 

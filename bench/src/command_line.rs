@@ -40,7 +40,7 @@ Examples:
   bench --setup A --types rc,cm --export-json results.json
   bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
   bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
-  bench --setup my-cell.toml --mode virtual  a setup of your own; start from bench/setups/A.toml
+  bench --setup my-cell.toml --mode virtual  a setup of your own; start from cell/setups/A.toml
 
 Exit codes:
   0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable   130 interrupted";

@@ -1,8 +1,8 @@
 //! `plc-node plan`: what becomes of an application, for the process engineer who writes it.
 
-use protocol_linux::errln;
-use protocol_linux::output::to_stdout;
-use protocol_linux::supervise::Outcome;
+use node::errln;
+use node::output::to_stdout;
+use node::supervise::Outcome;
 
 /// An application and a setup to plan it for.
 #[derive(clap::Args, Debug)]

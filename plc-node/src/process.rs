@@ -10,12 +10,12 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use machine::{Duration, Instant, Lateness};
-use node_command::{Prepared, RunOptions};
+use node::Node;
+use node::report::BusReport;
+use node::run::{Prepared, RunOptions};
+use node::supervise::{Conductor, Next, Outcome};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol_linux::Node;
-use protocol_linux::report::BusReport;
-use protocol_linux::supervise::{Conductor, Next, Outcome};
 use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
@@ -145,7 +145,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Subcommand::Plan(plan) => plan.execute(),
         Subcommand::Discover(discover) => discover.execute(),
     };
-    node_command::exit_code(outcome, |error| error.is::<bus::BusError>())
+    node::run::exit_code(outcome, |error| error.is::<bus::BusError>())
 }
 
 impl Run {
@@ -160,7 +160,7 @@ impl Run {
             stops: plan.stops(),
             ..PlcConfig::from_setup(setup, plan.wire_motions(setup), PROGRAM)
         };
-        let start = node_command::first_cycle();
+        let start = node::run::first_cycle();
         // The clock makes every start of this PLC a new one to the robot.
         let nonce = start.as_nanos();
         if self.options.direct {
@@ -190,10 +190,10 @@ impl Run {
         node: PlcNode<B>,
     ) -> anyhow::Result<Outcome> {
         if self.options.is_led() {
-            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut Told::default())
+            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut OnInstruction::default())
         } else {
-            let mut alone = Alone::new(&self.types, self.reps);
-            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut alone)
+            let mut standalone = Standalone::new(&self.types, self.reps);
+            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut standalone)
         }
     }
 }
@@ -303,12 +303,12 @@ fn refusal((execution_type, error): (ExecutionType, StartError)) -> PlcMessage {
 
 /// Does what it is told.
 #[derive(Default)]
-struct Told {
+struct OnInstruction {
     /// The robot was ready when it was last heard of: a controller that comes later missed that.
     ready: bool,
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Told {
+impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for OnInstruction {
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 
@@ -341,12 +341,12 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Told {
 }
 
 /// Runs its repetitions and ends.
-struct Alone {
+struct Standalone {
     /// The runs to come, the next one last.
     runs: Vec<ExecutionType>,
 }
 
-impl Alone {
+impl Standalone {
     fn new(types: &[ExecutionType], reps: u32) -> Self {
         let mut runs: Vec<_> = (0..reps).flat_map(|_| types.iter().copied()).collect();
         runs.reverse();
@@ -358,7 +358,7 @@ impl Alone {
     }
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Alone {
+impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Standalone {
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 

@@ -9,11 +9,11 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use machine::{Instant, Lateness};
-use node_command::{Prepared, RunOptions};
+use node::Node;
+use node::run::{Prepared, RunOptions};
+use node::supervise::{Conductor, Next, Outcome};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol_linux::Node;
-use protocol_linux::supervise::{Conductor, Next, Outcome};
 use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
@@ -88,7 +88,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let Subcommand::Run(run) = cli.command;
     let is_usage = |error: &anyhow::Error| error.is::<bus::BusError>() || error.is::<ConfigError>();
-    node_command::exit_code(run.execute(), is_usage)
+    node::run::exit_code(run.execute(), is_usage)
 }
 
 impl Run {
@@ -99,7 +99,7 @@ impl Run {
         let programs = vec![(PROGRAM, Program::new(plan.wire_motions(setup), &plan.stops()))];
         let take_address =
             || interface.take_address("bus.robot_address", setup.bus.robot_address, setup.bus.subnet_mask);
-        let start = node_command::first_cycle();
+        let start = node::run::first_cycle();
         if self.options.direct {
             take_address()?;
             let bus = prepared.direct(setup.bus.plc_address, start);
@@ -129,7 +129,7 @@ impl Run {
         endpoint: &str,
         node: RobotNode<B>,
     ) -> anyhow::Result<Outcome> {
-        prepared.supervise(&self.options, "robot-node", endpoint, node, &mut Served)
+        prepared.supervise(&self.options, "robot-node", endpoint, node, &mut OnInstruction)
     }
 }
 
@@ -189,9 +189,9 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 }
 
 /// Does what the PLC says, and tells what came of it.
-struct Served;
+struct OnInstruction;
 
-impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for Served {
+impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for OnInstruction {
     type Message = RobotMessage;
     type Instruction = RobotInstruction;
 

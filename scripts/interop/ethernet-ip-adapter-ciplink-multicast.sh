@@ -5,7 +5,7 @@
 . scripts/interop/cell.sh
 
 {
-    cat bench/setups/B.toml
+    cat cell/setups/B.toml
     printf '%s\n' '[bus.ethernet_ip]' 'multicast = true'
 } >"$OUT/setup.toml"
 at_robot ip address add "$ROBOT_ADDRESS/24" dev robot

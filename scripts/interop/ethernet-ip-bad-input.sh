@@ -15,7 +15,7 @@ asks() {
     shift
     {
         sed -e "s/^cycle_us = { value = 1000/cycle_us = { value = ${cycle_us:-1000}/" \
-            -e "s/^watchdog_cycles = { value = [0-9]*/watchdog_cycles = { value = 128/" bench/setups/B.toml
+            -e "s/^watchdog_cycles = { value = [0-9]*/watchdog_cycles = { value = 128/" cell/setups/B.toml
         echo '[bus.ethernet_ip.adapter]'
         printf '%s\n' 'consumed_assembly = 150' 'consumed_bytes = 256' 'produced_assembly = 100' \
             'produced_bytes = 256' 'configuration_assembly = 151' \

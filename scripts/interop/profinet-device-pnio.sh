@@ -5,7 +5,7 @@
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
-sed 's/^robot_station_name.*/robot_station_name = "pnio-robot"/' bench/setups/A.toml >"$OUT/setup.toml"
+sed 's/^robot_station_name.*/robot_station_name = "pnio-robot"/' cell/setups/A.toml >"$OUT/setup.toml"
 cat >>"$OUT/setup.toml" <<'END'
 
 [bus.profinet.device]

@@ -28,8 +28,8 @@ pub mod timeline;
 use std::fmt::Arguments;
 use std::process;
 
-pub use protocol_linux::errln;
-use protocol_linux::output;
+pub use node::errln;
+use node::output;
 
 use exit::Exit;
 

@@ -13,9 +13,9 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::Args;
+use node::report::LatenessReport;
 use plc_node::ExecutionType;
 use protocol_linux::capture::Keep;
-use protocol_linux::report::LatenessReport;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;

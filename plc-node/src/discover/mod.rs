@@ -6,10 +6,11 @@ use std::ops::ControlFlow;
 
 use anyhow::Context as _;
 use machine::{Duration, Instant};
+use node::errln;
+use node::output::to_stdout;
+use node::supervise::Outcome;
 use protocol::search::{EthernetIpQuestion, Over, ProfinetQuestion, Search, SearchConfig};
-use protocol_linux::output::to_stdout;
-use protocol_linux::supervise::Outcome;
-use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock, errln};
+use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 use listing::{Bus, Listing, Skipped};
 

@@ -2,8 +2,8 @@
 
 use std::str::FromStr;
 
+use ::node::message::Instruction;
 use plc_node::process::PlcInstruction;
-use protocol_linux::message::Instruction;
 use robot_node::process::RobotInstruction;
 use setup::Setup;
 use tokio::sync::mpsc;

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use protocol_linux::message::Instruction;
+use ::node::message::Instruction;
 use serde::Serialize;
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;

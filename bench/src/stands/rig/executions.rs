@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
+use ::node::message::Instruction;
 use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
-use protocol_linux::message::Instruction;
 use robot_node::Quality;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 

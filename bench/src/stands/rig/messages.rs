@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
+use ::node::message::{Instruction, Message};
+use ::node::report::NodeReport;
 use plc_node::process::{PlcInstruction, PlcMessage};
-use protocol_linux::message::{Instruction, Message};
-use protocol_linux::report::NodeReport;
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::time::timeout;
 

@@ -40,20 +40,20 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use ::node::message::{Hello, Instruction, Message};
+use ::node::report::NodeReport;
 use plc_node::process::{PlcInstruction, PlcMessage};
-use protocol_linux::message::{Hello, Instruction, Message};
-use protocol_linux::report::NodeReport;
 use protocol_linux::{Interface, OpenPort, PortError};
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use virtual_time::Side;
 
+use self::node::Node;
 use cable::{Cable, Fittings};
 use executions::ExecutedMotions;
 use kills::Kills;
 use messages::Startup;
-use node::Node;
 use node_process::{NodeEvent, NodeProcess};
 
 use crate::records::conditions::Health;

@@ -1,6 +1,6 @@
 //! A node as the rig speaks with it, whoever started it.
 
-use protocol_linux::message::Instruction;
+use ::node::message::Instruction;
 use serde::Serialize;
 
 use super::RigError;

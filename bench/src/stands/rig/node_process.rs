@@ -7,7 +7,7 @@ use std::process::Stdio;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use protocol_linux::message::Instruction;
+use ::node::message::Instruction;
 use protocol_linux::namespace::NetworkNamespace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;

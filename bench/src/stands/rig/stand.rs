@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use protocol_linux::report::{LatenessReport, NodeReport};
+use ::node::report::{LatenessReport, NodeReport};
 
 use super::{Reports, Rig, RigError};
 use crate::records::conditions::{CycleHealth, Health, Measured};

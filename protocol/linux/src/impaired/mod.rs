@@ -47,7 +47,7 @@ const BATCH: usize = 64;
 /// A cable that impairs frames; it does until it is stopped or let go of.
 #[derive(Debug)]
 pub struct ImpairedCable {
-    told: Arc<Told>,
+    shared: Arc<Shared>,
     waker: Notifier,
     thread: Option<JoinHandle<u64>>,
     writer: Option<Writer>,
@@ -62,9 +62,9 @@ pub struct Stopped {
     pub allocations: u64,
 }
 
-/// What the thread is told, and what it tells. Every part stands for itself, so no order of them matters.
+/// What the thread is shared, and what it tells. Every part stands for itself, so no order of them matters.
 #[derive(Debug, Default)]
-struct Told {
+struct Shared {
     stop: AtomicBool,
     paused: AtomicBool,
     discard: AtomicBool,
@@ -74,7 +74,7 @@ struct Told {
     killed: [AtomicBool; 2],
     /// [`LinkCounters`] of each sender.
     counters: [[AtomicU64; 5]; 2],
-    /// Frames of which nobody was told, since the writer was behind.
+    /// Frames of which nobody was shared, since the writer was behind.
     left_out: AtomicU64,
 }
 
@@ -89,14 +89,14 @@ impl ImpairedCable {
         let [first, second] = ends;
         let sockets = [open(first)?, open(second)?];
         let failed = |reason| PortError::ethernet(first.name(), reason);
-        let told = Arc::new(Told::default());
+        let shared = Arc::new(Shared::default());
         let waker = Notifier::new().map_err(failed)?;
-        let (teller, writer) = witness::start(witnesses, &told).map_err(failed)?;
+        let (teller, writer) = witness::start(witnesses, &shared).map_err(failed)?;
         let mut passing = Passing {
             sockets,
             middle: Middle::new(plan),
             teller,
-            told: Arc::clone(&told),
+            shared: Arc::clone(&shared),
             notifier: waker.clone(),
         };
         let body = move || {
@@ -105,18 +105,18 @@ impl ImpairedCable {
             passing.run()
         };
         let thread = std::thread::Builder::new().name("cable".to_owned()).spawn(body).map_err(failed)?;
-        Ok(Self { told, waker, thread: Some(thread), writer: Some(writer) })
+        Ok(Self { shared, waker, thread: Some(thread), writer: Some(writer) })
     }
 
     /// Both ends are ready: the plan's cuts count from now.
     pub fn set_ready(&self) {
-        self.told.ready_ns.store(clock::now().as_nanos(), Ordering::Relaxed);
+        self.shared.ready_ns.store(clock::now().as_nanos(), Ordering::Relaxed);
         self.waker.notify();
     }
 
     /// Says beside the next frames that the node at this end is killed.
     pub fn note_killed(&self, node: Side) {
-        if let Some(killed) = self.told.killed.get(node.index()) {
+        if let Some(killed) = self.shared.killed.get(node.index()) {
             killed.store(true, Ordering::Relaxed);
         }
         self.waker.notify();
@@ -124,13 +124,13 @@ impl ImpairedCable {
 
     /// Tells the witnesses nothing, or everything again.
     pub fn pause(&self, paused: bool) {
-        self.told.paused.store(paused, Ordering::Relaxed);
+        self.shared.paused.store(paused, Ordering::Relaxed);
     }
 
     /// What it did to the frames of each sender so far.
     #[must_use]
     pub fn counters(&self) -> [LinkCounters; 2] {
-        self.told.counters.each_ref().map(|counters| {
+        self.shared.counters.each_ref().map(|counters| {
             let [sent, lost, duplicated, reordered, corrupted] =
                 counters.each_ref().map(|counter| counter.load(Ordering::Relaxed));
             LinkCounters { sent, lost, duplicated, reordered, corrupted }
@@ -143,12 +143,12 @@ impl ImpairedCable {
     ///
     /// A capture could not be written, or frames are missing in it.
     pub fn stop(mut self, wanted: bool) -> Result<Stopped, RecorderError> {
-        self.told.discard.store(!wanted, Ordering::Relaxed);
+        self.shared.discard.store(!wanted, Ordering::Relaxed);
         self.end()
     }
 
     fn end(&mut self) -> Result<Stopped, RecorderError> {
-        self.told.stop.store(true, Ordering::Relaxed);
+        self.shared.stop.store(true, Ordering::Relaxed);
         self.waker.notify();
         let allocations = self.thread.take().map_or(0, |thread| thread.join().unwrap_or(0));
         // Behind the thread's end the ring is complete.
@@ -177,7 +177,7 @@ struct Passing {
     sockets: [Socket; 2],
     middle: Middle,
     teller: Teller,
-    told: Arc<Told>,
+    shared: Arc<Shared>,
     notifier: Notifier,
 }
 
@@ -191,7 +191,7 @@ impl Passing {
         }
         let mut buffer = FrameBuffer::new();
         allocation::arm();
-        while !self.told.stop.load(Ordering::Relaxed) {
+        while !self.shared.stop.load(Ordering::Relaxed) {
             let limit = self.middle.deadline().map(|due| due.since(clock::now()));
             // An interrupted wait is one that ends early.
             if !matches!(waits.wait(limit), Ok(()) | Err(Errno::INTR)) {
@@ -214,13 +214,13 @@ impl Passing {
         allocations
     }
 
-    /// Takes up what it is told.
+    /// Takes up what it is shared.
     fn listen(&mut self) {
-        match self.told.ready_ns.load(Ordering::Relaxed) {
+        match self.shared.ready_ns.load(Ordering::Relaxed) {
             0 => {}
             ready => self.middle.set_ready(Instant::from_nanos(ready)),
         }
-        for (side, killed) in [Side::A, Side::B].into_iter().zip(&self.told.killed) {
+        for (side, killed) in [Side::A, Side::B].into_iter().zip(&self.shared.killed) {
             if killed.swap(false, Ordering::Relaxed) {
                 self.teller.note(Note::Killed(side));
             }
@@ -256,10 +256,10 @@ impl Passing {
     }
 
     fn count(&self) {
-        for (told, LinkCounters { sent, lost, duplicated, reordered, corrupted }) in
-            self.told.counters.iter().zip(self.middle.counters())
+        for (shared, LinkCounters { sent, lost, duplicated, reordered, corrupted }) in
+            self.shared.counters.iter().zip(self.middle.counters())
         {
-            for (to, count) in told.iter().zip([sent, lost, duplicated, reordered, corrupted]) {
+            for (to, count) in shared.iter().zip([sent, lost, duplicated, reordered, corrupted]) {
                 to.store(count, Ordering::Relaxed);
             }
         }

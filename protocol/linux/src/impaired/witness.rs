@@ -9,7 +9,7 @@ use std::time::Duration;
 use machine::Instant;
 use virtual_time::{Fate, Side};
 
-use super::Told;
+use super::Shared;
 use super::middle::ROOM;
 use crate::RecorderError;
 use crate::capture::{CaptureFile, Note, Packet};
@@ -58,14 +58,14 @@ enum Entry {
 /// The cyclic thread's end of the ring; it has none where nobody wants to hear.
 pub(super) struct Teller {
     entries: Option<rtrb::Producer<Entry>>,
-    told: Arc<Told>,
+    shared: Arc<Shared>,
 }
 
 impl Teller {
     /// Tells of a frame. Where the writer is far behind, it is left out and counted.
     pub(super) fn passed(&mut self, passed: Passed, bytes: &[u8]) {
         let Some(entries) = &mut self.entries else { return };
-        if self.told.paused.load(Ordering::Relaxed) {
+        if self.shared.paused.load(Ordering::Relaxed) {
             return;
         }
         let mut frame = [0; ROOM];
@@ -74,7 +74,7 @@ impl Teller {
             to.copy_from_slice(from);
         }
         if entries.push(Entry::Passed { passed, len, frame }).is_err() {
-            self.told.left_out.fetch_add(1, Ordering::Relaxed);
+            self.shared.left_out.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -97,14 +97,14 @@ impl Writer {
 }
 
 /// Starts a writer for these witnesses.
-pub(super) fn start(witnesses: [Witness; 2], told: &Arc<Told>) -> std::io::Result<(Teller, Writer)> {
-    let told = Arc::clone(told);
+pub(super) fn start(witnesses: [Witness; 2], shared: &Arc<Shared>) -> std::io::Result<(Teller, Writer)> {
+    let shared = Arc::clone(shared);
     if witnesses.iter().all(|witness| witness.capture.is_none() && witness.see.is_none()) {
-        return Ok((Teller { entries: None, told }, Writer(None)));
+        return Ok((Teller { entries: None, shared }, Writer(None)));
     }
     let (entries, mut waiting) = rtrb::RingBuffer::new(RING_CAPACITY);
     let mut ends = witnesses.map(|witness| End { witness, note: None });
-    let of_thread = Arc::clone(&told);
+    let of_thread = Arc::clone(&shared);
     let body = move || {
         let mut result = Ok(());
         loop {
@@ -138,7 +138,7 @@ pub(super) fn start(witnesses: [Witness; 2], told: &Arc<Told>) -> std::io::Resul
         if left_out > 0 { result.and(Err(RecorderError::LeftOut { frames: left_out })) } else { result }
     };
     let thread = std::thread::Builder::new().name("witness".to_owned()).spawn(body)?;
-    Ok((Teller { entries: Some(entries), told }, Writer(Some(thread))))
+    Ok((Teller { entries: Some(entries), shared }, Writer(Some(thread))))
 }
 
 struct End {

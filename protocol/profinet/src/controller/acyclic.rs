@@ -13,7 +13,7 @@ use machine::{Instant, Port, Transmit};
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Acyclic {
     /// Something happened: there may be something to send, and another deadline.
-    Astir,
+    Active,
     /// All of it is sent, and nothing is due before.
     Quiet { until: Option<Instant> },
 }
@@ -59,7 +59,7 @@ impl Controller {
 
     /// Something besides a cyclic frame may be due.
     pub(super) fn handle_acyclic_timeout(&mut self, now: Instant) {
-        self.acyclic = Acyclic::Astir;
+        self.acyclic = Acyclic::Active;
         self.handle_link_timeout(now);
         self.discovery.handle_timeout(now);
         if self.caller.handle_timeout(now) {

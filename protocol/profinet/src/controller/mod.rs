@@ -164,7 +164,7 @@ impl Controller {
             diff: Vec::new(),
             events: VecDeque::with_capacity(8),
             counters: Counters::default(),
-            acyclic: Acyclic::Astir,
+            acyclic: Acyclic::Active,
             config,
         })
     }
@@ -188,7 +188,7 @@ impl Controller {
         let is_devices = self.link.as_ref().is_some_and(|link| link.device == header.source);
         match payload.first_chunk().copied().map(u16::from_be_bytes) {
             Some(frame_id) if dcp::FRAME_IDS.contains(&frame_id) => {
-                self.acyclic = Acyclic::Astir;
+                self.acyclic = Acyclic::Active;
                 match Pdu::parse(payload) {
                     Ok(pdu) if pdu.service.is_request() => self.answer_dcp(now, &header, payload),
                     Ok(pdu) => self.handle_dcp(now, header.source, &pdu),
@@ -231,7 +231,7 @@ impl Controller {
             }
             return;
         }
-        self.acyclic = Acyclic::Astir;
+        self.acyclic = Acyclic::Active;
         let pdu = payload.get(2..).unwrap_or_default();
         let outcome = match frame_id {
             FRAME_ID_HIGH | FRAME_ID_LOW => link.alarms.handle(now, frame_id, pdu),
@@ -249,7 +249,7 @@ impl Controller {
     }
 
     fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
-        self.acyclic = Acyclic::Astir;
+        self.acyclic = Acyclic::Active;
         let Ok((header, body)) = Header::parse(datagram) else {
             self.counters.malformed += 1;
             return;
@@ -262,7 +262,7 @@ impl Controller {
 
     /// Puts an end to the attempt or the connection, and to its AR: with `status`, if the device does not know yet.
     fn fail(&mut self, now: Instant, down: Down, status: Option<Status>) {
-        self.acyclic = Acyclic::Astir;
+        self.acyclic = Acyclic::Active;
         if let (Some(link), Some(status)) = (&self.link, status) {
             self.parting = Some(link.alarms.parting(status));
         }
@@ -291,7 +291,7 @@ impl Controller {
     }
 
     fn go_up(&mut self) {
-        self.acyclic = Acyclic::Astir;
+        self.acyclic = Acyclic::Active;
         self.up = true;
         self.pause = PAUSE;
         self.silent_at = None;
@@ -378,7 +378,7 @@ impl Machine for Controller {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let acyclic = match self.acyclic {
-            Acyclic::Astir => self.acyclic_timeout(),
+            Acyclic::Active => self.acyclic_timeout(),
             Acyclic::Quiet { until } => until,
         };
         let Some(link) = &self.link else { return acyclic };
@@ -407,7 +407,7 @@ impl Controller {
 
     /// Ends the connection as the standard wants it, or gives up the attempt to connect.
     pub fn disconnect(&mut self, now: Instant) {
-        self.acyclic = Acyclic::Astir;
+        self.acyclic = Acyclic::Active;
         self.release(now);
     }
 

@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
-use crate::{Command, Happening, News, Node, NodeError, NodeProcess, Words, errln};
+use crate::{Command, News, Node, NodeError, NodeProcess, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to what all nodes do.
 pub trait Conductor<N: Node> {
@@ -121,7 +121,7 @@ struct Supervisor<'a, N: Node, C> {
     /// Whether images are exchanged.
     linked: bool,
     /// What the node says of the event that comes next.
-    explanation: Option<Words>,
+    explanation: Option<ShortText>,
 }
 
 impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
@@ -130,19 +130,19 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
         let mut outcome = Outcome::Done;
         loop {
             let next = match self.process.next_happening()? {
-                Happening::News(news) => self.tell_news(news),
-                Happening::Line(line) => self.obey(&line),
-                Happening::Attached(peer) => {
+                ProcessEvent::News(news) => self.tell_news(news),
+                ProcessEvent::Line(line) => self.obey(&line),
+                ProcessEvent::Attached(peer) => {
                     note(format_args!("controlled by {peer}"));
                     self.greet();
                     Next::Wait
                 }
-                Happening::Detached { peer, reason } => {
+                ProcessEvent::Detached { peer, reason } => {
                     note(format_args!("no longer controlled by {peer}: {reason}"));
                     self.conductor.deserted()
                 }
-                Happening::Closed | Happening::Signal(_) => Next::End(Outcome::Done),
-                Happening::Ended => return Ok(outcome),
+                ProcessEvent::Closed | ProcessEvent::Signal(_) => Next::End(Outcome::Done),
+                ProcessEvent::Ended => return Ok(outcome),
             };
             // A ring that is full belongs to a thread that ended; that is the next thing that happens.
             match next {
@@ -243,7 +243,7 @@ fn note(words: std::fmt::Arguments<'_>) {
     let _ = to_stdout(format_args!("{words}\n"));
 }
 
-fn link_message<M>(event: LinkEvent, explanation: Option<Words>) -> Message<M> {
+fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Message<M> {
     match event {
         LinkEvent::Up => Message::LinkUp,
         LinkEvent::Down(down) => Message::LinkDown {

@@ -8,10 +8,8 @@ use crate::check::{Problem, check_setup};
 use crate::{Error, Setup};
 
 /// Setups compiled in: name and text.
-pub const SETUPS: &[(&str, &str)] = &[
-    ("A", include_str!("../../../bench/setups/A.toml")),
-    ("B", include_str!("../../../bench/setups/B.toml")),
-];
+pub const SETUPS: &[(&str, &str)] =
+    &[("A", include_str!("../../setups/A.toml")), ("B", include_str!("../../setups/B.toml"))];
 
 /// Finds the setup that `name` names: a built-in one, or the path of a file. Its values are checked.
 pub fn setup(name: &str) -> Result<Setup, Error> {

@@ -7,8 +7,6 @@
 //! exit_code              what the process ends with
 //! ```
 
-#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
-
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,12 +15,12 @@ use anyhow::Context as _;
 use machine::{Duration, Instant};
 use planning::{Found, Plan};
 use protocol::direct::Direct;
-use protocol_linux::message::{Console, Hello};
-use protocol_linux::supervise::{Conductor, Outcome, supervise};
-use protocol_linux::{
-    Commands, ControlPort, Interface, Node, NodeProcess, StopSignals, capabilities, clock, errln,
-};
+use protocol_linux::{Interface, StopSignals, capabilities, clock};
 use setup::{BusKind, Cyclic, Setup};
+
+use crate::message::{Console, Hello};
+use crate::supervise::{Conductor, Outcome, supervise};
+use crate::{Commands, ControlPort, Node, NodeProcess, errln};
 
 /// Time that the program has to get going before its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -142,9 +140,9 @@ impl Prepared {
             warning: None,
         };
         let (console, commands) = match options.control {
-            Some(address) => (Console::Words, Commands::Control(ControlPort::listen(address)?)),
+            Some(address) => (Console::ShortText, Commands::Control(ControlPort::listen(address)?)),
             None if options.json => (Console::Json, Commands::Stdin),
-            None => (Console::Words, Commands::None),
+            None => (Console::ShortText, Commands::None),
         };
         let trace = options.trace_file.as_deref();
         let process = NodeProcess::start(node, interface, signals, commands, trace)?;

@@ -13,12 +13,12 @@ use crate::planner::plan;
 
 /// Applications compiled in: name and text.
 pub const APPLICATIONS: &[(&str, &str)] = &[
-    ("pick-and-place", include_str!("../../../bench/applications/pick-and-place.toml")),
-    ("pick-and-place-gripper", include_str!("../../../bench/applications/pick-and-place-gripper.toml")),
-    ("gluing", include_str!("../../../bench/applications/gluing.toml")),
-    ("palletising", include_str!("../../../bench/applications/palletising.toml")),
-    ("engraving", include_str!("../../../bench/applications/engraving.toml")),
-    ("insertion-with-force", include_str!("../../../bench/applications/insertion-with-force.toml")),
+    ("pick-and-place", include_str!("../../applications/pick-and-place.toml")),
+    ("pick-and-place-gripper", include_str!("../../applications/pick-and-place-gripper.toml")),
+    ("gluing", include_str!("../../applications/gluing.toml")),
+    ("palletising", include_str!("../../applications/palletising.toml")),
+    ("engraving", include_str!("../../applications/engraving.toml")),
+    ("insertion-with-force", include_str!("../../applications/insertion-with-force.toml")),
 ];
 
 /// An application and the text that it was read from.

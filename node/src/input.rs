@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use crate::StopSignal;
+use protocol_linux::StopSignal;
 
 /// Longest line that is taken, in bytes; more without an end is no instruction of ours.
 const LINE_LIMIT: usize = 64 * 1024;

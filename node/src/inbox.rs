@@ -6,9 +6,10 @@ use std::os::fd::AsFd;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
+use crate::ControlPort;
 use crate::control::REST_MS;
 use crate::input::{Input, Lines};
-use crate::{ControlPort, Notifier, StopSignals};
+use protocol_linux::{Notifier, StopSignals};
 
 /// Where a node's instructions come from.
 #[derive(Debug)]

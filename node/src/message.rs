@@ -116,7 +116,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Console {
     /// Lines for a person.
-    Words,
+    ShortText,
     /// One JSON value a line, for a program.
     Json,
 }
@@ -127,7 +127,7 @@ impl Console {
     /// Nobody is left to tell if that fails; the end of standard input then says so too.
     pub fn tell<M: Serialize + fmt::Display>(self, message: &Message<M>) {
         let line = match self {
-            Self::Words => message.to_string(),
+            Self::ShortText => message.to_string(),
             Self::Json => message.to_json(),
         };
         let _ = to_stdout(format_args!("{line}\n"));

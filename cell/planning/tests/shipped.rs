@@ -85,7 +85,7 @@ fn every_motion_kind_of_the_image_can_be_planned() {
         .iter()
         .flat_map(|(name, _)| planned(name).motions.into_iter().map(|motion| motion.kind.into()))
         .collect();
-    let joints = include_str!("../../../bench/applications/pick-and-place.toml")
+    let joints = include_str!("../../applications/pick-and-place.toml")
         .replace("home = {", "home = { joints_deg = [-60.0, 90.0, 150.0, 0.0, 0.0, 0.0],");
     let with_joints = Application::parse("test", &joints).expect("reads");
     let by_joints = plan(&with_joints, &setup_a()).expect("plans").wire_motions(&setup_a());

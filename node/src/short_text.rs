@@ -7,12 +7,12 @@ const ROOM: usize = 768;
 
 /// A text of bounded length. What does not fit is cut off at a character's border.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Words {
+pub struct ShortText {
     text: [u8; ROOM],
     len: usize,
 }
 
-impl Words {
+impl ShortText {
     /// The text.
     #[must_use]
     pub fn as_str(&self) -> &str {
@@ -21,13 +21,13 @@ impl Words {
     }
 }
 
-impl Default for Words {
+impl Default for ShortText {
     fn default() -> Self {
         Self { text: [0; ROOM], len: 0 }
     }
 }
 
-impl fmt::Write for Words {
+impl fmt::Write for ShortText {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let room = ROOM - self.len;
         let fits = text.floor_char_boundary(room.min(text.len()));
@@ -40,7 +40,7 @@ impl fmt::Write for Words {
     }
 }
 
-impl fmt::Debug for Words {
+impl fmt::Debug for ShortText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.as_str().fmt(f)
     }
@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn a_text_that_is_too_long_ends_with_a_whole_character() {
-        let mut words = Words::default();
+        let mut words = ShortText::default();
         assert!(write!(words, "every {} µs and", 100).is_ok());
         assert_eq!(words.as_str(), "every 100 µs and");
         assert!(words.write_str(&"µ".repeat(ROOM)).is_err());

@@ -11,10 +11,10 @@ use machine::{Instant, Lateness, Machine};
 use rustix::io::Errno;
 
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
-use crate::{
-    Commands, ControlPort, CyclicThread, Driver, DriverError, Inbox, Input, Interface, InterfaceError,
-    Notifier, Outbox, PortError, RingFull, StartError, Statistics, StopSignal, StopSignals, Task, Words,
-    allocation,
+use crate::{Commands, ControlPort, Inbox, Input, ShortText};
+use protocol_linux::{
+    CyclicThread, Driver, DriverError, Interface, InterfaceError, Notifier, Outbox, PortError, RingFull,
+    StartError, Statistics, StopSignal, StopSignals, Task, allocation,
 };
 
 /// How long the peer may take to answer the end of a connection, before the process ends without that answer.
@@ -82,7 +82,7 @@ pub enum News<E, A> {
     /// An event of the node.
     Event(E),
     /// Why the peer refused the connection and what it has instead; the event that says so is next.
-    Explanation(Words),
+    Explanation(ShortText),
     /// An answer to an order.
     Answer(A),
     /// The interface did not take the address that the bus wanted it to have.
@@ -126,7 +126,7 @@ impl Snapshot {
 
 /// The node's owner on the cyclic thread.
 #[derive(Debug)]
-pub struct Keeper<S> {
+pub struct CyclicTask<S> {
     interface: Interface,
     trace: Option<TraceRing<S>>,
     connected: bool,
@@ -136,7 +136,7 @@ pub struct Keeper<S> {
     stopping: Option<Instant>,
 }
 
-impl<N: Node> Task<N> for Keeper<N::Sample> {
+impl<N: Node> Task<N> for CyclicTask<N::Sample> {
     type Command = Command<N::Order>;
     type News = News<N::Event, N::Answer>;
 
@@ -183,8 +183,8 @@ impl<N: Node> Task<N> for Keeper<N::Sample> {
     ) -> ControlFlow<()> {
         let link = N::link_event(&event);
         if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
-            let mut words = Words::default();
-            // Words that do not fit are cut off.
+            let mut words = ShortText::default();
+            // ShortText that do not fit are cut off.
             let _ = node.explain(&mut words);
             if !words.as_str().is_empty() {
                 news.tell(News::Explanation(words));
@@ -232,7 +232,7 @@ impl<N: Node> Task<N> for Keeper<N::Sample> {
 /// A node that runs: its cyclic thread, and the ear of the thread beside it.
 #[derive(Debug)]
 pub struct NodeProcess<N: Node> {
-    thread: CyclicThread<N, Keeper<N::Sample>>,
+    thread: CyclicThread<N, CyclicTask<N::Sample>>,
     trace: Option<TraceWriter>,
     inbox: Inbox,
     ended: bool,
@@ -241,7 +241,7 @@ pub struct NodeProcess<N: Node> {
 /// Something happened that the process has to act on.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "taken apart at once, never kept")]
-pub enum Happening<E, A> {
+pub enum ProcessEvent<E, A> {
     /// The cyclic thread tells something.
     News(News<E, A>),
     /// A line of whoever gives the commands.
@@ -310,7 +310,7 @@ impl<N: Node> NodeProcess<N> {
             }
             None => (None, None),
         };
-        let keeper = Keeper { interface, trace: ring, connected: false, at_up: None, stopping: None };
+        let keeper = CyclicTask { interface, trace: ring, connected: false, at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);
@@ -335,24 +335,24 @@ impl<N: Node> NodeProcess<N> {
     }
 
     /// Waits for what happens next.
-    pub fn next_happening(&mut self) -> Result<Happening<N::Event, N::Answer>, NodeError> {
+    pub fn next_happening(&mut self) -> Result<ProcessEvent<N::Event, N::Answer>, NodeError> {
         loop {
             // Asked before the ring is looked at: what was told before the end is still in it.
             let ended = self.thread.has_ended();
             if let Some(news) = self.thread.news() {
-                return Ok(Happening::News(news));
+                return Ok(ProcessEvent::News(news));
             }
             if ended && !self.ended {
                 self.ended = true;
-                return Ok(Happening::Ended);
+                return Ok(ProcessEvent::Ended);
             }
             match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 Input::News => {}
-                Input::Line(line) => return Ok(Happening::Line(line)),
-                Input::Attached(peer) => return Ok(Happening::Attached(peer)),
-                Input::Detached { peer, reason } => return Ok(Happening::Detached { peer, reason }),
-                Input::Closed => return Ok(Happening::Closed),
-                Input::Stop(signal) => return Ok(Happening::Signal(signal)),
+                Input::Line(line) => return Ok(ProcessEvent::Line(line)),
+                Input::Attached(peer) => return Ok(ProcessEvent::Attached(peer)),
+                Input::Detached { peer, reason } => return Ok(ProcessEvent::Detached { peer, reason }),
+                Input::Closed => return Ok(ProcessEvent::Closed),
+                Input::Stop(signal) => return Ok(ProcessEvent::Signal(signal)),
             }
         }
     }

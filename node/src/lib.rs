@@ -1,0 +1,32 @@
+//! What both node processes share, whatever their bus and their work.
+//!
+//! ```text
+//! run         the command `run`: its options, and what comes before and after a node on its bus
+//! supervise   the thread beside the cyclic one: news become messages, instructions become commands
+//! ├─ message  the messages and instructions, one JSON line each; report has the figures in them
+//! ├─ inbox    instructions, signals and news, waited for at once; input says what can come
+//! └─ control  the control port: one controller at a time over TCP
+//! node        a node on its cyclic thread; trace_file records its cycles, short_text is text without allocation
+//! output      printing, for a reader that may be gone
+//! ```
+
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
+
+mod control;
+mod inbox;
+mod input;
+pub mod message;
+mod node;
+pub mod output;
+pub mod report;
+pub mod run;
+mod short_text;
+pub mod supervise;
+mod trace_file;
+
+pub use control::{ControlError, ControlPort};
+pub use inbox::{Commands, Inbox};
+pub use input::Input;
+pub use node::{Command, CyclicTask, News, Node, NodeError, NodeProcess, ProcessEvent, Snapshot};
+pub use short_text::ShortText;
+pub use trace_file::TraceError;
