@@ -274,9 +274,9 @@ virtual_runs() {
     local setup application name
     mkdir -p "$1"
     for setup in A B; do
-        for application in bench/applications/*.toml; do
+        for application in cell/applications/*.toml; do
             name=$(basename "$application" .toml)
-            sed "s/^application = .*/application = \"$name\"/" "bench/setups/$setup.toml" >"$1/$setup-$name.toml"
+            sed "s/^application = .*/application = \"$name\"/" "cell/setups/$setup.toml" >"$1/$setup-$name.toml"
             built bench --setup "$1/$setup-$name.toml" --mode virtual --reps 1 --trace --capture always --quiet \
                 --out "$1/$setup-$name" >"$1/$setup-$name.txt" 2>&1 || echo "exit code $?" >>"$1/$setup-$name.txt"
         done

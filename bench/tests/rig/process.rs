@@ -41,9 +41,10 @@ pub(crate) fn patient(setup: &str, place: &Path) -> String {
             [("watchdog_cycles", 500, 1_900), ("cycle_us", 1_000, 1_000)],
         ),
         // EtherNet/IP bears 512 packet intervals, so they have to be longer.
-        _ => {
-            (include_str!("../../../cell/setups/B.toml"), [("watchdog_cycles", 512, 512), ("cycle_us", 1_000, 4_000)])
-        }
+        _ => (
+            include_str!("../../../cell/setups/B.toml"),
+            [("watchdog_cycles", 512, 512), ("cycle_us", 1_000, 4_000)],
+        ),
     };
     let (before, bus) = shipped.split_once("[bus]").unwrap();
     let mut bus = bus.to_owned();
