@@ -28,6 +28,63 @@ fn each_is_fastest_as_a_program_and_slowest_as_single_motions() {
     }
 }
 
+/// Where the arm stands at power-on is not where most applications start.
+#[test]
+fn the_first_repetition_takes_as_long_as_those_after_it() {
+    for setup in ["A", "B"] {
+        let setup = setup::setup(setup).unwrap();
+        // Of two repetitions each meets the interpreter at its own phase.
+        let robot = &setup.robot;
+        let start_us = robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value);
+        let phase_ms = f64::from(robot.interpreter_quantum_us.value + start_us) / 1e3;
+        for name in ["gluing", "engraving", "insertion-with-force"] {
+            let application = planning::application(name, None).unwrap().application;
+            let results = whole(&setup, &application, &Plan::new(&[Rc], 3, 1)).unwrap();
+            let samples = &results.results.rc.as_ref().unwrap().samples_ms;
+            let (least, most) = samples
+                .iter()
+                .fold((f64::MAX, f64::MIN), |(least, most), &sample| (least.min(sample), most.max(sample)));
+            assert!(most - least <= phase_ms + 4.0, "{name} on {}: {samples:?} ms", setup.name);
+        }
+    }
+}
+
+#[test]
+fn an_application_that_starts_elsewhere_than_it_ends_begins_each_repetition_there() {
+    let setup = setup::setup("A").unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    let elsewhere = text.replacen("start = \"home\"", "start = \"above-wall\"", 1).replacen(
+        "[frames]",
+        "[frames]\nabove-wall = { mm_deg = [150.0, 20.0, 170.0, 0.0, 0.0, 180.0] }",
+        1,
+    );
+    let samples = |text: &str| {
+        let application = planning::Application::parse("test", text).unwrap();
+        let results = whole(&setup, &application, &Plan::new(&[Rc], 3, 1)).unwrap();
+        results.results.rc.as_ref().unwrap().samples_ms.clone()
+    };
+    let (home, elsewhere) = (samples(text), samples(&elsewhere));
+    for (home, elsewhere) in home.iter().zip(&elsewhere) {
+        // The first motion goes another way; the interpreter's phase is within 12 ms and a robot cycle.
+        assert!((home - elsewhere).abs() > 20.0, "{home} and {elsewhere} ms");
+    }
+    assert!(elsewhere.iter().all(|sample| (sample - elsewhere[0]).abs() <= 16.0), "{elsewhere:?} ms");
+}
+
+#[test]
+fn a_start_that_the_arm_cannot_reach_is_refused_with_frame_finding_and_remedy() {
+    let setup = setup::setup("A").unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    let far = text.replacen("start = \"home\"", "start = \"far\"", 1).replacen(
+        "[frames]",
+        "[frames]\nfar = { mm_deg = [700.0, 0.0, 150.0, 0.0, 0.0, 180.0] }",
+        1,
+    );
+    let application = planning::Application::parse("test", &far).unwrap();
+    let refused = whole(&setup, &application, &Plan::new(&[Rc], 1, 1)).unwrap_err();
+    insta::assert_snapshot!(refused, @"application pick-and-place: start: the arm cannot stand at frame `far`: the target is 626.498 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; move that frame, or base 1 in the setup");
+}
+
 #[test]
 fn gripping_and_releasing_takes_their_waits_and_for_cm_two_more_skill_calls() {
     let (measured, planned) = (run("pick-and-place"), run("pick-and-place-gripper"));

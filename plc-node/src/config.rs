@@ -1,7 +1,7 @@
 //! What a PLC node is told before it starts.
 
 use machine::Duration;
-use planning::Stop;
+use planning::{Stop, ToStart};
 use protocol::image;
 use setup::Setup;
 
@@ -34,6 +34,8 @@ pub struct PlcConfig {
     pub program: u16,
     /// The motions that SM and CM run.
     pub motions: Box<dyn MotionSource>,
+    /// How the arm gets to where they begin. Without a motion there, a run begins wherever the arm stands.
+    pub to_start: ToStart<image::Motion>,
     /// Where their continuous motions end, in order, and what the PLC switches there. Without any, CM runs all motions
     /// as one.
     pub stops: Vec<Stop>,
@@ -59,6 +61,7 @@ impl PlcConfig {
             queue_depth: setup.plc.slots_in_use(),
             program,
             motions: Box::new(MotionList::from(motions)),
+            to_start: ToStart::default(),
             stops: Vec::new(),
         }
     }

@@ -57,7 +57,11 @@ pub struct UnknownExecutionType(pub String);
 pub enum PlcEvent {
     /// News of the connection.
     Link(LinkEvent),
-    /// The robot is connected and ready: a run may start. Comes again after each failed run and each lost connection.
+    /// The arm does not stand where a run starts and is moved there.
+    MovingToStart,
+    /// The robot is connected and ready, and the arm stands where a run starts: a run may start. Comes again after each run
+    /// and each lost connection. Where the arm could not be moved to the start it comes nevertheless, since the next run
+    /// tries again, and says why not if it fails.
     Ready,
     /// The scan at `at` set the start edge of a run.
     Started {
@@ -148,6 +152,9 @@ pub enum FailureCause {
     /// The robot gave the skill up although the PLC did not ask for it.
     #[error("the robot gave the skill up although the PLC did not ask for it; was it halted by hand?")]
     RobotHalted,
+    /// The arm could not be moved to where the run starts.
+    #[error("the arm did not get to the application's `start`: {0}; correct the frame that `start` names")]
+    StartNotReached(BlockError),
     /// A function block found something that must not be.
     #[error("at motion {motion} of the sequence, counted from 0: {error}")]
     Block {

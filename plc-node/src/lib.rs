@@ -5,6 +5,7 @@
 //! node                 PlcNode: a Machine over any Fieldbus; runs and failures
 //! ├─ scan              inputs → program → outputs on an absolute grid
 //! ├─ readiness         leads the robot to Ready
+//! ├─ start_position    moves the arm to where a run starts
 //! ├─ sequence          RC, SM and CM as a PLC program steps through them
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
 //! └─ axes_group        the robot as the program sees it: one command, one feedback, the command number
@@ -27,6 +28,7 @@ pub mod process;
 mod readiness;
 mod scan;
 mod sequence;
+mod start_position;
 
 pub use axes_group::{AxesGroup, Patience};
 pub use config::PlcConfig;

@@ -21,6 +21,16 @@ pub trait MotionSource: Debug + Send {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct MotionList(Vec<Motion>);
 
+impl MotionList {
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    pub(crate) fn last_mut(&mut self) -> Option<&mut Motion> {
+        self.0.last_mut()
+    }
+}
+
 impl From<Vec<Motion>> for MotionList {
     fn from(motions: Vec<Motion>) -> Self {
         Self(motions)

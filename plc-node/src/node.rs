@@ -14,6 +14,7 @@ use crate::function_blocks::BlockError;
 use crate::motion_source::Digested;
 use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
+use crate::start_position::StartPosition;
 use crate::{
     AxesGroup, Execution, ExecutionType, Failure, FailureCause, MotionSource, PlcConfig, PlcEvent, Scan,
     StartError,
@@ -25,7 +26,8 @@ const EVENTS: usize = 16;
 /// A PLC with one robot on one bus.
 ///
 /// While connected it keeps the robot enabled and leads it to `Ready` by itself: it halts a skill that is not one of
-/// its own (left over from a failed run, or from before a restart of the PLC) and resets the robot.
+/// its own (left over from a failed run, or from before a restart of the PLC), resets the robot, and moves the arm to
+/// where a run starts.
 #[derive(Debug)]
 pub struct PlcNode<B> {
     bus: B,
@@ -36,6 +38,9 @@ pub struct PlcNode<B> {
     queue_depth: u32,
     motions: Digested,
     stops: Vec<Stop>,
+    start_position: StartPosition,
+    /// The arm could not be moved to the start the last time.
+    start_not_reached: bool,
     connected: bool,
     mode: Mode,
     readiness: Readiness,
@@ -54,7 +59,9 @@ pub struct PlcNode<B> {
 enum Mode {
     /// Leads the robot to `Ready`, if there is a robot.
     Preparing,
-    /// The robot is ready.
+    /// Moves the arm to where a run starts; the run that is wanted follows.
+    MovingToStart(Option<ExecutionType>),
+    /// The robot is ready, and the arm where a run starts, as far as it could be moved there.
     Idle,
     /// The next scan sets the start edge.
     Starting(ExecutionType),
@@ -106,6 +113,8 @@ impl<B: Fieldbus> PlcNode<B> {
             queue_depth: config.queue_depth,
             motions: Digested::new(config.motions),
             stops: config.stops,
+            start_position: StartPosition::new(config.to_start),
+            start_not_reached: false,
             connected: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
@@ -122,22 +131,28 @@ impl<B: Fieldbus> PlcNode<B> {
         }
     }
 
-    /// Has the next scan set the start edge of a run.
+    /// Has the next scan set the start edge of a run, or move the arm to where the run starts if it is not there; the start
+    /// edge then follows.
     ///
     /// # Errors
     /// The robot is not connected or not ready, a run is under way, or there is nothing to run.
     pub fn start(&mut self, _now: Instant, execution_type: ExecutionType) -> Result<(), StartError> {
         match self.mode {
             Mode::Running => return Err(StartError::Running(self.run.sequence.execution_type())),
-            Mode::Starting(other) => return Err(StartError::Running(other)),
+            Mode::Starting(other) | Mode::MovingToStart(Some(other)) => {
+                return Err(StartError::Running(other));
+            }
             _ if !self.connected => return Err(StartError::NotConnected),
             Mode::Preparing => return Err(self.not_ready()),
-            Mode::Idle => {}
+            Mode::Idle | Mode::MovingToStart(None) => {}
         }
         if execution_type != ExecutionType::Rc && self.motions.total() == 0 {
             return Err(StartError::NoMotions(execution_type));
         }
-        self.mode = Mode::Starting(execution_type);
+        self.mode = match self.mode {
+            Mode::MovingToStart(_) => Mode::MovingToStart(Some(execution_type)),
+            _ => Mode::Starting(execution_type),
+        };
         Ok(())
     }
 
@@ -211,9 +226,13 @@ impl<B: Fieldbus> PlcNode<B> {
             self.fail(cause);
         }
         match self.mode {
-            Mode::Starting(execution_type) => self.begin_run(now, execution_type),
+            Mode::Starting(execution_type) if self.is_at_start() => self.begin_run(now, execution_type),
+            Mode::Starting(execution_type) => self.move_to_start(false, Some(execution_type)),
             Mode::Running => self.run(now),
-            Mode::Idle | Mode::Preparing => {}
+            Mode::MovingToStart(_) | Mode::Idle | Mode::Preparing => {}
+        }
+        if let Mode::MovingToStart(then) = self.mode {
+            self.go_on_to_start(now, then);
         }
         // A run that has just failed is followed by the halt in the same scan.
         if matches!(self.mode, Mode::Idle | Mode::Preparing) {
@@ -255,6 +274,31 @@ impl<B: Fieldbus> PlcNode<B> {
         self.group.is_silent().then(|| FailureCause::RobotSilent { scans: self.group.still_scans() })
     }
 
+    fn is_at_start(&self) -> bool {
+        self.start_position.is_reached(self.group.feedback())
+    }
+
+    fn move_to_start(&mut self, is_at_end: bool, then: Option<ExecutionType>) {
+        self.start_position.begin(is_at_end);
+        self.mode = Mode::MovingToStart(then);
+        self.push(PlcEvent::MovingToStart);
+    }
+
+    fn go_on_to_start(&mut self, now: Instant, then: Option<ExecutionType>) {
+        match (self.start_position.scan(now, &mut self.group), then) {
+            (Progress::Running, _) => {}
+            (Progress::Done, Some(execution_type)) => self.mode = Mode::Starting(execution_type),
+            (Progress::Done, None) => self.become_idle(),
+            (Progress::Aborted, _) => self.fail(FailureCause::RobotHalted),
+            (Progress::Failed { error, .. }, _) => self.fail(FailureCause::StartNotReached(error)),
+        }
+    }
+
+    fn become_idle(&mut self) {
+        self.mode = Mode::Idle;
+        self.push(PlcEvent::Ready);
+    }
+
     fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
         self.run = Run {
             sequence: Sequence::new(execution_type, self.program, self.queue_depth),
@@ -292,20 +336,28 @@ impl<B: Fieldbus> PlcNode<B> {
             scans: self.scans - self.run.started_in_scan,
             frames: frames_between(self.run.frames_before, self.bus.counters()),
         }));
-        self.mode = Mode::Idle;
+        if self.is_at_start() { self.become_idle() } else { self.move_to_start(true, None) }
     }
 
     /// Ends a run, if there is one, and has the next scans lead the robot to `Ready` again.
     fn fail(&mut self, cause: FailureCause) {
         let (execution_type, executed) = match self.mode {
             Mode::Running => (self.run.sequence.execution_type(), self.run.sequence.totals().executed),
-            Mode::Starting(execution_type) => (execution_type, 0),
+            Mode::Starting(execution_type) | Mode::MovingToStart(Some(execution_type)) => (execution_type, 0),
+            // Nobody waits for it: the next run tries again and says what is wrong.
+            Mode::MovingToStart(None) => return self.prepare_again(true),
             Mode::Idle | Mode::Preparing => return,
         };
+        self.prepare_again(matches!(self.mode, Mode::MovingToStart(_)));
+        self.push(PlcEvent::Failed(Failure { execution_type, executed, cause }));
+    }
+
+    /// Has the next scans lead the robot to `Ready` again.
+    fn prepare_again(&mut self, start_not_reached: bool) {
         self.group.release(self.group.command().number);
         self.mode = Mode::Preparing;
         self.readiness = Readiness::after_failure();
-        self.push(PlcEvent::Failed(Failure { execution_type, executed, cause }));
+        self.start_not_reached = start_not_reached;
     }
 
     /// What the program does while no sequence runs.
@@ -314,9 +366,14 @@ impl<B: Fieldbus> PlcNode<B> {
             return;
         }
         self.mode = Mode::Preparing;
-        if self.readiness.scan(&mut self.group) {
-            self.mode = Mode::Idle;
-            self.push(PlcEvent::Ready);
+        if !self.readiness.scan(&mut self.group) {
+            return;
+        }
+        // What has just failed, or what somebody halted, is not repeated without being asked for.
+        if core::mem::take(&mut self.start_not_reached) || self.is_at_start() {
+            self.become_idle();
+        } else {
+            self.move_to_start(false, None);
         }
     }
 
@@ -350,6 +407,7 @@ impl<B: Fieldbus> PlcNode<B> {
         self.connected = false;
         self.mode = Mode::Preparing;
         self.readiness = Readiness::default();
+        self.start_not_reached = false;
         self.group.disarm();
         self.emit();
         self.scan.drop_outputs();

@@ -63,7 +63,9 @@ struct Run {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlcMessage {
-    /// The robot is connected and ready: a run may start.
+    /// The arm does not stand where a run starts and is moved there.
+    MovingToStart,
+    /// The robot is connected and ready, and the arm where a run starts: a run may start.
     Ready,
     /// The start edge of a run was set.
     Started {
@@ -105,6 +107,7 @@ pub struct FinishedRun {
 impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::MovingToStart => f.write_str("moving the arm to the application's start"),
             Self::Ready => f.write_str("robot ready"),
             Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
             Self::Finished(run) => {
@@ -157,6 +160,7 @@ impl Run {
         // On a real clock the scan takes what it takes.
         let config = PlcConfig {
             scan_cost: Duration::ZERO,
+            to_start: plan.wire_to_start(setup),
             stops: plan.stops(),
             ..PlcConfig::from_setup(setup, plan.wire_motions(setup), PROGRAM)
         };
@@ -278,6 +282,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
 fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
         PlcEvent::Link(_) => return None,
+        PlcEvent::MovingToStart => PlcMessage::MovingToStart,
         PlcEvent::Ready => PlcMessage::Ready,
         PlcEvent::Started { execution_type, at } => {
             PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
@@ -313,7 +318,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for OnInst
     type Instruction = PlcInstruction;
 
     fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
-        self.ready = matches!(event, PlcEvent::Ready | PlcEvent::Finished(_));
+        self.ready = matches!(event, PlcEvent::Ready);
         (message(&event), Next::Wait)
     }
 
@@ -364,9 +369,12 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Standa
 
     fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
         let next = match event {
-            PlcEvent::Ready | PlcEvent::Finished(_) => self.next(),
+            PlcEvent::Ready => self.next(),
             PlcEvent::Failed(_) => Next::End(Outcome::RunFailed),
-            PlcEvent::Link(_) | PlcEvent::Started { .. } => Next::Wait,
+            PlcEvent::Link(_)
+            | PlcEvent::MovingToStart
+            | PlcEvent::Started { .. }
+            | PlcEvent::Finished(_) => Next::Wait,
         };
         (message(&event), next)
     }

@@ -2,7 +2,7 @@
 
 use machine::wire::{BigEndian, FRAME_CAPACITY};
 use machine::{Duration, Instant, Machine, Port, Source};
-use planning::{Stop, Switch};
+use planning::{Stop, Switch, ToStart};
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
@@ -44,6 +44,7 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
         queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(vec![motion; 13])),
+        to_start: ToStart { from_anywhere: Some(motion), from_end: vec![motion; 2] },
         stops: vec![Stop { after: 5, then: None }, Stop { after: 13, then: Some(switch) }],
     };
     let mut plc = PlcNode::new(config, Direct::new(Instant::ZERO, MS, MS * 20), Instant::ZERO);
@@ -63,7 +64,7 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
         }
         while let Some(event) = plc.poll_event() {
             match event {
-                PlcEvent::Ready | PlcEvent::Finished(_) => {
+                PlcEvent::Ready => {
                     plc.start(now, ExecutionType::ALL[runs % 3]).unwrap();
                     runs += 1;
                 }

@@ -96,3 +96,17 @@ fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
     error: my.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame
     "#);
 }
+
+#[test]
+fn where_the_end_is_not_the_start_the_plan_shows_the_way_back_over_the_obstacles() {
+    let said = changed("start = \"home\"", "start = \"above-assembly\"");
+    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    let way_back = said.stdout.split("stops exactly\n").nth(1);
+    insta::assert_snapshot!(way_back.unwrap_or(&said.stdout), @r"
+    the end is not the start: the PLC moves the arm back before a repetition, not measured
+            PTP over the wall    300.0     0.0   140.0     0.0    0.0  180.0
+            PTP to the start     300.0     0.0    30.0     0.0    0.0  180.0
+
+    15 motions in 1 continuous motion
+    ");
+}

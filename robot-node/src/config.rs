@@ -3,7 +3,6 @@
 use core::time::Duration;
 use std::sync::Arc;
 
-use planning::Application;
 use setup::{Kinematics, Setup};
 
 use crate::arm::{AXES, Arm, AxisLimits, Frame, Joints, Opw, OpwParameters, Scara, Surface};
@@ -151,26 +150,6 @@ impl RobotConfig {
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             skill_overhead: micros(robot.skill_overhead_us.value),
         })
-    }
-}
-
-impl RobotConfig {
-    /// The same robot in the cell of an application: with its surfaces around.
-    #[must_use]
-    pub fn in_cell_of(mut self, application: &Application) -> Self {
-        let base = self.bases.get(usize::from(application.base)).copied().flatten();
-        let base = base.unwrap_or(Frame::IDENTITY);
-        self.surfaces = application
-            .surfaces
-            .iter()
-            .map(|surface| Surface {
-                point: base.point(surface.middle.coordinates()),
-                normal: base.rotation.rotate(surface.normal.coordinates()),
-                radius_mm: surface.radius_mm.unwrap_or(f64::INFINITY),
-                stiffness_n_per_mm: surface.stiffness_n_per_mm,
-            })
-            .collect();
-        self
     }
 }
 

@@ -10,6 +10,7 @@
 
 pub mod arm;
 pub mod bus;
+mod cell;
 mod config;
 pub mod controller;
 pub mod motion;
@@ -17,6 +18,7 @@ mod node;
 pub mod process;
 pub mod quality;
 
+pub use cell::StartOutOfReach;
 pub use config::{ConfigError, ForceControl, RobotConfig};
 pub use controller::{Controller, Ending, Program, RobotEvent};
 pub use node::{RobotNode, Sample};

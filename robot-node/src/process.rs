@@ -18,7 +18,9 @@ use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
 use crate::controller::Ending;
-use crate::{ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, bus};
+use crate::{
+    ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, StartOutOfReach, bus,
+};
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
 #[derive(Parser, Debug)]
@@ -87,7 +89,9 @@ pub enum RobotInstruction {}
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let Subcommand::Run(run) = cli.command;
-    let is_usage = |error: &anyhow::Error| error.is::<bus::BusError>() || error.is::<ConfigError>();
+    let is_usage = |error: &anyhow::Error| {
+        error.is::<bus::BusError>() || error.is::<ConfigError>() || error.is::<StartOutOfReach>()
+    };
     node::run::exit_code(run.execute(), is_usage)
 }
 
@@ -95,7 +99,9 @@ impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
         let prepared = self.options.prepare()?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
-        let config = RobotConfig::from_setup(setup)?.in_cell_of(&prepared.application.application);
+        let to_start = plan.wire_to_start(setup);
+        let config =
+            RobotConfig::from_setup(setup)?.in_cell_of(&prepared.application.application, &to_start)?;
         let programs = vec![(PROGRAM, Program::new(plan.wire_motions(setup), &plan.stops()))];
         let take_address =
             || interface.take_address("bus.robot_address", setup.bus.robot_address, setup.bus.subnet_mask);

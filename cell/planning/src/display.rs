@@ -20,6 +20,7 @@ impl fmt::Display for Plan {
         for (cycle, range) in self.ranges().enumerate().take(shown) {
             self.show_cycle(f, cycle, range)?;
         }
+        self.show_way_back(f)?;
         let (motions, continuous) = (self.motions.len(), self.continuous.len());
         writeln!(f)?;
         match self.cycles.len() {
@@ -87,6 +88,28 @@ impl Plan {
             if let Some(then) = &continuous.then {
                 writeln!(f, "  then  {}", described(then))?;
             }
+        }
+        Ok(())
+    }
+
+    /// What comes before the next repetition, where that does not begin where this one ends.
+    fn show_way_back(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let motions = &self.to_start.from_end;
+        if motions.is_empty() {
+            return Ok(());
+        }
+        writeln!(
+            f,
+            "\nthe end is not the start: the PLC moves the arm back before a repetition, not measured"
+        )?;
+        let name = motions.iter().map(|motion| motion.name.chars().count()).max().unwrap_or(0);
+        for motion in motions {
+            let [x, y, z, a, b, c] = motion.target.mm_deg().map(no_minus_zero);
+            writeln!(
+                f,
+                "        {:name$}  {x:>7.1} {y:>7.1} {z:>7.1}  {a:>6.1} {b:>6.1} {c:>6.1}",
+                motion.name
+            )?;
         }
         Ok(())
     }

@@ -18,13 +18,15 @@ pub enum Role {
     Way,
     /// A secondary motion to an intermediate position over an obstacle (step III).
     Crossing,
+    /// A motion to where the tool stands before the first step: no part of the sequence.
+    ToStart,
 }
 
 impl Role {
     /// Whether it is a secondary motion, which may take any way that is free.
     #[must_use]
     pub const fn is_secondary(self) -> bool {
-        matches!(self, Self::Way | Self::Crossing)
+        matches!(self, Self::Way | Self::Crossing | Self::ToStart)
     }
 }
 

@@ -18,6 +18,8 @@ pub struct Plan {
     pub setup: String,
     /// All motions in order.
     pub motions: Vec<Motion>,
+    /// What comes before a repetition and is no part of it.
+    pub to_start: ToStart,
     /// The continuous motions: each is one MoveContinuousSkill and ends in an accurate stop.
     pub continuous: Vec<Continuous>,
     /// The labels at process level.
@@ -27,6 +29,22 @@ pub struct Plan {
     pub reasons: Vec<Reason>,
     /// Index of the first motion of each cycle.
     pub cycles: Vec<usize>,
+}
+
+/// How the arm gets to where the tool stands before the first step. The PLC moves it there before a repetition, unmeasured,
+/// unless it is there.
+#[derive(Clone, PartialEq, Debug)]
+pub struct ToStart<M = Motion> {
+    /// Point to point from wherever the arm is; none where nobody knows the start.
+    pub from_anywhere: Option<M>,
+    /// On a way that is free of obstacles from where the last motion ends; empty where that is the start.
+    pub from_end: Vec<M>,
+}
+
+impl<M> Default for ToStart<M> {
+    fn default() -> Self {
+        Self { from_anywhere: None, from_end: Vec::new() }
+    }
 }
 
 /// A sequence of motions without an accurate stop but at its end.

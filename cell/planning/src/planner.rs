@@ -3,12 +3,12 @@
 use protocol::image::MotionKind;
 use setup::Setup;
 
-use crate::application::{Application, Course, Step, Tool};
+use crate::application::{Application, Course, Labels, Step, Tool};
 use crate::error::{Error, LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Point, Pose};
 use crate::motion::{Motion, Role};
 use crate::path::Path;
-use crate::plan::{Continuous, Plan, Reason};
+use crate::plan::{Continuous, Plan, Reason, ToStart};
 use crate::way::{Space, Way};
 use crate::zone::{Sizes, Why};
 
@@ -22,6 +22,7 @@ pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
     for cell in 0..application.cells() {
         planner.cycle(cell, &mut plan)?;
     }
+    plan.to_start = planner.way_to_start()?;
     Ok(plan)
 }
 
@@ -115,7 +116,7 @@ impl<'a> Planner<'a> {
         reasons: &mut Vec<Reason>,
     ) -> Result<(), Error> {
         let into = &mut Destination { plan, reasons, index, step };
-        self.take_tool(step)?;
+        self.take_tool(step, &step.tool)?;
         match &step.course {
             Course::Reach(place) => {
                 let target = self.application.pose(place, cell);
@@ -157,8 +158,39 @@ impl<'a> Planner<'a> {
         }
     }
 
+    /// The motions to the start, from anywhere and from where the tool is now.
+    pub(crate) fn way_to_start(&mut self) -> Result<ToStart, Error> {
+        let (place, tool) = &self.application.start;
+        let step = Step {
+            name: "the start".to_owned(),
+            does: String::new(),
+            labels: Labels { accurate_path: false, accurate_stop: true },
+            tool: tool.clone(),
+            course: Course::Reach(place.clone()),
+            speed_mm_s: None,
+            speed_percent: 100.0,
+            then: None,
+        };
+        self.take_tool(&step, tool)?;
+        let start = self.application.pose(place, 0);
+        let mut plan = Plan::default();
+        let into = &mut Destination { plan: &mut plan, reasons: &mut Vec::new(), index: 0, step: &step };
+        if differ(self.here.0, start) {
+            self.way(start, place.joints_deg, "to ", into)?;
+        }
+        let from_anywhere = Motion {
+            name: "PTP to the start".to_owned(),
+            tool: tool.number,
+            base: self.application.base,
+            ..Motion::point_to_point(Role::ToStart, start, start, place.joints_deg)
+        };
+        let from_end =
+            plan.motions.into_iter().map(|motion| Motion { role: Role::ToStart, ..motion }).collect();
+        Ok(ToStart { from_anywhere: Some(from_anywhere), from_end })
+    }
+
     /// The tool and the base must be the robot's; with another tool, its tip is elsewhere.
-    fn take_tool(&mut self, step: &'a Step) -> Result<(), Error> {
+    fn take_tool(&mut self, step: &Step, tool: &'a Tool) -> Result<(), Error> {
         let robot = &self.setup.robot;
         let frame = |number: u8, frames: &[setup::Frame]| match number {
             0 => Some(Pose::new([0.0; 6])),
@@ -174,12 +206,12 @@ impl<'a> Planner<'a> {
             return Err(unknown("base", self.application.base, &robot.bases));
         }
         let (here, old) = self.here;
-        let [old_frame, new_frame] = [old, &step.tool].map(|tool| {
+        let [old_frame, new_frame] = [old, tool].map(|tool| {
             frame(tool.number, &robot.tools).ok_or_else(|| unknown("tool", tool.number, &robot.tools))
         });
         let (old_frame, new_frame) = (old_frame?, new_frame?);
-        let here = if old.number == step.tool.number { here } else { here.change_tool(old_frame, new_frame) };
-        self.here = (here, &step.tool);
+        let here = if old.number == tool.number { here } else { here.change_tool(old_frame, new_frame) };
+        self.here = (here, tool);
         Ok(())
     }
 

@@ -5,7 +5,7 @@ use setup::Setup;
 
 use crate::application::Application;
 use crate::error::Error;
-use crate::plan::Plan;
+use crate::plan::{Plan, ToStart};
 use crate::planner::Planner;
 
 /// A motion of a stream.
@@ -77,6 +77,16 @@ pub fn count(application: &Application, setup: &Setup, passes: u64) -> Result<u6
     }
     let [first, later] = counted;
     Ok(first + later * passes.saturating_sub(1))
+}
+
+/// The motion to where the first pass starts, from wherever the arm is.
+///
+/// # Errors
+/// [`Error::Refused`]: the robot has no such tool or base.
+pub fn to_start(application: &Application, setup: &Setup) -> Result<ToStart<image::Motion>, Error> {
+    let to_start = Planner::new(application, setup).way_to_start()?;
+    let plan = Plan { to_start, ..Plan::empty(application, setup) };
+    Ok(plan.wire_to_start(setup))
 }
 
 impl Iterator for Stream<'_> {

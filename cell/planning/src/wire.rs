@@ -6,7 +6,7 @@ use protocol::image;
 use setup::Setup;
 
 use crate::motion::Motion;
-use crate::plan::{Continuous, Plan};
+use crate::plan::{Continuous, Plan, ToStart};
 
 /// Number under which the robot's program store holds the application, and which the PLC starts for RC.
 pub const PROGRAM: u16 = 1;
@@ -62,6 +62,16 @@ impl Plan {
     #[must_use]
     pub fn wire_motions(&self, setup: &Setup) -> Vec<image::Motion> {
         self.motions.iter().map(|motion| motion.wire(setup)).collect()
+    }
+
+    /// The motions to the start as this setup programs them.
+    #[must_use]
+    pub fn wire_to_start(&self, setup: &Setup) -> ToStart<image::Motion> {
+        let ToStart { from_anywhere, from_end } = &self.to_start;
+        ToStart {
+            from_anywhere: from_anywhere.as_ref().map(|motion| motion.wire(setup)),
+            from_end: from_end.iter().map(|motion| motion.wire(setup)).collect(),
+        }
     }
 }
 

@@ -389,7 +389,7 @@ pub struct Axes {
     pub acceleration_deg_s2: Sourced<Vec<f64>>,
     /// Rated jerks in degrees (mm) per second³.
     pub jerk_deg_s3: Sourced<Vec<f64>>,
-    /// Where the arm stands at power-on, in degrees (mm).
+    /// Where the arm stands at power-on, in degrees (mm). From there the PLC moves it to the application's start.
     pub home_deg: Sourced<Vec<f64>>,
 }
 

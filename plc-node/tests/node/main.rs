@@ -5,4 +5,5 @@ mod disorder;
 mod executions;
 mod faults;
 mod scripted;
+mod start_position;
 mod stops;

@@ -5,6 +5,7 @@
 
 use machine::wire::BigEndian;
 use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
+use planning::ToStart;
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
@@ -48,6 +49,7 @@ pub(crate) struct ScriptedRobot {
     seen: u16,
     /// A reset counts once each time it is set.
     reset_armed: bool,
+    runs_program: bool,
     total: u32,
     left: u32,
     /// Motions that it took from the slots, over all skills.
@@ -56,6 +58,8 @@ pub(crate) struct ScriptedRobot {
     pub(crate) halts: u32,
     /// The PLC's digital outputs whenever they changed: motions executed in all, when, and what they became.
     pub(crate) outputs: Vec<(u32, Instant, u16)>,
+    /// Where its own program ends: its joints are what a target says, of whatever kind.
+    pub(crate) program_end: [f32; 6],
     /// How many motions each skill had, and when it began.
     pub(crate) skills: Vec<(u32, Instant)>,
 }
@@ -71,12 +75,14 @@ impl ScriptedRobot {
             feedback: Feedback::default(),
             seen: 0,
             reset_armed: true,
+            runs_program: false,
             total: 0,
             left: 0,
             taken: Vec::new(),
             executed_in_all: 0,
             halts: 0,
             outputs: Vec::new(),
+            program_end: [0.0; 6],
             skills: Vec::new(),
         }
     }
@@ -85,6 +91,11 @@ impl ScriptedRobot {
     pub(crate) fn restart(&mut self) {
         self.feedback = Feedback { life: self.feedback.life, ..Feedback::default() };
         self.seen = 0;
+    }
+
+    /// Somebody moved the arm by hand.
+    pub(crate) fn place_at(&mut self, joints: [f32; 6]) {
+        self.feedback.joints = joints;
     }
 
     fn end(&mut self, status: Status, state: State) {
@@ -140,8 +151,10 @@ impl ScriptedRobot {
             _ => command.total,
         };
         self.left = self.motion_cycles;
-        let (life, life_echo) = (self.feedback.life, self.feedback.life_echo);
+        let Feedback { life, life_echo, joints, .. } = self.feedback;
+        self.runs_program = command.skill == Skill::RunProgram;
         self.feedback = Feedback {
+            joints,
             status: Status::BUSY | Status::ENABLED,
             state: State::Running,
             number: command.number,
@@ -173,6 +186,11 @@ impl ScriptedRobot {
         self.left = self.motion_cycles;
         self.feedback.executed += 1;
         self.executed_in_all += 1;
+        if self.runs_program {
+            self.feedback.joints = self.program_end;
+        } else if let Some(motion) = self.taken.last() {
+            self.feedback.joints = motion.target;
+        }
         match self.fault {
             Fault::Error { at, number } if self.executed_in_all == at => {
                 self.feedback.error = number;
@@ -256,6 +274,7 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(motions)),
+        to_start: ToStart::default(),
         stops: Vec::new(),
     }
 }

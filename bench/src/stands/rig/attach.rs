@@ -83,7 +83,8 @@ impl Rig {
             robot.tell(&Instruction::<RobotInstruction>::Report).await;
             rig.robot = Some(Node::Attached(robot));
         }
-        rig.wait_until_ready(startup).await?;
+        rig.wait_until_connected(startup).await?;
+        rig.wait_until_at_start().await?;
         rig.ask_for_reports().await?;
         rig.before = rig.reports.clone();
         Ok(rig)

@@ -93,7 +93,7 @@ impl Rig {
                 PlcMessage::Started { execution_type, at_ns } if self.recording => {
                     self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
                 }
-                PlcMessage::Ready | PlcMessage::Started { .. } => {}
+                PlcMessage::MovingToStart | PlcMessage::Ready | PlcMessage::Started { .. } => {}
             }
         }
     }

@@ -15,6 +15,9 @@ use super::{Links, Reports, Rig, RigError, Which};
 /// How long a connection may take before the rig gives up. A real one takes less than a second.
 const CONNECT: Duration = Duration::from_secs(10);
 
+/// How long the arm may take to get to the application's start.
+const TO_START: Duration = Duration::from_secs(600);
+
 /// How long a node may take to answer a question or to end, beyond which it counts as hanging.
 const ANSWER: Duration = Duration::from_secs(1);
 
@@ -53,23 +56,35 @@ impl Rig {
         met.unwrap_or_else(|_| Err(self.not_connected(startup)))
     }
 
-    /// Waits for the PLC to find the robot ready.
-    pub(super) async fn wait_until_ready(&mut self, mut startup: Startup<'_>) -> Result<(), RigError> {
+    /// Waits for the PLC to find the robot ready. The arm may still be on its way to the application's start.
+    pub(super) async fn wait_until_connected(&mut self, mut startup: Startup<'_>) -> Result<(), RigError> {
         self.meet(&mut startup).await?;
-        let ready = async {
-            while !self.is_ready() {
+        let connected = async {
+            while !self.is_connected() {
                 startup.hear(self.next_event().await?);
             }
             Ok(())
         };
-        let ready = timeout(CONNECT, ready).await;
-        ready.unwrap_or_else(|_| Err(self.not_connected(&startup)))
+        let connected = timeout(CONNECT, connected).await;
+        connected.unwrap_or_else(|_| Err(self.not_connected(&startup)))
     }
 
-    /// Whether both nodes are connected, and the robot is ready.
-    const fn is_ready(&self) -> bool {
-        let Links { plc, robot, ready } = self.links;
-        plc && (robot || self.robot.is_none()) && ready
+    /// Waits until the arm stands at the application's start, so that a run may begin at once.
+    pub(super) async fn wait_until_at_start(&mut self) -> Result<(), RigError> {
+        let at_start = async {
+            while !(self.is_connected() && self.links.ready) {
+                self.next_event().await?;
+            }
+            Ok(())
+        };
+        let at_start = timeout(TO_START, at_start).await;
+        at_start.unwrap_or(Err(RigError::NoAnswer { which: Which::Plc, waited: TO_START }))
+    }
+
+    /// Whether both nodes are connected, and the robot follows the PLC.
+    const fn is_connected(&self) -> bool {
+        let Links { plc, robot, ready, moving_to_start } = self.links;
+        plc && (robot || self.robot.is_none()) && (ready || moving_to_start)
     }
 
     fn not_connected(&self, startup: &Startup<'_>) -> RigError {
@@ -119,14 +134,23 @@ impl Rig {
             }
             NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
             NodeEvent::Plc(Message::LinkDown { .. }) => {
-                self.links = Links { plc: false, ready: false, ..self.links }
+                self.links = Links { plc: false, ready: false, moving_to_start: false, ..self.links }
             }
             NodeEvent::Robot(Message::LinkUp) => self.links.robot = true,
             NodeEvent::Robot(Message::LinkDown { .. }) => self.links.robot = false,
-            NodeEvent::Plc(Message::Node(PlcMessage::Ready)) => self.links.ready = true,
-            NodeEvent::Plc(Message::Node(PlcMessage::Finished(_))) => self.is_running = false,
+            NodeEvent::Plc(Message::Node(PlcMessage::MovingToStart)) => {
+                self.links = Links { ready: false, moving_to_start: true, ..self.links };
+            }
+            NodeEvent::Plc(Message::Node(PlcMessage::Ready)) => {
+                self.links = Links { ready: true, moving_to_start: false, ..self.links };
+            }
+            NodeEvent::Plc(Message::Node(PlcMessage::Finished(_))) => {
+                self.is_running = false;
+                self.links = Links { ready: false, moving_to_start: false, ..self.links };
+            }
             NodeEvent::Plc(Message::Node(PlcMessage::Failed { .. })) => {
-                (self.is_running, self.links.ready) = (false, false);
+                self.is_running = false;
+                self.links = Links { ready: false, moving_to_start: false, ..self.links };
             }
             NodeEvent::Plc(Message::Busy { controller }) => {
                 return Err(RigError::Busy { which: Which::Plc, controller: *controller });
@@ -185,7 +209,10 @@ impl Rig {
     /// there to stay, and comes back.
     pub(super) async fn recovered(&mut self, error: RigError) -> Result<(), RigError> {
         match error {
-            RigError::HeldUp { .. } => self.wait_until_ready(Startup::new(None)).await,
+            RigError::HeldUp { .. } => {
+                self.wait_until_connected(Startup::new(None)).await?;
+                self.wait_until_at_start().await
+            }
             lasting => Err(lasting),
         }
     }

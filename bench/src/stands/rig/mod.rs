@@ -188,8 +188,9 @@ impl Rig {
         )?;
         let mut rig =
             Self::of(Node::Process(plc), Some(Node::Process(robot)), said, Some(cable), config.watchdog);
-        rig.wait_until_ready(Startup::new(None)).await?;
+        rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
+        rig.wait_until_at_start().await?;
         rig.kills = Kills::from_now(faults);
         if let Some(cable) = &rig.cable {
             cable.set_ready();
@@ -334,8 +335,10 @@ impl Rig {
 struct Links {
     plc: bool,
     robot: bool,
-    /// The PLC found the robot ready.
+    /// The PLC found the robot ready, and the arm stands at the start.
     ready: bool,
+    /// The PLC found the robot ready, and moves the arm to the start.
+    moving_to_start: bool,
 }
 
 /// What a PLC's process says.

@@ -15,6 +15,7 @@ const TRIES: u32 = 10;
 
 impl Stand for Rig {
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
+        self.wait_until_at_start().await?;
         // Before the pause, so that it is no work of the measured run.
         self.record(step.repetition == 1).await?;
         let mut tries = 1;

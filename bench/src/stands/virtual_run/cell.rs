@@ -56,7 +56,7 @@ pub(super) trait Cell {
 /// Puts both nodes on their cable.
 pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    Work { source, program, stops, robot }: Work,
+    Work { source, program, stops, to_start, robot }: Work,
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
@@ -67,7 +67,7 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
     let program = Program::new(program, &stops);
     let plc_config =
-        PlcConfig { motions: source, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
+        PlcConfig { motions: source, to_start, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
     let plc = PlcNode::new(plc_config, plc_bus, plc_start);
     let robot = RobotNode::new(robot, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
@@ -152,6 +152,17 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         }
     }
 
+    /// Waits until the arm stands where the application starts, so that a run may begin at once.
+    fn until_at_start(&mut self) -> anyhow::Result<()> {
+        let until = self.pair.now() + LONGEST_RUN;
+        while !self.pair.a().is_ready() {
+            if self.next_event(until).is_none() {
+                bail!("the robot was not ready within {} s of virtual time", LONGEST_RUN.as_secs());
+            }
+        }
+        Ok(())
+    }
+
     fn change(&mut self) {
         let Some((_, change)) = self.changes.pop_front() else { return };
         let lost =
@@ -191,6 +202,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     }
 
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
+        self.until_at_start()?;
         let start = self.pair.now() + step.pause;
         while self.next_plc_event(start).is_some() {}
         self.begin(step.execution_type)?;
@@ -210,14 +222,13 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                     });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
-                PlcEvent::Link(_) | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+                PlcEvent::Link(_) | PlcEvent::MovingToStart | PlcEvent::Ready | PlcEvent::Started { .. } => {}
             }
         }
         bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
     }
 
     fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
-        self.quality = Quality::default();
         self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
     }
 
@@ -267,7 +278,13 @@ fn next_plc_event<P: Fieldbus, R: Fieldbus>(
                 pair.set_address(Side::B, Some(address));
                 pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
             }
-            Event::A(event) => return Some(event),
+            Event::A(event) => {
+                // What moved the arm to the start is no part of the run.
+                if let PlcEvent::Started { .. } = event {
+                    *quality = Quality::default();
+                }
+                return Some(event);
+            }
             Event::B(RobotEvent::SkillFinished { quality: of_skill, .. }) => {
                 *quality = quality.then(of_skill);
             }

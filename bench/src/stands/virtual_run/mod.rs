@@ -20,7 +20,7 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use machine::Instant;
 use machine::ethernet::Mac;
-use planning::{Application, Stop};
+use planning::{Application, Stop, ToStart};
 use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion};
 use protocol_linux::capture::Keep;
@@ -71,26 +71,32 @@ pub(crate) struct Work {
     /// What RC runs, in the robot's program store.
     program: Vec<Motion>,
     stops: Vec<Stop>,
+    to_start: ToStart<Motion>,
     robot: RobotConfig,
 }
 
 impl Work {
     fn of(setup: &Setup, application: &Application) -> anyhow::Result<Self> {
         let work = Self::of_plan(setup, &planning::plan(application, setup)?)?;
-        Ok(Self { robot: work.robot.in_cell_of(application), ..work })
+        Ok(Self { robot: work.robot.in_cell_of(application, &work.to_start)?, ..work })
     }
 
     /// A plan alone knows of no surfaces to press on.
     fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
         let program = plan.wire_motions(setup);
         let source = Box::new(MotionList::from(program.clone()));
-        Ok(Self { program, stops: plan.stops(), ..Self::sent(setup, source)? })
+        let to_start = plan.wire_to_start(setup);
+        Ok(Self { program, stops: plan.stops(), ..Self::sent(setup, source, to_start)? })
     }
 
     /// Motions that the PLC sends, and none in the robot's program store.
-    pub(crate) fn sent(setup: &Setup, source: Box<dyn MotionSource>) -> anyhow::Result<Self> {
+    pub(crate) fn sent(
+        setup: &Setup,
+        source: Box<dyn MotionSource>,
+        to_start: ToStart<Motion>,
+    ) -> anyhow::Result<Self> {
         let robot = RobotConfig::from_setup(setup)?;
-        Ok(Self { source, program: Vec::new(), stops: Vec::new(), robot })
+        Ok(Self { source, program: Vec::new(), stops: Vec::new(), to_start, robot })
     }
 }
 

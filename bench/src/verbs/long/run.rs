@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use anyhow::Context;
+use planning::ToStart;
 use plc_node::{Execution, ExecutionType, MotionSource, PlcEvent};
-use protocol::image::{Digest, Sum};
+use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
 
 use super::supply::{Origin, Supply};
@@ -67,8 +68,9 @@ impl LongRun {
     ///
     /// The setup does not describe a robot, or no connection comes about.
     pub fn start(setup: &Setup, origin: Origin, total: u32, seed: u64) -> anyhow::Result<Self> {
+        let to_start = origin.to_start()?;
         let (supply, source) = Supply::start(origin, total);
-        Self::with_source(setup, supply, Box::new(source), seed)
+        Self::with(setup, supply, Box::new(source), to_start, seed)
     }
 
     /// The same with something between the list and the PLC, for tests of the digests.
@@ -82,8 +84,18 @@ impl LongRun {
         source: Box<dyn MotionSource>,
         seed: u64,
     ) -> anyhow::Result<Self> {
+        Self::with(setup, supply, source, ToStart::default(), seed)
+    }
+
+    fn with(
+        setup: &Setup,
+        supply: Supply,
+        source: Box<dyn MotionSource>,
+        to_start: ToStart<Motion>,
+        seed: u64,
+    ) -> anyhow::Result<Self> {
         let total = source.total();
-        let work = Work::sent(setup, source)?;
+        let work = Work::sent(setup, source, to_start)?;
         let mut run = VirtualRun::start_on(setup, work, seed, VirtualBus::OfSetup, &Extras::default())?;
         run.begin(ExecutionType::Cm)?;
         let begun = run.plant_time();
@@ -120,7 +132,7 @@ impl LongRun {
             match event {
                 PlcEvent::Finished(execution) => return Ok(Some(execution)),
                 PlcEvent::Failed(failure) => return Err(failure.into()),
-                PlcEvent::Link(_) | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+                PlcEvent::Link(_) | PlcEvent::MovingToStart | PlcEvent::Ready | PlcEvent::Started { .. } => {}
             }
         }
         let [sent, accepted] = self.digests().map(|digest| digest.mark());

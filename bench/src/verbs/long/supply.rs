@@ -10,7 +10,7 @@ use std::thread::{self, JoinHandle};
 use std::vec;
 
 use anyhow::{Context, anyhow};
-use planning::{Application, MotionLines};
+use planning::{Application, MotionLines, ToStart};
 use plc_node::MotionSource;
 use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
@@ -63,6 +63,18 @@ impl Origin {
             }
         };
         if counted == 0 { Err(anyhow!("{} has no motions", self.name())) } else { Ok(counted) }
+    }
+
+    /// How the arm gets to where the motions begin. A list begins wherever the arm stands.
+    ///
+    /// # Errors
+    ///
+    /// The start cannot be planned.
+    pub fn to_start(&self) -> anyhow::Result<ToStart<Motion>> {
+        Ok(match self {
+            Self::Application(it) => planning::to_start(&it.0, &it.1)?,
+            Self::List(_) => ToStart::default(),
+        })
     }
 
     /// Writes the first `most` motions as a list.

@@ -13,6 +13,7 @@ use std::time::{Instant, SystemTime};
 use anyhow::anyhow;
 use planning::{Application, Found};
 use protocol_linux::capture::Keep;
+use robot_node::RobotConfig;
 use setup::Setup;
 
 use crate::outln;
@@ -58,7 +59,9 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         profinet.cyclic = cyclic.into();
         setup::check(&setup)?;
     }
-    let warnings = found.plan(&setup)?.warnings().collect();
+    let plan = found.plan(&setup)?;
+    check_robot(&setup, &found, &plan)?;
+    let warnings = plan.warnings().collect();
     if let Some(file) = options.exports.written_twice() {
         let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
         return Err(Failure::new(Exit::Usage, error));
@@ -104,6 +107,13 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     }
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
+}
+
+/// Whether the setup describes a robot, and the application starts where that can stand.
+fn check_robot(setup: &Setup, found: &Found, plan: &planning::Plan) -> Result<(), Failure> {
+    let robot = RobotConfig::from_setup(setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let in_cell = robot.in_cell_of(&found.application, &plan.wire_to_start(setup));
+    in_cell.map(drop).map_err(|error| Failure::new(Exit::Usage, error))
 }
 
 /// What the bench cannot ask of nodes that somebody else started.

@@ -1,0 +1,80 @@
+//! Where the arm stands before a run: how it gets there, and how the PLC knows that it is there.
+//!
+//! An application mostly names the start by a pose, and the arm may reach a pose with other joints, by a full turn of the
+//! wrist for instance. So the PLC remembers the joints with which the robot got there first, and moves to those from then
+//! on: all runs begin with the same joints.
+
+use machine::Instant;
+use planning::ToStart;
+use protocol::image::{Feedback, Motion, MotionKind};
+
+use crate::sequence::{Progress, Sequence};
+use crate::{AxesGroup, ExecutionType, MotionList};
+
+/// How far each joint may be from where it was the first time, in degrees (mm): more than the image rounds away, less than
+/// a drive's repeatability.
+const TOLERANCE: f32 = 1e-3;
+
+/// The start of the runs, and the way there.
+#[derive(Debug)]
+pub(crate) struct StartPosition {
+    from_anywhere: MotionList,
+    from_end: MotionList,
+    /// The joints of the start, in degrees (mm): the application's, or those with which the arm first got there.
+    joints: Option<[f32; 6]>,
+    /// The motions under way, as single skills.
+    under_way: Sequence,
+    is_from_end: bool,
+}
+
+impl StartPosition {
+    pub(crate) fn new(to_start: ToStart<Motion>) -> Self {
+        let from_anywhere: Vec<Motion> = to_start.from_anywhere.into_iter().collect();
+        let known = from_anywhere.first().filter(|motion| motion.kind == MotionKind::PtpJoint);
+        Self {
+            joints: known.map(|motion| motion.target),
+            from_anywhere: from_anywhere.into(),
+            from_end: to_start.from_end.into(),
+            under_way: Sequence::new(ExecutionType::Sm, 0, 1),
+            is_from_end: false,
+        }
+    }
+
+    /// Whether the arm stands there, or no start is known.
+    pub(crate) fn is_reached(&self, feedback: Option<&Feedback>) -> bool {
+        if self.from_anywhere.is_empty() {
+            return true;
+        }
+        let Some((start, now)) = self.joints.zip(feedback.map(|feedback| feedback.joints)) else {
+            return false;
+        };
+        start.iter().zip(now).all(|(start, now)| (start - now).abs() <= TOLERANCE)
+    }
+
+    /// Begins to move there. Where the arm stands at the end of the sequence, the way is free of the application's
+    /// obstacles; from elsewhere nobody knows.
+    pub(crate) fn begin(&mut self, is_at_end: bool) {
+        self.under_way = Sequence::new(ExecutionType::Sm, 0, 1);
+        self.is_from_end = is_at_end && !self.from_end.is_empty();
+    }
+
+    /// One scan on the way.
+    pub(crate) fn scan(&mut self, now: Instant, group: &mut AxesGroup) -> Progress {
+        let motions = if self.is_from_end { &mut self.from_end } else { &mut self.from_anywhere };
+        let progress = self.under_way.scan(now, motions, &[], group);
+        if progress == Progress::Done && self.joints.is_none() {
+            self.remember(group.feedback());
+        }
+        progress
+    }
+
+    fn remember(&mut self, feedback: Option<&Feedback>) {
+        self.joints = feedback.map(|feedback| feedback.joints);
+        let Some(target) = self.joints else { return };
+        for motion in
+            [&mut self.from_anywhere, &mut self.from_end].into_iter().filter_map(MotionList::last_mut)
+        {
+            *motion = Motion { kind: MotionKind::PtpJoint, target, ..*motion };
+        }
+    }
+}
