@@ -1,4 +1,4 @@
-//! One more motion at the end of the path: its corner, or a spline that goes on.
+//! One more motion at the end of the path: its corner, or a line or a spline that goes on.
 
 use protocol::image::Motion;
 
@@ -52,6 +52,7 @@ impl Path {
             segment,
             zone: if is_over { 0.0 } else { blend::wanted_zone(&segment, arm) },
             stops: is_over,
+            start: 0.0,
             straight: Law::at_rest(0.0),
             corner: None,
             goes_on: false,
@@ -86,9 +87,25 @@ impl Path {
         Appended::Late
     }
 
-    /// Makes the last motion and the one before it pieces of one spline, if both are motions of one. Both take their
-    /// shape from each other, which is only possible until the arm comes to the first one.
+    /// Makes the last motion and the one before it one curve, if they are lines that go on straight or motions of one
+    /// spline.
     fn go_on(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
+        let (one, next) = (self.queue.get(before)?, self.queue.back()?);
+        match (&one.segment.curve, &next.segment.curve) {
+            (Curve::Line(first), Curve::Line(second)) if first.goes_on_to(second) => {
+                self.set_goes_on(before, true);
+                let is_feasible = self.plan_if_feasible();
+                self.set_goes_on(before, is_feasible);
+                is_feasible.then_some(Appended::Planned)
+            }
+            (Curve::Spline(_), Curve::Spline(_)) => self.go_on_with_spline(before, arm),
+            _ => None,
+        }
+    }
+
+    /// Makes the last motion and the one before it pieces of one spline. Both take their shape from each other, which is
+    /// only possible until the arm comes to the first one.
+    fn go_on_with_spline(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
         let (one, next) = (self.queue.get(before)?, self.queue.back()?);
         let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
             return None;
@@ -176,10 +193,7 @@ impl Path {
     fn is_ahead(&self, index: usize) -> bool {
         let Some(planned) = self.queue.get(index) else { return false };
         if index == 0 {
-            !self.place.in_blend
-                && planned.straight.from == 0.0
-                && self.place.time == 0.0
-                && planned.straight.profile.at(0.0).1 == Pace::REST
+            !self.place.in_blend && planned.straight.at(self.place.time) == (0.0, Pace::REST)
         } else {
             index > usize::from(self.place.in_blend)
         }
@@ -212,7 +226,7 @@ impl Path {
             planned.corner = blend.map(|blend| Corner { blend, law: Law::at_rest(0.0) });
         }
         if let Some(next) = self.queue.get_mut(index + 1) {
-            next.straight.from = blend.map_or(0.0, |blend| blend.to_zone);
+            next.start = blend.map_or(0.0, |blend| blend.to_zone);
         }
     }
 

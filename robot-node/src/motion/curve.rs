@@ -3,7 +3,12 @@
 use super::arc::Arc;
 use super::flange::Flange;
 use super::spline::Spline;
-use crate::arm::{Arm, Frame, Joints, Rotation, Violation, distance};
+use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Rotation, Violation, distance};
+
+/// How far a line that goes on with another one may lead off that, in mm and in degrees, at the end of the shorter one:
+/// what coordinates in single precision are off.
+const STRAIGHT_MM: f64 = 1e-4;
+const STRAIGHT_DEG: f64 = 1e-4;
 
 /// Where the tool, or the joints, go from one point to the next. Another kind of motion is another variant.
 #[expect(
@@ -72,6 +77,24 @@ impl Line {
 
     fn share(&self, way: f64) -> f64 {
         if self.length > 0.0 { way / self.length } else { 1.0 }
+    }
+
+    /// Whether the next one goes on with it as one line: the same tool, direction and turn on each mm, but for the rounding
+    /// of what comes over the wire.
+    #[must_use]
+    pub(super) fn goes_on_to(&self, next: &Self) -> bool {
+        let by_mm = |line: &Self| {
+            let way = distance(line.from.position, line.to.position);
+            let place =
+                core::array::from_fn::<_, 3, _>(|i| (line.to.position[i] - line.from.position[i]) / way);
+            (way, place, line.axis.map(|part| part * line.angle / way))
+        };
+        let ((one, direction, turn), (other, next_direction, next_turn)) = (by_mm(self), by_mm(next));
+        let shorter = one.min(other);
+        self.flange == next.flange
+            && shorter >= LEAST_WAY_MM
+            && shorter * distance(direction, next_direction) <= STRAIGHT_MM
+            && shorter * distance(turn, next_turn) <= STRAIGHT_DEG
     }
 
     /// Whether neither place nor orientation changes.

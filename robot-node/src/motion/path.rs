@@ -32,21 +32,41 @@ impl Place {
     const START: Self = Self { index: 0, in_blend: false, time: 0.0 };
 }
 
-/// A law, and where in its part it starts.
+/// A law, and where in its part it starts. Parts that go on as one curve have one law, of which each drives its own
+/// time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
-    /// In the part's unit.
+    /// Where the profile starts, in the part's unit; before the part, where it starts in an earlier one.
     pub(super) from: f64,
     pub(super) profile: Profile,
+    /// When the profile enters the part and when it leaves it, in s.
+    entry: f64,
+    exit: f64,
 }
 
 impl Law {
     pub(super) const fn at_rest(from: f64) -> Self {
-        Self { from, profile: Profile::REST }
+        Self { from, profile: Profile::REST, entry: 0.0, exit: 0.0 }
+    }
+
+    /// Way in the part and pace, `time` seconds after the part is entered.
+    pub(super) fn at(&self, time: f64) -> (f64, Pace) {
+        let (way, pace) = self.profile.at(self.entry + time);
+        (self.from + way, pace)
     }
 
     fn way(&self, time: f64) -> f64 {
-        self.from + self.profile.at(time).0
+        self.at(time).0
+    }
+
+    /// How long the part takes, in s.
+    fn duration(&self) -> f64 {
+        self.exit - self.entry
+    }
+
+    /// Whether it stands still within the part.
+    fn stops_short(&self) -> bool {
+        self.profile.stops_short() && self.exit >= self.profile.duration()
     }
 }
 
@@ -64,6 +84,8 @@ pub(super) struct Planned {
     pub(super) zone: f64,
     /// It will stop at its end, whatever comes.
     pub(super) stops: bool,
+    /// Where the corner before it ends, in its curve's unit; 0 without one.
+    pub(super) start: f64,
     pub(super) straight: Law,
     pub(super) corner: Option<Corner>,
     /// The next motion goes on as one curve with this one: no corner, no stop.
@@ -170,8 +192,8 @@ impl Path {
     #[must_use]
     pub fn is_held(&self) -> bool {
         self.queue.front().is_some_and(|front| {
-            let profile = &front.law(self.place.in_blend).profile;
-            profile.stops_short() && self.place.time >= profile.duration()
+            let law = front.law(self.place.in_blend);
+            law.stops_short() && self.place.time >= law.duration()
         })
     }
 
@@ -189,13 +211,13 @@ impl Path {
     pub fn ahead(&self, mut seconds: f64) -> (Place, f64) {
         let mut place = self.place;
         while let Some(planned) = self.queue.get(place.index) {
-            let profile = &planned.law(place.in_blend).profile;
-            let duration = profile.duration();
+            let law = planned.law(place.in_blend);
+            let duration = law.duration();
             if place.time + seconds < duration {
                 place.time += seconds;
                 return (place, 0.0);
             }
-            if profile.stops_short() {
+            if law.stops_short() {
                 place.time = duration;
                 return (place, 0.0);
             }
@@ -241,9 +263,9 @@ impl Path {
         if front.stops || self.place.in_blend {
             return None;
         }
-        let Law { profile, .. } = front.straight;
+        let Law { profile, entry, .. } = front.straight;
         let in_zone = front.straight.way(time) >= front.segment.curve.length() - front.zone;
-        let brakes = !profile.stops_short() && time >= profile.braking_start();
+        let brakes = !profile.stops_short() && entry + time >= profile.braking_start();
         if !brakes && !in_zone {
             return None;
         }
@@ -251,84 +273,137 @@ impl Path {
         Some(self.left_behind)
     }
 
-    /// What is ahead, part by part. Returns how the arm moves now.
-    fn add_parts(&self, parts: &mut ArrayVec<Part, PARTS>) -> Pace {
-        let pace = self
-            .queue
-            .front()
-            .map_or(Pace::REST, |front| front.law(self.place.in_blend).profile.at(self.place.time).1);
-        let mut add = |part: Part| {
-            if !parts.is_full() {
-                parts.push(part);
-            }
-        };
+    /// What is ahead, part by part.
+    fn ahead_of_now(&self) -> Ahead {
+        let mut ahead = Ahead { pace: Pace::REST, parts: ArrayVec::new(), pieces: ArrayVec::new() };
+        let mut goes_on = false;
         for (index, planned) in self.queue.iter().enumerate() {
-            let time = if index == 0 { self.place.time } else { 0.0 };
             let in_blend = index == 0 && self.place.in_blend;
-            let Planned { segment, straight, corner, goes_on, .. } = planned;
-            let (zone, ratio) = match corner {
-                Some(Corner { blend, .. }) => (blend.from_zone, 1.0 / (BORDER_SLOPE * blend.from_zone)),
-                None => (0.0, if *goes_on { 1.0 } else { 0.0 }),
+            let (time, Planned { segment, straight, .. }) =
+                (if index == 0 { self.place.time } else { 0.0 }, planned);
+            if index == 0 {
+                ahead.pace = planned.law(in_blend).at(time).1;
+            }
+            let (zone, ratio) = match planned.blend() {
+                Some(blend) => (blend.from_zone, 1.0 / (BORDER_SLOPE * blend.from_zone)),
+                None => (0.0, if planned.goes_on { 1.0 } else { 0.0 }),
             };
             if !in_blend {
-                let way = straight.from + if index == 0 { straight.profile.at(time).0 } else { 0.0 };
-                let length = (segment.curve.length() - zone - way).max(0.0);
-                let (limits, profile) = (segment.limits, straight.profile);
-                add(Part { length, limits, programmed: limits.speed, ratio, is_corner: false, profile });
+                let start = if index == 0 { straight.way(time) } else { planned.start };
+                let (length, limits) = ((segment.curve.length() - zone - start).max(0.0), segment.limits);
+                let part = Part {
+                    length,
+                    limits,
+                    programmed: limits.speed,
+                    ratio,
+                    is_corner: false,
+                    profile: straight.profile,
+                    time: straight.entry + time,
+                };
+                ahead.add(part, start, goes_on);
             }
-            if let Some(Corner { blend, law }) = corner {
-                let way = if in_blend { law.way(time) } else { 0.0 };
-                add(Part {
-                    length: (1.0 - way).max(0.0),
+            goes_on = planned.goes_on;
+            if let Some(Corner { blend, law }) = &planned.corner {
+                let start = if in_blend { law.way(time) } else { 0.0 };
+                let part = Part {
+                    length: (1.0 - start).max(0.0),
                     limits: blend.limits,
                     programmed: blend.programmed_rate,
                     ratio: BORDER_SLOPE * blend.to_zone,
                     is_corner: true,
                     profile: law.profile,
-                });
+                    time: law.entry + if in_blend { time } else { 0.0 },
+                };
+                ahead.add(part, start, false);
             }
         }
-        pace
+        ahead
     }
 
     /// Plans what is ahead anew if the arm can go on into it; returns false, and changes nothing, if it cannot.
     pub(super) fn plan_if_feasible(&mut self) -> bool {
-        let mut parts = ArrayVec::new();
-        let pace = self.add_parts(&mut parts);
-        let is_feasible = plan::is_feasible(&parts, pace);
+        let ahead = self.ahead_of_now();
+        let is_feasible = plan::is_feasible(&ahead.parts, ahead.pace);
         if is_feasible {
-            self.take_plan(&mut parts);
+            self.take_plan(ahead);
         }
         is_feasible
     }
 
     /// Plans what is ahead anew, from what the arm does now.
     pub(super) fn plan(&mut self) {
-        let mut parts = ArrayVec::new();
-        self.add_parts(&mut parts);
-        self.take_plan(&mut parts);
+        self.take_plan(self.ahead_of_now());
     }
 
-    fn take_plan(&mut self, parts: &mut [Part]) {
-        let is_new = plan::plan(parts, self.place.time, self.factor);
-        let (in_blend, time) = (self.place.in_blend, self.place.time);
-        if is_new && let Some(front) = self.queue.front_mut() {
-            let law = front.law_mut(in_blend);
-            law.from = law.way(time);
+    fn take_plan(&mut self, Ahead { mut parts, pieces, .. }: Ahead) {
+        let is_new = plan::plan(&mut parts, self.factor);
+        let in_blend = self.place.in_blend;
+        let mut pieces = pieces.iter();
+        let mut take = |law: &mut Law| {
+            let Some(piece) = pieces.next() else { return };
+            if piece.part > 0 || is_new {
+                *law = piece.law(&parts[piece.part]);
+            }
+        };
+        for (index, planned) in self.queue.iter_mut().enumerate() {
+            if !(index == 0 && in_blend) {
+                take(&mut planned.straight);
+            }
+            if planned.corner.is_some() {
+                take(planned.law_mut(true));
+            }
+        }
+        if is_new {
             self.place.time = 0.0;
         }
-        let mut parts = parts.iter();
-        for (index, planned) in self.queue.iter_mut().enumerate() {
-            if !(index == 0 && in_blend)
-                && let Some(part) = parts.next()
-            {
-                planned.straight.profile = part.profile;
-            }
-            if planned.corner.is_some()
-                && let Some(part) = parts.next()
-            {
-                planned.law_mut(true).profile = part.profile;
-            }
+    }
+}
+
+/// The path ahead as it is planned.
+struct Ahead {
+    /// How the arm moves now.
+    pace: Pace,
+    parts: ArrayVec<Part, PARTS>,
+    pieces: ArrayVec<Piece, PARTS>,
+}
+
+impl Ahead {
+    /// Adds what is left of a straight part or of a corner from `start` on; to the part before, where it goes on with that.
+    fn add(&mut self, part: Part, start: f64, goes_on: bool) {
+        if self.pieces.is_full() {
+            return;
         }
+        let mut before = 0.0;
+        match self.parts.last_mut() {
+            Some(last) if goes_on && last.is_like(&part) => {
+                before = last.length;
+                last.go_on(&part);
+            }
+            _ => self.parts.push(part),
+        }
+        self.pieces.push(Piece { part: self.parts.len() - 1, before, start, length: part.length });
+    }
+}
+
+/// A straight part or a corner as a piece of what is planned as one part.
+struct Piece {
+    part: usize,
+    /// How much of that part is before it.
+    before: f64,
+    /// Where it starts, in its own unit.
+    start: f64,
+    length: f64,
+}
+
+impl Piece {
+    /// Its law within that of the part.
+    fn law(&self, part: &Part) -> Law {
+        let Part { profile, time, .. } = *part;
+        let begin = profile.at(time).0;
+        let entry = if self.before == 0.0 { time } else { profile.time_at(begin + self.before) };
+        let is_last = self.before + self.length >= part.length;
+        let exit =
+            if is_last { profile.duration() } else { profile.time_at(begin + self.before + self.length) };
+        Law { from: self.start - self.before - begin, profile, entry, exit }
     }
 }

@@ -27,6 +27,8 @@ pub(super) struct Part {
     pub(super) ratio: f64,
     pub(super) is_corner: bool,
     pub(super) profile: Profile,
+    /// When in that law the arm is where the part starts, in s.
+    pub(super) time: f64,
 }
 
 /// Whether the arm, moving as it does now, can go on into these parts.
@@ -37,19 +39,19 @@ pub(super) fn is_feasible(parts: &[Part], pace: Pace) -> bool {
     nearest_exit(pace, exit * ROUNDING, part.length, &part.limits, &[slower]).is_some()
 }
 
-/// Plans all parts anew from what the arm does `time` seconds after the start of the first part's law. Returns false
-/// where the first part keeps its law: because nothing changes, or because none else leads to its end.
-pub(super) fn plan(parts: &mut [Part], time: f64, factor: f64) -> bool {
+/// Plans all parts anew from what the arm does in the first part's law. Returns false where that part keeps its law:
+/// because nothing changes, or because none else leads to its end.
+pub(super) fn plan(parts: &mut [Part], factor: f64) -> bool {
     let allowed = highest(parts, 1.0);
     let wanted = if factor < 1.0 { highest(parts, factor) } else { allowed };
-    let mut pace = parts.first().map_or(Pace::REST, |part| part.profile.at(time).1);
+    let mut pace = parts.first().map_or(Pace::REST, |part| part.profile.at(part.time).1);
     let mut is_new = true;
     for (index, (part, (allowed, wanted))) in parts.iter_mut().zip(allowed.iter().zip(&wanted)).enumerate() {
         if factor == 0.0 && fits(pace, 0.0, part.length, &part.limits) {
-            part.profile = Profile::stop(pace, &part.limits);
+            part.take(Profile::stop(pace, &part.limits));
             return is_new;
         }
-        let (before, time) = if index == 0 { (part.profile.exit(), time) } else { (*allowed, 0.0) };
+        let before = if index == 0 { part.profile.exit() } else { *allowed };
         let known = [before, *allowed, pace.settled_speed(&part.limits)];
         let exit = match nearest_exit(pace, *wanted, part.length, &part.limits, &known) {
             None if index == 0 => {
@@ -59,8 +61,8 @@ pub(super) fn plan(parts: &mut [Part], time: f64, factor: f64) -> bool {
             found => {
                 let exit = found.unwrap_or(pace.speed);
                 let limits = Limits { speed: part.speed(factor), ..part.limits };
-                if !part.profile.leads_on(time, part.length, pace, exit, &limits) {
-                    part.profile = Profile::new(part.length, pace, exit, &limits);
+                if !part.profile.leads_on(part.time, part.length, pace, exit, &limits) {
+                    part.take(Profile::new(part.length, pace, exit, &limits));
                 } else if index == 0 {
                     is_new = false;
                 }
@@ -72,7 +74,34 @@ pub(super) fn plan(parts: &mut [Part], time: f64, factor: f64) -> bool {
     is_new
 }
 
+/// How much lower limits may be than those of a part that goes on with another one as one part. Else both are planned
+/// apart, with no acceleration where they meet.
+const ALIKE: f64 = 0.9;
+
 impl Part {
+    /// Whether `next`, into which it goes on without a corner, can be planned as one part with it: the speed is the same,
+    /// and little is lost by the lower acceleration and jerk of the two.
+    pub(super) fn is_like(&self, next: &Self) -> bool {
+        let is_near = |one: f64, other: f64| one.min(other) >= ALIKE * one.max(other);
+        let (one, other) = (&self.limits, &next.limits);
+        one.speed == other.speed
+            && self.programmed == next.programmed
+            && is_near(one.acceleration, other.acceleration)
+            && is_near(one.jerk, other.jerk)
+    }
+
+    /// Makes it one part with the next one.
+    pub(super) fn go_on(&mut self, next: &Self) {
+        self.length += next.length;
+        self.ratio = next.ratio;
+        self.limits.acceleration = self.limits.acceleration.min(next.limits.acceleration);
+        self.limits.jerk = self.limits.jerk.min(next.limits.jerk);
+    }
+
+    fn take(&mut self, profile: Profile) {
+        (self.profile, self.time) = (profile, 0.0);
+    }
+
     /// The highest speed with an override.
     fn speed(&self, factor: f64) -> f64 {
         self.limits.speed.min(self.programmed * factor)

@@ -295,6 +295,25 @@ impl Profile {
         self.up.duration() + self.cruise
     }
 
+    /// When it is at `way`, in s.
+    #[must_use]
+    pub fn time_at(&self, way: f64) -> f64 {
+        let (mut early, mut late) = (0.0, self.duration());
+        let mut time = late * (way / self.length).clamp(0.0, 1.0);
+        // Newton's method within a bracket.
+        for _ in 0..STEPS {
+            let (at, pace) = self.at(time);
+            let off = at - way;
+            if off.abs() <= self.length * ACCURACY {
+                break;
+            }
+            *if off > 0.0 { &mut late } else { &mut early } = time;
+            let next = time - off / pace.speed;
+            time = if next > early && next < late { next } else { (early + late) / 2.0 };
+        }
+        time
+    }
+
     /// The speed at its end.
     #[must_use]
     pub const fn exit(&self) -> f64 {
