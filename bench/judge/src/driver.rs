@@ -1,0 +1,230 @@
+//! Runs a case: the robot's controller in virtual time, fed every robot cycle as a PLC would, and judged.
+
+use machine::Instant;
+use protocol::image::{Command, Control, Feedback, Motion, SLOTS, Skill, State, Status};
+use robot_node::{ConfigError, Controller, Program};
+use setup::Setup;
+
+use crate::case::{Case, Event, Execution, Happening, Programmed, Run};
+use crate::law::{Law, Seen};
+use crate::violation::{Class, Violation};
+
+/// Cycles after which the PLC loses its patience with a skill and halts it: 12 s.
+const PATIENCE: u32 = 3_000;
+
+/// Cycles that a halt may take: 20 s.
+const HALTS_WITHIN: u32 = 5_000;
+
+/// Cycles that are watched after a skill has ended: it must stand, and what it did last must be within the limits.
+const AFTERWARDS: u32 = 6;
+
+/// What came of a case.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Outcome {
+    /// The first law that was broken.
+    pub violation: Option<Violation>,
+    /// Robot cycles that were judged.
+    pub cycles: u64,
+    /// Motions that were executed.
+    pub motions: u64,
+    /// Skills that ended as wanted, were given up, ended by an error.
+    pub ended: [u64; 3],
+}
+
+/// Runs a case; `setup` is the one that it names. Only the `classes` are looked for.
+///
+/// # Errors
+///
+/// The arm makes no sense.
+pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, ConfigError> {
+    let config = case.robot(setup)?;
+    let programs =
+        case.runs.iter().enumerate().map(|(index, run)| (index as u16 + 1, program(run))).collect();
+    let mut driver = Driver {
+        cycle: config.cycle,
+        controller: Controller::new(config, programs, case.seed),
+        command: Command::default(),
+        law: Law::new(case, setup, classes),
+        at: Instant::ZERO,
+        run_cycle: 0,
+        is_connected: true,
+        is_suspended: false,
+        outcome: Outcome::default(),
+    };
+    for (index, run) in case.runs.iter().enumerate() {
+        driver.reset();
+        driver.perform(index as u16 + 1, run);
+    }
+    driver.outcome.violation = driver.law.found().cloned();
+    Ok(driver.outcome)
+}
+
+fn program(run: &Run) -> Program {
+    let motions = if run.execution == Execution::Program { run.motions.as_slice() } else { &[] };
+    Program::from(motions.iter().map(Programmed::motion).collect::<Vec<Motion>>())
+}
+
+struct Driver {
+    controller: Controller,
+    command: Command,
+    law: Law,
+    at: Instant,
+    cycle: core::time::Duration,
+    /// Cycles since the run began.
+    run_cycle: u32,
+    is_connected: bool,
+    is_suspended: bool,
+    outcome: Outcome,
+}
+
+impl Driver {
+    /// One robot cycle.
+    fn tick(&mut self) {
+        self.at += self.cycle;
+        self.run_cycle += 1;
+        self.command.life = self.command.life.wrapping_add(1);
+        let command = self.is_connected.then_some(&self.command);
+        self.controller.tick(self.at, command);
+        while self.controller.poll_event().is_some() {}
+        self.outcome.cycles += 1;
+        self.law.look(&Seen {
+            command,
+            feedback: self.controller.feedback(),
+            joints: self.controller.joints(),
+            accepted: self.controller.accepted(),
+        });
+    }
+
+    const fn feedback(&self) -> &Feedback {
+        self.controller.feedback()
+    }
+
+    /// Brings the robot to `Ready`, whatever was before.
+    fn reset(&mut self) {
+        (self.is_connected, self.is_suspended) = (true, false);
+        for control in [Control::ENABLE | Control::RESUME, Control::ENABLE | Control::RESET, Control::ENABLE]
+        {
+            self.command.control = control;
+            self.tick();
+        }
+        if self.feedback().state != State::Ready {
+            self.law.is_stuck();
+        }
+    }
+
+    fn perform(&mut self, number: u16, run: &Run) {
+        self.run_cycle = 0;
+        let mut events = run.events.as_slice();
+        match run.execution {
+            Execution::Continuous => {
+                self.call(Skill::MoveContinuous, number, Execution::Continuous, &run.motions);
+                self.wait(&run.motions, &mut events);
+            }
+            Execution::Program => {
+                self.call(Skill::RunProgram, number, Execution::Program, &run.motions);
+                self.wait(&[], &mut events);
+            }
+            Execution::Single => {
+                for motion in &run.motions {
+                    let kind: u8 = protocol::image::MotionKind::from(motion.kind).into();
+                    let motions = core::slice::from_ref(motion);
+                    self.call(kind.into(), number, Execution::Single, motions);
+                    self.command.set_slot(0, motion.motion());
+                    self.command.written = 1;
+                    self.wait(&[], &mut events);
+                    if !self.feedback().status.contains(Status::DONE) || self.law.found().is_some() {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Calls a skill with a new command number.
+    fn call(&mut self, skill: Skill, program: u16, execution: Execution, motions: &[Programmed]) {
+        self.command.number += 1;
+        self.command.skill = skill;
+        self.command.program = program;
+        (self.command.total, self.command.written) = (motions.len() as u32, 0);
+        self.law.start(self.command.number, execution, motions);
+    }
+
+    /// Waits for the end of the skill, hands over motions as slots become free, and lets happen what happens.
+    fn wait(&mut self, motions: &[Programmed], events: &mut &[Event]) {
+        let ended = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
+        let called_in = self.run_cycle;
+        while self.law.found().is_none() {
+            let waited = self.run_cycle - called_in;
+            self.happen(events);
+            self.hand_over(motions);
+            self.command.control = self.control(waited);
+            self.tick();
+            let feedback = self.feedback();
+            if feedback.number == self.command.number && feedback.status.0 & ended != 0 {
+                break;
+            }
+            if waited > PATIENCE + HALTS_WITHIN {
+                self.law.is_stuck();
+            }
+        }
+        let status = self.feedback().status;
+        let how = [Status::DONE, Status::ABORTED, Status::ERROR].iter().position(|bit| status.contains(*bit));
+        if let Some(ended) = how.and_then(|how| self.outcome.ended.get_mut(how)) {
+            *ended += 1;
+        }
+        self.outcome.motions += u64::from(self.feedback().executed);
+        if !status.contains(Status::DONE) || events.is_empty() {
+            for _ in 0..AFTERWARDS {
+                self.tick();
+            }
+        }
+    }
+
+    fn control(&self, waited: u32) -> Control {
+        let mut control = Control::ENABLE | Control::EXECUTE;
+        if waited > PATIENCE {
+            control.set(Control::HALT, true);
+        }
+        control.set(Control::SUSPEND, self.is_suspended);
+        control.set(Control::RESUME, !self.is_suspended);
+        for bit in [Control::HALT, Control::ENABLE] {
+            let was = self.command.control.contains(bit);
+            // A halt and a withdrawn enable stay until the reset.
+            let is_kept = (bit == Control::HALT && was) || (bit == Control::ENABLE && !was);
+            if is_kept {
+                control.set(bit, was);
+            }
+        }
+        control
+    }
+
+    fn happen(&mut self, events: &mut &[Event]) {
+        while let Some((event, rest)) =
+            events.split_first().filter(|(event, _)| event.cycle <= self.run_cycle)
+        {
+            *events = rest;
+            match event.what {
+                Happening::Override(percent) => self.command.override_percent = percent,
+                Happening::Suspend => self.is_suspended = true,
+                Happening::Resume => self.is_suspended = false,
+                Happening::Halt => self.command.control.set(Control::HALT, true),
+                Happening::Disable => self.command.control.set(Control::ENABLE, false),
+                Happening::Disconnect => self.is_connected = false,
+            }
+        }
+    }
+
+    /// Writes the motions whose time has come into the slots that are free.
+    fn hand_over(&mut self, motions: &[Programmed]) {
+        let executed =
+            if self.feedback().number == self.command.number { self.feedback().executed } else { 0 };
+        while let Some(motion) = motions.get(self.command.written as usize) {
+            let is_free = (self.command.written as usize) < executed as usize + SLOTS;
+            if !is_free || motion.written_in_cycle > self.run_cycle {
+                break;
+            }
+            self.command.set_slot(self.command.written, motion.motion());
+            self.command.written += 1;
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Random cases: an arm, motions of every kind and disturbances, from a seed.
+//!
+//! Motions are drawn as short phrases that belong together (a chain along one line, a spline, a turn of the wrist and the
+//! lines after it), because corners between unlike motions and rows of like ones are where a planner errs. Targets are drawn
+//! as joints, so that most are reached; that a line between them leaves a joint's range or passes a singular position happens,
+//! and the robot has to refuse it in order.
+
+mod arm;
+mod dice;
+mod phrase;
+
+use setup::Setup;
+
+use crate::case::{Arm, Case, Event, Execution, Happening, Run, SCHEMA};
+use dice::Dice;
+use phrase::Walk;
+
+/// Whether overrides of 0 % are drawn: the arm stops on its path, and goes on with the next override.
+const OVERRIDE_OF_NOTHING: bool = false;
+
+/// The share of cases with an arm of other links and limits than the setup's.
+const OTHER_ARM: f64 = 0.35;
+
+/// The case of this number in the row of cases of a seed.
+#[must_use]
+pub fn case(setup: &Setup, seed: u64, number: u64) -> Case {
+    // Any two numbers give streams that have nothing to do with each other: the generator mixes its seed.
+    let mut dice = Dice::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(number));
+    let dice = &mut dice;
+    let mut arm = Arm::of(setup);
+    if dice.chance(OTHER_ARM) {
+        arm = arm::another(dice, &arm);
+    }
+    let home = arm::anywhere(dice, &arm);
+    arm.home_deg = home.iter().take(arm.links.axes()).copied().collect();
+    let mut case = Case {
+        schema: SCHEMA,
+        found: String::new(),
+        setup: setup.name.clone(),
+        seed: dice.bits() >> 1,
+        skill_overhead_ms: if dice.chance(0.15) { dice.below(40) as u32 } else { 0 },
+        tools: arm::tools(dice, &arm),
+        bases: arm::bases(dice, &arm),
+        arm,
+        surfaces: Vec::new(),
+        runs: Vec::new(),
+    };
+    let runs = if dice.chance(0.15) { 2 } else { 1 };
+    for _ in 0..runs {
+        let run = run(dice, &mut case, setup);
+        case.runs.push(run);
+    }
+    case
+}
+
+fn run(dice: &mut Dice, case: &mut Case, setup: &Setup) -> Run {
+    let execution = dice.pick(&[(Execution::Continuous, 8), (Execution::Program, 1), (Execution::Single, 1)]);
+    let count = match dice.below(20) {
+        0 => 12 + dice.below(24),
+        1..4 => 6 + dice.below(6),
+        _ => 1 + dice.below(6),
+    };
+    let mut walk = Walk::new(case, setup);
+    let mut motions = Vec::with_capacity(count + 8);
+    while motions.len() < count {
+        walk.phrase(dice, &mut motions, count);
+    }
+    let surface = walk.surface();
+    case.surfaces.extend(surface);
+    if dice.chance(0.02) {
+        phrase::spoil(dice, &mut motions);
+    }
+    if dice.chance(0.25) {
+        let mut cycle = 0;
+        for motion in &mut motions {
+            if dice.chance(0.4) {
+                cycle += dice.scale(1.0, 200.0) as u32;
+            }
+            motion.written_in_cycle = cycle;
+        }
+    }
+    Run { execution: execution.unwrap_or(Execution::Continuous), events: events(dice), motions }
+}
+
+/// What happens on the way: nothing as a rule, or some changes of the override, suspends, and at most one end.
+fn events(dice: &mut Dice) -> Vec<Event> {
+    let mut events = Vec::new();
+    let mut cycle = 0;
+    let mut at = |dice: &mut Dice, what: Happening| {
+        cycle += dice.scale(1.0, 150.0) as u32;
+        events.push(Event { cycle, what });
+    };
+    if dice.chance(0.3) {
+        for _ in 0..=dice.below(5) {
+            let percent = override_percent(dice);
+            at(dice, Happening::Override(percent));
+        }
+        if OVERRIDE_OF_NOTHING {
+            at(dice, Happening::Override(100));
+        }
+    }
+    if dice.chance(0.2) {
+        for _ in 0..=dice.below(3) {
+            at(dice, Happening::Suspend);
+            at(dice, Happening::Resume);
+        }
+    }
+    if dice.chance(0.12) {
+        let end = dice.pick(&[(Happening::Halt, 4), (Happening::Disable, 1), (Happening::Disconnect, 1)]);
+        at(dice, end.unwrap_or(Happening::Halt));
+    }
+    events
+}
+
+fn override_percent(dice: &mut Dice) -> u8 {
+    if OVERRIDE_OF_NOTHING && dice.chance(0.3) {
+        return 0;
+    }
+    (dice.scale(8.0, 101.0) as u8).min(100)
+}

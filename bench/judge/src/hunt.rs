@@ -1,0 +1,62 @@
+//! Many random cases, one after another.
+
+use core::ops::Range;
+
+use robot_node::ConfigError;
+use setup::Setup;
+
+use crate::violation::{Class, Violation};
+use crate::{driver, generator};
+
+/// What came of many cases.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Tally {
+    /// Cases.
+    pub cases: u64,
+    /// Robot cycles that were judged.
+    pub cycles: u64,
+    /// Motions that were executed.
+    pub motions: u64,
+    /// Skills that ended as wanted, were given up, ended by an error.
+    pub ended: [u64; 3],
+    /// The cases that broke a law, by number, with the first law that each broke.
+    pub found: Vec<(u64, Violation)>,
+}
+
+impl Tally {
+    /// Adds another one.
+    pub fn add(&mut self, other: Self) {
+        self.cases += other.cases;
+        self.cycles += other.cycles;
+        self.motions += other.motions;
+        for (sum, other) in self.ended.iter_mut().zip(other.ended) {
+            *sum += other;
+        }
+        self.found.extend(other.found);
+    }
+
+    /// How many cases broke each law first; those that none broke are left out.
+    #[must_use]
+    pub fn by_class(&self) -> Vec<(Class, usize)> {
+        let count = |class| self.found.iter().filter(|(_, violation)| violation.class == class).count();
+        let counts = Class::ALL.into_iter().map(|class| (class, count(class)));
+        counts.filter(|(_, count)| *count > 0).collect()
+    }
+}
+
+/// Runs the cases of these numbers of a seed, and looks for violations of the `classes`.
+///
+/// # Errors
+///
+/// A random arm makes no sense: an error of the generator.
+pub fn hunt(setup: &Setup, seed: u64, numbers: Range<u64>, classes: &[Class]) -> Result<Tally, ConfigError> {
+    let mut tally = Tally::default();
+    for number in numbers {
+        let case = generator::case(setup, seed, number);
+        let outcome = driver::run(&case, setup, classes)?;
+        let ended = outcome.ended;
+        let found = outcome.violation.map(|violation| (number, violation)).into_iter().collect();
+        tally.add(Tally { cases: 1, cycles: outcome.cycles, motions: outcome.motions, ended, found });
+    }
+    Ok(tally)
+}

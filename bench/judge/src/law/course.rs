@@ -1,0 +1,47 @@
+//! The tool is where the programmed lines and circles lead it, and only leaves them within the zones of corners.
+
+use super::{Law, PLACE_DEG, PLACE_MM};
+use crate::kinematics::distance;
+use crate::violation::{Broken, Class};
+
+impl Law {
+    pub(super) fn look_at_course(&mut self) {
+        let sample = &self.samples[0];
+        if !sample.among.is_one() || self.skill.has_ended {
+            return;
+        }
+        let Some(way) = self.ways.get(sample.among.first) else { return };
+        let Some(off) = way.off(&sample.flange.then(&way.tool)) else { return };
+        if off.mm > PLACE_MM {
+            let what = Broken::Figure {
+                of: "the tool's distance from its course",
+                figure: off.mm,
+                limit: PLACE_MM,
+                unit: "mm",
+            };
+            return self.report(Class::Course, what);
+        }
+        if off.turned_deg > PLACE_DEG {
+            let what = Broken::Figure {
+                of: "the tool's turn away from its course",
+                figure: off.turned_deg,
+                limit: PLACE_DEG,
+                unit: "°",
+            };
+            self.report(Class::Turn, what);
+        }
+    }
+
+    /// The arm stands: at the end of the motion that was executed last, or where the skill started.
+    pub(super) fn stands_where_it_may(&self, executed: u32) -> bool {
+        let flange = &self.samples[0].flange;
+        let end = match (executed as usize).checked_sub(1) {
+            None => &self.skill.start,
+            Some(index) => match self.ways.get(index) {
+                Some(way) => &way.end,
+                None => return false,
+            },
+        };
+        distance(flange.at, end.at) <= PLACE_MM && flange.angle_to(end) <= PLACE_DEG
+    }
+}

@@ -1,0 +1,116 @@
+//! The feedback tells where the arm is, and what the tool presses with.
+
+use protocol::image::{Feedback, Status};
+
+use super::{Law, Seen, joint};
+use crate::kinematics::{Pose, Vector, difference, dot, length};
+use crate::violation::{Broken, Class};
+
+/// Single precision: half a unit in the last place of the largest value, as a share of it.
+const SINGLE: f64 = 6e-8;
+
+/// Single precision of the three angles of an orientation, in degrees.
+const ANGLES_DEG: f64 = 5e-5;
+
+impl Law {
+    pub(super) fn look_at_feedback(&mut self, seen: &Seen<'_>) {
+        let feedback = seen.feedback;
+        for axis in 0..self.axes {
+            let figure = f64::from(feedback.joints[axis]);
+            let limit = seen.joints[axis];
+            if feedback.joints[axis] != limit as f32 {
+                return self.report(Class::Feedback, joint(axis, figure, limit, "° (mm) in the feedback"));
+            }
+        }
+        // A skill that ends says so in the cycle in which the arm arrives.
+        let has_ended = self.before.is_some_and(|before| before.state != feedback.state);
+        if feedback.status.contains(Status::AT_REST) == self.has_moved() && !has_ended {
+            return self.report(Class::Feedback, Broken::Words("`at rest` contradicts what the joints do"));
+        }
+        if !self.shows(feedback, self.shown) && !self.takes_up_what_is_shown(feedback) {
+            return self
+                .report(Class::Feedback, Broken::Words("the pose is not that of the tool in its base"));
+        }
+        let told = f64::from(feedback.path_speed);
+        let is_tools = |tool: &Pose| {
+            let [now, before, ..] = self.tools(tool);
+            let speed = length(difference(before, now)) / self.cycle_s;
+            (told - speed).abs() <= 2.0 * SINGLE * speed + 1e-6
+        };
+        if !has_ended && !is_tools(&self.shown.0) && !self.candidates().any(|(tool, _)| is_tools(&tool)) {
+            let [now, before, ..] = self.tools(&self.shown.0);
+            let limit = length(difference(before, now)) / self.cycle_s;
+            let what =
+                Broken::Figure { of: "the path speed in the feedback", figure: told, limit, unit: "mm/s" };
+            return self.report(Class::Feedback, what);
+        }
+        if !self.surfaces.is_empty() {
+            self.look_at_contact(feedback);
+        }
+    }
+
+    /// Tool and base of the motions that the feedback may show now.
+    fn candidates(&self) -> impl Iterator<Item = (Pose, Pose)> + '_ {
+        let index = self.skill.executed as usize;
+        let near = index.saturating_sub(1)..index + 2;
+        self.ways
+            .get(near.start..near.end.min(self.ways.len()))
+            .unwrap_or(&[])
+            .iter()
+            .map(|way| (way.tool, way.root_in_base))
+    }
+
+    fn shows(&self, feedback: &Feedback, (tool, root_in_base): (Pose, Pose)) -> bool {
+        let pose = root_in_base.then(&self.samples[0].flange).then(&tool);
+        let told = Pose::from_mm_deg(feedback.pose.map(f64::from));
+        let is_near =
+            |axis: usize| (pose.at[axis] - told.at[axis]).abs() <= SINGLE * pose.at[axis].abs() + 1e-6;
+        (0..3).all(is_near) && pose.angle_to(&told) <= ANGLES_DEG
+    }
+
+    fn takes_up_what_is_shown(&mut self, feedback: &Feedback) -> bool {
+        let found = self.candidates().find(|candidate| self.shows(feedback, *candidate));
+        self.shown = found.unwrap_or(self.shown);
+        found.is_some()
+    }
+
+    fn look_at_contact(&mut self, feedback: &Feedback) {
+        let told = f64::from(feedback.contact_force);
+        let force = length(self.contact(&self.shown.0));
+        if (told - force).abs() > SINGLE * force + 1e-4 {
+            let what = Broken::Figure {
+                of: "the contact force in the feedback",
+                figure: told,
+                limit: force,
+                unit: "N",
+            };
+            return self.report(Class::Feedback, what);
+        }
+        let way = self.ways.get(self.skill.executed as usize).filter(|_| !self.skill.has_ended);
+        let wanted = way.map_or(0.0, |way| way.force_n);
+        let is_soft =
+            self.surfaces.iter().all(|surface| surface.stiffness_n_per_mm <= self.stiffest_n_per_mm);
+        let most = wanted + self.force_tolerance_n;
+        // A line may start in a surface. From outside, the force does not overshoot.
+        let was_less = self.before.is_some_and(|before| f64::from(before.contact_force) <= most);
+        if wanted > 0.0 && is_soft && self.surfaces.len() == 1 && was_less && told > most {
+            let what = Broken::Figure { of: "the contact force", figure: told, limit: wanted, unit: "N" };
+            self.report(Class::Force, what);
+        }
+    }
+
+    /// What the surfaces push the tool with.
+    fn contact(&self, tool: &Pose) -> Vector {
+        let place = self.samples[0].flange.point(tool.at);
+        let mut sum = [0.0; 3];
+        for surface in &self.surfaces {
+            let depth = -dot(difference(surface.point_mm, place), surface.normal);
+            if depth > 0.0 {
+                for (part, normal) in sum.iter_mut().zip(surface.normal) {
+                    *part += surface.stiffness_n_per_mm * depth * normal;
+                }
+            }
+        }
+        sum
+    }
+}

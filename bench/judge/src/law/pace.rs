@@ -1,0 +1,220 @@
+//! How fast the tool goes on lines and circles, and the joints point to point: as programmed, times the override.
+//!
+//! Where the override falls, the arm is faster for a while: it slows down as its limits allow. How fast that is, is the
+//! robot's affair; but a motion that is too fast must not become faster, once the acceleration that it had is taken back.
+
+use protocol::image::{Command, Control};
+
+use super::{Among, JOINT_NOISE, Law, SHARE, TOOL_NOISE_MM, joint};
+use crate::case::Kind;
+use crate::kinematics::{Vector, difference, length};
+use crate::violation::{Broken, Class};
+use crate::way::Way;
+
+/// So many cycles in a row within what the override allows, and without braking, end a slowing down.
+const COMPLIANT: u32 = 10;
+
+/// The way along a spline is known by quadrature: what its speed may be off, as a share.
+const QUADRATURE: f64 = 1e-4;
+
+/// What a bend may add to chords from one cycle to the next while the way along it grows no faster.
+const BEND: f64 = 1e-3;
+
+/// The share of the programmed speed that is allowed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
+    /// The override as the PLC gives it, 0…1.
+    factor: f64,
+    /// The PLC suspends.
+    pub(super) holds: bool,
+    /// While the arm slows down: the share that it comes from.
+    slows_from: Option<f64>,
+    /// The cycle in which the share changed last.
+    pub(super) changed_in: u32,
+    compliant: u32,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { factor: 1.0, holds: false, slows_from: None, changed_in: 0, compliant: 0 }
+    }
+}
+
+impl Pace {
+    /// What the PLC commands in this cycle.
+    pub(super) fn command(&mut self, cycle: u32, command: Option<&Command>) {
+        let before = self.wanted();
+        match command {
+            Some(command) => {
+                if command.control.contains(Control::SUSPEND) {
+                    self.holds = true;
+                } else if command.control.contains(Control::RESUME) {
+                    self.holds = false;
+                }
+                self.factor = f64::from(command.override_percent.min(100)) / 100.0;
+            }
+            // It stops, as for a halt.
+            None => self.holds = true,
+        }
+        let now = self.wanted();
+        if now == before {
+            return;
+        }
+        (self.changed_in, self.compliant) = (cycle, 0);
+        let from = self.slows_from.unwrap_or(0.0).max(before);
+        self.slows_from = (now < from).then_some(from);
+    }
+
+    /// The share that is wanted now.
+    pub(super) fn wanted(&self) -> f64 {
+        if self.holds { 0.0 } else { self.factor }
+    }
+
+    /// The share that is allowed now.
+    fn allowed(&self) -> f64 {
+        self.slows_from.unwrap_or(0.0).max(self.wanted())
+    }
+
+    /// Starts anew with the next skill: the arm stands.
+    pub(super) const fn settle(&mut self) {
+        (self.slows_from, self.compliant, self.holds) = (None, 0, false);
+    }
+
+    /// How fast the arm was, as a share of what is programmed, in the last two cycles on one motion.
+    fn see(&mut self, share: f64, before: f64) {
+        // One that still brakes may not be slow enough for the next motion.
+        let brakes = share < before * (1.0 - BEND);
+        self.compliant =
+            if share <= self.wanted() * (1.0 + SHARE) && !brakes { self.compliant + 1 } else { 0 };
+        if self.compliant >= COMPLIANT {
+            self.slows_from = None;
+        }
+    }
+}
+
+impl Law {
+    pub(super) fn look_at_pace(&mut self) {
+        if self.skill.has_ended || self.ways.is_empty() {
+            return;
+        }
+        let among = self.among_last(2);
+        let ways = self.ways_among(among);
+        let Some(first) = ways.first() else { return };
+        if ways.iter().all(|way| way.kind.is_point_to_point()) {
+            self.look_at_shares(among);
+        } else if ways.iter().all(|way| !way.kind.is_point_to_point() && way.tool == first.tool) {
+            self.look_at_tool(among);
+        }
+    }
+
+    /// The tool on lines, circles and splines.
+    fn look_at_tool(&mut self, among: Among) {
+        let Some(&Way { tool, kind, .. }) = self.ways.get(among.first) else { return };
+        let [p0, p1, p2, p3] = self.tools(&tool);
+        let chords = [(p0, p1), (p1, p2), (p2, p3)].map(|(to, from)| difference(from, to));
+        let velocity = self.most(among, |way| way.velocity);
+        let step = length(chords[0]);
+        self.look_at_speed(among, step, length(chords[1]), velocity * self.cycle_s);
+        let limit = velocity * self.pace.allowed();
+        let is_spline = self.ways_among(among).iter().any(|way| way.kind == Kind::Spline);
+        let share = if is_spline { QUADRATURE } else { SHARE };
+        if step > limit * self.cycle_s * (1.0 + share) + 2.0 * TOOL_NOISE_MM {
+            let figure = step / self.cycle_s;
+            let what = Broken::Figure { of: "the tool's speed", figure, limit, unit: "mm/s" };
+            let class = if kind == Kind::LinForce { Class::PressSpeed } else { Class::ToolSpeed };
+            return self.report(class, what);
+        }
+        let sum = |one: Vector, other: Vector, by: f64| -> Vector {
+            core::array::from_fn(|i| one[i] + by * other[i])
+        };
+        let (second, before) = (sum(chords[0], chords[1], -1.0), sum(chords[1], chords[2], -1.0));
+        if self.samples_of_skill >= 3 && self.is_one_tool(3) {
+            let limit = self.most(self.among_last(3), |way| way.acceleration);
+            let square = self.powers[1];
+            if length(second) > limit * square * (1.0 + SHARE) + 4.0 * TOOL_NOISE_MM {
+                let figure = length(second) / square;
+                let what = Broken::Figure { of: "the tool's acceleration", figure, limit, unit: "mm/s²" };
+                return self.report(Class::ToolAcceleration, what);
+            }
+        }
+        if self.samples_of_skill >= 4 && self.is_one_tool(4) {
+            let third = length(sum(second, before, -1.0));
+            let cube = self.powers[2];
+            if third > self.path_jerk * cube * (1.0 + SHARE) + 8.0 * TOOL_NOISE_MM {
+                let (figure, limit) = (third / cube, self.path_jerk);
+                let what = Broken::Figure { of: "the tool's jerk", figure, limit, unit: "mm/s³" };
+                self.report(Class::ToolJerk, what);
+            }
+        }
+    }
+
+    /// The joints point to point.
+    fn look_at_shares(&mut self, among: Among) {
+        let [q0, q1, q2, _] = self.samples.map(|sample| sample.joints);
+        let (speeds, accelerations) = (self.differences[0], self.differences[1]);
+        let (mut share, mut share_before) = (0.0_f64, 0.0_f64);
+        for axis in 0..self.axes {
+            share = share.max((q0[axis] - q1[axis]).abs() / speeds[axis]);
+            share_before = share_before.max((q1[axis] - q2[axis]).abs() / speeds[axis]);
+        }
+        let velocity = self.most(among, |way| way.velocity);
+        self.look_at_speed(among, share, share_before, velocity);
+        let limit = velocity * self.pace.allowed();
+        for axis in 0..self.axes {
+            let share = (q0[axis] - q1[axis]).abs() / speeds[axis];
+            if share > limit * (1.0 + SHARE) + 2.0 * JOINT_NOISE / speeds[axis] {
+                return self.report(Class::ShareOfSpeed, joint(axis, share, limit, "of its rated speed"));
+            }
+        }
+        let all = self.among_last(3);
+        if self.samples_of_skill < 3 || !self.ways_among(all).iter().all(|way| way.kind.is_point_to_point()) {
+            return;
+        }
+        let limit = self.most(all, |way| way.acceleration);
+        for axis in 0..self.axes {
+            let share = (q0[axis] - 2.0 * q1[axis] + q2[axis]).abs() / accelerations[axis];
+            if share > limit * (1.0 + SHARE) + 4.0 * JOINT_NOISE / accelerations[axis] {
+                let what = joint(axis, share, limit, "of its rated acceleration");
+                return self.report(Class::ShareOfAcceleration, what);
+            }
+        }
+    }
+
+    /// A motion that is faster than wanted does not become faster.
+    ///
+    /// A LIN force is led by the force as well.
+    fn look_at_speed(&mut self, among: Among, step: f64, before: f64, programmed: f64) {
+        let is_led = self.ways_among(among).iter().any(|way| way.kind == Kind::LinForce);
+        if !among.is_one() || programmed <= 0.0 || is_led {
+            return;
+        }
+        let is_late = self.cycle - self.pace.changed_in > self.settles_in;
+        let was_there = self.among_last(3 + self.settles_in.min(1) as usize) == among;
+        let most = before * (1.0 + BEND) + TOOL_NOISE_MM;
+        if self.pace.slows_from.is_some()
+            && is_late
+            && was_there
+            && step > most.max(self.pace.wanted() * programmed * (1.0 + SHARE))
+        {
+            let what = Broken::Figure {
+                of: "while it slows down for the override, the share of the programmed speed",
+                figure: step / programmed,
+                limit: most / programmed,
+                unit: "",
+            };
+            self.report(Class::ToolSpeed, what);
+        }
+        self.pace.see(step / programmed, before / programmed);
+    }
+
+    fn most(&self, among: Among, of: impl Fn(&Way) -> f64) -> f64 {
+        self.ways_among(among).iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Whether the last samples belong to motions that lead one tool.
+    fn is_one_tool(&self, samples: usize) -> bool {
+        let ways = self.ways_among(self.among_last(samples));
+        let Some(first) = ways.first() else { return false };
+        ways.iter().all(|way| !way.kind.is_point_to_point() && way.tool == first.tool)
+    }
+}
