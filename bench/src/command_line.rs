@@ -6,6 +6,7 @@ use crate::verbs::calibrate::CalibrateOptions;
 use crate::verbs::doctor::DoctorOptions;
 use crate::verbs::gate::GateOptions;
 use crate::verbs::history::HistoryOptions;
+use crate::verbs::judge::JudgeOptions;
 use crate::verbs::long::LongOptions;
 use crate::verbs::measure::RunOptions;
 use crate::verbs::overhead::OverheadOptions;
@@ -70,4 +71,6 @@ pub enum Command {
     Sweep(SweepOptions),
     /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
     Sensitivity(SensitivityOptions),
+    /// Run random motion lists on the robot and hold each of its cycles against laws and kinematics that are not its own.
+    Judge(JudgeOptions),
 }

@@ -9,7 +9,7 @@ use bench::output::errln;
 use bench::output::exit::Failure;
 use bench::stands::rig;
 use bench::verbs::{
-    calibrate, doctor, gate, history, long, measure, overhead, report, sensitivity, sweep, timing,
+    calibrate, doctor, gate, history, judge, long, measure, overhead, report, sensitivity, sweep, timing,
 };
 use clap::Parser;
 
@@ -31,6 +31,7 @@ fn main() -> ExitCode {
         Some(Command::Timing(options)) => timing::run(options),
         Some(Command::Sweep(options)) => sweep::run(options),
         Some(Command::Sensitivity(options)) => sensitivity::run(options),
+        Some(Command::Judge(options)) => judge::run(options),
     };
     match outcome {
         Ok(exit) => exit.into(),

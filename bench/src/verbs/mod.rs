@@ -6,6 +6,7 @@ mod event_loop;
 pub mod gate;
 pub mod history;
 mod jobs;
+pub mod judge;
 pub mod long;
 pub mod measure;
 pub mod overhead;

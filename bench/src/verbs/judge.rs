@@ -1,0 +1,193 @@
+//! `bench judge`: random motion lists on the robot, each robot cycle held against laws and kinematics that are not its own.
+
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Instant;
+
+use ::judge::{Case, Class, Outcome, Tally, Violation, generator, hunt, shrink};
+use anyhow::Context;
+use clap::Args;
+use setup::Setup;
+
+use crate::outln;
+use crate::output::errln;
+use crate::output::exit::{Exit, Failure};
+use crate::verbs::event_loop::{event_loop, interrupt};
+use crate::verbs::jobs;
+
+/// Lists unless they are counted otherwise.
+const LISTS: u64 = 10_000;
+
+/// Lists that a core takes at a time.
+const CHUNK: u64 = 250;
+
+/// Cases of each class that are made small and written.
+const CASES: usize = 3;
+
+const EXAMPLES: &str = "\
+Examples:
+  bench judge --setup B                        10000 lists in some seconds
+  bench judge --lists 1000000 --seed 7 --out found
+  bench judge --case found/A-joint-jerk-4421.toml
+  bench judge --ignore press-speed             all but one law";
+
+/// Options of the judge.
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct JudgeOptions {
+    /// A built-in setup's name, or the path of a .toml file: the arm and its limits. A third of the lists runs on other
+    /// arms of its kind.
+    #[arg(long, value_name = "NAME|PATH", default_value = "A")]
+    pub setup: String,
+    /// How many lists.
+    #[arg(long, value_name = "N", default_value_t = LISTS, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub lists: u64,
+    /// Seed of the lists.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Run this case instead, as a run with violations writes them.
+    #[arg(long, value_name = "FILE")]
+    pub case: Option<PathBuf>,
+    /// Where cases that break a law are written, three of each law, with all left out that is not needed.
+    #[arg(long, value_name = "DIR", default_value = "judged")]
+    pub out: PathBuf,
+    /// Laws that are not looked at.
+    #[arg(long, value_name = "LAW,…", value_delimiter = ',', value_parser = law)]
+    pub ignore: Vec<Class>,
+    /// Print the result only: no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+fn law(name: &str) -> Result<Class, String> {
+    Class::ALL.into_iter().find(|class| class.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = Class::ALL.into_iter().map(Class::name).collect();
+        format!("there is no law of this name; there are {}", names.join(", "))
+    })
+}
+
+/// Runs the lists, or the case, and prints which laws were broken.
+///
+/// # Errors
+///
+/// The setup or the case cannot be used, or the disk does not take a file.
+pub fn run(options: &JudgeOptions) -> Result<Exit, Failure> {
+    let classes: Vec<Class> =
+        Class::ALL.into_iter().filter(|class| !options.ignore.contains(class)).collect();
+    match &options.case {
+        Some(path) => run_case(path, &classes),
+        None => run_lists(options, &setup::setup(&options.setup)?, &classes),
+    }
+}
+
+fn run_case(path: &Path, classes: &[Class]) -> Result<Exit, Failure> {
+    let usage = |error: anyhow::Error| Failure::new(Exit::Usage, error);
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()));
+    let case =
+        Case::parse(&text.map_err(usage)?).with_context(|| path.display().to_string()).map_err(usage)?;
+    let setup = setup::setup(&case.setup)?;
+    let Outcome { violation, cycles, motions, .. } =
+        ::judge::run(&case, &setup, classes).with_context(|| path.display().to_string()).map_err(usage)?;
+    outln!("{cycles} robot cycles, {motions} motions executed");
+    match violation {
+        Some(violation) => {
+            outln!("{violation}");
+            Ok(Exit::RunFailed)
+        }
+        None => {
+            outln!("no law broken");
+            Ok(Exit::Pass)
+        }
+    }
+}
+
+fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result<Exit, Failure> {
+    let started = Instant::now();
+    let is_interrupted = watch_for_interrupt()?;
+    let chunks: Vec<Range<u64>> = (0..options.lists.div_ceil(CHUNK))
+        .map(|chunk| chunk * CHUNK..((chunk + 1) * CHUNK).min(options.lists))
+        .collect();
+    let tallies = jobs::run("judge", options.quiet, &chunks, |numbers| {
+        if is_interrupted.load(Ordering::Relaxed) {
+            return Ok(Tally::default());
+        }
+        hunt(setup, options.seed, numbers.clone(), classes).context("a random arm makes no sense")
+    })?;
+    let mut tally = Tally::default();
+    tallies.into_iter().for_each(|one| tally.add(one));
+    print(&tally, options, setup, started);
+    write_cases(options, setup, classes, &tally)?;
+    if is_interrupted.load(Ordering::Relaxed) {
+        errln!("interrupted after {} of {} lists", tally.cases, options.lists);
+        return Ok(Exit::Interrupted);
+    }
+    Ok(if tally.found.is_empty() { Exit::Pass } else { Exit::RunFailed })
+}
+
+/// A flag that the first Ctrl-C or SIGTERM sets. Lists that run end; what was found so far is told.
+fn watch_for_interrupt() -> Result<Arc<AtomicBool>, Failure> {
+    let runtime = event_loop()?;
+    let signalled = runtime.block_on(async { interrupt() })?;
+    let flag = Arc::new(AtomicBool::new(false));
+    let set = Arc::clone(&flag);
+    thread::spawn(move || {
+        runtime.block_on(signalled);
+        set.store(true, Ordering::Relaxed);
+    });
+    Ok(flag)
+}
+
+fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant) {
+    let Tally { cases, cycles, motions, ended: [done, given_up, failed], .. } = *tally;
+    let plant_s = cycles as f64 * f64::from(setup.robot.cycle_us.value) / 1e6;
+    outln!("Setup {}: {}", setup.name, setup.title);
+    outln!(
+        "{cases} lists of seed {}, {motions} motions, {cycles} robot cycles: {:.1} h",
+        options.seed,
+        plant_s / 3600.0
+    );
+    outln!("skills: {done} done, {given_up} given up, {failed} ended by an error");
+    let took_s = started.elapsed().as_secs_f64();
+    errln!("took {took_s:.1} s: {:.0} lists/s", cases as f64 / took_s);
+    if tally.found.is_empty() {
+        outln!("no law broken");
+        return;
+    }
+    outln!("{} lists broke a law:", tally.found.len());
+    for (class, lists) in tally.by_class() {
+        outln!("{lists:>8}  {}", class.name());
+    }
+}
+
+/// Makes the first cases of each class small, and writes them.
+fn write_cases(
+    options: &JudgeOptions,
+    setup: &Setup,
+    classes: &[Class],
+    tally: &Tally,
+) -> Result<(), Failure> {
+    let of_class =
+        |class: Class| tally.found.iter().filter(move |(_, violation)| violation.class == class).take(CASES);
+    let chosen: Vec<&(u64, Violation)> = Class::ALL.into_iter().flat_map(of_class).collect();
+    if chosen.is_empty() {
+        return Ok(());
+    }
+    fs::create_dir_all(&options.out).with_context(|| format!("cannot create {}", options.out.display()))?;
+    let lines = jobs::run("shrink", options.quiet, &chosen, |(number, violation)| {
+        let case = generator::case(setup, options.seed, *number);
+        let (mut case, least) = shrink::shrink(&case, violation, setup, classes);
+        case.setup.clone_from(&options.setup);
+        case.found = format!("{least} (list {number} of seed {})", options.seed);
+        let name = format!("{}-{}-{number}.toml", setup.name, least.class.name());
+        let path = options.out.join(name);
+        let text = case.to_toml().context("cannot write a case as TOML")?;
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(format!("{}: {least}", path.display()))
+    })?;
+    lines.iter().for_each(|line| outln!("{line}"));
+    Ok(())
+}
