@@ -8,7 +8,7 @@ use std::time::Duration;
 use bench::records::faults;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
-use protocol_linux::impaired::{ImpairedCable, Plan, Witness};
+use protocol_linux::impaired::{ImpairedCable, ImpairmentPlan, Witness};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::veth;
 use virtual_time::LinkCounters;
@@ -37,7 +37,7 @@ fn networks() -> ([NetworkNamespace; 2], NetworkNamespace) {
     (ends, middle)
 }
 
-fn lay(middle: &NetworkNamespace, plan: &Plan) -> ImpairedCable {
+fn lay(middle: &NetworkNamespace, plan: &ImpairmentPlan) -> ImpairedCable {
     let start = || {
         let [left, right] = ["to-left", "to-right"].map(|name| Interface::open(name).unwrap());
         ImpairedCable::start([&left, &right], plan, [Witness::default(), Witness::default()]).unwrap()
@@ -56,7 +56,7 @@ fn socket(network: &NetworkNamespace, end: usize) -> UdpSocket {
 #[test]
 fn a_flipped_bit_reaches_the_receiver_and_the_cable_allocates_nothing() {
     let (ends, middle) = networks();
-    let cable = lay(&middle, &faults::cable_plan(&["to-robot:corrupt=1".parse().unwrap()], 1));
+    let cable = lay(&middle, &faults::impairment_plan(&["to-robot:corrupt=1".parse().unwrap()], 1));
     let [left, right] = [0, 1].map(|end| socket(&ends[end], end));
     for number in 0..500_u32 {
         let sent = number.to_be_bytes();

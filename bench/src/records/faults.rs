@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-use protocol_linux::impaired::Plan;
+use protocol_linux::impaired::ImpairmentPlan;
 use serde::{Deserialize, Serialize};
 use virtual_time::{Impairment, LinkCounters, Side};
 
@@ -194,13 +194,13 @@ pub struct HeldTooLong {
 
 /// What the faults ask of a cable between two processes. Its own delay is what the host makes of it.
 #[must_use]
-pub fn cable_plan(faults: &[Fault], seed: u64) -> Plan {
+pub fn impairment_plan(faults: &[Fault], seed: u64) -> ImpairmentPlan {
     let cut = |(at, change)| match change {
         Change::Cut => Some((at, true)),
         Change::Mend => Some((at, false)),
         Change::Kill(_) => None,
     };
-    Plan {
+    ImpairmentPlan {
         links: links(faults, Impairment::default()),
         cuts: schedule(faults).into_iter().filter_map(cut).collect(),
         seed,

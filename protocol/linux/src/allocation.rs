@@ -1,8 +1,8 @@
-//! Proof that the cyclic path allocates nothing: an allocator that counts what one thread takes from it.
+//! Proof that the cyclic path allocates nothing: an allocator that counts the allocations of one thread.
 //!
-//! The program declares it, `#[global_allocator] static ALLOCATOR: AllocationCounter = AllocationCounter;`, and a
-//! thread that wants to be watched calls [`arm`]. It counts and does not abort: one allocation more is a finding in
-//! the report, no reason to drop a robot arm.
+//! The program declares it, `#[global_allocator] static ALLOCATOR: AllocationCounter = AllocationCounter;`, and the
+//! thread to be checked calls [`arm`]. The allocator counts and does not abort: an allocation too many is a finding
+//! for the report, not a reason to stop a robot arm.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -13,13 +13,13 @@ thread_local! {
     static INSTALLED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The system's allocator, counting.
+/// The system's allocator with a count of each armed thread's allocations.
 #[derive(Debug)]
 pub struct AllocationCounter;
 
 impl AllocationCounter {
     fn count() {
-        // A thread that is going down has no counter any more; nobody asks for it then.
+        // A thread that is ending has no counter any more, and nobody reads it then.
         let _ = ARMED.try_with(|armed| {
             if armed.get() {
                 let _ = COUNT.try_with(|count| count.set(count.get() + 1));
@@ -57,8 +57,7 @@ unsafe impl GlobalAlloc for AllocationCounter {
 
 /// Starts to count this thread's allocations, from 0.
 ///
-/// The answer is false where the program does not have [`AllocationCounter`] as its allocator: then a count of 0
-/// means nothing.
+/// Returns false if the program's allocator is not [`AllocationCounter`]: a count of 0 means nothing then.
 pub fn arm() -> bool {
     ARMED.set(true);
     COUNT.set(0);
@@ -68,7 +67,7 @@ pub fn arm() -> bool {
     INSTALLED.get()
 }
 
-/// Whether this thread's allocations are counted.
+/// Returns whether this thread's allocations are counted.
 #[must_use]
 pub fn is_armed() -> bool {
     INSTALLED.get() && ARMED.get()
@@ -79,7 +78,7 @@ pub fn disarm() {
     ARMED.set(false);
 }
 
-/// This thread's allocations since [`arm`].
+/// Returns this thread's allocations since [`arm`].
 #[must_use]
 pub fn count() -> u64 {
     COUNT.get()
@@ -93,7 +92,7 @@ mod tests {
     static ALLOCATOR: AllocationCounter = AllocationCounter;
 
     #[test]
-    fn only_the_armed_thread_is_counted_and_only_from_then_on() {
+    fn only_the_armed_thread_is_counted_and_only_while_it_is_armed() {
         let before = Vec::<u8>::with_capacity(10);
         assert!(arm());
         let mut grown = std::hint::black_box(Vec::<u8>::with_capacity(10));

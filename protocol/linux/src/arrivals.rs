@@ -1,4 +1,4 @@
-//! When frames arrive, by the kernel's own time stamps: a witness of how evenly somebody sends.
+//! Times at which frames arrive, by the kernel's time stamps: shows how evenly a sender keeps its cycle.
 
 use std::io;
 use std::sync::Arc;
@@ -12,19 +12,19 @@ use socket2::Socket;
 use crate::packet_socket::{self, FrameBuffer};
 use crate::{Interface, RecorderError};
 
-/// Without a frame the thread looks after so long whether it is to stop.
-const LOOK_UP_AFTER: Duration = Duration::from_millis(100);
+/// Time without a frame after which the thread checks whether it is to stop.
+const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A frame that arrived.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Arrival {
-    /// When the kernel took it from the cable, since 1970 in UTC. The clock is slewed like the monotonic one.
+    /// When the kernel received it from the cable, since 1970 in UTC. That clock is slewed like the monotonic one.
     pub since_1970: Duration,
     /// Its length in bytes, with the Ethernet header.
     pub len: usize,
 }
 
-/// Notes frames that others send, from a thread and a socket of its own.
+/// Records when frames of other stations arrive, from a thread and a socket of its own.
 #[derive(Debug)]
 pub struct ArrivalLog {
     stop: Arc<AtomicBool>,
@@ -33,12 +33,12 @@ pub struct ArrivalLog {
 }
 
 impl ArrivalLog {
-    /// Starts to note what arrives on an interface. Needs `CAP_NET_RAW`.
+    /// Starts to record what arrives on an interface. Needs `CAP_NET_RAW`.
     pub fn start(interface: &Interface) -> Result<Self, RecorderError> {
         let name = interface.name().to_owned();
         let failed = |source| RecorderError::Socket { interface: name.clone(), source };
         let prepare = |socket: &Socket| {
-            socket.set_read_timeout(Some(LOOK_UP_AFTER))?;
+            socket.set_read_timeout(Some(STOP_CHECK_INTERVAL))?;
             packet_socket::prepare_receive(socket)
         };
         let socket = packet_socket::open(interface, packet_socket::ALL, prepare).map_err(failed)?;
@@ -66,7 +66,7 @@ impl ArrivalLog {
         Ok(Self { stop, thread, interface: name })
     }
 
-    /// Ends the log and returns what is in it, in order of arrival.
+    /// Ends the log and returns its arrivals in order.
     pub fn stop(self) -> Result<Vec<Arrival>, RecorderError> {
         self.stop.store(true, Ordering::Relaxed);
         let log = self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));

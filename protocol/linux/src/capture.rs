@@ -1,8 +1,8 @@
-//! Capture files: pcapng with one interface and times in nanoseconds, which Wireshark and tshark open as they are.
+//! Capture files: pcapng with one interface and times in nanoseconds, which Wireshark and tshark open directly.
 //!
-//! Each end of a cable has a file of its own. In one file for both every frame would be there twice, and what
-//! dissectors follow from packet to packet (sequence numbers of TCP, calls and their answers, I/O graphs) would count it
-//! twice; `mergecap -w both.pcapng plc.pcapng robot.pcapng` makes one with two interfaces where that is wanted.
+//! Each end of a cable has its own file. One file for both ends would hold every frame twice, and whatever a
+//! dissector follows from packet to packet (TCP sequence numbers, requests and responses, I/O graphs) would count it
+//! twice. To get one file with two interfaces: `mergecap -w both.pcapng plc.pcapng robot.pcapng`.
 
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -20,48 +20,49 @@ use pcap_file::pcapng::blocks::interface_description::{
 };
 use virtual_time::Side;
 
-/// Longer frames are cut; no port of a node takes longer ones.
+/// Captured length in bytes. Longer frames are cut; no port of a node takes longer ones.
 pub(crate) const SNAP_LEN: usize = 2048;
 
-/// What a ring keeps from the start, in bytes: how the connection was made, without which later frames mean little.
+/// What a ring keeps from the start, in bytes: the connection's establishment, without which later frames mean
+/// little.
 const FIRST: usize = 1 << 20;
 
-/// What a ring keeps from the end, in bytes: about a minute and a half of two frames a millisecond.
+/// What a ring keeps from the end, in bytes: about 90 s at two frames a millisecond.
 const LAST: usize = 64 << 20;
 
-/// How much of what passes is kept.
+/// Which frames a capture keeps.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Keep {
-    /// All of it, on disk at once.
+    /// All frames, written to disk as they come.
     All,
-    /// The first MiB and the last 64 MiB, in memory until the end.
+    /// The first MiB and the last 64 MiB, held in memory and written at the end.
     FirstAndLast,
 }
 
 /// A frame as it passed an interface.
 #[derive(Clone, Copy, Debug)]
 pub struct Packet<'a> {
-    /// When, in UTC.
+    /// When it passed, in UTC.
     pub since_1970: Duration,
-    /// Whether the interface sent it; none where that is not known.
+    /// Whether the interface sent it; `None` if that is not known.
     pub sent: Option<bool>,
-    /// From the destination's MAC address on, without FCS.
+    /// The frame from the destination MAC address on, without FCS.
     pub data: &'a [u8],
-    /// What there is to say about it; shown beside it.
+    /// Comment on the packet, which Wireshark shows beside it.
     pub comment: Option<&'a str>,
 }
 
-/// What a capture says beside the next frame when the cable or a node changes.
+/// Comment beside the next frame when the cable's or a node's state changes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Note {
-    /// The cable is cut.
+    /// The cable was cut.
     Cut {
-        /// Frames that were under way and are lost.
+        /// Frames that were on the cable and are lost.
         lost_under_way: u64,
     },
-    /// It is mended.
+    /// The cable was mended.
     Mended,
-    /// A node is killed: the PLC is at end A, the robot at end B.
+    /// A node was killed: the PLC is at end A, the robot at end B.
     Killed(Side),
 }
 
@@ -79,7 +80,7 @@ impl fmt::Display for Note {
     }
 }
 
-/// A capture that is being written.
+/// An open capture file.
 pub struct CaptureFile {
     path: PathBuf,
     writer: PcapNgWriter<Sink>,
@@ -96,11 +97,11 @@ impl fmt::Debug for CaptureFile {
 }
 
 impl CaptureFile {
-    /// A new capture of what passes `interface`; `about` is a comment on it, unless it is empty.
+    /// Creates a capture of what passes `interface`. `about` is the interface's comment; none if it is empty.
     ///
     /// # Errors
     ///
-    /// The file cannot be made.
+    /// The file cannot be created.
     pub fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> io::Result<Self> {
         let sink = match keep {
             Keep::All => Sink::Disk(BufWriter::with_capacity(1 << 16, File::create(path)?)),
@@ -121,17 +122,17 @@ impl CaptureFile {
         Ok(Self { path: path.to_owned(), writer, packets: 0 })
     }
 
-    /// Where it is, or will be.
+    /// Returns the file's path; the file exists only from the end on if it is kept in memory.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Takes up a packet.
+    /// Appends a packet.
     ///
     /// # Errors
     ///
-    /// The disk does not take it.
+    /// The file cannot be written.
     pub fn write(&mut self, packet: &Packet<'_>) -> io::Result<()> {
         let mut options = Vec::new();
         if let Some(sent) = packet.sent {
@@ -158,20 +159,20 @@ impl CaptureFile {
         Ok(())
     }
 
-    /// Hands what is buffered to the disk, as far as it is kept there.
+    /// Writes buffered packets to disk, unless the capture is kept in memory.
     ///
     /// # Errors
     ///
-    /// The disk does not take it.
+    /// The file cannot be written.
     pub fn flush(&mut self) -> io::Result<()> {
         self.writer.get_mut().flush()
     }
 
-    /// Ends the capture and returns how many packets it saw.
+    /// Ends the capture and returns how many packets were given to it.
     ///
     /// # Errors
     ///
-    /// The disk does not take it.
+    /// The file cannot be written.
     pub fn finish(mut self) -> io::Result<u64> {
         self.flush()?;
         if let Sink::Memory(ring) = self.writer.get_mut() {
@@ -210,10 +211,10 @@ impl Write for Sink {
     }
 }
 
-/// Whole blocks: the first ones, and as many of the last ones as there is room for.
+/// Whole blocks: the first ones, and as many of the last ones as fit.
 #[derive(Default)]
 struct Ring {
-    /// The block that is being written.
+    /// The block being written.
     block: Vec<u8>,
     first: Vec<u8>,
     last: VecDeque<u8>,

@@ -1,14 +1,15 @@
-//! The one clock of the cyclic threads.
+//! The clock of all cyclic threads.
 
 use machine::{Duration, Instant};
 use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-/// Three readings of a clock take a tenth of this.
-const NOT_HELD_UP: Duration = Duration::from_micros(2);
+/// Longest time that three readings of a clock may take; usually they take a tenth of it. Longer: the thread was
+/// interrupted between them.
+const UNINTERRUPTED: Duration = Duration::from_micros(2);
 
-/// Now, by `CLOCK_MONOTONIC`: nanoseconds since the host started, the same in every process of the host.
+/// Returns the time by `CLOCK_MONOTONIC`: nanoseconds since the host started, the same in every process of the host.
 #[must_use]
 pub fn now() -> Instant {
     let time = clock_gettime(ClockId::Monotonic);
@@ -18,14 +19,13 @@ pub fn now() -> Instant {
     Instant::from_nanos(seconds.saturating_mul(1_000_000_000).saturating_add(nanos))
 }
 
-/// The instant of this clock that was `since_1970` in UTC a moment ago: what the kernel stamps frames with, as the cyclic
-/// threads count time.
+/// Converts a recent moment in UTC, as the kernel stamps frames, to an instant of this clock.
 #[must_use]
 pub fn instant_of(since_1970: Duration) -> Instant {
     let (mut before, mut utc, mut after) = (now(), utc(), now());
-    // A thread that is held up between the readings would put its wait into the result.
+    // If the thread is interrupted between the readings, its wait would be part of the result: read again.
     for _ in 0..3 {
-        if after.since(before) < NOT_HELD_UP {
+        if after.since(before) < UNINTERRUPTED {
             break;
         }
         (before, utc, after) = (now(), self::utc(), now());
@@ -34,14 +34,14 @@ pub fn instant_of(since_1970: Duration) -> Instant {
     Instant::from_nanos(after.as_nanos().saturating_sub(u64::try_from(ago).unwrap_or(u64::MAX)))
 }
 
-/// Now in UTC, as a time since 1970.
+/// Returns the time in UTC, since 1970.
 #[must_use]
 pub fn utc() -> Duration {
     let time = clock_gettime(ClockId::Realtime);
     Duration::new(u64::try_from(time.tv_sec).unwrap_or(0), u32::try_from(time.tv_nsec).unwrap_or(0))
 }
 
-/// Sleeps until `deadline` of that clock, or returns at once where it has passed.
+/// Sleeps until `deadline`, or returns at once if it has passed.
 pub fn sleep_until(deadline: Instant) {
     let nanos = deadline.as_nanos();
     let deadline = Timespec {

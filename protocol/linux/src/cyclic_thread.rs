@@ -8,18 +8,19 @@ use machine::{Instant, Machine};
 
 use crate::{Driver, DriverError, Notifier, Owner, Statistics, scheduling};
 
-/// Commands or news that may wait at once.
+/// Commands, and news, that a ring holds.
 const RING_CAPACITY: usize = 64;
 
-/// What the owner of a machine does on the cyclic thread. Like [`Owner`], it must not block, allocate, lock or log.
+/// What the owner of a machine does on the cyclic thread. Like [`Owner`], a task must not block, allocate, lock or
+/// log.
 pub trait Task<M: Machine>: Send + 'static {
-    /// What it is told from outside.
+    /// What another thread sends to the task.
     type Command: Send + 'static;
-    /// What it tells.
+    /// What the task reports to another thread.
     type News: Send + 'static;
 
-    /// A command came; `statistics` is what the driver did so far. `Break` ends the thread, which is all that a task is
-    /// told that does not say otherwise.
+    /// Handles a command; `statistics` are the driver's so far. `Break` ends the thread. A task that does not
+    /// implement this ends at its first command.
     fn command(
         &mut self,
         _now: Instant,
@@ -31,7 +32,7 @@ pub trait Task<M: Machine>: Send + 'static {
         ControlFlow::Break(())
     }
 
-    /// The machine has an event. `Break` ends the thread once everything is sent.
+    /// Handles an event of the machine. `Break` ends the thread once everything is sent.
     fn event(
         &mut self,
         now: Instant,
@@ -40,21 +41,21 @@ pub trait Task<M: Machine>: Send + 'static {
         news: &mut Outbox<Self::News>,
     ) -> ControlFlow<()>;
 
-    /// The instant of [`deadline`](Self::deadline) has come. `Break` ends the thread.
+    /// Called when the instant of [`deadline`](Self::deadline) has come. `Break` ends the thread.
     fn expired(&mut self, _now: Instant, _machine: &mut M) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 
-    /// The machine has done what was due; a look at it, for records.
+    /// Inspects the machine after it did what was due, for records.
     fn look(&mut self, _now: Instant, _machine: &M) {}
 
-    /// When [`expired`](Self::expired) is to be called, if at all.
+    /// Returns when to call [`expired`](Self::expired), if at all.
     fn deadline(&self) -> Option<Instant> {
         None
     }
 }
 
-/// Where the cyclic thread puts its news.
+/// Where the cyclic thread puts its news for the other thread.
 #[derive(Debug)]
 pub struct Outbox<N> {
     ring: rtrb::Producer<N>,
@@ -63,7 +64,7 @@ pub struct Outbox<N> {
 }
 
 impl<N> Outbox<N> {
-    /// Tells the other thread; where that one is 64 news behind, the news is dropped and counted.
+    /// Sends news to the other thread. If that thread is 64 news behind, the news is dropped and counted.
     pub fn tell(&mut self, news: N) {
         if self.ring.push(news).is_err() {
             self.dropped += 1;
@@ -72,7 +73,7 @@ impl<N> Outbox<N> {
     }
 }
 
-/// The thread is 64 commands behind, or gone.
+/// The cyclic thread is 64 commands behind, or it ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the cyclic thread takes no more commands: it is far behind, or it ended")]
 pub struct RingFull;
@@ -90,7 +91,7 @@ impl From<std::io::Error> for StartError {
     }
 }
 
-/// A driver that runs.
+/// A running driver and the rings to its thread.
 #[derive(Debug)]
 pub struct CyclicThread<M, T: Task<M>>
 where
@@ -103,14 +104,14 @@ where
     thread: JoinHandle<Finished<M, T>>,
 }
 
-/// What a cyclic thread leaves behind.
+/// What a cyclic thread returns when it ends.
 #[derive(Debug)]
 pub struct Finished<M, T> {
     /// The driver, with the machine and its statistics.
     pub driver: Driver<M>,
-    /// The task, with what it kept.
+    /// The task, with the data that it collected.
     pub task: T,
-    /// News that were dropped since nobody read them.
+    /// News dropped because the ring was full.
     pub news_dropped: u64,
     /// How the loop ended.
     pub result: Result<(), DriverError>,
@@ -121,7 +122,8 @@ where
     M: Machine + Send + 'static,
     T: Task<M>,
 {
-    /// Starts the loop. `waker` is the one that the driver was made with; `reader` is notified of news and of the end.
+    /// Starts the loop. `waker` is the notifier that the driver was created with; `reader` is notified of news and of
+    /// the end.
     pub fn start(driver: Driver<M>, task: T, waker: Notifier, reader: Notifier) -> Result<Self, StartError> {
         let (commands, command_ring) = rtrb::RingBuffer::new(RING_CAPACITY);
         let (news_ring, news) = rtrb::RingBuffer::new(RING_CAPACITY);
@@ -138,35 +140,35 @@ where
             Finished { driver, task: owner.task, news_dropped, result }
         };
         let thread = std::thread::Builder::new().name("cyclic".to_owned()).spawn(body)?;
-        // The thread ends without a word only if it panics before its first line.
+        // `start` has no message only if the thread panics before its first line.
         let warning = start.recv().ok().flatten();
         Ok(Self { commands, news, waker, warning, thread })
     }
 
-    /// What the host did not grant, in words.
+    /// Returns what the host refused the thread and how to allow it.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
 
-    /// Gives the task a command.
+    /// Sends a command to the task.
     pub fn send(&mut self, command: T::Command) -> Result<(), RingFull> {
         let result = self.commands.push(command).map_err(|_| RingFull);
         self.waker.notify();
         result
     }
 
-    /// The next news, if there is some.
+    /// Returns the next news, if any.
     pub fn news(&mut self) -> Option<T::News> {
         self.news.pop().ok()
     }
 
-    /// Whether the loop has ended. News may still wait.
+    /// Returns whether the loop has ended. Unread news may remain.
     #[must_use]
     pub fn has_ended(&self) -> bool {
         self.news.is_abandoned()
     }
 
-    /// Waits for the loop's end. The error is a panic on the cyclic thread.
+    /// Waits until the loop ends. The error is a panic on the cyclic thread.
     pub fn join(self) -> std::thread::Result<Finished<M, T>> {
         self.thread.join()
     }
@@ -181,7 +183,7 @@ struct RingOwner<M: Machine, T: Task<M>> {
 impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
         self.task.look(now, machine);
-        // One command a wake: the machine's contract wants everything sent between two changes.
+        // One command per wake: the machine's contract requires that everything is sent between two changes.
         if let Ok(command) = self.commands.pop() {
             self.task.command(now, machine, statistics, command, &mut self.outbox)?;
         }
@@ -196,7 +198,7 @@ impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        // A command that still waits keeps the thread from sleeping.
+        // While a command is pending, the thread does not sleep.
         if self.commands.is_empty() { self.task.deadline() } else { Some(Instant::ZERO) }
     }
 }

@@ -1,11 +1,16 @@
 //! The real-time driver: one machine, its ports, one thread, absolute deadlines.
 //!
-//! A wake goes through five steps. Frames first, a bounded batch of each port: after a stall of the host the frames
-//! that came meanwhile are there before a watchdog looks for them. Then the machine's timeout, if it is due; a wake
-//! that comes on time begins with it, so that no frame that happens to arrive delays what is to be sent now. Then TCP,
-//! a piece of each connection, up to the machine's next deadline: the rest waits for the next wake. Then the owner.
-//! Then sleep until the machine's next deadline or a frame, whichever is first. After each change everything that the
-//! machine has to send is sent. Nothing here allocates, locks or logs.
+//! A wake has five steps:
+//!
+//! 1. Frames, a limited batch from each port. After a stall of the host, the frames that arrived meanwhile are
+//! handled before a watchdog checks for them.
+//! 2. The machine's timeout, if it is due. A wake that is on time does this first, so that a frame that just arrived
+//! does not delay what is to be sent now.
+//! 3. TCP, one piece of each connection, until the machine's next deadline; the rest waits for the next wake.
+//! 4. The owner.
+//! 5. Sleep until the machine's next deadline or a frame, whichever is first.
+//!
+//! After each change the driver sends everything that the machine has to send. Nothing here allocates, locks or logs.
 
 use std::hint::spin_loop;
 use std::ops::ControlFlow;
@@ -16,75 +21,75 @@ use machine::{Duration, Instant, Lateness, Machine, Port, Source, StreamRequest,
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 
-use crate::stream::{News, StreamStatistics, Streams};
+use crate::stream::{StreamEvent, StreamStatistics, Streams};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, OpenPort, PortError, Received, allocation, clock};
 
-/// Frames that are taken from one port before everything else gets its turn: more than a host stall of 40 ms brings
-/// at a cycle of 1 ms.
+/// Frames taken from one port before the other ports get their turn: more than arrive during a host stall of 40 ms at
+/// a cycle of 1 ms.
 const BATCH: usize = 64;
 
-/// The thread wakes so much before it has something to do, and waits for the moment without sleep: a sleep ends some
-/// 10 µs late, now more, now less, and a frame that arrives meanwhile would have its turn first.
+/// The thread wakes this long before its deadline and busy-waits for the rest. A sleep ends some 10 µs late,
+/// sometimes more, sometimes less, and a frame that arrives meanwhile would be handled first.
 const EARLY: Duration = Duration::from_micros(30);
 
-/// Up to here a wake counts as on time: what arrived meanwhile can wait until what is due was sent.
+/// A wake up to this late counts as on time: frames that arrived meanwhile wait until what is due was sent.
 const ON_TIME: Duration = Duration::from_micros(200);
 
-/// Why the loop ended before its owner ended it.
+/// Why the loop ended without its owner ending it.
 #[derive(Debug, thiserror::Error)]
 pub enum DriverError {
-    /// The network adapter was removed, or the other end of a veth pair was.
+    /// The network adapter, or the other end of a veth pair, was removed.
     #[error("network interface `{interface}` is gone: it was removed while the node was running")]
     InterfaceGone {
         /// The interface.
         interface: String,
     },
-    /// The kernel does not let the thread wait.
+    /// The kernel refused to wait for the sockets.
     #[error("waiting for frames: {0}")]
     Poll(Errno),
 }
 
-/// Who owns the machine: it brings commands in and takes events out, on the cyclic thread, and so must not block,
+/// Owner of a machine: passes commands in and events out. It runs on the cyclic thread, so it must not block,
 /// allocate, lock or log.
 pub trait Owner<M: Machine> {
-    /// The thread is about to sleep; now is the time for commands. `Break` ends the loop.
+    /// Called before the thread sleeps: the time to pass commands in. `Break` ends the loop.
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()>;
 
-    /// The machine has an event. `Break` ends the loop once everything is sent.
+    /// Handles an event of the machine. `Break` ends the loop once everything is sent.
     fn event(&mut self, now: Instant, machine: &mut M, event: M::Event) -> ControlFlow<()>;
 
-    /// When [`wake`](Self::wake) is to be called at the latest, apart from the machine's own deadlines.
+    /// Returns the latest time for the next [`wake`](Self::wake), apart from the machine's own deadlines.
     fn deadline(&self) -> Option<Instant> {
         None
     }
 }
 
-/// What the driver did since its start.
+/// Counters of the driver since its start.
 #[derive(Clone, Default, Debug)]
 pub struct Statistics {
-    /// How late the thread came to the machine's deadlines.
+    /// Lateness of the thread at the machine's deadlines.
     pub lateness: Lateness,
     /// Frames given to the machine.
     pub received: u64,
-    /// Frames for other stations, and such that are too long.
+    /// Frames discarded: for other stations, or too long.
     pub discarded: u64,
     /// Frames given to the kernel.
     pub sent: u64,
-    /// Frames that the kernel did not take.
+    /// Frames that the kernel refused to send.
     pub send_errors: u64,
-    /// Looks at a port that the kernel answered with an error.
+    /// Reads of a port that failed.
     pub receive_errors: u64,
-    /// What the kernel said last when it did not take a frame.
+    /// The kernel's last error on sending a frame.
     pub last_send_error: Option<Errno>,
-    /// TCP connections.
+    /// Counters of TCP connections.
     pub streams: StreamStatistics,
-    /// Allocations of the thread from the first wake to the end; none where the program does not count them, see
-    /// [`allocation`]. While the loop runs, [`allocation::count`] has the figure so far.
+    /// Allocations of the thread from the first wake to the end; `None` if the program does not count them, see
+    /// [`allocation`]. While the loop runs, [`allocation::count`] has the count so far.
     pub allocations: Option<u64>,
 }
 
-/// One machine on its ports.
+/// A machine with its open ports.
 #[derive(Debug)]
 pub struct Driver<M> {
     machine: M,
@@ -98,13 +103,13 @@ pub struct Driver<M> {
 }
 
 impl<M: Machine> Driver<M> {
-    /// A driver that has not started, for a machine on `interface`; `notifier` wakes it.
+    /// Creates a driver for a machine on `interface` without starting it; `notifier` wakes it.
     ///
-    /// The machine's ports are open from here on, and so is the TCP port at which it takes connections, if it does.
+    /// Opens the machine's ports, and the TCP port on which it accepts connections, if it has one.
     ///
     /// # Errors
     ///
-    /// A port is taken, or not permitted.
+    /// A port is taken, or opening it is not permitted.
     pub fn new(machine: M, interface: Interface, notifier: Notifier) -> Result<Self, PortError> {
         let ports = OpenPort::open_all(&interface, machine.ports())?;
         let streams = Streams::open(&interface, machine.listen_port())?;
@@ -120,21 +125,21 @@ impl<M: Machine> Driver<M> {
         })
     }
 
-    /// The machine.
+    /// Returns the machine.
     pub const fn machine(&self) -> &M {
         &self.machine
     }
 
-    /// What the driver did so far.
+    /// Returns the driver's counters so far.
     pub const fn statistics(&self) -> &Statistics {
         &self.statistics
     }
 
-    /// Runs the machine on this thread until the owner breaks off or the interface is gone.
+    /// Runs the machine on this thread until the owner ends the loop or the interface is gone.
     pub fn run(&mut self, owner: &mut impl Owner<M>) -> Result<(), DriverError> {
         let Self { machine, interface, ports, streams, notifier, receive_buffer, send_buffer, statistics } =
             self;
-        // The notifier first, then the ports, both for ever; then what TCP has at the time.
+        // The notifier and the ports keep their places; TCP's places behind them change.
         let mut waits = WaitSet::new(1 + ports.len() + Streams::WAITS);
         waits.set(0, Some((notifier.as_fd(), PollFlags::IN)));
         for (index, port) in ports.iter().enumerate() {
@@ -150,7 +155,7 @@ impl<M: Machine> Driver<M> {
     }
 }
 
-/// Passes the last moments before `wake` without sleep, if they have begun.
+/// Busy-waits until `wake` if it is close.
 fn spin_until(wake: Option<Instant>) {
     if let Some(wake) = wake.filter(|wake| wake.since(clock::now()) <= EARLY) {
         while clock::now() < wake {
@@ -159,13 +164,13 @@ fn spin_until(wake: Option<Instant>) {
     }
 }
 
-/// Whether this deadline has come just now.
+/// Returns whether this deadline passed a moment ago.
 fn is_on_time(deadline: Option<Instant>) -> bool {
     let now = clock::now();
     deadline.is_some_and(|due| due <= now && now.since(due) < ON_TIME)
 }
 
-/// The parts of a driver that one wake works with.
+/// The parts of a driver that one wake uses.
 struct Run<'a, M, O> {
     machine: &'a mut M,
     interface: &'a Interface,
@@ -210,7 +215,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         }
     }
 
-    /// Brings in the frames of all ports that have some.
+    /// Gives the machine the frames of all ports that have some.
     fn frames(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
         for (index, port) in self.ports.iter().enumerate() {
             if waits.ready(1 + index).is_empty() {
@@ -244,7 +249,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Tells the machine that its timeout has come, if it has.
+    /// Calls the machine's timeout if it is due.
     fn timeout(&mut self, waited_for: Option<Instant>) -> Result<ControlFlow<()>, DriverError> {
         let now = clock::now();
         if let Some(due) = waited_for.filter(|due| *due <= now) {
@@ -257,14 +262,14 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Gives each TCP connection that has something its turn, and lets clients in.
+    /// Handles each TCP connection that is ready, and accepts clients.
     fn streams(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
         self.streams.begin_round(clock::now(), waits, 1 + self.ports.len());
         loop {
             let now = clock::now();
-            match self.streams.next_news(now, buf) {
-                Some(News::Change(id, change)) => self.machine.handle_stream(now, id, change),
-                Some(News::Piece(id, len)) => {
+            match self.streams.next_event(now, buf) {
+                Some(StreamEvent::Change(id, change)) => self.machine.handle_stream(now, id, change),
+                Some(StreamEvent::Piece(id, len)) => {
                     self.statistics.received += 1;
                     let from = Source { port: Port::Stream(id), peer: None };
                     self.machine.handle_frame(now, from, buf.get(..len).unwrap_or_default());
@@ -289,7 +294,8 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         Ok(if flow.is_break() { flow } else { drained })
     }
 
-    /// Sends and tells everything that the machine has, as its contract wants it after each change.
+    /// Sends everything that the machine has to send and reports its events, as its contract requires after each
+    /// change.
     fn drain(&mut self, now: Instant) -> Result<ControlFlow<()>, DriverError> {
         let mut flow = ControlFlow::Continue(());
         loop {
@@ -333,7 +339,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         Ok(())
     }
 
-    /// Whether an error means that there is nothing left to send on; a cable without a carrier does not.
+    /// Returns an error if the interface is gone. A cable without carrier is not an error.
     fn check_interface(&self, error: Errno) -> Result<(), DriverError> {
         if matches!(error, Errno::NXIO | Errno::NODEV | Errno::NETDOWN) && !self.interface.exists() {
             return Err(DriverError::InterfaceGone { interface: self.interface.name().to_owned() });

@@ -1,25 +1,25 @@
-//! The class of traffic that a socket's packets say they are of.
+//! DSCP: the traffic class of a socket's packets.
 
 use std::cell::Cell;
 use std::os::fd::BorrowedFd;
 
 use socket2::SockRef;
 
-/// The DSCP that a socket's packets carry, as far as it was set.
+/// The DSCP that was last set on a socket.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Marking(Cell<u8>);
 
 impl Marking {
-    /// Makes the packets of `socket` carry this DSCP, 0 to 63, where they do not already.
+    /// Sets this DSCP, 0 to 63, on the packets of `socket` if it has another.
     ///
-    /// The three upper bits are the packet's priority inside this host, which is what a VLAN device makes its PCP of:
-    /// what RFC 8325 and the QoS object of EtherNet/IP (volume 2, table 5-7.4) pair with their DSCPs.
+    /// Its three upper bits also become the packet's priority inside this host, from which a VLAN device derives the
+    /// PCP: RFC 8325 and the QoS object of EtherNet/IP (volume 2, table 5-7.4) pair the two the same way.
     pub(crate) fn follow(&self, socket: BorrowedFd<'_>, dscp: u8) {
         if self.0.replace(dscp) == dscp {
             return;
         }
         let socket = SockRef::from(&socket);
-        // Both are allowed to everybody. Where a kernel refuses nevertheless, frames still go out.
+        // Every user may set both. If a kernel refuses nevertheless, frames still go out.
         let _ = socket.set_tos_v4(u32::from(dscp) << 2);
         let _ = socket.set_priority(u32::from(dscp) >> 3);
     }

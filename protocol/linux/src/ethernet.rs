@@ -21,7 +21,7 @@ pub(crate) struct EthernetSocket {
 }
 
 impl EthernetSocket {
-    /// Opens a socket for frames of this EtherType, to this interface and to these groups.
+    /// Opens a socket for frames of this EtherType to this interface's address, to broadcast and to these groups.
     pub(crate) fn open(
         interface: &Interface,
         ether_type: u16,
@@ -59,7 +59,7 @@ impl EthernetSocket {
         let capacity = buf.len();
         let (len, whole, from) = recvfrom(&self.socket, &mut *buf, RecvFlags::TRUNC | RecvFlags::DONTWAIT)?;
         let frame = buf.get(..len).unwrap_or_default();
-        // A frame of another VLAN and one for another station come here too, both as PACKET_OTHERHOST.
+        // Frames of another VLAN and frames for another station arrive here too, both as PACKET_OTHERHOST.
         let for_others = from.as_ref().and_then(packet_type) == Some(libc::PACKET_OTHERHOST);
         if whole > capacity || for_others || !self.is_for_us(frame) {
             return Ok(Received::Discarded);
@@ -77,7 +77,7 @@ impl EthernetSocket {
     }
 }
 
-/// How the kernel sorted the frame: for us, broadcast, multicast, or somebody else's.
+/// Returns the kernel's classification of the frame: for this host, broadcast, multicast or for another host.
 fn packet_type(address: &SocketAddrAny) -> Option<u8> {
     if address.address_family() != AddressFamily::PACKET
         || (address.addr_len() as usize) < std::mem::offset_of!(libc::sockaddr_ll, sll_addr)

@@ -1,4 +1,4 @@
-//! A network interface: its address on the wire, its IP address, and whether it is up.
+//! A network interface: its MAC address, its IP address, and whether it is up.
 
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
@@ -9,7 +9,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with
 
 use machine::ethernet::Mac;
 
-/// The flag of an interface that is switched on.
+/// Flag of an interface that is up.
 const UP: libc::c_short = libc::IFF_UP as libc::c_short;
 
 /// Why an interface cannot be used.
@@ -37,7 +37,7 @@ pub enum InterfaceError {
         /// The interfaces that there are, with their addresses.
         known: Vec<String>,
     },
-    /// It has an address already, which is not the one of the setup.
+    /// It already has an address, and not the one of the setup.
     #[error(
         "interface `{name}` has the address {found}, but the setup's {key} is {wanted}: use another interface, a setup \
          with that address, or `ip address flush dev {name}`"
@@ -52,7 +52,7 @@ pub enum InterfaceError {
         /// The address there.
         wanted: Ipv4Addr,
     },
-    /// It is there, but the kernel refuses to read or change it.
+    /// The kernel refuses to read or change the interface.
     #[error("{action} of network interface `{name}`: {reason}{}", hint(reason))]
     Refused {
         /// The interface.
@@ -78,17 +78,17 @@ pub struct Interface {
     name: String,
     index: u32,
     mac: Mac,
-    /// Any socket does: the interface requests go through it.
+    /// Socket for interface requests; its kind does not matter.
     control: Arc<OwnedFd>,
 }
 
 impl Interface {
-    /// Finds an interface by its name or by the IPv4 address that it has.
+    /// Finds an interface by its name or by its IPv4 address.
     ///
-    /// The address is what stays the same where the names are not one's own choice: in a container on two networks.
+    /// The address helps where interface names are not predictable: in a container with two networks.
     pub fn find(name_or_address: &str) -> Result<Self, InterfaceError> {
         let Ok(address) = name_or_address.parse() else { return Self::open(name_or_address) };
-        // One that goes away meanwhile is none that has the address.
+        // An interface that disappears meanwhile does not have the address.
         let all: Vec<_> = names().iter().filter_map(|name| Self::open(name).ok()).collect();
         let mut found = all.iter().filter(|interface| interface.address() == Some(address));
         match (found.next(), found.next()) {
@@ -130,47 +130,47 @@ impl Interface {
         Ok(interface)
     }
 
-    /// Its name, such as `eth0`.
+    /// Returns its name, such as `eth0`.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The kernel's number for it.
+    /// Returns the kernel's index of it.
     #[must_use]
     pub const fn index(&self) -> u32 {
         self.index
     }
 
-    /// Its own MAC address.
+    /// Returns its MAC address.
     #[must_use]
     pub const fn mac(&self) -> Mac {
         self.mac
     }
 
-    /// Whether the interface is still there; a cable that is pulled leaves it there, a removed adapter does not.
+    /// Returns whether the interface still exists. It does after its cable was pulled; a removed adapter does not.
     #[must_use]
     pub fn exists(&self) -> bool {
         netdevice::index_to_name_inlined(&*self.control, self.index).is_ok()
     }
 
-    /// Its IPv4 address, if it has one.
+    /// Returns its IPv4 address, if it has one.
     #[must_use]
     pub fn address(&self) -> Option<Ipv4Addr> {
         self.read_ipv4(libc::SIOCGIFADDR)
     }
 
-    /// The subnet mask of its IPv4 address, if it has one.
+    /// Returns the subnet mask of its IPv4 address, if it has one.
     #[must_use]
     pub fn mask(&self) -> Option<Ipv4Addr> {
         self.read_ipv4(libc::SIOCGIFNETMASK)
     }
 
-    /// Gives it this IPv4 address in place of the one that it has; the unspecified address only takes that away.
+    /// Replaces its IPv4 address by this one; the unspecified address only removes it.
     ///
-    /// Needs `CAP_NET_ADMIN`. Allocates nothing where it succeeds.
+    /// Needs `CAP_NET_ADMIN`. Does not allocate unless it fails.
     pub fn set_address(&self, address: Ipv4Addr, mask: Ipv4Addr) -> Result<(), InterfaceError> {
-        // Setting the same address again would drop the routes and the neighbours that hang on it.
+        // Setting the same address again would drop its routes and neighbours.
         if self.address().unwrap_or(Ipv4Addr::UNSPECIFIED) == address
             && (address.is_unspecified() || self.mask() == Some(mask))
         {
@@ -184,8 +184,8 @@ impl Interface {
         self.write_ipv4(libc::SIOCSIFNETMASK, mask).map_err(|e| self.refused("setting the subnet mask", e))
     }
 
-    /// Gives it the address that a setup says under `key`, unless it has another one: taking that away could cut the
-    /// user's own connection. Needs what [`set_address`](Self::set_address) needs.
+    /// Sets the address that a setup gives under `key`, unless the interface has another address: replacing that
+    /// could cut the user's own connection. Needs the same capability as [`set_address`](Self::set_address).
     pub fn take_address(
         &self,
         key: &'static str,
@@ -198,12 +198,12 @@ impl Interface {
         }
     }
 
-    /// Whether it is switched on; a cable without a carrier does not matter.
+    /// Returns whether it is up, with or without a carrier.
     pub fn is_up(&self) -> Result<bool, InterfaceError> {
         Ok(self.flags()? & UP != 0)
     }
 
-    /// Switches it on, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is on already.
+    /// Brings it up, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is up already.
     pub fn set_up(&self) -> Result<(), InterfaceError> {
         let flags = self.flags()?;
         if flags & UP != 0 {
@@ -214,13 +214,13 @@ impl Interface {
         self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
     }
 
-    /// Makes the kernel itself fill in the checksums of what this interface sends, before anybody sees the frame. A veth
-    /// leaves that out, since nothing can go wrong on the way; whoever takes frames off it by hand has none then. Segments
-    /// leave one by one from then on. Needs `CAP_NET_ADMIN`.
+    /// Makes the kernel fill in the checksums of what this interface sends. A veth omits them, since no bit can flip
+    /// between its ends; a program that forwards frames by raw sockets then forwards them without checksums. Large
+    /// TCP segments are split before they are sent from then on. Needs `CAP_NET_ADMIN`.
     pub fn fill_in_checksums(&self) -> Result<(), InterfaceError> {
         /// `ETHTOOL_STXCSUM` of linux/ethtool.h.
         const SET_TX_CHECKSUMMING: u32 = 0x17;
-        // A `struct ethtool_value`: the command and its value, off.
+        // A `struct ethtool_value`: the command and its value, 0 for off.
         let mut value = [SET_TX_CHECKSUMMING, 0];
         let mut request = self.request();
         request.ifr_ifru.ifru_data = value.as_mut_ptr().cast();
@@ -271,7 +271,7 @@ impl Interface {
         self.ioctl(what, &mut request)
     }
 
-    /// A request about this interface with nothing in it yet.
+    /// Returns an empty request about this interface.
     fn request(&self) -> libc::ifreq {
         let mut name = [0; libc::IFNAMSIZ];
         for (to, from) in name.iter_mut().take(libc::IFNAMSIZ - 1).zip(self.name.bytes()) {
@@ -289,7 +289,8 @@ impl Interface {
     }
 }
 
-/// The interfaces of this thread's network namespace. `/sys/class/net` would show those of whoever mounted it.
+/// Returns the interfaces of this thread's network namespace. `/sys/class/net` would list those of the process that
+/// mounted it.
 fn names() -> Vec<String> {
     let table = std::fs::read_to_string("/proc/thread-self/net/dev").unwrap_or_default();
     let names = table.lines().skip(2).filter_map(|line| line.split_once(':'));
@@ -301,13 +302,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_unknown_interface_is_answered_with_those_there_are() {
+    fn the_error_for_an_unknown_interface_lists_the_existing_ones() {
         let error = Interface::open("nosuch0").unwrap_err().to_string();
         assert!(error.contains("`nosuch0`") && error.contains("lo"), "{error}");
     }
 
     #[test]
-    fn an_interface_is_found_by_its_address_too() {
+    fn an_interface_is_also_found_by_its_address() {
         assert_eq!(Interface::find("lo").unwrap().name(), "lo");
         assert_eq!(Interface::find("127.0.0.1").unwrap().name(), "lo");
         let error = Interface::find("203.0.113.9").unwrap_err().to_string();

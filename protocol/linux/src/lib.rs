@@ -1,11 +1,11 @@
 //! Ports and the real-time driver: what runs a [`machine::Machine`] on Linux.
 //!
-//! From the bottom up: an [`Interface`] is a network interface by name; a [`OpenPort`] is a socket on it that a machine
-//! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
-//! [`CyclicThread`] is that loop on a thread of its own, with real-time scheduling where it is allowed, reached
-//! over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, as an ordinary
-//! user too, and [`impaired`] one that does to frames what a bad one does. [`Recorder`] writes what passes an interface into
-//! a capture.
+//! From the bottom up: an [`Interface`] is a network interface by name; an [`OpenPort`] is a socket on it that a
+//! machine knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
+//! [`CyclicThread`] runs that loop on a thread of its own, with real-time scheduling where the host allows it, and
+//! talks to other threads over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one
+//! host, also for an ordinary user; [`impaired`] makes a cable that loses, delays, doubles or corrupts frames.
+//! [`Recorder`] writes the frames that pass an interface into a capture.
 //!
 //! This is the only crate of the workspace with `unsafe` code.
 
@@ -32,13 +32,13 @@ mod open_port;
 mod packet_ring;
 mod packet_socket;
 mod plain;
+mod port_holders;
 mod received_message;
 mod recorder;
 pub mod scheduling;
 mod signals;
 mod socket_option;
 mod stream;
-mod taken;
 #[cfg(test)]
 mod test_cable;
 mod udp;
@@ -52,7 +52,7 @@ pub use driver::{Driver, DriverError, Owner, Statistics};
 pub use interface::{Interface, InterfaceError};
 pub use notifier::Notifier;
 pub use open_port::{OpenPort, PortError, Received};
+pub use port_holders::Transport;
 pub use recorder::{Recorder, RecorderError};
 pub use signals::{StopSignal, StopSignals};
 pub use stream::StreamStatistics;
-pub use taken::Transport;

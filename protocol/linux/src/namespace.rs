@@ -1,4 +1,4 @@
-//! Namespaces without a name: a network of one's own that is gone when the last process in it is, however that ends.
+//! Unnamed network namespaces: each disappears when its last process ends, however that happens.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -12,7 +12,7 @@ use rustix::thread::{
 /// Why a namespace cannot be made or used.
 #[derive(Debug, thiserror::Error)]
 pub enum NamespaceError {
-    /// The host does not let this user make namespaces.
+    /// The host does not let this user create namespaces.
     #[error(
         "this host does not let an ordinary user make a network of its own ({action}: {reason}); \
          {}",
@@ -24,7 +24,7 @@ pub enum NamespaceError {
         /// What the kernel said.
         reason: io::Error,
     },
-    /// Anything else that the kernel said.
+    /// Any other error of the kernel.
     #[error("{action}: {reason}")]
     Failed {
         /// What was tried.
@@ -38,7 +38,7 @@ impl NamespaceError {
     pub(crate) fn new(action: &'static str, reason: impl Into<io::Error>) -> Self {
         let reason = reason.into();
         match reason.kind() {
-            // Over the limit of user.max_user_namespaces the kernel says ENOSPC.
+            // Over the limit user.max_user_namespaces the kernel returns ENOSPC.
             io::ErrorKind::PermissionDenied | io::ErrorKind::StorageFull => {
                 Self::NotPermitted { action, reason }
             }
@@ -47,7 +47,7 @@ impl NamespaceError {
     }
 }
 
-/// A switch of the kernel that keeps an ordinary user from making namespaces.
+/// A kernel setting that keeps an ordinary user from creating namespaces.
 struct Switch {
     name: &'static str,
     shut: u64,
@@ -67,7 +67,7 @@ impl Switch {
     }
 }
 
-/// What to enable on this very host, as far as it can be seen.
+/// Returns what to enable on this host, as far as its settings can be read.
 fn advice() -> String {
     let shut: Vec<_> = SWITCHES
         .iter()
@@ -85,7 +85,7 @@ fn advice() -> String {
     }
 }
 
-/// Makes this process root of a user namespace of its own, unless it may make network namespaces as it is.
+/// Makes this process root of a new user namespace, unless it may already create network namespaces.
 ///
 /// Call it first in `main`: the kernel allows it only while the process has one thread.
 pub fn enter_user_namespace() -> Result<(), NamespaceError> {
@@ -105,17 +105,18 @@ pub fn enter_user_namespace() -> Result<(), NamespaceError> {
     write("gid_map", &format!("0 {gid} 1"))
 }
 
-/// A network of its own: no interface of the host is in it. It lives as long as this value or a process in it does.
+/// A network namespace without interfaces of the host. It exists until this value is dropped and its last process
+/// ends.
 #[derive(Debug)]
 pub struct NetworkNamespace(OwnedFd);
 
 impl NetworkNamespace {
-    /// A new one, empty but for its loopback. The calling thread stays where it is.
+    /// Creates one with nothing but a loopback. The calling thread stays in its own namespace.
     pub fn new() -> Result<Self, NamespaceError> {
         let make = || {
             unshare(UnshareFlags::NEWNET)
                 .map_err(|e| NamespaceError::new("making a network namespace", e))?;
-            // Only what the nodes send is to be on the wire, and no neighbour discovery. Without IPv6 there is none.
+            // Only the nodes' frames are to be on the cable. Without IPv6 there is no neighbour discovery.
             let _ = std::fs::write("/proc/sys/net/ipv6/conf/default/disable_ipv6", "1");
             std::fs::File::open("/proc/thread-self/ns/net")
                 .map(|file| Self(file.into()))
@@ -132,14 +133,15 @@ impl NetworkNamespace {
         })
     }
 
-    /// Makes `command` start inside this namespace and die, by SIGKILL, with the thread that spawns it.
+    /// Makes `command` start inside this namespace. The kernel kills it (SIGKILL) when the thread that spawns it
+    /// ends.
     pub fn confine(&self, command: &mut Command) -> Result<(), NamespaceError> {
         let namespace =
             self.0.try_clone().map_err(|e| NamespaceError::new("holding a network namespace", e))?;
         let parent = getpid();
         let before_exec = move || {
             set_parent_process_death_signal(Some(Signal::KILL))?;
-            // If the parent died before that, nobody is left to send the signal.
+            // If the parent died before the call above, nothing would send the signal.
             if getppid() != Some(parent) {
                 return Err(io::Error::from(rustix::io::Errno::SRCH));
             }
@@ -168,7 +170,7 @@ fn unshare(flags: UnshareFlags) -> rustix::io::Result<()> {
     unsafe { rustix::thread::unshare_unsafe(flags) }
 }
 
-/// A namespace belongs to a thread; a thread of its own leaves the caller's as it was.
+/// Runs `work` on a new thread: a namespace belongs to a thread, so the caller's stays as it is.
 fn on_own_thread<T: Send>(
     work: impl FnOnce() -> Result<T, NamespaceError> + Send,
 ) -> Result<T, NamespaceError> {
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_refusal_says_what_to_enable() {
+    fn a_refusal_names_what_to_enable() {
         for errno in [rustix::io::Errno::PERM, rustix::io::Errno::NOSPC] {
             let error = NamespaceError::new("making a user namespace", errno).to_string();
             assert!(error.contains("making a user namespace") && error.contains("sysctl"), "{error}");

@@ -1,4 +1,4 @@
-//! An open port, whichever it is.
+//! An open port of a machine: raw Ethernet or UDP.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
@@ -9,24 +9,24 @@ use rustix::io::Errno;
 use crate::Interface;
 use crate::dscp::Marking;
 use crate::ethernet::EthernetSocket;
-use crate::taken::{self, Transport};
+use crate::port_holders::{self, Transport};
 use crate::udp::UdpPort;
 
 /// Why a port cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
-    /// This user must not.
+    /// This user lacks the permission.
     #[error(
         "opening {what} on `{interface}` is not permitted: run as root, or allow this program by \
          `sudo setcap cap_net_raw,cap_net_admin,cap_sys_nice,cap_ipc_lock+ep PROGRAM`"
     )]
     NotPermitted {
-        /// Which port.
+        /// The port.
         what: String,
         /// The interface.
         interface: String,
     },
-    /// Another program has it.
+    /// Another program uses it.
     #[error(
         "{transport} port {port} on `{interface}` is taken by another program{}; `ss -{}lpn 'sport = :{port}'` shows by \
          which: stop that one first",
@@ -39,13 +39,13 @@ pub enum PortError {
         port: u16,
         /// The interface.
         interface: String,
-        /// The addresses that have it.
+        /// The local addresses that other programs use it with.
         by: Vec<SocketAddr>,
     },
-    /// Anything else that the kernel said.
+    /// Any other error of the kernel.
     #[error("opening {what} on `{interface}`: {reason}")]
     Refused {
-        /// Which port.
+        /// The port.
         what: String,
         /// The interface.
         interface: String,
@@ -70,7 +70,7 @@ impl PortError {
     fn bound(transport: Transport, interface: &str, port: u16, reason: std::io::Error) -> Self {
         match reason.kind() {
             std::io::ErrorKind::AddrInUse => {
-                let by = taken::holders(transport, port);
+                let by = port_holders::find(transport, port);
                 Self::Taken { transport, port, interface: interface.to_owned(), by }
             }
             _ => Self::of(format!("{transport} port {port}"), interface, reason),
@@ -91,23 +91,23 @@ fn at(by: &[SocketAddr]) -> String {
     if addresses.is_empty() { String::new() } else { format!(" at {}", addresses.join(", ")) }
 }
 
-/// What a look at a socket brought.
+/// Result of reading a socket.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Received {
     /// A frame, at the start of the buffer.
     Frame {
         /// Its length in bytes.
         len: usize,
-        /// The sender's address, on UDP.
+        /// The sender's address; UDP only.
         peer: Option<SocketAddrV4>,
-        /// Whether it was sent to every station, on UDP.
+        /// Whether it was sent to every station; UDP only.
         to_all: bool,
     },
-    /// A frame that is not for this station, or that is longer than any that a machine takes.
+    /// A frame for another station, or one that is too long for any machine.
     Discarded,
 }
 
-/// An open port of a machine. What impairs frames on their way is to become one more variant. TCP is the driver's own.
+/// An open port of a machine. TCP connections are not ports; the driver handles them.
 #[derive(Debug)]
 pub struct OpenPort {
     kind: Kind,
@@ -132,12 +132,12 @@ impl OpenPort {
         Ok(Self { kind, marking: Marking::default() })
     }
 
-    /// Opens several ports, or none.
+    /// Opens several ports; if one fails, none stays open.
     pub fn open_all(interface: &Interface, requests: &[PortRequest]) -> Result<Vec<Self>, PortError> {
         requests.iter().map(|request| Self::open(interface, *request)).collect()
     }
 
-    /// The machine's name for it.
+    /// Returns the machine's name for it.
     #[must_use]
     pub const fn port(&self) -> Port {
         match &self.kind {
@@ -153,7 +153,7 @@ impl OpenPort {
         }
     }
 
-    /// Sends a frame without waiting; over IP it carries this DSCP.
+    /// Sends a frame without waiting; IP packets carry this DSCP.
     pub(crate) fn send(&self, frame: &[u8], to: Option<SocketAddrV4>, dscp: u8) -> Result<(), Errno> {
         if let Kind::Udp(udp) = &self.kind {
             self.marking.follow(udp.as_fd(), dscp);
@@ -165,14 +165,14 @@ impl OpenPort {
         }
     }
 
-    /// Belongs to this multicast group from now on, and to no other.
+    /// Joins this multicast group and leaves the one before.
     pub(crate) fn follow_group(&self, group: Option<Ipv4Addr>) {
         if let Kind::Udp(udp) = &self.kind {
             udp.follow_group(group);
         }
     }
 
-    /// Takes the next frame without waiting; `Errno::AGAIN` where there is none.
+    /// Reads the next frame without waiting; `Errno::AGAIN` if there is none.
     pub(crate) fn receive(&self, buf: &mut [u8]) -> Result<Received, Errno> {
         match &self.kind {
             Kind::Ethernet(ethernet) => ethernet.receive(buf),

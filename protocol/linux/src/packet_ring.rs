@@ -1,5 +1,5 @@
-//! What passes an interface, in memory that the kernel shares with the reader (`PACKET_RX_RING`, packet(7)): no system call
-//! a frame, and nobody is woken. A call each takes some 2 µs in which nothing else runs on that processor.
+//! Frames that pass an interface, in memory shared with the kernel (`PACKET_RX_RING`, packet(7)). It needs no system
+//! call per frame and wakes no thread; each system call would take some 2 µs of that processor.
 
 use std::io;
 use std::os::fd::AsFd as _;
@@ -15,13 +15,14 @@ use crate::capture::Packet;
 use crate::packet_socket::{self, FrameBuffer};
 use crate::socket_option;
 
-/// Bytes of a slot: a frame of the usual 1500 bytes with what the kernel says of it. A longer one is cut.
+/// Size of a slot in bytes: a frame with the usual 1500 bytes of payload and the kernel's header. Longer frames are
+/// cut.
 const SLOT: usize = 2_048;
 
-/// Bytes that the kernel takes in one piece.
+/// Size of a block of the ring in bytes.
 const BLOCK: usize = 1 << 16;
 
-/// The reader's end of the ring.
+/// The reader's side of the ring.
 #[derive(Debug)]
 pub(crate) struct PacketRing {
     socket: Socket,
@@ -30,16 +31,16 @@ pub(crate) struct PacketRing {
     next: usize,
 }
 
-// SAFETY: the memory is the ring's own, and whoever has the ring is its only reader.
+// SAFETY: the ring owns its memory, and whoever owns the ring is its only reader.
 unsafe impl Send for PacketRing {}
 
 impl PacketRing {
-    /// A ring with room for at least so many frames. Needs `CAP_NET_RAW`.
+    /// Opens a ring with room for at least `slots` frames. Needs `CAP_NET_RAW`.
     pub(crate) fn open(interface: &Interface, slots: usize) -> io::Result<Self> {
         let blocks = (slots * SLOT).div_ceil(BLOCK);
         let slots = blocks * BLOCK / SLOT;
         let socket = packet_socket::open(interface, packet_socket::ALL, |socket| {
-            packet_socket::tell_instants(socket)?;
+            packet_socket::request_timestamps(socket)?;
             let version = libc::tpacket_versions::TPACKET_V2 as libc::c_int;
             socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_VERSION, &version)?;
             let wanted = libc::tpacket_req {
@@ -51,32 +52,32 @@ impl PacketRing {
             socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_RX_RING, &wanted)
         })?;
         let (protection, flags) = (ProtFlags::READ | ProtFlags::WRITE, MapFlags::SHARED);
-        // SAFETY: a new mapping wherever the kernel has room, of the whole ring.
+        // SAFETY: a new mapping of the whole ring at an address that the kernel chooses.
         let memory =
             unsafe { mmap(std::ptr::null_mut(), slots * SLOT, protection, flags, socket.as_fd(), 0) }?;
         let memory = NonNull::new(memory.cast()).ok_or(io::ErrorKind::OutOfMemory)?;
         Ok(Self { socket, memory, slots, next: 0 })
     }
 
-    /// The socket, for its other options.
+    /// Returns the socket, to set further options.
     pub(crate) const fn socket(&self) -> &Socket {
         &self.socket
     }
 
-    /// The next frame, if there is one.
+    /// Returns the next frame, if there is one.
     pub(crate) fn take<'a>(&mut self, buffer: &'a mut FrameBuffer) -> Option<Packet<'a>> {
         // SAFETY: `next` is below the number of slots, so this is within the mapping.
         let slot = unsafe { self.memory.add(self.next * SLOT) };
         let header = slot.cast::<libc::tpacket2_hdr>();
-        // SAFETY: a slot begins with this header, which begins with its status: an aligned word that the kernel and the
-        // reader pass to and fro, and that outlives the reference.
+        // SAFETY: a slot begins with this header, and the header with its status: an aligned word that the kernel and
+        // the reader hand each other, and that outlives the reference.
         let status = unsafe { AtomicU32::from_ptr(&raw mut (*header.as_ptr()).tp_status) };
         let found = status.load(Ordering::Acquire);
         if found & libc::TP_STATUS_USER == 0 {
             return None;
         }
-        // SAFETY: the slot is the reader's until it is given back below, and any bytes make these structures; the address
-        // stands behind the header, aligned as that is.
+        // SAFETY: the slot belongs to the reader until it is handed back below, and all bytes are valid for these
+        // structures; the address follows the header and is aligned like it.
         let (header, address) = unsafe {
             let behind = libc::TPACKET2_HDRLEN - size_of::<libc::sockaddr_ll>();
             (header.read(), slot.add(behind).cast::<libc::sockaddr_ll>().read())
@@ -84,23 +85,24 @@ impl PacketRing {
         let start = usize::from(header.tp_mac).min(SLOT);
         let room = buffer.room();
         let len = (header.tp_snaplen as usize).min(SLOT - start).min(room.len());
-        // SAFETY: the source ends within the slot, the destination is at least as long, and they are not the same memory.
+        // SAFETY: the source ends within the slot, the destination is at least as long, and the two do not overlap.
         unsafe { slot.add(start).copy_to_nonoverlapping(NonNull::from(room).cast(), len) };
         status.store(libc::TP_STATUS_KERNEL, Ordering::Release);
         self.next = (self.next + 1) % self.slots;
         Some(Packet {
             since_1970: Duration::new(header.tp_sec.into(), header.tp_nsec),
             sent: Some(address.sll_pkttype == libc::PACKET_OUTGOING),
-            data: buffer.frame(len, packet_socket::taken_off(found, header.tp_vlan_tpid, header.tp_vlan_tci)),
+            data: buffer
+                .frame(len, packet_socket::removed_tag(found, header.tp_vlan_tpid, header.tp_vlan_tci)),
             comment: None,
         })
     }
 
-    /// Frames that found no room since this was asked last.
+    /// Returns how many frames found no room since the last call.
     ///
     /// # Errors
     ///
-    /// The interface went down or away meanwhile.
+    /// The interface went down or was removed since then.
     pub(crate) fn left_out(&self) -> io::Result<u64> {
         if let Some(error) = self.socket.take_error()? {
             return Err(error);
@@ -113,7 +115,7 @@ impl PacketRing {
 
 impl Drop for PacketRing {
     fn drop(&mut self) {
-        // SAFETY: the mapping that `open` made, whole; nothing borrows from it.
+        // SAFETY: the whole mapping that `open` made; nothing borrows from it.
         let _ = unsafe { munmap(self.memory.as_ptr().cast(), self.slots * SLOT) };
     }
 }
@@ -126,11 +128,11 @@ mod tests {
 
     const SLOTS: usize = BLOCK / SLOT;
 
-    /// For what has no limit of its own but must not hang the tests.
+    /// Limit for waits that have no limit of their own but must not hang the tests.
     const PATIENCE: Duration = Duration::from_secs(60);
 
-    /// Takes what is there: the numbers of this test's frames. Where IPv6 cannot be switched off, the kernel's own may be
-    /// among them.
+    /// Returns the numbers of this test's frames that are in the ring. Where IPv6 cannot be switched off, frames of
+    /// the kernel may be among them.
     fn take_all(ring: &mut PacketRing) -> Vec<u32> {
         let (mut numbers, mut buffer) = (Vec::new(), FrameBuffer::new());
         while let Some(packet) = ring.take(&mut buffer) {
@@ -143,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_come_out_in_order_however_often_the_ring_goes_round() {
+    fn frames_come_out_in_order_after_the_ring_wrapped_many_times() {
         let cable = TestCable::lay();
         let mut ring = cable.near("near0", |near| PacketRing::open(near, 1).unwrap());
         for first in (0..400).step_by(20) {
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_without_room_are_counted_once_and_those_that_had_room_are_kept() {
+    fn frames_without_room_are_counted_once_and_the_others_are_kept() {
         let cable = TestCable::lay();
         let mut ring = cable.near("near0", |near| PacketRing::open(near, SLOTS).unwrap());
         cable.send(0..SLOTS as u32 + 8, &[]);
@@ -170,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_frame_has_the_instant_at_which_it_passed() {
-        // Both clocks are the kernel's; one of them may be read a little ahead.
+        // The two clocks differ: one may be ahead of the other by this much.
         const AHEAD: Duration = Duration::from_millis(1);
         let cable = TestCable::lay();
         let mut ring = cable.near("near0", |near| PacketRing::open(near, 1).unwrap());
@@ -188,16 +190,16 @@ mod tests {
     }
 
     #[test]
-    fn an_interface_that_went_away_is_told() {
+    fn a_removed_interface_is_reported_as_an_error() {
         let cable = TestCable::lay();
         let ring = cable.near("near0", |near| PacketRing::open(near, 1).unwrap());
         drop(cable);
-        // The kernel takes a network down some time after its last user has gone.
+        // The kernel removes a network some time after its last user has gone.
         let started = std::time::Instant::now();
         let error = loop {
             match ring.left_out() {
                 Err(error) => break error,
-                Ok(_) => assert!(started.elapsed() < PATIENCE, "nothing is told"),
+                Ok(_) => assert!(started.elapsed() < PATIENCE, "the removed interface is not reported"),
             }
             std::thread::yield_now();
         };
@@ -205,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tag_that_the_kernel_took_off_a_received_frame_is_there_again() {
+    fn a_tag_that_the_kernel_removed_from_a_received_frame_is_put_back() {
         let cable = TestCable::lay();
         let mut ring = cable.far(|far| PacketRing::open(far, 1).unwrap());
         let mut buffer = FrameBuffer::new();
@@ -218,7 +220,7 @@ mod tests {
                 Some(packet) if packet.data.starts_with(&wanted[..12]) => {
                     break (packet.sent, packet.data.to_vec());
                 }
-                // A frame of the kernel's own, or none so far: a receiver's turn may come a little later.
+                // A frame of the kernel's own, or none yet: the kernel may deliver a little later.
                 _ => std::thread::yield_now(),
             }
         };

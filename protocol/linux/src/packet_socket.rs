@@ -1,6 +1,6 @@
-//! Packet sockets, and what hears all that passes an interface, in both directions as the kernel has it.
+//! Packet sockets: they receive all frames that pass an interface, in both directions, as the kernel sees them.
 //!
-//! An 802.1Q tag that the kernel took off a received frame is put back.
+//! An 802.1Q tag that the kernel removed from a received frame is put back.
 
 use std::io;
 use std::os::fd::AsRawFd as _;
@@ -12,7 +12,7 @@ use crate::capture::{Packet, SNAP_LEN};
 use crate::socket_option::{self, ON};
 use crate::{Interface, clock, plain, received_message};
 
-/// Room for the frames of about a second while the reader is busy, in bytes.
+/// Receive buffer in bytes: the frames of about a second in which the reader is busy.
 const RECEIVE_BUFFER: usize = 8 << 20;
 
 /// Frames of every EtherType.
@@ -21,7 +21,7 @@ pub(crate) const ALL: u16 = libc::ETH_P_ALL as u16;
 /// The bytes of a tag.
 const TAG: usize = 4;
 
-/// Room for a frame, and for a tag that is put back.
+/// Room for a frame and for a tag that is put back.
 pub(crate) struct FrameBuffer([u8; TAG + SNAP_LEN]);
 
 impl FrameBuffer {
@@ -29,13 +29,13 @@ impl FrameBuffer {
         Self([0; TAG + SNAP_LEN])
     }
 
-    /// Where a frame goes in: so much further on that a tag fits before it.
+    /// Returns where to write a frame: so far behind the start that a tag fits before it.
     pub(crate) fn room(&mut self) -> &mut [u8] {
         &mut self.0[TAG..]
     }
 
-    /// The first `len` bytes that were put in, with the tag (its EtherType and what follows that) between the addresses
-    /// and the rest.
+    /// Returns the first `len` bytes that were written to [`room`](Self::room), with `tag` (its EtherType and the
+    /// TCI) inserted behind the addresses.
     pub(crate) fn frame(&mut self, len: usize, tag: Option<(u16, u16)>) -> &[u8] {
         const MACS: usize = 12;
         let end = (TAG + len).min(self.0.len());
@@ -47,20 +47,20 @@ impl FrameBuffer {
     }
 }
 
-/// The tag that the kernel took off, by the status and the fields that it tells beside a frame.
-pub(crate) fn taken_off(status: u32, tpid: u16, tci: u16) -> Option<(u16, u16)> {
+/// Returns the tag that the kernel removed, from the status and the fields that it hands over with a frame.
+pub(crate) fn removed_tag(status: u32, tpid: u16, tci: u16) -> Option<(u16, u16)> {
     let known = status & libc::TP_STATUS_VLAN_TPID_VALID != 0;
     (status & libc::TP_STATUS_VLAN_VALID != 0).then_some((if known { tpid } else { 0x8100 }, tci))
 }
 
-/// A packet socket that hears frames of this EtherType on this interface, and sends there, once it is prepared. Needs
-/// `CAP_NET_RAW`.
+/// Opens a packet socket that receives frames of this EtherType on this interface and sends there; `prepare` sets its
+/// options before it is bound. Needs `CAP_NET_RAW`.
 pub(crate) fn open(
     interface: &Interface,
     ethertype: u16,
     prepare: impl FnOnce(&Socket) -> io::Result<()>,
 ) -> io::Result<Socket> {
-    // Protocol 0 hears nothing until it is bound: so no frame of another interface gets in before that.
+    // A socket of protocol 0 receives nothing until it is bound, so no frame of another interface gets in before.
     let socket = Socket::new(Domain::PACKET, Type::RAW, None)?;
     prepare(&socket)?;
     let address = libc::sockaddr_ll {
@@ -75,34 +75,35 @@ pub(crate) fn open(
     if bound < 0 { Err(io::Error::last_os_error()) } else { Ok(socket) }
 }
 
-/// Prepares a socket for [`receive`].
+/// Sets the options that [`receive`] needs.
 pub(crate) fn prepare_receive(socket: &Socket) -> io::Result<()> {
-    // The buffer is a wish: without CAP_NET_ADMIN the kernel cuts it to its limit.
+    // The size is a request: without CAP_NET_ADMIN the kernel limits it.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
-    tell_instants(socket)?;
+    request_timestamps(socket)?;
     socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_AUXDATA, &ON)
 }
 
-/// Asks the kernel for the instant at which each frame passed.
-pub(crate) fn tell_instants(socket: &Socket) -> io::Result<()> {
+/// Makes the kernel report the instant at which each frame passed.
+pub(crate) fn request_timestamps(socket: &Socket) -> io::Result<()> {
     socket_option::set(socket, libc::SOL_SOCKET, libc::SO_TIMESTAMPNS, &ON)
 }
 
 /// Waits for a frame.
 pub(crate) fn receive<'a>(socket: &Socket, buffer: &'a mut FrameBuffer) -> io::Result<Packet<'a>> {
     let (mut since_1970, mut tag) = (None, None);
-    let received =
-        received_message::receive::<libc::sockaddr_ll>(socket, buffer.room(), 0, |told| match told.kind {
+    let received = received_message::receive::<libc::sockaddr_ll>(socket, buffer.room(), 0, |control| {
+        match control.kind {
             (libc::SOL_SOCKET, libc::SCM_TIMESTAMPNS) => {
-                let time = plain::read::<libc::timespec>(told.data);
+                let time = plain::read::<libc::timespec>(control.data);
                 since_1970 = time.map(|time| Duration::new(time.tv_sec as u64, time.tv_nsec as u32));
             }
             (libc::SOL_PACKET, libc::PACKET_AUXDATA) => {
-                let aux = plain::read::<libc::tpacket_auxdata>(told.data);
-                tag = aux.and_then(|aux| taken_off(aux.tp_status, aux.tp_vlan_tpid, aux.tp_vlan_tci));
+                let aux = plain::read::<libc::tpacket_auxdata>(control.data);
+                tag = aux.and_then(|aux| removed_tag(aux.tp_status, aux.tp_vlan_tpid, aux.tp_vlan_tci));
             }
             _ => {}
-        })?;
+        }
+    })?;
     Ok(Packet {
         since_1970: since_1970.unwrap_or_else(clock::utc),
         sent: Some(received.from.sll_pkttype == libc::PACKET_OUTGOING),

@@ -1,10 +1,10 @@
-//! Plain structures of C, which the kernel writes and reads as bytes.
+//! Plain C structures, which the kernel writes and reads as bytes.
 
-/// A structure that any bytes make, all zero as well.
+/// A structure for which all bytes are valid, also all zero.
 ///
 /// # Safety
 ///
-/// No bytes of its size are invalid: it has numbers and arrays of numbers only.
+/// It consists of numbers and arrays of numbers only.
 pub(crate) unsafe trait Plain: Copy {}
 
 // SAFETY: numbers and arrays of numbers, as libc has them.
@@ -26,14 +26,14 @@ unsafe impl Plain for libc::tpacket_req {}
 // SAFETY: as above.
 unsafe impl Plain for libc::tpacket_stats {}
 
-/// All zero.
+/// Returns the structure with all bytes zero.
 pub(crate) const fn zeroed<T: Plain>() -> T {
-    // SAFETY: any bytes make this structure.
+    // SAFETY: all bytes are valid for this structure.
     unsafe { std::mem::zeroed() }
 }
 
-/// The structure that these bytes begin with; none where they are too few.
+/// Reads the structure from the start of these bytes; `None` if they are too few.
 pub(crate) fn read<T: Plain>(bytes: &[u8]) -> Option<T> {
-    // SAFETY: the bytes are at least as many, and any make this structure; the read does not rely on alignment.
+    // SAFETY: there are enough bytes, and all bytes are valid for it; the read does not rely on alignment.
     (bytes.len() >= size_of::<T>()).then(|| unsafe { bytes.as_ptr().cast::<T>().read_unaligned() })
 }

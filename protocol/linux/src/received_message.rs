@@ -1,4 +1,4 @@
-//! recvmsg(2): a message with its sender's address and with what the kernel tells beside it, of which rustix knows little.
+//! recvmsg(2): a message with its sender's address and the kernel's control messages, few of which rustix supports.
 
 use std::io::{self, IoSliceMut};
 use std::os::fd::{AsFd, AsRawFd as _};
@@ -7,28 +7,28 @@ use crate::plain::{self, Plain};
 
 /// A message that was received.
 pub(crate) struct ReceivedMessage<A> {
-    /// Its length in bytes, or as much of it as there was room for.
+    /// Its length in bytes, at most that of the buffer.
     pub(crate) len: usize,
-    /// The sender's address as the kernel wrote it; all zero where it wrote none.
+    /// The sender's address as the kernel wrote it; all zero if it wrote none.
     pub(crate) from: A,
-    /// Whether there was not room for all of it.
+    /// Whether the message was longer than the buffer.
     pub(crate) is_cut: bool,
 }
 
-/// Something that the kernel tells beside a message.
+/// A control message: what the kernel reports about a message.
 pub(crate) struct Control<'a> {
     /// The protocol level and the type, as in `(SOL_SOCKET, SCM_TIMESTAMPNS)`.
     pub(crate) kind: (libc::c_int, libc::c_int),
-    /// What it tells, for [`plain::read`].
+    /// Its content, for [`plain::read`].
     pub(crate) data: &'a [u8],
 }
 
-/// Takes a message into `bytes`, and hands what is told beside it to `tell`.
+/// Receives a message into `bytes`, and hands its control messages to `on_control`.
 pub(crate) fn receive<A: Plain>(
     socket: impl AsFd,
     bytes: &mut [u8],
     flags: libc::c_int,
-    mut tell: impl FnMut(&Control<'_>),
+    mut on_control: impl FnMut(&Control<'_>),
 ) -> io::Result<ReceivedMessage<A>> {
     let mut from = plain::zeroed::<A>();
     let mut control = [0_u64; 16];
@@ -41,8 +41,8 @@ pub(crate) fn receive<A: Plain>(
     message.msg_iovlen = 1;
     message.msg_control = control.as_mut_ptr().cast();
     message.msg_controllen = size_of_val(&control) as _;
-    // SAFETY: the message points at buffers that live over the call, with their sizes; IoSliceMut has the layout of iovec,
-    // and any bytes make the address.
+    // SAFETY: the message points at buffers that outlive the call, with their sizes; IoSliceMut has the layout of
+    // iovec, and all bytes are valid for the address.
     let len = unsafe { libc::recvmsg(socket.as_fd().as_raw_fd(), &raw mut message, flags) };
     let len = usize::try_from(len).map_err(|_| io::Error::last_os_error())?;
     // SAFETY: the kernel filled the control buffer and set its length; CMSG_NXTHDR stays within it.
@@ -50,12 +50,12 @@ pub(crate) fn receive<A: Plain>(
     while !header.is_null() {
         // SAFETY: `header` points at a header within the control buffer, which is aligned for it; the data follows it and
         // ends with the length that the header gives.
-        let told = unsafe {
+        let control = unsafe {
             let len = ((*header).cmsg_len as usize).saturating_sub(libc::CMSG_LEN(0) as usize);
             let data = std::slice::from_raw_parts(libc::CMSG_DATA(header), len);
             Control { kind: ((*header).cmsg_level, (*header).cmsg_type), data }
         };
-        tell(&told);
+        on_control(&control);
         // SAFETY: `message` and `header` are as the kernel left them.
         header = unsafe { libc::CMSG_NXTHDR(&raw const message, header) };
     }

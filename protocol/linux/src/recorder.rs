@@ -1,6 +1,7 @@
-//! Records what passes an interface into a pcapng file, or shows it to somebody, from a thread and a socket of its own.
+//! Records what passes an interface into a pcapng file, or hands it to a callback, from a thread and a socket of its
+//! own.
 //!
-//! It sees both directions as the kernel has them, so that it witnesses what the node really put on the wire.
+//! It sees both directions as the kernel has them: what the node really put on the cable.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -19,47 +20,47 @@ use crate::clock;
 use crate::packet_ring::PacketRing;
 use crate::packet_socket::FrameBuffer;
 
-/// Frames that may wait while the disk is busy: two seconds of one a millisecond each way.
+/// Frames that wait while the disk is busy: two seconds at one frame a millisecond each way.
 const SLOTS: usize = 4_096;
 
-/// How long the thread sleeps when it has taken all frames that are there. Were it woken by every frame, the node that
-/// sends the frame would do the waking, within its cycle; and each time that it wakes by itself takes the processor from
-/// others for longer than the frames that it then takes.
-const REST: Duration = Duration::from_millis(50);
+/// Time that the thread sleeps once it has taken all frames. If every frame woke it, the sending node would do the
+/// waking, within its cycle. It sleeps this long because each wake-up takes the processor from other threads for
+/// longer than handling the frames does.
+const SLEEP: Duration = Duration::from_millis(50);
 
-/// Frames are on disk after so many rests even if the process is killed.
+/// Sleeps after which frames are written to disk, so that they survive a killed process.
 const FLUSH_EVERY: u32 = 2;
 
-/// Why a capture could not be made.
+/// Why a capture failed.
 #[derive(Debug, thiserror::Error)]
 pub enum RecorderError {
-    /// The file could not be made or written.
+    /// The file could not be created or written.
     #[error("cannot write the capture {}: {source}", path.display())]
     File {
         /// The capture.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The interface could not be listened on.
+    /// The interface could not be opened for listening.
     #[error("cannot capture on {interface}: {source} (captures need CAP_NET_RAW)")]
     Socket {
         /// The interface.
         interface: String,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The disk could not keep up with the cable.
+    /// The disk or the host was too slow for the frames.
     #[error(
         "{frames} frames are missing in what was recorded: the disk or the host was too busy to take them"
     )]
     LeftOut {
-        /// How many.
+        /// How many are missing.
         frames: u64,
     },
 }
 
-/// A capture that is running.
+/// A running capture.
 #[derive(Debug)]
 pub struct Recorder {
     shared: Arc<Shared>,
@@ -75,7 +76,8 @@ impl Recorder {
         Self::start_with(interface, capture)
     }
 
-    /// Starts to show what passes `interface` to `see`, each frame with its instant by [`clock::now`]. Nothing is kept.
+    /// Starts to hand what passes `interface` to `see`, each frame with its instant by [`clock::now`]. Nothing is
+    /// stored.
     pub fn watch(
         interface: &Interface,
         see: impl FnMut(Instant, &Packet<'_>) + Send + 'static,
@@ -97,18 +99,18 @@ impl Recorder {
         Ok(Self { shared, socket, thread })
     }
 
-    /// Lets frames pass without recording them, or records again. While paused, the kernel hands the recorder nothing:
-    /// it costs next to nothing then.
+    /// Pauses the recording, or goes on. While it is paused, the kernel hands the recorder no frames, so it costs
+    /// almost nothing.
     ///
     /// # Errors
     ///
-    /// What the kernel says; it goes on as before then.
+    /// The kernel's error; the recorder then goes on as before.
     pub fn pause(&self, paused: bool) -> io::Result<()> {
         if paused {
-            // A program of one instruction: keep no byte of the packet.
+            // A filter program of one instruction: keep no byte of the packet.
             self.socket.attach_filter(&[SockFilter::new((libc::BPF_RET | libc::BPF_K) as u16, 0, 0, 0)])
         } else {
-            // Where there is none, it has not been paused.
+            // Without a filter it was not paused.
             let detached = self.socket.detach_filter();
             detached.or_else(|error| match error.kind() {
                 io::ErrorKind::NotFound => Ok(()),
@@ -121,42 +123,42 @@ impl Recorder {
     ///
     /// # Errors
     ///
-    /// Not all that passed is in it.
+    /// Some frames that passed are missing.
     pub fn stop(self) -> Result<u64, RecorderError> {
         self.shared.stop.store(true, Ordering::Release);
         self.thread.thread().unpark();
         self.thread.join().unwrap_or(Ok(0))
     }
 
-    /// Ends the capture; where it is kept in memory until the end, nothing is written.
+    /// Ends the capture. If it is kept in memory until the end, nothing is written.
     pub fn discard(self) -> Result<(), RecorderError> {
         self.shared.discard.store(true, Ordering::Release);
         self.stop().map(drop)
     }
 }
 
-/// What the recorder is told.
+/// What the recorder's thread is asked to do.
 #[derive(Debug, Default)]
 struct Shared {
     stop: AtomicBool,
     discard: AtomicBool,
 }
 
-/// Who hears of each frame, on the recorder's thread.
+/// Receives each frame, on the recorder's thread.
 trait Listener: Send {
-    fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError>;
+    fn handle(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError>;
 
-    /// Some time has passed: what was heard is to outlive the process.
+    /// Called regularly: frames so far must survive a killed process.
     fn flush(&mut self) -> Result<(), RecorderError> {
         Ok(())
     }
 
-    /// The end; returns how many frames were heard of.
+    /// Ends; returns how many frames it received.
     fn finish(self) -> Result<u64, RecorderError>;
 }
 
 impl Listener for CaptureFile {
-    fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
+    fn handle(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
         self.write(packet).map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
     }
 
@@ -173,7 +175,7 @@ impl Listener for CaptureFile {
 struct Watcher<F>(F);
 
 impl<F: FnMut(Instant, &Packet<'_>) + Send> Listener for Watcher<F> {
-    fn hear(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
+    fn handle(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
         (self.0)(clock::instant_of(packet.since_1970), packet);
         Ok(())
     }
@@ -195,27 +197,27 @@ impl<L: Listener> Recording<L> {
     fn run(mut self) -> Result<u64, RecorderError> {
         let mut buffer = FrameBuffer::new();
         for rest in 1.. {
-            // Asked first, so that all that passed before the end is taken.
+            // Read before the frames, so that all that passed before the end is taken.
             let is_last = self.shared.stop.load(Ordering::Acquire);
             if self.shared.discard.load(Ordering::Acquire) {
                 break;
             }
             while let Some(packet) = self.ring.take(&mut buffer) {
-                self.listener.hear(&packet)?;
+                self.listener.handle(&packet)?;
             }
             if is_last {
                 let whole = self.is_whole();
-                return self.listener.finish().and_then(|heard| whole.map(|()| heard));
+                return self.listener.finish().and_then(|frames| whole.map(|()| frames));
             }
             if rest % FLUSH_EVERY == 0 {
                 self.listener.flush()?;
             }
-            std::thread::park_timeout(REST);
+            std::thread::park_timeout(SLEEP);
         }
         Ok(0)
     }
 
-    /// Whether all that passed so far was heard.
+    /// Returns an error if frames were missed so far.
     fn is_whole(&self) -> Result<(), RecorderError> {
         match self.ring.left_out() {
             Ok(0) => Ok(()),
@@ -233,19 +235,19 @@ mod tests {
     use crate::test_cable::{self, TestCable};
 
     #[test]
-    fn a_listener_that_is_busy_for_too_long_is_told_how_many_frames_it_missed() {
+    fn a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_frames() {
         let cable = TestCable::lay();
         let (go, wait) = mpsc::channel::<()>();
-        let (tell, heard) = mpsc::channel();
+        let (sender, frames) = mpsc::channel();
         let see = move |_, packet: &Packet<'_>| {
             if let Some(number) = test_cable::number(packet.data) {
-                let _ = tell.send(number);
+                let _ = sender.send(number);
                 let _ = wait.recv();
             }
         };
         let recorder = cable.near("near0", |near| Recorder::watch(near, see).unwrap());
         cable.send(0..1, &[]);
-        assert_eq!(heard.recv(), Ok(0));
+        assert_eq!(frames.recv(), Ok(0));
         let more = SLOTS as u32 + 100;
         cable.send(1..1 + more, &[]);
         drop(go);
@@ -253,25 +255,25 @@ mod tests {
             Err(RecorderError::LeftOut { frames }) => frames,
             other => panic!("{other:?}"),
         };
-        let heard: Vec<_> = heard.iter().collect();
-        assert_eq!(heard, Vec::from_iter(1..=heard.len() as u32));
-        // Where IPv6 cannot be switched off, the kernel's own frames may be among those missed and those heard.
+        let frames: Vec<_> = frames.iter().collect();
+        assert_eq!(frames, Vec::from_iter(1..=frames.len() as u32));
+        // Where IPv6 cannot be switched off, frames of the kernel may be among both the missed and the received ones.
         assert!((100..120).contains(&missed), "{missed}");
-        assert!(heard.len() as u64 + missed >= u64::from(more));
+        assert!(frames.len() as u64 + missed >= u64::from(more));
     }
 
     #[test]
-    fn nothing_is_heard_of_other_interfaces_nor_while_it_is_paused() {
+    fn no_frame_of_another_interface_and_none_while_paused_is_seen() {
         let cable = TestCable::lay();
         let listen = |name| {
-            let (tell, heard) = mpsc::channel();
+            let (sender, frames) = mpsc::channel();
             let see = move |_, packet: &Packet<'_>| {
-                let _ = test_cable::number(packet.data).map(|number| tell.send(number));
+                let _ = test_cable::number(packet.data).map(|number| sender.send(number));
             };
-            (cable.near(name, |interface| Recorder::watch(interface, see).unwrap()), heard)
+            (cable.near(name, |interface| Recorder::watch(interface, see).unwrap()), frames)
         };
         cable.near("lo", |loopback| loopback.set_up().unwrap());
-        let ((recorder, heard), (elsewhere, heard_elsewhere)) = (listen("near0"), listen("lo"));
+        let ((recorder, frames), (elsewhere, frames_elsewhere)) = (listen("near0"), listen("lo"));
         cable.send(1..2, &[]);
         recorder.pause(true).unwrap();
         cable.send(2..3, &[]);
@@ -279,7 +281,7 @@ mod tests {
         cable.send(3..4, &[]);
         recorder.stop().unwrap();
         elsewhere.stop().unwrap();
-        assert_eq!(heard.iter().collect::<Vec<_>>(), [1, 3]);
-        assert_eq!(heard_elsewhere.iter().next(), None);
+        assert_eq!(frames.iter().collect::<Vec<_>>(), [1, 3]);
+        assert_eq!(frames_elsewhere.iter().next(), None);
     }
 }

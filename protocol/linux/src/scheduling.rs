@@ -1,4 +1,4 @@
-//! What the kernel can do for a cyclic thread: priority over everything ordinary, memory that stays, exact timers.
+//! What a cyclic thread needs from the kernel: priority over ordinary threads, locked memory, exact timers.
 
 use std::num::NonZeroU64;
 
@@ -8,17 +8,17 @@ use rustix::thread::set_current_timer_slack;
 /// The SCHED_FIFO priority of a cyclic thread: just below 50, which the kernel gives to interrupt threads.
 pub const PRIORITY: i32 = 49;
 
-/// What the host granted a cyclic thread.
+/// What the host granted to a cyclic thread.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Granted {
     /// SCHED_FIFO at [`PRIORITY`].
     pub fifo: bool,
-    /// The process's memory stays where it is.
+    /// The process's memory is locked: it is never swapped out.
     pub memory: bool,
 }
 
 impl Granted {
-    /// What is missing and how to allow it, in words; none where nothing is.
+    /// Returns what is missing and how to allow it; `None` if nothing is.
     #[must_use]
     pub fn refused(&self) -> Option<String> {
         let missing = match (self.fifo, self.memory) {
@@ -34,11 +34,11 @@ impl Granted {
     }
 }
 
-/// Gives the calling thread SCHED_FIFO, locks the process's memory, and takes the slack off its timers, as far as the
-/// host allows; the thread then runs as well as it can.
+/// Gives the calling thread SCHED_FIFO, locks the process's memory, and removes the slack from its timers, as far as
+/// the host allows. Without them the thread still runs, with more jitter.
 #[must_use]
 pub fn make_real_time() -> Granted {
-    // Allowed to everybody; it fails on no kernel that we run on, and 50 µs of slack would be the only loss.
+    // Every user may do this. It fails on no kernel that we run on; the loss would be 50 µs of slack.
     let _ = set_current_timer_slack(NonZeroU64::new(1));
     Granted {
         fifo: set_fifo(PRIORITY).is_ok(),

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM as something to poll for.
+//! SIGINT and SIGTERM as a descriptor to poll.
 
 use std::fmt;
 use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
@@ -8,7 +8,7 @@ use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
 pub enum StopSignal {
     /// Ctrl-C.
     Interrupt,
-    /// What `kill` and a supervisor send.
+    /// SIGTERM, which `kill` and a supervisor send.
     Terminate,
 }
 
@@ -21,13 +21,13 @@ impl fmt::Display for StopSignal {
     }
 }
 
-/// SIGINT and SIGTERM, kept from ending the process.
+/// Receives SIGINT and SIGTERM, which no longer end the process.
 #[derive(Debug)]
 pub struct StopSignals(OwnedFd);
 
 impl StopSignals {
-    /// Takes the two signals over for the whole process. Call it before any other thread is there: threads inherit
-    /// the mask from the one that makes them.
+    /// Blocks the two signals for the whole process. Call it before any other thread exists: threads inherit the mask
+    /// from the thread that creates them.
     pub fn block() -> std::io::Result<Self> {
         // SAFETY: `set` is initialised by sigemptyset before it is used and outlives the calls; signalfd returns a
         // new descriptor that nobody else owns.
@@ -48,7 +48,7 @@ impl StopSignals {
         }
     }
 
-    /// The next signal, if one came.
+    /// Returns the next signal, if one came.
     #[must_use]
     pub fn take(&self) -> Option<StopSignal> {
         let mut info = [0; size_of::<libc::signalfd_siginfo>()];

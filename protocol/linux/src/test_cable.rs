@@ -1,14 +1,14 @@
-//! A cable of a test's own, in networks that vanish with it.
+//! A cable for one test, in networks that disappear with it.
 
 use machine::ethernet::Mac;
 
 use crate::namespace::NetworkNamespace;
 use crate::{Interface, packet_socket, veth};
 
-/// For local experiments (IEEE 802, 9.2.3): no kernel says anything by this EtherType on its own.
+/// For local experiments (IEEE 802, 9.2.3): no kernel sends this EtherType by itself.
 pub(crate) const ETHERTYPE: u16 = 0x88B5;
 
-/// Two ends, which are on.
+/// Two ends, both up.
 pub(crate) struct TestCable {
     near: NetworkNamespace,
     far: NetworkNamespace,
@@ -27,17 +27,17 @@ impl TestCable {
         cable
     }
 
-    /// At the near end, whose interface is `near0`; `lo` is there too.
+    /// Runs `job` at the near end, whose interface is `near0`; there is also `lo`.
     pub(crate) fn near<T: Send>(&self, interface: &str, job: impl FnOnce(&Interface) -> T + Send) -> T {
         self.near.run(|| job(&Interface::open(interface).unwrap())).unwrap()
     }
 
-    /// At the far end.
+    /// Runs `job` at the far end.
     pub(crate) fn far<T: Send>(&self, job: impl FnOnce(&Interface) -> T + Send) -> T {
         self.far.run(|| job(&Interface::open("far0").unwrap())).unwrap()
     }
 
-    /// Sends numbered frames from the near end, each with `before_type` behind the addresses.
+    /// Sends numbered frames from the near end, with `before_type` behind the addresses of each.
     pub(crate) fn send(&self, numbers: std::ops::Range<u32>, before_type: &[u8]) {
         self.near("near0", |interface| {
             let socket = packet_socket::open(interface, ETHERTYPE, |_| Ok(())).unwrap();
@@ -48,7 +48,7 @@ impl TestCable {
     }
 }
 
-/// A frame of the least length, to everybody.
+/// Builds a broadcast frame of minimum length.
 pub(crate) fn frame(source: Mac, before_type: &[u8], number: u32) -> Vec<u8> {
     let mut frame =
         [&[0xFF; 6], &source.0[..], before_type, &ETHERTYPE.to_be_bytes(), &number.to_be_bytes()].concat();
@@ -56,7 +56,7 @@ pub(crate) fn frame(source: Mac, before_type: &[u8], number: u32) -> Vec<u8> {
     frame
 }
 
-/// The number in such a frame, none in another.
+/// Returns the number in such a frame; `None` for other frames.
 pub(crate) fn number(frame: &[u8]) -> Option<u32> {
     let rest = frame.get(12..)?.strip_prefix(&ETHERTYPE.to_be_bytes())?;
     rest.first_chunk().copied().map(u32::from_be_bytes)

@@ -18,25 +18,25 @@ pub(crate) struct UdpPort {
     port: u16,
     socket: UdpSocket,
     interface: u32,
-    /// The multicast group that it was told to belong to.
+    /// The multicast group that it belongs to.
     group: Cell<Option<Ipv4Addr>>,
 }
 
-/// Room for what comes while the host stalls: 40 ms of a flood of full frames.
+/// Receive buffer in bytes: what arrives in a host stall of 40 ms at a flood of full frames.
 const RECEIVE_BUFFER_BYTES: usize = 1 << 20;
 
 impl UdpPort {
-    /// Opens this port; 0 for one that the kernel chooses.
+    /// Opens this port; with 0 the kernel chooses one.
     pub(crate) fn open(interface: &Interface, port: u16) -> Result<Self, PortError> {
         let open = || -> std::io::Result<UdpSocket> {
             let socket = Socket::new(Domain::IPV4, Type::DGRAM.nonblocking().cloexec(), Some(Protocol::UDP))?;
-            // Bound to the interface and not to an address: the address comes later (DCP) and may change.
+            // Bound to the interface and not to an address: the address is set later (DCP) and may change.
             socket.bind_device(Some(interface.name().as_bytes()))?;
             socket.set_broadcast(true)?;
-            // Only what this socket joined: the groups of other programs are none of its business.
+            // Receive only the groups that this socket joined, not those of other programs.
             socket.set_multicast_all_v4(false)?;
             socket.set_recv_buffer_size(RECEIVE_BUFFER_BYTES)?;
-            tell_destinations(&socket)?;
+            request_destinations(&socket)?;
             socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
             Ok(socket.into())
         };
@@ -44,7 +44,7 @@ impl UdpPort {
         Ok(Self { port, socket, interface: interface.index(), group: Cell::new(None) })
     }
 
-    /// The port that was asked for: 0 where the kernel chose one.
+    /// Returns the requested port: 0 if the kernel chose one.
     pub(crate) const fn port(&self) -> u16 {
         self.port
     }
@@ -53,7 +53,7 @@ impl UdpPort {
         self.socket.as_fd()
     }
 
-    /// Joins this multicast group and leaves the one before, where they differ.
+    /// Joins this multicast group and leaves the previous one, if they differ.
     pub(crate) fn follow_group(&self, group: Option<Ipv4Addr>) {
         let before = self.group.replace(group);
         if before == group {
@@ -61,7 +61,7 @@ impl UdpPort {
         }
         let socket = SockRef::from(&self.socket);
         let interface = InterfaceIndexOrAddress::Index(self.interface);
-        // Refused only where the interface is gone, which ends the driver, or the kernel's memory is used up.
+        // Leaving fails only if the interface is gone, which ends the driver, or the kernel is out of memory.
         if let Some(before) = before {
             let _ = socket.leave_multicast_v4_n(&before, &interface);
         }
@@ -76,12 +76,16 @@ impl UdpPort {
 
     pub(crate) fn receive(&self, buf: &mut [u8]) -> Result<Received, Errno> {
         let mut to_all = false;
-        let received =
-            received_message::receive::<libc::sockaddr_in>(&self.socket, buf, libc::MSG_DONTWAIT, |told| {
-                if told.kind == (libc::IPPROTO_IP, libc::IP_PKTINFO) {
-                    to_all = plain::read(told.data).is_some_and(is_to_all);
+        let received = received_message::receive::<libc::sockaddr_in>(
+            &self.socket,
+            buf,
+            libc::MSG_DONTWAIT,
+            |control| {
+                if control.kind == (libc::IPPROTO_IP, libc::IP_PKTINFO) {
+                    to_all = plain::read(control.data).is_some_and(is_to_all);
                 }
-            });
+            },
+        );
         let ReceivedMessage { len, from, is_cut } =
             received.map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
         if is_cut || from.sin_family != libc::AF_INET as libc::sa_family_t {
@@ -93,13 +97,13 @@ impl UdpPort {
     }
 }
 
-/// Asks the kernel to tell of each datagram where it was sent to.
-fn tell_destinations(socket: &Socket) -> std::io::Result<()> {
+/// Makes the kernel report each datagram's destination.
+fn request_destinations(socket: &Socket) -> std::io::Result<()> {
     socket_option::set(socket, libc::IPPROTO_IP, libc::IP_PKTINFO, &ON)
 }
 
-/// Whether a received datagram was sent to every station: to an address that is neither this host's own nor a
-/// multicast group's.
+/// Returns whether a received datagram was sent to every station: its destination is neither an address of this host
+/// nor a multicast group.
 fn is_to_all(info: libc::in_pktinfo) -> bool {
     let sent_to = Ipv4Addr::from_bits(u32::from_be(info.ipi_addr.s_addr));
     !sent_to.is_multicast() && info.ipi_addr.s_addr != info.ipi_spec_dst.s_addr

@@ -33,8 +33,8 @@ const VETH_INFO_PEER: u16 = 1;
 
 const IFINFOMSG: [u8; 16] = [0; 16];
 
-/// Lays a cable: an interface `a_name` in namespace `a` and `b_name` in `b`, both still switched off. It is gone when
-/// one of the two namespaces is.
+/// Creates a cable: interface `a_name` in namespace `a` and `b_name` in `b`, both down. It is removed with either
+/// namespace.
 pub fn connect(
     a: &NetworkNamespace,
     a_name: &str,
@@ -83,7 +83,7 @@ fn attribute(kind: u16, value: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Names end with a zero.
+/// Encodes a name, which ends with a zero byte.
 fn name(text: &str) -> Vec<u8> {
     [text.as_bytes(), &[0]].concat()
 }
@@ -93,7 +93,7 @@ fn ask(message: &[u8]) -> Result<(), Errno> {
     sendto(&socket, message, SendFlags::empty(), &SocketAddrNetlink::new(0, 0))?;
     let mut answer = [0; 4096];
     let (len, _) = recv(&socket, &mut answer[..], RecvFlags::empty())?;
-    // The answer is an nlmsghdr and, as its type is NLMSG_ERROR, a negative errno, or 0 for done.
+    // The response is an nlmsghdr and, as its type is NLMSG_ERROR, a negative errno, or 0 for success.
     let answer = answer.get(..len).unwrap_or_default();
     let kind = answer.get(4..6).and_then(|bytes| bytes.try_into().ok()).map(u16::from_ne_bytes);
     let error = answer.get(16..20).and_then(|bytes| bytes.try_into().ok()).map(i32::from_ne_bytes);
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_attribute_counts_its_head_but_not_its_padding() {
+    fn the_length_of_an_attribute_includes_its_header_but_not_its_padding() {
         assert_eq!(attribute(IFLA_IFNAME, b"ab\0"), [7, 0, 3, 0, b'a', b'b', 0, 0]);
     }
 }

@@ -1,4 +1,4 @@
-//! What the cyclic thread waits for: a list of sockets of fixed length, whose places change hands.
+//! The sockets that the cyclic thread waits for: a list of fixed length whose entries are reused.
 
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::Duration;
@@ -6,22 +6,22 @@ use std::time::Duration;
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 
-/// A place without a socket: the kernel passes over negative numbers.
+/// An entry without a socket: the kernel ignores negative descriptors.
 const VACANT: libc::pollfd = libc::pollfd { fd: -1, events: 0, revents: 0 };
 
-/// Places for sockets, each with what it is waited for and what came of it.
+/// Entries for sockets, each with the events it is waited for and those that occurred.
 #[derive(Debug)]
 pub(crate) struct WaitSet {
     places: Box<[libc::pollfd]>,
 }
 
 impl WaitSet {
-    /// A set with so many vacant places.
+    /// Creates a set of vacant entries.
     pub(crate) fn new(places: usize) -> Self {
         Self { places: vec![VACANT; places].into_boxed_slice() }
     }
 
-    /// Waits for `what` on this socket from now on, or for nothing at that place.
+    /// Waits for `what` on this socket from now on, or for nothing in this entry.
     pub(crate) fn set(&mut self, place: usize, what: Option<(BorrowedFd<'_>, PollFlags)>) {
         if let Some(entry) = self.places.get_mut(place) {
             *entry = what.map_or(VACANT, |(socket, events)| libc::pollfd {
@@ -32,24 +32,24 @@ impl WaitSet {
         }
     }
 
-    /// What the last wait brought at this place; errors and hang-ups are among it unasked.
+    /// Returns the events that the last wait found for this entry; errors and hang-ups are always included.
     pub(crate) fn ready(&self, place: usize) -> PollFlags {
         self.places
             .get(place)
             .map_or(PollFlags::empty(), |entry| PollFlags::from_bits_retain(entry.revents as u16))
     }
 
-    /// Waits until one of the sockets is ready, for as long as this at most; for ever without a limit.
+    /// Waits until one of the sockets is ready, at most for `limit`, or for ever without a limit.
     pub(crate) fn wait(&mut self, limit: Option<Duration>) -> Result<(), Errno> {
         let limit = limit.map(|limit| libc::timespec {
             tv_sec: limit.as_secs().try_into().unwrap_or(libc::time_t::MAX),
             tv_nsec: limit.subsec_nanos().into(),
         });
         let limit = limit.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
-        // The kernel looks at every place, so the vacant ones at the end stay out.
+        // The kernel reads every entry, so vacant ones at the end are left out.
         let used = self.places.iter().rposition(|entry| entry.fd >= 0).map_or(0, |last| last + 1);
-        // SAFETY: the first `used` entries are there and nobody else holds them; the kernel reads them and writes
-        // their `revents`, during the call only. `limit` is null or points to a `timespec` that lives longer.
+        // SAFETY: the first `used` entries exist and nobody else borrows them; the kernel reads them and writes their
+        // `revents`, only during the call. `limit` is null or points to a `timespec` that outlives the call.
         let result =
             unsafe { libc::ppoll(self.places.as_mut_ptr(), used as libc::nfds_t, limit, std::ptr::null()) };
         if result >= 0 {

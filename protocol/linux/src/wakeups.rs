@@ -1,4 +1,4 @@
-//! How late this host wakes a thread that does nothing but sleep: what a cyclic thread has to live with.
+//! Wake-up latency of this host: how late it wakes a thread that does nothing but sleep, as a cyclic thread does.
 
 use std::thread;
 
@@ -8,21 +8,21 @@ use rustix::thread::{ClockId, Timespec, clock_nanosleep_absolute};
 use crate::clock;
 use crate::scheduling::{self, Granted};
 
-/// Lateness of the wake-ups, and what the thread had.
+/// Measured wake-up latency, and what the host granted to the thread.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Wakeups {
-    /// How late each wake-up came.
+    /// Lateness of each wake-up.
     pub lateness: Lateness,
     /// What the host granted the thread.
     pub granted: Granted,
 }
 
-/// Sleeps `count` times until the next point of a grid of `period`, on a thread with what [`scheduling`] gives to
-/// cyclic ones. It takes `count` times `period`.
+/// Sleeps `count` times until the next multiple of `period`, on a thread with the scheduling of cyclic threads (see
+/// [`scheduling`]). It takes `count` times `period`.
 ///
 /// # Errors
 ///
-/// There is no thread to be had.
+/// The thread cannot be created.
 pub fn measure(period: Duration, count: u64) -> std::io::Result<Wakeups> {
     let sleeper = move || {
         let granted = scheduling::make_real_time();
@@ -40,7 +40,7 @@ pub fn measure(period: Duration, count: u64) -> std::io::Result<Wakeups> {
     thread.join().map_err(|_| std::io::Error::other("the thread that measures wake-ups broke off"))
 }
 
-/// A signal may wake it early; the caller looks at its clock anyway.
+/// A signal may end the sleep early; the caller checks its clock anyway.
 fn sleep_until(instant: machine::Instant) {
     let nanos = instant.as_nanos();
     let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);

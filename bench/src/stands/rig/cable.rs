@@ -106,7 +106,7 @@ impl Cable {
             Ok::<_, RecorderError>(Witness { capture: capture.transpose()?, see })
         };
         let witnesses = [witness(Side::A, PLC, PLC_FILE)?, witness(Side::B, ROBOT, ROBOT_FILE)?];
-        let plan = faults::cable_plan(faults, seed);
+        let plan = faults::impairment_plan(faults, seed);
         let start = || {
             let (to_plc, to_robot) = (Interface::open(TO_PLC)?, Interface::open(TO_ROBOT)?);
             Ok::<_, RigError>(ImpairedCable::start([&to_plc, &to_robot], &plan, witnesses)?)

@@ -1,4 +1,4 @@
-//! What of a frame on the cable a machine knows: the virtual cable impairs just that.
+//! Which bytes of a frame a machine sees: the virtual cable impairs only these, so an impaired cable does the same.
 //!
 //! ```text
 //! 0..12  addresses    12..14 EtherType, four bytes further on behind a tag (IEEE 802.1Q)
@@ -14,19 +14,19 @@ const ARP: [u8; 2] = [0x08, 0x06];
 const ICMP: u8 = 1;
 const UDP: u8 = 17;
 
-/// What a frame is to the machines at both ends.
+/// What a frame contains, from the point of view of the machines at both ends.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum Contents {
-    /// These bytes are a frame of a machine; a datagram has a checksum at this place.
+    /// A frame of a machine. A datagram also has a checksum.
     Machine {
-        /// The bytes that the machine sees.
+        /// Range of the bytes that the machine sees.
         seen: Range<usize>,
-        /// Place of the datagram's checksum, and of the header that it covers.
+        /// Position of the datagram's checksum, and of the UDP header that it covers.
         checksum: Option<(usize, usize)>,
     },
-    /// A piece of something that its receiver checks and puts together: a TCP segment, a fragment.
+    /// Part of something that the receiving host checks and reassembles: a TCP segment or a fragment.
     Piece,
-    /// Talk of the two hosts, of which no machine knows: ARP, ICMP.
+    /// Traffic between the two hosts that no machine sees: ARP, ICMP.
     Hosts,
 }
 
@@ -41,7 +41,7 @@ impl Contents {
         }
     }
 
-    /// None where the packet is not in good format.
+    /// Returns `None` if the packet is malformed.
     fn of_packet(frame: &[u8], ip: usize) -> Option<Self> {
         let header = frame.get(ip..ip + 20)?;
         let &[version, _, length_high, length_low, _, _, fragment_high, fragment_low, _, protocol, ..] =
@@ -49,7 +49,7 @@ impl Contents {
         else {
             return None;
         };
-        // Behind "don't fragment": more fragments, and where this one belongs.
+        // The bits behind "don't fragment": more fragments, and this fragment's offset.
         if u16::from_be_bytes([fragment_high, fragment_low]) & 0x3FFF != 0 {
             return Some(Self::Piece);
         }
@@ -66,8 +66,8 @@ impl Contents {
     }
 }
 
-/// Puts `seen`, which differs from what is there in one byte at most, into the frame, and the datagram's checksum right: the
-/// flip is to reach the machine, and not to be found by its host.
+/// Writes `seen`, which differs from the frame's bytes in at most one byte, into the frame and corrects the
+/// datagram's checksum: the flipped bit is to reach the machine, not to be found by its host.
 pub(super) fn put_in(frame: &mut [u8], contents: &Contents, seen: &[u8]) {
     let Contents::Machine { seen: place, checksum } = contents else { return };
     let Some(there) = frame.get_mut(place.clone()) else { return };
@@ -79,7 +79,7 @@ pub(super) fn put_in(frame: &mut [u8], contents: &Contents, seen: &[u8]) {
     let Some(bytes) = frame.get_mut(sum..sum + 2) else { return };
     let (Some(high), Some(low)) = (bytes.first().copied(), bytes.last().copied()) else { return };
     let stored = u16::from_be_bytes([high, low]);
-    // None was filled in (RFC 768).
+    // The sender filled in no checksum (RFC 768).
     if stored == 0 {
         return;
     }
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_datagram_the_machine_sees_the_payload_and_of_a_profinet_frame_all() {
+    fn a_machine_sees_the_payload_of_a_datagram_and_all_of_a_profinet_frame() {
         let frame = datagram();
         let contents = Contents::of(&frame);
         assert_eq!(contents, Contents::Machine { seen: 42..48, checksum: Some((40, 34)) });
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn arp_icmp_segments_and_fragments_are_no_frames_of_a_machine() {
+    fn arp_icmp_segments_and_fragments_are_not_frames_of_a_machine() {
         let with = |at: usize, byte| {
             let mut frame = datagram();
             frame[at] = byte;
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bit_that_flips_in_a_datagram_leaves_its_checksum_right() {
+    fn a_flipped_bit_in_a_datagram_keeps_its_checksum_correct() {
         for bit in 0..48 {
             let mut frame = datagram();
             let contents = Contents::of(&frame);
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_the_bytes_are_nothing_breaks() {
+    fn no_bytes_cause_a_panic() {
         let frame = datagram();
         for length in 0..frame.len() {
             let mut cut = frame[..length].to_vec();

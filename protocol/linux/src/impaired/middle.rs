@@ -1,4 +1,4 @@
-//! The middle of an impaired cable without its sockets: what becomes of each frame, and when it goes on.
+//! The middle of an impaired cable without its sockets: what happens to each frame, and when it is passed on.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,24 +10,24 @@ use virtual_time::{Fate, Impairment, Link, LinkCounters, Side};
 use super::frame::{Contents, put_in};
 use crate::capture::Note;
 
-/// Frames that may be under way at once: a second of both directions at two frames a millisecond.
+/// Frames that the cable holds at once: one second of both directions at two frames a millisecond.
 const PLACES: usize = 4_096;
 
 /// Longest frame: what an interface with 1500 bytes of payload carries, with its header and a tag.
 pub(super) const ROOM: usize = 1_536;
 
-/// What the cable is to do to frames, and when it is cut.
+/// What the cable does to frames, and when it is cut.
 #[derive(Clone, PartialEq, Debug, Default)]
-pub struct Plan {
-    /// What becomes of the frames that the first end, and that the second end sends.
+pub struct ImpairmentPlan {
+    /// Impairments of the frames that the first end sends, and of those that the second end sends.
     pub links: [Impairment; 2],
-    /// When it is cut (true) or mended, counted from the moment that both ends are ready; in order.
+    /// Times of cuts (true) and mends (false), counted from when both ends are ready; in order.
     pub cuts: Vec<(Duration, bool)>,
-    /// Seed of what chance decides: the same as of a virtual cable's links.
+    /// Seed of the random decisions; it has the same meaning as for a virtual cable's links.
     pub seed: u64,
 }
 
-/// A frame under way; ordered by arrival, then by the order in which frames came.
+/// A frame on the cable; ordered by arrival, then by the order in which frames were sent.
 #[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
 struct UnderWay {
     arrives: Instant,
@@ -38,10 +38,10 @@ struct UnderWay {
     len: usize,
 }
 
-/// Something that is due.
+/// What is due.
 #[derive(Debug)]
 pub(super) enum Due<'a> {
-    /// The cable changes.
+    /// The cable's state changes.
     Change(Note),
     /// A frame arrives.
     Frame { to: Side, fate: Fate, frame: &'a [u8] },
@@ -50,7 +50,7 @@ pub(super) enum Due<'a> {
 #[derive(Debug)]
 pub(super) struct Middle {
     links: [Link; 2],
-    /// What the talk of the hosts takes.
+    /// Delay of the hosts' own traffic, per sender.
     delays: [Duration; 2],
     under_way: BinaryHeap<Reverse<UnderWay>>,
     places: Box<[[u8; ROOM]]>,
@@ -63,8 +63,8 @@ pub(super) struct Middle {
 }
 
 impl Middle {
-    /// All memory that it will ever need is taken here.
-    pub(super) fn new(plan: &Plan) -> Self {
+    /// Allocates all memory that it will ever need.
+    pub(super) fn new(plan: &ImpairmentPlan) -> Self {
         let [to_second, to_first] = plan.links;
         Self {
             links: [Link::new(to_second, plan.seed, 0), Link::new(to_first, plan.seed, 1)],
@@ -80,18 +80,18 @@ impl Middle {
         }
     }
 
-    /// Both ends are ready: the times of the cuts count from here.
+    /// Sets when both ends are ready: the times of cuts count from here.
     pub(super) fn set_ready(&mut self, at: Instant) {
         self.ready.get_or_insert(at);
     }
 
-    /// What was done to the frames of each sender.
+    /// Returns what was done to the frames of each sender.
     pub(super) fn counters(&self) -> [LinkCounters; 2] {
         let [first, second] = &self.links;
         [first.counters(), second.counters()]
     }
 
-    /// A frame that `from` sent; what becomes of it.
+    /// Takes a frame that `from` sent and returns what happens to it.
     pub(super) fn take(&mut self, now: Instant, from: Side, frame: &[u8]) -> Fate {
         let contents = Contents::of(frame);
         let (cut, delay) = (self.cut, self.delays[from.index()]);
@@ -115,7 +115,7 @@ impl Middle {
             Contents::Machine { seen, .. } => {
                 link.pass(now, frame.get(seen.clone()).unwrap_or_default(), &mut put)
             }
-            // Nothing of it is corrupted: its receiver would find that, and it would only be lost.
+            // A piece is not corrupted: its receiver would find that, so it would only be lost.
             Contents::Piece => link.pass(now, &[], &mut put),
             Contents::Hosts if cut => Fate { cut, ..Fate::default() },
             Contents::Hosts => {
@@ -130,13 +130,13 @@ impl Middle {
         fate
     }
 
-    /// When [`next_due`](Self::next_due) has something next.
+    /// Returns when [`next_due`](Self::next_due) next has something.
     pub(super) fn deadline(&self) -> Option<Instant> {
         let arrival = self.under_way.peek().map(|Reverse(next)| next.arrives);
         Instant::earlier(arrival, self.cut_due().map(|(at, _)| at))
     }
 
-    /// What is due by now, one after the other.
+    /// Returns the next thing that is due by now.
     pub(super) fn next_due(&mut self, now: Instant) -> Option<Due<'_>> {
         let due = self.deadline().filter(|due| *due <= now)?;
         if let Some((_, cut)) = self.cut_due().filter(|(at, _)| *at <= due) {
@@ -182,7 +182,7 @@ mod tests {
         [&[0; 12][..], &[0x08, 0x06], &[0; 46]].concat()
     }
 
-    /// What is due up to `until`, in words.
+    /// Describes what is due until `until`.
     fn due(middle: &mut Middle, until: Instant) -> Vec<String> {
         let mut found = Vec::new();
         while let Some(due) = middle.next_due(until) {
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_chance_does_is_what_a_link_of_the_same_seed_does() {
+    fn random_decisions_equal_those_of_a_link_with_the_same_seed() {
         let hostile = Impairment {
             loss_ppm: 100_000,
             duplicate_ppm: 100_000,
@@ -207,7 +207,7 @@ mod tests {
             jitter: MS(1),
             ..Impairment::default()
         };
-        let plan = Plan { links: [hostile; 2], seed: 7, ..Plan::default() };
+        let plan = ImpairmentPlan { links: [hostile; 2], seed: 7, ..ImpairmentPlan::default() };
         let (mut middle, mut link) = (Middle::new(&plan), Link::new(hostile, 7, 1));
         for number in 0..=255 {
             let now = Instant::from_millis(u64::from(number));
@@ -222,10 +222,12 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_is_held_back_is_passed_by_later_ones() {
+    fn later_frames_overtake_a_frame_that_is_held_back() {
         let held = Impairment { reorder_ppm: 1_000_000, reorder_by: MS(2), ..Impairment::default() };
-        let plan =
-            Plan { links: [held, Impairment { delay: MS(1), ..Impairment::default() }], ..Plan::default() };
+        let plan = ImpairmentPlan {
+            links: [held, Impairment { delay: MS(1), ..Impairment::default() }],
+            ..ImpairmentPlan::default()
+        };
         let mut middle = Middle::new(&plan);
         middle.take(Instant::ZERO, Side::A, &profinet(1));
         middle.take(Instant::ZERO, Side::B, &profinet(2));
@@ -234,10 +236,10 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_counts_from_the_moment_that_both_are_ready_and_loses_what_is_under_way() {
+    fn a_cut_counts_from_when_both_ends_are_ready_and_loses_the_frames_on_the_cable() {
         let slow = Impairment { delay: MS(4), ..Impairment::default() };
         let cuts = vec![(MS(10), true), (MS(20), false)];
-        let mut middle = Middle::new(&Plan { links: [slow; 2], cuts, seed: 1 });
+        let mut middle = Middle::new(&ImpairmentPlan { links: [slow; 2], cuts, seed: 1 });
         middle.take(Instant::ZERO, Side::A, &profinet(1));
         assert_eq!(due(&mut middle, Instant::from_millis(90)), ["B 1"]);
         middle.set_ready(Instant::from_millis(100));
@@ -256,18 +258,18 @@ mod tests {
     }
 
     #[test]
-    fn chance_spares_what_the_hosts_tell_each_other() {
+    fn random_faults_spare_the_hosts_own_traffic() {
         let lossy = Impairment { loss_ppm: 1_000_000, ..Impairment::default() };
-        let mut middle = Middle::new(&Plan { links: [lossy; 2], ..Plan::default() });
+        let mut middle = Middle::new(&ImpairmentPlan { links: [lossy; 2], ..ImpairmentPlan::default() });
         assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).lost);
         assert!(middle.take(Instant::ZERO, Side::A, &arp()).is_clean());
         assert_eq!(due(&mut middle, Instant::ZERO), ["B 0"]);
     }
 
     #[test]
-    fn what_finds_no_room_is_lost_and_counted_and_places_are_used_again() {
+    fn a_frame_without_room_is_lost_and_counted_and_places_are_reused() {
         let slow = Impairment { delay: MS(1_000), ..Impairment::default() };
-        let mut middle = Middle::new(&Plan { links: [slow; 2], ..Plan::default() });
+        let mut middle = Middle::new(&ImpairmentPlan { links: [slow; 2], ..ImpairmentPlan::default() });
         for _ in 0..2 {
             for _ in 0..PLACES {
                 assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).is_clean());

@@ -5,13 +5,14 @@
 //!                      └ one thread, two raw sockets ┘
 //! ```
 //!
-//! What becomes of a frame is decided by the links of the virtual cable, with the same plan and the same seed. The thread
-//! sleeps until a frame comes or one is due, has SCHED_FIFO where the host allows it, and neither allocates, locks nor logs
-//! once it runs. Whoever wants to know what passes the ends asks it, by a [`Witness`]: nobody else knows which frame met
-//! with which fault.
+//! The links of the virtual cable decide what happens to each frame, by the same plan and the same seed. The thread
+//! sleeps until a frame arrives or is due; it has SCHED_FIFO if the host allows it, and neither allocates, locks nor
+//! logs once it runs. To know what passes the ends, give the cable a [`Witness`]: only the cable knows which fault
+//! met which frame.
 //!
-//! The kernel leaves the checksums of what it sends over a veth to a receiver that knows that nothing can go wrong there;
-//! frames that come by hand need them. So both ends have to fill them in: [`Interface::fill_in_checksums`].
+//! Over a veth, the kernel leaves checksums out, since no bit can flip there, and marks the frame as checked. Frames
+//! that a raw socket forwards lose the mark and need their checksums. So both ends have to fill them in:
+//! [`Interface::fill_in_checksums`].
 
 mod frame;
 mod middle;
@@ -35,16 +36,16 @@ use crate::socket_option::{self, ON};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, PortError, allocation, clock, scheduling};
 
-pub use middle::Plan;
-pub use witness::{See, Witness};
+pub use middle::ImpairmentPlan;
+pub use witness::{OnFrame, Witness};
 
 use middle::{Due, Middle};
-use witness::{Passed, Teller, Writer};
+use witness::{Passed, WitnessSender, Writer};
 
-/// Frames that are taken from one end before the other gets its turn.
+/// Frames taken from one end before the other end gets its turn.
 const BATCH: usize = 64;
 
-/// A cable that impairs frames; it does until it is stopped or let go of.
+/// A cable that impairs frames until it is stopped or dropped.
 #[derive(Debug)]
 pub struct ImpairedCable {
     shared: Arc<Shared>,
@@ -53,16 +54,16 @@ pub struct ImpairedCable {
     writer: Option<Writer>,
 }
 
-/// What a cable that was stopped did.
+/// What a stopped cable did.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Stopped {
-    /// To the frames of each sender, until the last one.
+    /// Counters of the frames of each sender, up to the last one.
     pub counters: [LinkCounters; 2],
-    /// How often its thread allocated once it ran, where somebody counts.
+    /// Allocations of its thread once it ran, if the program counts them.
     pub allocations: u64,
 }
 
-/// What the thread is shared, and what it tells. Every part stands for itself, so no order of them matters.
+/// State shared with the thread. The parts are independent of each other, so the order of accesses does not matter.
 #[derive(Debug, Default)]
 struct Shared {
     stop: AtomicBool,
@@ -70,37 +71,42 @@ struct Shared {
     discard: AtomicBool,
     /// When both ends were ready, by the thread's clock; 0 before.
     ready_ns: AtomicU64,
-    /// Nodes that were killed and are not noted yet.
+    /// Nodes that were killed and have no comment in the captures yet.
     killed: [AtomicBool; 2],
     /// [`LinkCounters`] of each sender.
     counters: [[AtomicU64; 5]; 2],
-    /// Frames of which nobody was shared, since the writer was behind.
+    /// Frames that were not recorded because the writer was behind.
     left_out: AtomicU64,
 }
 
 impl ImpairedCable {
-    /// Starts to pass frames between two interfaces of this thread's network, each the near end of a cable to a node: the
-    /// first one's node is the sender of the plan's first link. Needs `CAP_NET_RAW`.
+    /// Starts to pass frames between two interfaces of this thread's network. Each is the near end of a cable to a
+    /// node; the first one's node is the sender on the plan's first link. Needs `CAP_NET_RAW`.
     ///
     /// # Errors
     ///
-    /// The kernel does not give sockets, or a thread.
-    pub fn start(ends: [&Interface; 2], plan: &Plan, witnesses: [Witness; 2]) -> Result<Self, PortError> {
+    /// The sockets or the thread cannot be created.
+    pub fn start(
+        ends: [&Interface; 2],
+        plan: &ImpairmentPlan,
+        witnesses: [Witness; 2],
+    ) -> Result<Self, PortError> {
         let [first, second] = ends;
         let sockets = [open(first)?, open(second)?];
         let failed = |reason| PortError::ethernet(first.name(), reason);
         let shared = Arc::new(Shared::default());
         let waker = Notifier::new().map_err(failed)?;
-        let (teller, writer) = witness::start(witnesses, &shared).map_err(failed)?;
+        let (witnesses, writer) = witness::start(witnesses, &shared).map_err(failed)?;
         let mut passing = Passing {
             sockets,
             middle: Middle::new(plan),
-            teller,
+            witnesses,
             shared: Arc::clone(&shared),
             notifier: waker.clone(),
         };
         let body = move || {
-            // Without it the cable is as slow as the host is busy; the nodes say what is refused.
+            // Without real-time scheduling the cable is as slow as the host is busy; the nodes report what the host
+            // refuses.
             let _ = scheduling::make_real_time();
             passing.run()
         };
@@ -108,13 +114,13 @@ impl ImpairedCable {
         Ok(Self { shared, waker, thread: Some(thread), writer: Some(writer) })
     }
 
-    /// Both ends are ready: the plan's cuts count from now.
+    /// Starts the times of the plan's cuts: both ends are ready.
     pub fn set_ready(&self) {
         self.shared.ready_ns.store(clock::now().as_nanos(), Ordering::Relaxed);
         self.waker.notify();
     }
 
-    /// Says beside the next frames that the node at this end is killed.
+    /// Adds a comment beside the next frames: the node at this end was killed.
     pub fn note_killed(&self, node: Side) {
         if let Some(killed) = self.shared.killed.get(node.index()) {
             killed.store(true, Ordering::Relaxed);
@@ -122,12 +128,12 @@ impl ImpairedCable {
         self.waker.notify();
     }
 
-    /// Tells the witnesses nothing, or everything again.
+    /// Pauses the witnesses, or lets them go on.
     pub fn pause(&self, paused: bool) {
         self.shared.paused.store(paused, Ordering::Relaxed);
     }
 
-    /// What it did to the frames of each sender so far.
+    /// Returns what was done to the frames of each sender so far.
     #[must_use]
     pub fn counters(&self) -> [LinkCounters; 2] {
         self.shared.counters.each_ref().map(|counters| {
@@ -137,7 +143,7 @@ impl ImpairedCable {
         })
     }
 
-    /// Ends it, with its captures where they are `wanted` or on disk already.
+    /// Stops the cable. Captures that are held in memory are written only if `wanted`.
     ///
     /// # Errors
     ///
@@ -151,7 +157,7 @@ impl ImpairedCable {
         self.shared.stop.store(true, Ordering::Relaxed);
         self.waker.notify();
         let allocations = self.thread.take().map_or(0, |thread| thread.join().unwrap_or(0));
-        // Behind the thread's end the ring is complete.
+        // The thread has ended, so the ring is complete.
         self.writer.take().map_or(Ok(()), Writer::finish)?;
         Ok(Stopped { counters: self.counters(), allocations })
     }
@@ -172,17 +178,17 @@ fn open(interface: &Interface) -> Result<Socket, PortError> {
     opened.map_err(|reason| PortError::ethernet(interface.name(), reason))
 }
 
-/// The thread between the ends.
+/// What the thread between the ends works with.
 struct Passing {
     sockets: [Socket; 2],
     middle: Middle,
-    teller: Teller,
+    witnesses: WitnessSender,
     shared: Arc<Shared>,
     notifier: Notifier,
 }
 
 impl Passing {
-    /// Passes frames on until it is told to stop; returns how often it allocated.
+    /// Passes frames on until it is stopped; returns how often it allocated.
     fn run(&mut self) -> u64 {
         let mut waits = WaitSet::new(3);
         waits.set(0, Some((self.notifier.as_fd(), PollFlags::IN)));
@@ -193,7 +199,7 @@ impl Passing {
         allocation::arm();
         while !self.shared.stop.load(Ordering::Relaxed) {
             let limit = self.middle.deadline().map(|due| due.since(clock::now()));
-            // An interrupted wait is one that ends early.
+            // An interrupted wait is an early end of the wait.
             if !matches!(waits.wait(limit), Ok(()) | Err(Errno::INTR)) {
                 break;
             }
@@ -214,7 +220,7 @@ impl Passing {
         allocations
     }
 
-    /// Takes up what it is shared.
+    /// Applies what other threads asked for.
     fn listen(&mut self) {
         match self.shared.ready_ns.load(Ordering::Relaxed) {
             0 => {}
@@ -222,19 +228,19 @@ impl Passing {
         }
         for (side, killed) in [Side::A, Side::B].into_iter().zip(&self.shared.killed) {
             if killed.swap(false, Ordering::Relaxed) {
-                self.teller.note(Note::Killed(side));
+                self.witnesses.note(Note::Killed(side));
             }
         }
     }
 
     fn take(&mut self, from: Side, buffer: &mut FrameBuffer) {
         for _ in 0..BATCH {
-            // None waits, or the interface has a moment's trouble; if that lasts, the nodes notice.
+            // No frame waits, or the interface fails for a moment; if it keeps failing, the nodes notice.
             let Ok(packet) = packet_socket::receive(&self.sockets[from.index()], buffer) else { return };
             let fate = self.middle.take(clock::now(), from, packet.data);
             let (since_1970, at) = (packet.since_1970, clock::instant_of(packet.since_1970));
-            self.teller.passed(Passed { at, since_1970, end: from, sent: true, fate }, packet.data);
-            // In between, so that a batch delays nothing that is due.
+            self.witnesses.passed(Passed { at, since_1970, end: from, sent: true, fate }, packet.data);
+            // Between frames, so that a batch does not delay a frame that is due.
             self.deliver();
         }
     }
@@ -244,12 +250,12 @@ impl Passing {
             let now = clock::now();
             match self.middle.next_due(now) {
                 None => return,
-                Some(Due::Change(note)) => self.teller.note(note),
+                Some(Due::Change(note)) => self.witnesses.note(note),
                 Some(Due::Frame { to, fate, frame }) => {
                     let since_1970 = clock::utc();
-                    // What the kernel does not take is lost on the cable; the receiver's counters say so.
+                    // A frame that the kernel refuses is lost on the cable; the receiver's counters show it.
                     let _ = self.sockets[to.index()].send(frame);
-                    self.teller.passed(Passed { at: now, since_1970, end: to, sent: false, fate }, frame);
+                    self.witnesses.passed(Passed { at: now, since_1970, end: to, sent: false, fate }, frame);
                 }
             }
         }

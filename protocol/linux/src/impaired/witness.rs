@@ -1,5 +1,5 @@
-//! Who hears of what passes the ends of an impaired cable, and of what was done to it: a wait-free ring from the thread that
-//! passes frames on to one that writes them down.
+//! Witnesses of an impaired cable: a wait-free ring carries each frame at each end, and what the cable did to it,
+//! from the thread that passes frames on to a thread that records them.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -14,22 +14,23 @@ use super::middle::ROOM;
 use crate::RecorderError;
 use crate::capture::{CaptureFile, Note, Packet};
 
-/// Entries that may wait: half a second of two frames a millisecond each way, seen at both ends.
+/// Entries that the ring holds: half a second at two frames a millisecond each way, seen at both ends.
 const RING_CAPACITY: usize = 4_096;
 
-/// How often the ring is emptied. Nobody wakes the writer: that would be a system call for each frame.
+/// Interval at which the writer empties the ring. Waking it for each frame would be a system call per frame.
 const EMPTY_EVERY: Duration = Duration::from_millis(10);
 
-/// Takes each frame with its instant by [`crate::clock::now`]; the comment says what the cable did to it.
-pub type See = Box<dyn FnMut(Instant, &Packet<'_>) + Send>;
+/// Called with each frame and its instant by [`crate::clock::now`]; the packet's comment says what the cable did to
+/// it.
+pub type OnFrame = Box<dyn FnMut(Instant, &Packet<'_>) + Send>;
 
-/// Who hears of what passes one end.
+/// What to do with the frames at one end.
 #[derive(Default)]
 pub struct Witness {
-    /// Keeps it, with a comment at each fault.
+    /// Capture to write them to, with a comment at each fault.
     pub capture: Option<CaptureFile>,
-    /// Looks at it.
-    pub see: Option<See>,
+    /// Callback to hand them to.
+    pub see: Option<OnFrame>,
 }
 
 impl std::fmt::Debug for Witness {
@@ -55,14 +56,14 @@ enum Entry {
     Note(Note),
 }
 
-/// The cyclic thread's end of the ring; it has none where nobody wants to hear.
-pub(super) struct Teller {
+/// The cyclic thread's end of the ring; without a ring if there is no witness.
+pub(super) struct WitnessSender {
     entries: Option<rtrb::Producer<Entry>>,
     shared: Arc<Shared>,
 }
 
-impl Teller {
-    /// Tells of a frame. Where the writer is far behind, it is left out and counted.
+impl WitnessSender {
+    /// Passes a frame to the writer. If the ring is full, the frame is left out and counted.
     pub(super) fn passed(&mut self, passed: Passed, bytes: &[u8]) {
         let Some(entries) = &mut self.entries else { return };
         if self.shared.paused.load(Ordering::Relaxed) {
@@ -85,36 +86,39 @@ impl Teller {
     }
 }
 
-/// The thread that writes; none where nobody wants to hear.
+/// The writing thread; none if there is no witness.
 #[derive(Debug)]
 pub(super) struct Writer(Option<JoinHandle<Result<(), RecorderError>>>);
 
 impl Writer {
-    /// Waits until all is written. The teller must be gone.
+    /// Waits until everything is written. The ring's other end must have been dropped.
     pub(super) fn finish(self) -> Result<(), RecorderError> {
         self.0.map_or(Ok(()), |thread| thread.join().unwrap_or(Ok(())))
     }
 }
 
 /// Starts a writer for these witnesses.
-pub(super) fn start(witnesses: [Witness; 2], shared: &Arc<Shared>) -> std::io::Result<(Teller, Writer)> {
+pub(super) fn start(
+    witnesses: [Witness; 2],
+    shared: &Arc<Shared>,
+) -> std::io::Result<(WitnessSender, Writer)> {
     let shared = Arc::clone(shared);
     if witnesses.iter().all(|witness| witness.capture.is_none() && witness.see.is_none()) {
-        return Ok((Teller { entries: None, shared }, Writer(None)));
+        return Ok((WitnessSender { entries: None, shared }, Writer(None)));
     }
     let (entries, mut waiting) = rtrb::RingBuffer::new(RING_CAPACITY);
     let mut ends = witnesses.map(|witness| End { witness, note: None });
-    let of_thread = Arc::clone(&shared);
+    let writer_shared = Arc::clone(&shared);
     let body = move || {
         let mut result = Ok(());
         loop {
-            // Asked before the ring is emptied: what came before the end is still in it.
+            // Read before the ring is emptied: entries from before the end are still in the ring then.
             let last = waiting.is_abandoned();
             while let Ok(entry) = waiting.pop() {
-                let heard = hear(&mut ends, &entry);
-                // One that cannot be written ends the captures; the cable goes on.
-                if result.is_ok() && heard.is_err() {
-                    result = heard;
+                let recorded = record(&mut ends, &entry);
+                // If a capture cannot be written, all captures end; the cable goes on.
+                if result.is_ok() && recorded.is_err() {
+                    result = recorded;
                     ends.iter_mut().for_each(|end| end.witness.capture = None);
                 }
             }
@@ -126,9 +130,10 @@ pub(super) fn start(witnesses: [Witness; 2], shared: &Arc<Shared>) -> std::io::R
             }
             std::thread::sleep(EMPTY_EVERY);
         }
-        let left_out = of_thread.left_out.load(Ordering::Relaxed);
+        let left_out = writer_shared.left_out.load(Ordering::Relaxed);
         for End { witness, .. } in ends {
-            let Some(capture) = witness.capture.filter(|_| !of_thread.discard.load(Ordering::Relaxed)) else {
+            let Some(capture) = witness.capture.filter(|_| !writer_shared.discard.load(Ordering::Relaxed))
+            else {
                 continue;
             };
             let path = capture.path().to_owned();
@@ -138,16 +143,16 @@ pub(super) fn start(witnesses: [Witness; 2], shared: &Arc<Shared>) -> std::io::R
         if left_out > 0 { result.and(Err(RecorderError::LeftOut { frames: left_out })) } else { result }
     };
     let thread = std::thread::Builder::new().name("witness".to_owned()).spawn(body)?;
-    Ok((Teller { entries: Some(entries), shared }, Writer(Some(thread))))
+    Ok((WitnessSender { entries: Some(entries), shared }, Writer(Some(thread))))
 }
 
 struct End {
     witness: Witness,
-    /// A comment for the next frame.
+    /// Comment for the next frame.
     note: Option<String>,
 }
 
-fn hear(ends: &mut [End; 2], entry: &Entry) -> Result<(), RecorderError> {
+fn record(ends: &mut [End; 2], entry: &Entry) -> Result<(), RecorderError> {
     match entry {
         Entry::Note(note) => {
             for end in ends {

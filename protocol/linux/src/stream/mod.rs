@@ -1,8 +1,9 @@
-//! TCP connections: those that clients make to a machine, and those that it makes itself.
+//! TCP connections of a machine: those that clients open and those that the machine opens.
 //!
-//! Every connection has one of a fixed number of places, each with its own room for bytes that the kernel does not
-//! take at once. A peer that does not read fills its room, and its connection ends; nobody waits for it. A connection
-//! that the machine ends lingers until the peer has seen the end, so that what was said last arrives.
+//! There is a fixed number of places. Each connection takes one, with its own buffer for bytes that the kernel does
+//! not take at once. If a peer does not read, its buffer fills and the connection is closed; no other connection
+//! waits for it. A connection that the machine closes stays until the peer has seen the end, so that the last bytes
+//! arrive.
 
 mod place;
 
@@ -16,41 +17,42 @@ use machine::{Instant, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use socket2::{Domain, Protocol, Socket, Type};
 
-pub(crate) use place::News;
+pub(crate) use place::StreamEvent;
 use place::{Connection, Overflow, Place, State};
 
 use crate::dscp::Marking;
 use crate::wait::WaitSet;
 use crate::{Interface, PortError};
 
-/// Connections at a time. Clients beyond that are accepted and sent away at once.
+/// Largest number of connections. Further clients are accepted and disconnected at once.
 pub(crate) const CONNECTIONS: usize = 32;
 
-/// Bytes that the kernel takes for a peer that does not read; it doubles the figure for its own needs.
+/// Send buffer of the kernel in bytes, for a peer that does not read; the kernel doubles the figure for its own
+/// needs.
 const KERNEL_ROOM: usize = 32 << 10;
 
-/// Bytes that are given to the machine at once: few enough for one to be answered well within a bus cycle.
+/// Bytes given to the machine at once: few enough that the machine answers them well within a bus cycle.
 const PIECE: usize = 1024;
 
-/// Clients that are accepted in one wake.
+/// Clients accepted in one wake.
 const ACCEPTS: usize = 4;
 
-/// Clients that wait in the kernel to be accepted.
+/// Clients that the kernel queues until they are accepted.
 const BACKLOG: i32 = 64;
 
-/// How long no clients are accepted after the kernel could not: it has no more sockets.
-const REST: Duration = Duration::from_millis(100);
+/// Time without accepting clients after the kernel failed to: it has no sockets left.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// What happened to connections since the start.
+/// Counters of TCP connections since the start.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct StreamStatistics {
-    /// Clients that were accepted.
+    /// Clients accepted.
     pub accepted: u64,
-    /// Clients that were sent away, since all places were taken.
+    /// Clients disconnected because all places were taken.
     pub turned_away: u64,
-    /// Connections that were ended since their peer did not read.
+    /// Connections closed because the peer did not read.
     pub overflowed: u64,
-    /// Clients that the kernel could not hand over.
+    /// Failed attempts to accept a client.
     pub accept_errors: u64,
 }
 
@@ -59,23 +61,23 @@ pub struct StreamStatistics {
 pub(crate) struct Streams {
     interface: Interface,
     listener: Option<Socket>,
-    /// What the answers to clients carry before they are accepted, and their connections at first.
+    /// DSCP of the answers to clients before they are accepted, and of their connections at first.
     marking: Marking,
-    /// No clients are accepted until then.
-    rests_until: Option<Instant>,
+    /// Until when no clients are accepted.
+    accept_again_at: Option<Instant>,
     places: Box<[Place]>,
-    /// The place that was seen to last.
+    /// Index of the place that was handled last.
     turn: usize,
     /// Clients that may still be accepted in this wake.
     accepts: usize,
     next_id: u32,
-    /// Connections that could not even be begun; the machine does not know yet.
+    /// Connections that could not be started; the machine is not informed yet.
     failed: VecDeque<(StreamId, SocketAddrV4)>,
     statistics: StreamStatistics,
 }
 
 impl Streams {
-    /// No connections yet; clients are let in at `port`, if there is one.
+    /// Starts without connections; accepts clients at `port`, if given.
     pub(crate) fn open(interface: &Interface, port: Option<u16>) -> Result<Self, PortError> {
         let listener = port
             .map(|port| {
@@ -86,7 +88,7 @@ impl Streams {
             interface: interface.clone(),
             listener,
             marking: Marking::default(),
-            rests_until: None,
+            accept_again_at: None,
             places: std::iter::repeat_with(Place::vacant).take(CONNECTIONS).collect(),
             turn: 0,
             accepts: 0,
@@ -96,53 +98,53 @@ impl Streams {
         })
     }
 
-    /// Places in the [`WaitSet`] that the connections and the listener take.
+    /// Number of entries in the [`WaitSet`] for the connections and the listener.
     pub(crate) const WAITS: usize = 1 + CONNECTIONS;
 
     pub(crate) const fn statistics(&self) -> StreamStatistics {
         self.statistics
     }
 
-    /// Writes what is to be waited for into the set, from `first` on.
+    /// Writes the sockets to wait for into the set, from entry `first` on.
     pub(crate) fn await_in(&self, waits: &mut WaitSet, first: usize) {
-        let listener = self.listener.as_ref().filter(|_| self.rests_until.is_none());
+        let listener = self.listener.as_ref().filter(|_| self.accept_again_at.is_none());
         waits.set(first, listener.map(|listener| (listener.as_fd(), PollFlags::IN)));
         for (index, place) in self.places.iter().enumerate() {
-            waits.set(first + 1 + index, place.awaits());
+            waits.set(first + 1 + index, place.wait_for());
         }
     }
 
-    /// The port of connections that have no number yet: no connection ever has this one.
+    /// Port that stands for connections without a number; no connection has this number.
     pub(crate) const UNNUMBERED: Port = Port::Stream(StreamId(0));
 
-    /// Makes the answers to clients carry this DSCP from now on.
+    /// Sets this DSCP on the answers to clients from now on.
     pub(crate) fn follow(&self, dscp: u8) {
         if let Some(listener) = &self.listener {
             self.marking.follow(listener.as_fd(), dscp);
         }
     }
 
-    /// When there is something to do without any socket being ready.
+    /// Returns when there is something to do even if no socket is ready.
     pub(crate) fn deadline(&self) -> Option<Instant> {
         if !self.failed.is_empty() {
             return Some(Instant::ZERO);
         }
-        self.places.iter().filter_map(Place::deadline).chain(self.rests_until).min()
+        self.places.iter().filter_map(Place::deadline).chain(self.accept_again_at).min()
     }
 
-    /// Takes over what a wait brought. Each connection then has one turn.
+    /// Takes the result of a wait. Each connection then has one turn.
     pub(crate) fn begin_round(&mut self, now: Instant, waits: &WaitSet, first: usize) {
-        self.rests_until = self.rests_until.filter(|until| *until > now);
+        self.accept_again_at = self.accept_again_at.filter(|until| *until > now);
         self.accepts = if waits.ready(first).is_empty() { 0 } else { ACCEPTS };
         for (index, place) in self.places.iter_mut().enumerate() {
             place.ready = waits.ready(first + 1 + index);
         }
     }
 
-    /// The next news of this round, with bytes in `buf` if there are some.
-    pub(crate) fn next_news(&mut self, now: Instant, buf: &mut [u8]) -> Option<News> {
+    /// Returns the next event of this round; received bytes are in `buf`.
+    pub(crate) fn next_event(&mut self, now: Instant, buf: &mut [u8]) -> Option<StreamEvent> {
         if let Some((id, _)) = self.failed.pop_front() {
-            return Some(News::Change(id, StreamChange::Closed));
+            return Some(StreamEvent::Change(id, StreamChange::Closed));
         }
         let buf = match buf.len() {
             0..=PIECE => buf,
@@ -151,14 +153,15 @@ impl Streams {
         for _ in 0..self.places.len() {
             self.turn = (self.turn + 1) % self.places.len().max(1);
             let place = self.places.get_mut(self.turn);
-            if let Some(news) = place.and_then(|place| place.attend(now, buf)) {
-                return Some(news);
+            if let Some(event) = place.and_then(|place| place.handle(now, buf)) {
+                return Some(event);
             }
         }
         self.accept(now)
     }
 
-    /// Begins to connect, in place of an attempt that is still under way. `dscp` tells what its packets carry.
+    /// Starts to connect, and gives up an attempt to the same peer that is still under way. `dscp` returns the DSCP
+    /// of its packets.
     pub(crate) fn connect(&mut self, to: SocketAddrV4, dscp: impl FnOnce(StreamId) -> u8) {
         let under_way =
             |connection: &Connection| connection.peer == to && connection.state == State::Connecting;
@@ -190,14 +193,14 @@ impl Streams {
         }
     }
 
-    /// Ends a connection once what waits is sent.
+    /// Closes a connection once its waiting bytes are sent.
     pub(crate) fn close(&mut self, now: Instant, id: StreamId) {
         if let Some(place) = self.place(id) {
             place.close(now);
         }
     }
 
-    /// Sends as much as goes, and keeps the rest. What is said to a connection that is gone goes nowhere.
+    /// Sends as much as the kernel takes and keeps the rest. Bytes for a closed connection are dropped.
     pub(crate) fn send(&mut self, id: StreamId, dscp: u8, bytes: &[u8]) {
         if let Some(place) = self.place(id)
             && place.send(dscp, bytes) == Err(Overflow)
@@ -210,7 +213,8 @@ impl Streams {
         self.places.iter_mut().find(|place| place.connection.as_ref().is_some_and(|c| c.id == id))
     }
 
-    /// Four billion connections make a full turn; a number that is still in use is passed over.
+    /// Returns an unused number. It wraps after four billion connections, so a number that is still in use is
+    /// skipped.
     fn fresh_id(&mut self) -> StreamId {
         loop {
             let id = StreamId(self.next_id);
@@ -221,7 +225,7 @@ impl Streams {
         }
     }
 
-    /// A place for a new connection: a free one, or that of the connection that has been ending for longest.
+    /// Returns a place for a new connection: a free one, or that of the connection that has been closing longest.
     fn vacant_place(&mut self) -> Option<usize> {
         if let Some(free) = self.places.iter().position(|place| place.connection.is_none()) {
             return Some(free);
@@ -232,7 +236,7 @@ impl Streams {
         Some(index)
     }
 
-    fn accept(&mut self, now: Instant) -> Option<News> {
+    fn accept(&mut self, now: Instant) -> Option<StreamEvent> {
         while self.accepts > 0 {
             self.accepts -= 1;
             let flags = libc::SOCK_NONBLOCK | libc::SOCK_CLOEXEC;
@@ -242,7 +246,7 @@ impl Streams {
                     let harmless = [libc::EAGAIN, libc::EINTR, libc::ECONNABORTED];
                     if !error.raw_os_error().is_some_and(|code| harmless.contains(&code)) {
                         self.statistics.accept_errors += 1;
-                        self.rests_until = Some(now + REST);
+                        self.accept_again_at = Some(now + ACCEPT_PAUSE);
                     }
                     return None;
                 }
@@ -251,13 +255,13 @@ impl Streams {
                 self.statistics.turned_away += 1;
                 continue;
             };
-            // A client that is gone already fails here.
+            // This fails if the client is gone already.
             let Some(peer) = peer.filter(|_| prepare(&socket).is_ok()) else { continue };
             let id = self.fresh_id();
             let marking = self.marking.clone();
             self.places.get_mut(index)?.occupy(Connection { id, socket, peer, state: State::Open, marking });
             self.statistics.accepted += 1;
-            return Some(News::Change(id, StreamChange::Opened(peer)));
+            return Some(StreamEvent::Change(id, StreamChange::Opened(peer)));
         }
         None
     }
@@ -266,7 +270,7 @@ impl Streams {
 fn listen(interface: &Interface, port: u16) -> io::Result<Socket> {
     let socket = Socket::new(Domain::IPV4, Type::STREAM.nonblocking().cloexec(), Some(Protocol::TCP))?;
     socket.bind_device(Some(interface.name().as_bytes()))?;
-    // A node that is started again finds the last one's connections still in TIME_WAIT.
+    // A restarted node finds its predecessor's connections still in TIME_WAIT.
     socket.set_reuse_address(true)?;
     socket.bind(&SocketAddr::from((Ipv4Addr::UNSPECIFIED, port)).into())?;
     socket.listen(BACKLOG)?;

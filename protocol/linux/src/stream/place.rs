@@ -1,4 +1,4 @@
-//! One connection in its place: what comes, what waits to be sent, and how it ends.
+//! One connection and its place: received bytes, bytes waiting to be sent, and how it is closed.
 
 use std::net::{Shutdown, SocketAddrV4};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -13,37 +13,37 @@ use socket2::Socket;
 
 use crate::dscp::Marking;
 
-/// Bytes that wait for a peer at most, besides those that the kernel took.
+/// Largest number of bytes that wait for a peer, besides those in the kernel's buffer.
 const ROOM: usize = 4 * FRAME_CAPACITY;
 
-/// How long an ended connection waits for its peer to have seen everything.
+/// Longest time that a closed connection waits for its peer to have seen everything.
 const LINGER: Duration = Duration::from_secs(1);
 
-/// What became of a connection.
+/// What happened to a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum News {
+pub(crate) enum StreamEvent {
     /// It opened or closed.
     Change(StreamId, StreamChange),
-    /// So many bytes came, at the start of the buffer.
+    /// This many bytes were received, at the start of the buffer.
     Piece(StreamId, usize),
 }
 
-/// How far a connection is.
+/// State of a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum State {
     /// The peer has not answered yet.
     Connecting,
     Open,
-    /// Lost while sending; the machine does not know yet.
+    /// Failed while sending; the machine is not informed yet.
     Lost,
-    /// Ended. What waits is still sent, up to this instant; and then the peer's end is waited for, unless it was seen.
+    /// Closing. Until `until`, waiting bytes are still sent; then the peer's end is waited for, unless it was seen.
     Ending {
         until: Instant,
         peer_ended: bool,
     },
 }
 
-/// A connection and who is at its other end.
+/// A connection and its peer.
 #[derive(Debug)]
 pub(super) struct Connection {
     pub(super) id: StreamId,
@@ -57,14 +57,14 @@ pub(super) struct Connection {
 #[derive(Debug)]
 pub(super) struct Place {
     pub(super) connection: Option<Connection>,
-    /// What the last wait brought, until it is seen to.
+    /// Result of the last wait, until it is handled.
     pub(super) ready: PollFlags,
-    /// Bytes that wait are at the start.
+    /// Waiting bytes, at the start.
     room: Box<[u8; ROOM]>,
     waiting: usize,
 }
 
-/// A peer has more to read than there is room for.
+/// More bytes wait for a peer than there is room for.
 #[derive(PartialEq, Eq)]
 pub(super) struct Overflow;
 
@@ -84,7 +84,7 @@ impl Place {
         self.waiting = 0;
     }
 
-    pub(super) fn awaits(&self) -> Option<(BorrowedFd<'_>, PollFlags)> {
+    pub(super) fn wait_for(&self) -> Option<(BorrowedFd<'_>, PollFlags)> {
         let connection = self.connection.as_ref()?;
         let to_send = if self.waiting > 0 { PollFlags::OUT } else { PollFlags::empty() };
         let events = match connection.state {
@@ -111,17 +111,17 @@ impl Place {
         }
     }
 
-    /// Sees to this connection once.
-    pub(super) fn attend(&mut self, now: Instant, buf: &mut [u8]) -> Option<News> {
+    /// Handles this connection once.
+    pub(super) fn handle(&mut self, now: Instant, buf: &mut [u8]) -> Option<StreamEvent> {
         let ready = std::mem::replace(&mut self.ready, PollFlags::empty());
         let Connection { id, state, .. } = *self.connection.as_ref()?;
-        let gone = Some(News::Change(id, StreamChange::Closed));
+        let gone = Some(StreamEvent::Change(id, StreamChange::Closed));
         match state {
             State::Lost => {
                 self.vacate();
                 gone
             }
-            State::Connecting => (!ready.is_empty()).then(|| News::Change(id, self.connected())),
+            State::Connecting => (!ready.is_empty()).then(|| StreamEvent::Change(id, self.connected())),
             State::Open => {
                 if ready.contains(PollFlags::OUT) && self.flush().is_err() {
                     self.vacate();
@@ -132,11 +132,11 @@ impl Place {
                 }
                 match self.receive(buf) {
                     Ok(0) => {
-                        // The peer says no more, but may still read what it asked for before.
+                        // The peer sends no more, but may still read the answers to its earlier requests.
                         self.end(now, true);
                         gone
                     }
-                    Ok(len) => Some(News::Piece(id, len)),
+                    Ok(len) => Some(StreamEvent::Piece(id, len)),
                     Err(Errno::AGAIN | Errno::INTR) => None,
                     Err(_) => {
                         self.vacate();
@@ -154,7 +154,7 @@ impl Place {
         }
     }
 
-    /// What came of connecting.
+    /// Completes an attempt to connect.
     fn connected(&mut self) -> StreamChange {
         match &mut self.connection {
             Some(connection) if matches!(connection.socket.take_error(), Ok(None)) => {
@@ -176,7 +176,7 @@ impl Place {
         }
     }
 
-    /// Says to the peer that nothing more comes, behind what waits.
+    /// Sends the peer the end of the stream, behind the waiting bytes.
     fn end(&mut self, now: Instant, peer_ended: bool) {
         if let Some(connection) = &mut self.connection {
             connection.state = State::Ending { until: now + LINGER, peer_ended };
@@ -186,7 +186,7 @@ impl Place {
         }
     }
 
-    /// Sends what waits of an ended connection and passes over what the peer still says.
+    /// Sends the waiting bytes of a closing connection and ignores what the peer still sends.
     fn linger(&mut self, ready: PollFlags, buf: &mut [u8]) -> Result<(), Errno> {
         if ready.contains(PollFlags::OUT) {
             self.flush()?;
@@ -213,7 +213,7 @@ impl Place {
         Ok(len)
     }
 
-    /// Sends what waits; an ended connection of which everything is sent goes on to its end.
+    /// Sends the waiting bytes. When a closing connection has sent all of them, it takes its next step.
     fn flush(&mut self) -> Result<(), Errno> {
         let Some(connection) = &self.connection else { return Ok(()) };
         if self.waiting > 0 {
@@ -247,7 +247,7 @@ impl Place {
         let rest = bytes.get(sent..).unwrap_or_default();
         let Some(room) = self.room.get_mut(self.waiting..self.waiting + rest.len()) else {
             connection.state = State::Lost;
-            // The kernel is to forget it as well, and not to hold what nobody reads.
+            // Make the kernel drop its buffer as well, rather than keep what nobody reads.
             let _ = connection.socket.set_linger(Some(Duration::ZERO));
             return Err(Overflow);
         };

@@ -1,5 +1,5 @@
-//! What EtherNet/IP asks of the wire beyond a datagram: the DSCP in the IP header, multicast groups, and to know which
-//! questions went to everybody. A capture is the witness.
+//! What EtherNet/IP needs from the network beyond datagrams: the DSCP in the IP header, multicast groups, and whether
+//! a request was sent to everybody. The tests check it in a capture.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -23,7 +23,7 @@ const ROBOT: Ipv4Addr = ADDRESSES[1];
 /// The robot's own group: 239.192.1.0 + 32 · (host − 1).
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 192, 1, 32);
 
-/// Whatever takes longer hangs.
+/// Limit for each wait; a wait that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 fn adapter(interface: &Interface) -> Adapter {
@@ -38,9 +38,9 @@ fn adapter(interface: &Interface) -> Adapter {
     })
 }
 
-/// Runs a scanner for a moment from when it is connected. Returns how many frames it took in.
+/// Runs a scanner for a moment once it is connected. Returns how many frames it received.
 ///
-/// It leaves like one that was switched off: the next one has to wait for the adapter's watchdog.
+/// It ends without closing the connection, so the next scanner has to wait for the adapter's watchdog.
 fn exchange(bed: &Bed, multicast: bool) -> u64 {
     let config = ScannerConfig { multicast, ..ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, 2_000) };
     let mut thread = bed.start(0, |_| Scanner::new(config, clock::now()));
@@ -80,7 +80,7 @@ fn set_scheduled_dscp(bed: &Bed, dscp: u8) {
     assert_eq!(reply[40..], [0x90, 0, 0, 0], "the adapter did not take the DSCP");
 }
 
-/// An IPv4 packet of the capture: sender, receiver, DSCP, and what it is.
+/// An IPv4 packet of the capture: sender, receiver, DSCP and kind.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 struct Packet {
     from: Ipv4Addr,
@@ -110,7 +110,7 @@ fn packets(capture: File) -> Vec<Packet> {
         let from_port = u16::from_be_bytes([frame[ports], frame[ports + 1]]);
         let kind = match (frame[23], from_port, to_port) {
             (17, IO_PORT, IO_PORT) => Kind::Cyclic,
-            // With data: what a kernel says on its own may carry its own mark.
+            // Only segments with data: the kernel's own segments may carry its own DSCP.
             (6, ENCAPSULATION_PORT, _) | (6, _, ENCAPSULATION_PORT) if frame.len() > ports + 60 => {
                 Kind::Explicit
             }
@@ -123,7 +123,7 @@ fn packets(capture: File) -> Vec<Packet> {
 }
 
 #[test]
-fn cyclic_packets_carry_the_dscp_that_the_qos_object_says_and_a_changed_one_from_the_next_connection_on() {
+fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on() {
     let bed = Bed::lay();
     let robot = bed.start(1, adapter);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
@@ -153,36 +153,36 @@ fn cyclic_packets_carry_the_dscp_that_the_qos_object_says_and_a_changed_one_from
     assert_eq!(of(before, Kind::Cyclic), BTreeSet::from([commands, to_scanner]));
     let to_group = packet(ROBOT, GROUP, 20, Kind::Cyclic);
     assert_eq!(of(after, Kind::Cyclic), BTreeSet::from([commands, to_group]));
-    // The client that sets the DSCP is a plain socket of this test, without any mark.
+    // The client that sets the DSCP is a plain socket of this test, without a DSCP.
     let of_client = packet(PLC, ROBOT, 0, Kind::Explicit);
     let of_stacks = [packet(PLC, ROBOT, 27, Kind::Explicit), packet(ROBOT, PLC, 27, Kind::Explicit)];
     assert_eq!(of(&packets, Kind::Explicit), BTreeSet::from([of_client, of_stacks[0], of_stacks[1]]));
 }
 
-/// Keeps what came to it alone or by its group, and what went to everybody.
+/// Keeps datagrams that were sent to it or its group, and those that were sent to everybody.
 #[derive(Default)]
-struct Ear {
+struct DatagramLog {
     own: Vec<u8>,
     to_all: Vec<u8>,
-    heard_the_last: bool,
+    last_received: bool,
 }
 
-/// What it listens to.
-const EAR_PORT: u16 = 4_100;
+/// Port that it listens to.
+const LOG_PORT: u16 = 4_100;
 
-/// The last of the datagrams.
+/// The last datagram.
 const LAST: u8 = b'z';
 
-impl Machine for Ear {
+impl Machine for DatagramLog {
     type Event = LinkEvent;
 
     fn ports(&self) -> &[PortRequest] {
-        &[PortRequest::Udp(EAR_PORT)]
+        &[PortRequest::Udp(LOG_PORT)]
     }
 
     fn handle_frame(&mut self, _: machine::Instant, _: Source, frame: &[u8]) {
         self.own.extend(frame);
-        self.heard_the_last = frame == [LAST];
+        self.last_received = frame == [LAST];
     }
 
     fn handle_broadcast(&mut self, _: machine::Instant, _: Source, frame: &[u8]) {
@@ -200,7 +200,7 @@ impl Machine for Ear {
     }
 
     fn poll_event(&mut self) -> Option<LinkEvent> {
-        std::mem::take(&mut self.heard_the_last).then_some(LinkEvent::Up)
+        std::mem::take(&mut self.last_received).then_some(LinkEvent::Up)
     }
 
     fn poll_timeout(&self) -> Option<machine::Instant> {
@@ -209,16 +209,16 @@ impl Machine for Ear {
 }
 
 #[test]
-fn a_machine_is_told_what_went_to_everybody_and_hears_of_multicasts_only_those_of_its_group() {
+fn a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only() {
     let bed = Bed::lay();
-    let ear = |_: &Interface| Ear::default();
+    let ear = |_: &Interface| DatagramLog::default();
     let mut ear = bed.start(1, ear);
     let other_group = Ipv4Addr::new(239, 192, 1, 64);
     let send = || {
         let socket = UdpSocket::bind(SocketAddrV4::new(PLC, 0)).unwrap();
         socket.set_broadcast(true).unwrap();
         socket2::SockRef::from(&socket).bind_device(Some(b"left0")).unwrap();
-        let say = |to: Ipv4Addr, byte| socket.send_to(&[byte], SocketAddrV4::new(to, EAR_PORT)).unwrap();
+        let say = |to: Ipv4Addr, byte| socket.send_to(&[byte], SocketAddrV4::new(to, LOG_PORT)).unwrap();
         say(ROBOT, b'a');
         say(Ipv4Addr::BROADCAST, b'b');
         say(Ipv4Addr::new(10, 0, 0, 255), b'c');
@@ -229,6 +229,6 @@ fn a_machine_is_told_what_went_to_everybody_and_hears_of_multicasts_only_those_o
     bed.ends[0].0.run(send).unwrap();
     until_up(&mut ear);
     let ear = stop(ear);
-    let Ear { own, to_all, .. } = ear.driver.machine();
+    let DatagramLog { own, to_all, .. } = ear.driver.machine();
     assert_eq!((&own[..], &to_all[..]), (&b"adz"[..], &b"bc"[..]));
 }

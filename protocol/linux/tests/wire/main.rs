@@ -1,6 +1,6 @@
-//! Machines on real sockets, in network namespaces that the tests make and that vanish with them.
+//! Machines on real sockets, in network namespaces that the tests create and that disappear with them.
 //!
-//! They need root or user namespaces, and fail where they have neither. No test asserts a time: a shared host stalls.
+//! The tests need root or user namespaces, and fail without. No test asserts a time, because a shared host stalls.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -71,7 +71,7 @@ impl Bed {
     }
 }
 
-/// Counts what the link does, and ends when it is told to.
+/// Counts events of the link, and ends on request.
 #[derive(Default, Debug)]
 struct Watch {
     ups: u64,
@@ -158,7 +158,7 @@ fn two_stations_exchange_images_over_udp() {
 }
 
 #[test]
-fn frames_of_another_vlan_are_not_for_this_station() {
+fn frames_of_another_vlan_are_discarded() {
     let bed = Bed::lay();
     let station = |cable| {
         move |interface: &Interface| {
@@ -175,7 +175,7 @@ fn frames_of_another_vlan_are_not_for_this_station() {
 }
 
 #[test]
-fn an_echo_comes_back() {
+fn nearly_all_cyclic_requests_are_answered() {
     let bed = Bed::lay();
     let (left, right) = (bed.start(0, Echo::asks), bed.start(1, Echo::answers));
     std::thread::sleep(Duration::from_secs(1));
@@ -192,7 +192,7 @@ fn an_echo_comes_back() {
 }
 
 #[test]
-fn a_driver_whose_interface_is_removed_ends_and_says_so() {
+fn a_driver_ends_with_an_error_when_its_interface_is_removed() {
     let bed = Bed::lay();
     let station = |interface: &Interface| {
         let nobody = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0);
@@ -200,7 +200,7 @@ fn a_driver_whose_interface_is_removed_ends_and_says_so() {
     };
     let left = bed.start(0, station);
     let Bed { ends: [keep, gone] } = bed;
-    // The end in a namespace that nobody holds any more vanishes, and takes the other end with it.
+    // A veth end is removed with its namespace, and takes the other end with it.
     drop(gone);
     let finished = left.join().unwrap();
     assert!(matches!(finished.result, Err(DriverError::InterfaceGone { .. })), "{:?}", finished.result);
@@ -208,7 +208,7 @@ fn a_driver_whose_interface_is_removed_ends_and_says_so() {
 }
 
 #[test]
-fn a_taken_udp_port_is_named() {
+fn the_error_for_a_taken_udp_port_names_the_port() {
     let bed = Bed::lay();
     let (namespace, name) = &bed.ends[0];
     let message = namespace

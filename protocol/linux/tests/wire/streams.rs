@@ -1,4 +1,4 @@
-//! TCP connections of a machine, with the ordinary sockets of this host at their other end.
+//! TCP connections of a machine to ordinary sockets of this host.
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, SocketAddrV4, TcpListener, TcpStream};
@@ -11,7 +11,7 @@ use super::{ADDRESSES, Bed, Watch, stop};
 
 const SERVER: SocketAddrV4 = SocketAddrV4::new(ADDRESSES[1], TCP_PORT);
 
-/// Whatever takes longer hangs.
+/// Limit for each wait; a wait that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 impl Bed {
@@ -29,12 +29,12 @@ impl Bed {
 }
 
 fn echoes(mut client: &TcpStream, text: &[u8]) -> bool {
-    let mut heard = vec![0; text.len()];
-    client.write_all(text).is_ok() && client.read_exact(&mut heard).is_ok() && heard == text
+    let mut received = vec![0; text.len()];
+    client.write_all(text).is_ok() && client.read_exact(&mut received).is_ok() && received == text
 }
 
 #[test]
-fn a_client_that_speaks_in_single_bytes_and_ends_its_side_hears_everything() {
+fn a_client_that_sends_single_bytes_and_closes_its_side_receives_every_answer() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let text: Vec<u8> = (0..2000_u32).map(|n| n as u8).collect();
@@ -43,28 +43,32 @@ fn a_client_that_speaks_in_single_bytes_and_ends_its_side_hears_everything() {
         client.write_all(&[*byte]).unwrap();
     }
     client.shutdown(Shutdown::Write).unwrap();
-    let mut heard = Vec::new();
-    client.read_to_end(&mut heard).unwrap();
-    assert!(heard == text, "{} of {} bytes came back", heard.len(), text.len());
+    let mut received = Vec::new();
+    client.read_to_end(&mut received).unwrap();
+    assert!(received == text, "{} of {} bytes came back", received.len(), text.len());
     let server = stop(server);
     assert_eq!(server.driver.machine().opened, server.driver.machine().closed);
 }
 
 #[test]
-fn a_connection_that_the_machine_ends_ends_after_its_last_words() {
+fn a_connection_that_the_machine_closes_first_sends_its_last_bytes() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let mut client = bed.client();
     client.write_all(LEAVE).unwrap();
-    let mut heard = Vec::new();
-    client.read_to_end(&mut heard).unwrap();
-    assert_eq!(heard, FAREWELL);
+    let mut received = Vec::new();
+    client.read_to_end(&mut received).unwrap();
+    assert_eq!(received, FAREWELL);
     drop(client);
-    assert_eq!(stop(server).driver.machine().closed, [], "the machine is not told of what it asked for");
+    assert_eq!(
+        stop(server).driver.machine().closed,
+        [],
+        "the machine is not informed of a close that it requested"
+    );
 }
 
 #[test]
-fn a_client_that_does_not_read_is_cut_off_and_nobody_waits_for_it() {
+fn a_client_that_does_not_read_is_disconnected_and_delays_nobody() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let (mut deaf, other) = (bed.client(), bed.client());
@@ -81,7 +85,7 @@ fn a_client_that_does_not_read_is_cut_off_and_nobody_waits_for_it() {
 }
 
 #[test]
-fn clients_beyond_the_places_are_sent_away_and_those_inside_stay() {
+fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let first = bed.client();
@@ -104,7 +108,7 @@ fn clients_beyond_the_places_are_sent_away_and_those_inside_stay() {
 }
 
 #[test]
-fn a_machine_hears_that_nobody_listens_and_connects_when_somebody_does() {
+fn a_machine_is_informed_that_nobody_listens_and_connects_once_somebody_does() {
     let bed = Bed::lay();
     let caller = bed.start(0, |_| Caller::new(SERVER, clock::now()));
     std::thread::sleep(Duration::from_millis(200));
@@ -118,12 +122,12 @@ fn a_machine_hears_that_nobody_listens_and_connects_when_somebody_does() {
     std::thread::sleep(Duration::from_millis(200));
     let caller = stop(caller);
     let machine = caller.driver.machine();
-    assert!(machine.closed.len() > 1 && machine.heard.starts_with(b"me"), "{machine:?}");
+    assert!(machine.closed.len() > 1 && machine.received.starts_with(b"me"), "{machine:?}");
     assert!(machine.closed.is_sorted(), "a number was used again: {machine:?}");
 }
 
 #[test]
-fn a_taken_tcp_port_is_named_with_who_has_it() {
+fn the_error_for_a_taken_tcp_port_names_its_user() {
     let bed = Bed::lay();
     let (namespace, name) = &bed.ends[1];
     let message = namespace

@@ -1,4 +1,4 @@
-//! Machines without a protocol, to try the driver with.
+//! Machines without a protocol, to test the driver with.
 
 pub(crate) mod tcp;
 
@@ -24,12 +24,12 @@ pub(crate) enum Cable {
     Udp,
 }
 
-/// One end of a [`Direct`] cable, with the heads that a real wire needs around the image.
+/// One end of a [`Direct`] cable; adds the headers that a real cable needs around the image.
 #[derive(Debug)]
 pub(crate) struct Station {
     direct: Direct,
     cable: Cable,
-    /// Made once: the cyclic path is to allocate nothing.
+    /// Built once: the cyclic path must not allocate.
     head: Vec<u8>,
     peer: SocketAddrV4,
 }
@@ -74,7 +74,7 @@ impl Machine for Station {
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match from.port {
-            // The kernel takes the tag out of what it hands over.
+            // The kernel removes the tag from received frames.
             Port::Ethernet => self.direct.handle_frame(now, from, frame.get(14..).unwrap_or_default()),
             _ => self.direct.handle_frame(now, from, frame),
         }
@@ -103,7 +103,7 @@ impl Machine for Station {
     }
 }
 
-/// Asks every cycle and measures when the answer is there; or answers.
+/// Sends a request every cycle and measures when the answer arrives; or answers.
 #[derive(Debug)]
 pub(crate) struct Echo {
     mac: Mac,

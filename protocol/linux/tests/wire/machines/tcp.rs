@@ -1,4 +1,4 @@
-//! Machines over TCP, to try the driver's connections with.
+//! Machines over TCP, to test the driver's connections with.
 
 use std::collections::VecDeque;
 use std::net::SocketAddrV4;
@@ -12,12 +12,12 @@ use protocol::fieldbus::LinkEvent;
 pub(crate) const TCP_PORT: u16 = 44818;
 const PERIOD: Duration = Duration::from_millis(1);
 
-/// Says back what it hears, with a cycle beside it. To a client that says [`FLOOD`] it talks without end; one that
-/// says [`LEAVE`] is told [`FAREWELL`] and left.
+/// Echoes what it receives, and also has a cyclic timeout. If a client sends [`FLOOD`], it sends without end; if a
+/// client sends [`LEAVE`], it answers [`FAREWELL`] and closes.
 #[derive(Debug)]
 pub(crate) struct EchoServer {
     cycle: Cycle,
-    to_say: VecDeque<(StreamId, Vec<u8>)>,
+    to_send: VecDeque<(StreamId, Vec<u8>)>,
     flooded: Option<StreamId>,
     to_close: Option<StreamId>,
     pub(crate) dscp: u8,
@@ -34,7 +34,7 @@ impl EchoServer {
     pub(crate) fn new(now: Instant) -> Self {
         Self {
             cycle: Cycle::new(now + PERIOD, PERIOD),
-            to_say: VecDeque::new(),
+            to_send: VecDeque::new(),
             flooded: None,
             to_close: None,
             dscp: 27,
@@ -57,10 +57,10 @@ impl Machine for EchoServer {
         match frame {
             FLOOD => self.flooded = Some(stream),
             LEAVE => {
-                self.to_say.push_back((stream, FAREWELL.to_vec()));
+                self.to_send.push_back((stream, FAREWELL.to_vec()));
                 self.to_close = Some(stream);
             }
-            frame => self.to_say.push_back((stream, frame.to_vec())),
+            frame => self.to_send.push_back((stream, frame.to_vec())),
         }
     }
 
@@ -90,13 +90,13 @@ impl Machine for EchoServer {
         if self.cycle.tick(now).is_some() {
             self.ticks += 1;
             if let Some(stream) = self.flooded {
-                self.to_say.push_back((stream, vec![0xAA; 4096]));
+                self.to_send.push_back((stream, vec![0xAA; 4096]));
             }
         }
     }
 
     fn poll_transmit(&mut self, _: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        let (stream, bytes) = self.to_say.pop_front()?;
+        let (stream, bytes) = self.to_send.pop_front()?;
         buf.get_mut(..bytes.len())?.copy_from_slice(&bytes);
         Some(Transmit { port: Port::Stream(stream), to: None, len: bytes.len() })
     }
@@ -110,16 +110,16 @@ impl Machine for EchoServer {
     }
 }
 
-/// Connects to a peer, says something and keeps what it hears; tries again 20 ms after it could not.
+/// Connects to a peer, sends a text and keeps what it receives; retries 20 ms after a failure.
 #[derive(Debug)]
 pub(crate) struct Caller {
     to: SocketAddrV4,
     call_at: Option<Instant>,
     call: bool,
-    to_say: Option<StreamId>,
+    to_send: Option<StreamId>,
     pub(crate) opened: Vec<StreamId>,
     pub(crate) closed: Vec<StreamId>,
-    pub(crate) heard: Vec<u8>,
+    pub(crate) received: Vec<u8>,
 }
 
 pub(crate) const GREETING: &[u8] = b"who is there?";
@@ -130,10 +130,10 @@ impl Caller {
             to,
             call_at: Some(now),
             call: false,
-            to_say: None,
+            to_send: None,
             opened: Vec::new(),
             closed: Vec::new(),
-            heard: Vec::new(),
+            received: Vec::new(),
         }
     }
 }
@@ -146,7 +146,7 @@ impl Machine for Caller {
     }
 
     fn handle_frame(&mut self, _: Instant, _: Source, frame: &[u8]) {
-        self.heard.extend_from_slice(frame);
+        self.received.extend_from_slice(frame);
     }
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
@@ -154,7 +154,7 @@ impl Machine for Caller {
             StreamChange::Opened(peer) => {
                 assert_eq!(peer, self.to);
                 self.opened.push(stream);
-                self.to_say = Some(stream);
+                self.to_send = Some(stream);
             }
             StreamChange::Closed => {
                 self.closed.push(stream);
@@ -173,7 +173,7 @@ impl Machine for Caller {
     }
 
     fn poll_transmit(&mut self, _: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        let stream = self.to_say.take()?;
+        let stream = self.to_send.take()?;
         buf.get_mut(..GREETING.len())?.copy_from_slice(GREETING);
         Some(Transmit { port: Port::Stream(stream), to: None, len: GREETING.len() })
     }

@@ -1,9 +1,9 @@
-//! Which addresses have a port that could not be opened, as the kernel lists them.
+//! Which local addresses use a port that could not be opened, by the kernel's tables.
 
 use std::fmt;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
-/// What carries a port.
+/// Transport protocol of a port.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Transport {
     /// UDP.
@@ -13,7 +13,7 @@ pub enum Transport {
 }
 
 impl Transport {
-    /// The option by which `ss` lists its sockets.
+    /// Returns the option with which `ss` lists its sockets.
     pub(crate) const fn option(self) -> char {
         match self {
             Self::Udp => 'u',
@@ -31,8 +31,8 @@ impl fmt::Display for Transport {
     }
 }
 
-/// The addresses of this thread's network namespace at which somebody listens to this port.
-pub(crate) fn holders(transport: Transport, port: u16) -> Vec<SocketAddr> {
+/// Returns the addresses of this thread's network namespace on which a program listens to this port.
+pub(crate) fn find(transport: Transport, port: u16) -> Vec<SocketAddr> {
     let tables = match transport {
         Transport::Udp => ["udp", "udp6"],
         Transport::Tcp => ["tcp", "tcp6"],
@@ -42,7 +42,8 @@ pub(crate) fn holders(transport: Transport, port: u16) -> Vec<SocketAddr> {
     all.lines().filter_map(listening).filter(|address| address.port() == port).collect()
 }
 
-/// The local address in a line of such a table, if the socket has no peer: `sl local_address rem_address st …`.
+/// Parses the local address in a line of such a table, if the socket has no peer: `sl local_address rem_address st
+/// …`.
 fn listening(line: &str) -> Option<SocketAddr> {
     let mut columns = line.split_whitespace().skip(1);
     let (local, remote) = (columns.next()?, columns.next()?);
@@ -51,7 +52,7 @@ fn listening(line: &str) -> Option<SocketAddr> {
     remote.ends_with(":0000").then_some(SocketAddr::new(ip(address)?, port))
 }
 
-/// The kernel prints addresses as 32-bit words as they are in memory.
+/// Parses an IP address, which the kernel prints as 32-bit words in host byte order.
 fn ip(hexadecimal: &str) -> Option<IpAddr> {
     let word = |at: usize| u32::from_str_radix(hexadecimal.get(at..at + 8)?, 16).ok().map(u32::to_ne_bytes);
     match hexadecimal.len() {
