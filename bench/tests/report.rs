@@ -6,7 +6,8 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use bench::records::results::{CycleLateness, Results, Status};
+use bench::records::lateness::CycleLateness;
+use bench::records::results::{Results, Status};
 
 const SECTIONS: [&str; 9] =
     ["table", "quality", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];

@@ -6,8 +6,9 @@ use plc_node::ExecutionType;
 use crate::output::progress::label;
 use crate::output::quality;
 use crate::output::screen::{drawn, styled};
+use crate::records::lateness::CycleLateness;
 use crate::records::results::{
-    Allocations, CycleLateness, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY,
+    Allocations, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY,
 };
 use crate::records::schedule::repetitions;
 

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use machine::Lateness;
 use protocol::fieldbus::Counters;
 use robot_node::Quality;
 
 use crate::records::faults::FaultReport;
+use crate::records::lateness::CycleLateness;
 
 /// One finished run.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -25,9 +25,9 @@ pub struct Measured {
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Health {
     /// Lateness of the PLC's scans.
-    pub plc: CycleHealth,
+    pub plc: CycleLateness,
     /// Lateness of the robot's interpolation cycles.
-    pub robot: CycleHealth,
+    pub robot: CycleLateness,
     /// Cyclic frames as the PLC counts them.
     pub bus: Counters,
     /// Cyclic frames as the robot counts them.
@@ -50,32 +50,5 @@ impl Health {
     pub const fn frames_lost(&self) -> u64 {
         let towards_plc = self.bus.lost.saturating_sub(self.robot_bus.skipped);
         towards_plc + self.robot_bus.lost.saturating_sub(self.bus.skipped)
-    }
-}
-
-/// How late the runs of a cyclic task were.
-#[derive(Clone, PartialEq, Debug, Default)]
-pub struct CycleHealth {
-    /// Half of the runs were not later.
-    pub p50: Duration,
-    /// 99 % of the runs were not later.
-    pub p99: Duration,
-    /// The latest run.
-    pub max: Duration,
-    /// Cycles that passed without a run.
-    pub missed: u64,
-    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
-    pub buckets: Vec<(f64, u32)>,
-}
-
-impl From<&Lateness> for CycleHealth {
-    fn from(lateness: &Lateness) -> Self {
-        Self {
-            p50: lateness.quantile(0.5),
-            p99: lateness.quantile(0.99),
-            max: lateness.max(),
-            missed: lateness.missed(),
-            buckets: lateness.buckets().map(|(upper, runs)| (upper.as_nanos() as f64 / 1e3, runs)).collect(),
-        }
     }
 }

@@ -3,6 +3,7 @@
 //! ```text
 //! schedule       which run follows which
 //! mode           on which clock a run runs
+//! lateness       how late a cyclic task ran
 //! conditions     what a stand says of a run and of the conditions it was measured under
 //! results        what a run found out, as results.json has it; statistics has the formulas, quality how well the arm moved
 //! trace          both nodes tick by tick
@@ -15,6 +16,7 @@
 pub mod conditions;
 pub mod faults;
 pub mod host;
+pub mod lateness;
 pub mod mode;
 pub mod quality;
 pub mod ratio;

@@ -7,8 +7,9 @@ use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::{Provenance, Setup, Sourced};
 
-use crate::records::conditions::{CycleHealth, Health, Measured};
+use crate::records::conditions::{Health, Measured};
 use crate::records::faults::FaultReport;
+use crate::records::lateness::CycleLateness;
 use crate::records::mode::Mode;
 use crate::records::quality::MotionQuality;
 use crate::records::schedule::Plan;
@@ -207,30 +208,6 @@ pub struct Cycles {
     pub robot: CycleLateness,
 }
 
-/// How late a cyclic task ran.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct CycleLateness {
-    /// Median, in µs.
-    pub p50_us: f64,
-    /// 99th percentile, in µs.
-    pub p99_us: f64,
-    /// Latest, in µs.
-    pub max_us: f64,
-    /// Cycles that passed without a run.
-    pub missed: u64,
-    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
-    #[serde(default)]
-    pub buckets: Vec<(f64, u32)>,
-}
-
-impl From<CycleHealth> for CycleLateness {
-    fn from(CycleHealth { p50, p99, max, missed, buckets }: CycleHealth) -> Self {
-        let micros = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e3;
-        Self { p50_us: micros(p50), p99_us: micros(p99), max_us: micros(max), missed, buckets }
-    }
-}
-
 /// Cyclic frames as the PLC counts them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -315,7 +292,7 @@ impl Results {
 
     /// Takes up the conditions of the run so far.
     pub fn set_health(&mut self, health: &Health) {
-        self.cycle = Cycles { plc: health.plc.clone().into(), robot: health.robot.clone().into() };
+        self.cycle = Cycles { plc: health.plc.clone(), robot: health.robot.clone() };
         self.bus = Frames {
             frames_sent: health.bus.sent,
             frames_received: health.bus.received,

@@ -4,7 +4,8 @@ use plotters::element::Rectangle;
 use plotters::prelude::{Color, RGBColor};
 
 use crate::output::html::chart::{Axes, Format, INK, Panels, px, text};
-use crate::records::results::{CycleLateness, Cycles};
+use crate::records::lateness::CycleLateness;
+use crate::records::results::Cycles;
 
 /// Height of a panel and of the line of text above it, in pixels.
 const PANEL: f64 = 120.0;

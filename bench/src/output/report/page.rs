@@ -328,7 +328,7 @@ fn cycles(results: &Results) -> Vec<[String; 5]> {
     if results.mode != "real" {
         return Vec::new();
     }
-    let line = |name: &str, cycle: &crate::records::results::CycleLateness| {
+    let line = |name: &str, cycle: &crate::records::lateness::CycleLateness| {
         let micros = |value: f64| format!("{value:.0}");
         [
             name.to_owned(),

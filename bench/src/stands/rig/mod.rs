@@ -121,7 +121,6 @@ pub struct Rig {
     moved: ExecutedMotions,
     traced: Vec<Window>,
     recording: bool,
-    is_traced: bool,
     /// A run was started, and neither its end nor its failure was heard of.
     is_running: bool,
     links: Links,
@@ -132,6 +131,10 @@ pub struct Rig {
     kills: Kills,
     /// None where the nodes ran already.
     connected_after: Option<Duration>,
+    /// Where the nodes write their recorded cycles; none where they do not.
+    trace_directory: Option<PathBuf>,
+    /// Takes up the frames while cycles are recorded.
+    frames: Option<FrameLog>,
     /// Last, so that it outlives the nodes; none where somebody else laid it.
     cable: Option<Cable>,
 }
@@ -159,8 +162,8 @@ impl Rig {
     /// What the host does not allow, a node that does not start, or a connection that does not come about.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
-        let RigConfig { capture, faults, seed, frames, .. } = config;
-        let (capture, frames) = (capture.as_ref(), frames.as_ref());
+        let RigConfig { capture, faults, seed, frames: frames_log, .. } = config;
+        let (capture, frames) = (capture.as_ref(), frames_log.as_ref());
         let cable = Cable::lay(Fittings { capture, faults, seed: *seed, frames })?;
         // Room for all that two nodes say while the bench writes a file.
         let (events, said) = mpsc::channel(1_024);
@@ -195,7 +198,8 @@ impl Rig {
         if let Some(cable) = &rig.cable {
             cable.set_ready();
         }
-        rig.is_traced = config.trace.is_some();
+        rig.trace_directory.clone_from(&config.trace);
+        rig.frames.clone_from(frames_log);
         Ok(rig)
     }
 
@@ -216,7 +220,8 @@ impl Rig {
             moved: ExecutedMotions::default(),
             traced: Vec::new(),
             recording: false,
-            is_traced: false,
+            trace_directory: None,
+            frames: None,
             is_running: false,
             links: Links::default(),
             watchdog,
@@ -256,7 +261,7 @@ impl Rig {
     ///
     /// The host does not let the rig listen to its own interfaces.
     pub async fn record(&mut self, on: bool) -> Result<(), RigError> {
-        if self.is_traced && self.recording != on {
+        if self.trace_directory.is_some() && self.recording != on {
             self.recording = on;
             if let Some(cable) = &mut self.cable {
                 cable.watch(on)?;

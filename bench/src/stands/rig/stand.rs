@@ -1,19 +1,42 @@
-//! The rig as something to measure on.
+//! The rig as a stand: started, run and ended as every other.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
-use ::node::report::{LatenessReport, NodeReport};
+use ::node::report::NodeReport;
 
-use super::{Reports, Rig, RigError};
-use crate::records::conditions::{CycleHealth, Health, Measured};
+use super::{FrameLog, Reports, Rig, RigConfig, RigError};
+use crate::output::exit::Failure;
+use crate::records::conditions::{Health, Measured};
 use crate::records::schedule::Step;
-use crate::stands::Stand;
+use crate::records::trace::Trace;
+use crate::stands::{Finished, Stand, StandConfig};
 
 /// How often a repetition is started that the host takes the connection from. One that lets no run pass is not repeated for
 /// ever.
 const TRIES: u32 = 10;
 
 impl Stand for Rig {
+    async fn start(config: &StandConfig<'_>) -> Result<Self, Failure> {
+        if let Some(nodes) = config.attach {
+            return Ok(Self::attach(nodes, config.setup).await?);
+        }
+        let directory = config.directory.to_owned();
+        let rig = RigConfig {
+            seed: config.seed,
+            capture: config.capture.map(|keep| (directory.clone(), keep)),
+            trace: Some(directory.clone()),
+            frames: config.frames.then(FrameLog::default),
+            faults: config.faults.to_vec(),
+            ..RigConfig::new(config.setup, directory.join("setup.toml"))
+        };
+        Ok(Self::start(&rig).await?)
+    }
+
+    fn refused(&self) -> Option<Vec<String>> {
+        Some(self.warnings().into_iter().map(str::to_owned).collect())
+    }
+
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
         self.wait_until_at_start().await?;
         // Before the pause, so that it is no work of the measured run.
@@ -48,6 +71,27 @@ impl Stand for Rig {
             ..self.reports().health()
         }
     }
+
+    async fn finish(mut self, keeps_capture: bool) -> Finished {
+        if !keeps_capture {
+            self.discard_capture();
+        }
+        let traced = self.traced().to_vec();
+        let (directory, frames) = (self.trace_directory.take(), self.frames.take());
+        let health = self.stop().await;
+        let collect = |directory: PathBuf| {
+            // A node that was killed may have left nothing; the run's results do not depend on it.
+            let mut trace = Trace::collect(&directory, &traced)?;
+            trace.add_frames(&traced, frames.as_ref().map(FrameLog::take).unwrap_or_default());
+            Ok(trace)
+        };
+        Finished {
+            trace: directory.map(collect).transpose(),
+            health: health.map(Some).map_err(Failure::from),
+            capture: Ok(()),
+            remark: None,
+        }
+    }
 }
 
 impl Reports {
@@ -63,19 +107,6 @@ impl Reports {
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,
             repeated: Vec::new(),
-        }
-    }
-}
-
-impl From<&LatenessReport> for CycleHealth {
-    fn from(report: &LatenessReport) -> Self {
-        let micros = |micros: f64| Duration::from_secs_f64(micros.max(0.0) / 1e6);
-        Self {
-            p50: micros(report.p50_us),
-            p99: micros(report.p99_us),
-            max: micros(report.max_us),
-            missed: report.missed,
-            buckets: report.buckets.clone(),
         }
     }
 }

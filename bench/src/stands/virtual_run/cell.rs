@@ -6,6 +6,7 @@ use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
+use ::node::report::LatenessReport;
 use anyhow::{Context as _, bail};
 use machine::{Instant, Lateness};
 use planning::PROGRAM;
@@ -243,8 +244,8 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     fn health(&self) -> Health {
         let (plc, robot): (&Lateness, &Lateness) = (self.pair.a().lateness(), self.pair.b().lateness());
         Health {
-            plc: plc.into(),
-            robot: robot.into(),
+            plc: (&LatenessReport::from(plc)).into(),
+            robot: (&LatenessReport::from(robot)).into(),
             bus: self.pair.a().bus().counters(),
             robot_bus: self.pair.b().bus().counters(),
             connected_after: None,

@@ -34,14 +34,15 @@ pub use plant_speed::PlantSpeed;
 use cell::{Cell, SharedCapture, Surroundings, cell};
 use phases::Phases;
 
+use crate::output::exit::Failure;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
 use crate::records::results::{Results, Status};
 use crate::records::schedule::{Plan, Step};
 use crate::records::trace::{Recording, Trace};
-use crate::stands::Stand;
 use crate::stands::capture::{CableConfig, VirtualCapture};
+use crate::stands::{Finished, Stand, StandConfig};
 use watch::SharedFrames;
 
 /// Locally administered addresses of the two stations.
@@ -62,6 +63,8 @@ pub struct VirtualRun {
     cell: Box<dyn Cell>,
     trace: Trace,
     capture: Option<SharedCapture>,
+    /// When it was started, by the host's clock.
+    started: std::time::Instant,
 }
 
 /// What both nodes are to do, and the cell that the robot does it in.
@@ -149,6 +152,7 @@ impl VirtualRun {
         bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
+        let started = std::time::Instant::now();
         let capture = extras.start_capture(setup)?;
         let frames = extras.frames.then(SharedFrames::default);
         let faults = &Surroundings { faults: &extras.faults, capture: capture.clone(), frames };
@@ -176,7 +180,7 @@ impl VirtualRun {
                 other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
             },
         };
-        let mut run = Self { cell, trace: Trace::default(), capture };
+        let mut run = Self { cell, trace: Trace::default(), capture, started };
         if let Err(error) = run.cell.connect() {
             // A run that failed is when the captures are wanted most.
             run.end_capture(true)?;
@@ -259,6 +263,16 @@ fn run_whole(setup: &Setup, name: &str, work: Work, plan: &Plan) -> anyhow::Resu
 }
 
 impl Stand for VirtualRun {
+    async fn start(config: &StandConfig<'_>) -> Result<Self, Failure> {
+        let extras = Extras {
+            faults: config.faults.to_vec(),
+            capture: config.capture.map(|keep| (config.directory.to_owned(), keep)),
+            frames: config.frames,
+        };
+        let StandConfig { setup, application, seed, .. } = *config;
+        Ok(Self::start_with(setup, application, seed, VirtualBus::OfSetup, &extras)?)
+    }
+
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
         let is_first = step.repetition == 1;
         let recording =
@@ -268,6 +282,16 @@ impl Stand for VirtualRun {
 
     fn health(&self) -> Health {
         self.cell.health()
+    }
+
+    async fn finish(self, keeps_capture: bool) -> Finished {
+        let speed = PlantSpeed { plant: self.plant_time(), host: self.started.elapsed() };
+        Finished {
+            capture: self.end_capture(keeps_capture),
+            trace: Ok(Some(self.trace)),
+            health: Ok(None),
+            remark: Some(speed.to_string()),
+        }
     }
 }
 

@@ -8,7 +8,7 @@ pub use options::{Capture, RunOptions};
 use std::future::Future;
 use std::path::PathBuf;
 use std::thread::{self, JoinHandle};
-use std::time::{Instant, SystemTime};
+use std::time::SystemTime;
 
 use anyhow::anyhow;
 use planning::{Application, Found};
@@ -32,8 +32,9 @@ use crate::records::results::{self, Results, Status};
 use crate::records::run_directory::{self, Durability, RunDirectory, replace};
 use crate::records::schedule::Plan;
 use crate::records::trace::Trace;
-use crate::stands::rig::{self, FrameLog, Rig, RigConfig, RigError};
-use crate::stands::virtual_run::{self, Extras, PlantSpeed, VirtualBus, VirtualRun};
+use crate::stands::rig::{self, Rig};
+use crate::stands::virtual_run::{self, VirtualRun};
+use crate::stands::{Finished, Stand, StandConfig};
 use crate::verbs::event_loop::{event_loop, interrupt};
 use session::{Ended, Session};
 
@@ -164,48 +165,17 @@ impl Measurement<'_> {
         session.write_host(&host)?;
         let interrupt = interrupt()?;
         let results = Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.plan);
+        let overhead_free = || WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
+        // In real mode afterwards, so that it takes no core from the nodes.
+        let meanwhile = (self.options.mode == Mode::Virtual).then(overhead_free);
         let ended = match self.options.mode {
-            Mode::Virtual => {
-                let without_overhead =
-                    WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
-                let extras = Extras {
-                    faults: self.options.fault.clone(),
-                    capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
-                    frames: self.options.trace,
-                };
-                let start = Instant::now();
-                let mut stand = VirtualRun::start_with(
-                    &self.setup,
-                    &self.found.application,
-                    self.options.seed,
-                    VirtualBus::OfSetup,
-                    &extras,
-                )?;
-                let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
-                let speed = PlantSpeed { plant: stand.plant_time(), host: start.elapsed() };
-                session.progress.say(&speed.to_string());
-                let wanted = self.wants_capture(ended.exit);
-                let ended = ended
-                    .and_saved(self.save_trace(stand.trace(), &session))
-                    .and_saved(stand.end_capture(wanted));
-                match ended.exit {
-                    Exit::Pass => ended.beside(without_overhead.finish()?),
-                    _ => ended,
-                }
-            }
-            Mode::Real => {
-                let ended = self.run_real(&mut session, host, results, interrupt).await?;
-                match ended.exit {
-                    // Afterwards, so that it takes no core from the nodes. Whoever interrupted the run, or has a node
-                    // to look after, does not want to wait for it.
-                    Exit::Pass => {
-                        let started =
-                            WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
-                        ended.beside(started.finish()?)
-                    }
-                    _ => ended,
-                }
-            }
+            Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await?,
+            Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await?,
+        };
+        let ended = match ended.exit {
+            Exit::Pass => ended.beside(meanwhile.unwrap_or_else(overhead_free).finish()?),
+            // Whoever interrupted the run, or has a node to look after, does not want to wait for it.
+            _ => ended,
         };
         // Where the disk took no more before, it is not asked again: what is there is whole.
         let saved = if ended.exit == Exit::Internal { Ok(()) } else { session.finish(&ended.results) };
@@ -224,81 +194,78 @@ impl Measurement<'_> {
         }
     }
 
-    /// Runs the plan on two processes: ones that run already, or own ones, which read the setup as it stands in the run
-    /// directory.
-    async fn run_real(
+    /// Runs the plan on a stand, from its start to its end.
+    async fn run_on<S: Stand>(
         &self,
         session: &mut Session,
         host: Host,
         results: Results,
         interrupt: impl Future<Output = ()>,
     ) -> Result<Ended, Failure> {
-        let config = RigConfig {
+        let directory = session.directory.path().to_owned();
+        let config = StandConfig {
+            setup: &self.setup,
+            application: &self.found.application,
             seed: self.options.seed,
-            capture: self.keep().map(|keep| (session.directory.path().to_owned(), keep)),
-            trace: Some(session.directory.path().to_owned()),
-            frames: self.options.trace.then(FrameLog::default),
-            faults: self.options.fault.clone(),
-            ..RigConfig::new(&self.setup, session.directory.path().join("setup.toml"))
+            directory: &directory,
+            capture: self.keep(),
+            frames: self.options.trace,
+            faults: &self.options.fault,
+            attach: self.options.attach.as_ref(),
         };
-        let unusable = |error: RigError| Failure::new(error.exit(), error);
         let mut interrupt = std::pin::pin!(interrupt);
-        let start = async {
-            match &self.options.attach {
-                Some(nodes) => Rig::attach(nodes, &self.setup).await,
-                None => Rig::start(&config).await,
-            }
-        };
         let started = tokio::select! {
             () = &mut interrupt => None,
-            rig = start => Some(rig),
+            stand = S::start(&config) => Some(stand),
         };
-        let mut rig = match started {
-            Some(Ok(rig)) => rig,
-            Some(Err(error)) => {
+        let mut stand = match started {
+            Some(Ok(stand)) => stand,
+            Some(Err(failure)) => {
                 session.finish(&Results { status: Status::Failed, ..results })?;
-                return Err(unusable(error));
+                return Err(failure);
             }
             None => {
                 let results = Results { status: Status::Interrupted, ..results };
                 return Ok(Ended { results, exit: Exit::Interrupted, failures: Vec::new() });
             }
         };
-        let refused = rig.warnings();
-        let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
-        session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
-        refused.iter().for_each(|warning| session.progress.warn(warning));
-        let mut ended = session.run(&mut rig, &self.plan, results, interrupt).await?;
-        if !self.wants_capture(ended.exit) {
-            rig.discard_capture();
+        if let Some(refused) = stand.refused() {
+            let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
+            session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
+            refused.iter().for_each(|warning| session.progress.warn(warning));
         }
-        let traced = rig.traced().to_vec();
-        let stopped = rig.stop().await;
-        if self.options.attach.is_none() {
-            // A node that was killed may have left nothing; the run's results do not depend on it.
-            match Trace::collect(session.directory.path(), &traced) {
-                Ok(mut trace) => {
-                    trace.add_frames(&traced, config.frames.as_ref().map(FrameLog::take).unwrap_or_default());
-                    ended = ended.and_saved(self.save_trace(&trace, session));
-                }
-                Err(error) => {
-                    session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
-                }
+        let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
+        let finished = stand.finish(self.wants_capture(ended.exit)).await;
+        Ok(self.take_up(ended, finished, session))
+    }
+
+    /// Saves what is left of a stand, and takes its last word on the run into the results.
+    fn take_up(&self, ended: Ended, finished: Finished, session: &Session) -> Ended {
+        let Finished { trace, health, capture, remark } = finished;
+        if let Some(remark) = remark {
+            session.progress.say(&remark);
+        }
+        let mut ended = ended.and_saved(capture);
+        match trace {
+            Ok(Some(trace)) => ended = ended.and_saved(self.save_trace(&trace, session)),
+            Ok(None) => {}
+            Err(error) => {
+                session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
             }
         }
-        match stopped {
+        match health {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
-            Ok(health) if ended.failures.is_empty() => ended.results.set_health(&health),
+            Ok(Some(health)) if ended.failures.is_empty() => ended.results.set_health(&health),
             // A run that failed has said why; its nodes then have little to add.
-            Err(error) if ended.exit != Exit::RunFailed => {
+            Err(Failure { exit, error }) if ended.exit != Exit::RunFailed => {
                 // No repetition failed, so it is no such code.
-                let exit = if error.exit() == Exit::RunFailed { Exit::Internal } else { error.exit() };
-                ended.failures.push(error.into());
+                let exit = if exit == Exit::RunFailed { Exit::Internal } else { exit };
+                ended.failures.push(error);
                 ended.exit = if ended.exit == Exit::Pass { exit } else { ended.exit };
             }
             _ => {}
         }
-        Ok(ended)
+        ended
     }
 
     /// Saves the tables that the report draws, and the timeline and the arm's motion where they are asked for.

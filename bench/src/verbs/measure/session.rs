@@ -152,9 +152,11 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::exit::Failure;
     use crate::records::conditions::{Health, Measured};
     use crate::records::mode::Mode;
     use crate::records::schedule::Step;
+    use crate::stands::{Finished, StandConfig};
     use plc_node::ExecutionType;
     use std::time::Duration;
 
@@ -165,6 +167,14 @@ mod tests {
     }
 
     impl Stand for Scripted {
+        async fn start(_config: &StandConfig<'_>) -> Result<Self, Failure> {
+            Ok(Self { runs: 0, fails_at: 0 })
+        }
+
+        async fn finish(self, _keeps_capture: bool) -> Finished {
+            Finished { trace: Ok(None), health: Ok(None), capture: Ok(()), remark: None }
+        }
+
         async fn execute(&mut self, _step: Step) -> anyhow::Result<Measured> {
             self.runs += 1;
             if self.runs == self.fails_at {
