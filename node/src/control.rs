@@ -1,10 +1,10 @@
-//! The control port: instructions over TCP in place of standard input, from one controller at a time.
+//! The control port: instructions over TCP instead of standard input, from one controller at a time.
 //!
-//! It is the conversation of [`crate::message`], without authentication: whoever reaches the port moves the robot. So
-//! it belongs on a network of its own. What comes in is not trusted, though. A controller that says what is no
-//! instruction is sent away, which also keeps a web page from driving a node through its reader's browser: the first
-//! line of HTTP is none. A controller that does not read is sent away too, before what waits for it fills the memory,
-//! and one whose host is gone is missed after seconds.
+//! It carries the messages of [`crate::message`] without authentication: whoever reaches the port can move the robot.
+//! So it belongs on a network of its own. What arrives is still not trusted. A controller that sends anything but an
+//! instruction is disconnected. This also keeps a web page from controlling a node through its reader's browser,
+//! because the first line of HTTP is no instruction. A controller that does not read is disconnected before its
+//! unread messages fill the memory, and one whose host disappeared is disconnected after some seconds.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -17,37 +17,37 @@ use socket2::{SockRef, TcpKeepalive};
 use crate::input::{Input, Lines};
 use crate::message::Message;
 
-/// Longest answer that waits for a controller to read it, in bytes: minutes of what a node has to say.
+/// Most bytes that wait for a controller to read them: the messages of minutes.
 const OUTPUT_LIMIT: usize = 1024 * 1024;
 
-/// After this time without a sign of life the controller's host is asked for one.
+/// Time without data after which the controller's host is probed (TCP keep-alive).
 const IDLE: Duration = Duration::from_secs(5);
-/// How often it is asked.
+/// Interval between the probes.
 const PROBE_EVERY: Duration = Duration::from_secs(1);
-/// After how many questions without an answer it is gone.
+/// Unanswered probes after which the connection is closed.
 const PROBES: u32 = 3;
 
-/// How long connections are not accepted after the host could not accept one, in ms.
-pub(crate) const REST_MS: i64 = 500;
+/// Time in ms without accepting connections after the host failed to accept one.
+pub(crate) const PAUSE_MS: i64 = 500;
 
 /// The port cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[error("listening for a controller on {address}: {reason}; choose an address of this host and a free port")]
 pub struct ControlError {
-    /// The address that was asked for.
+    /// The requested address.
     pub address: SocketAddr,
-    /// What the kernel said.
+    /// The kernel's error.
     pub reason: std::io::Error,
 }
 
-/// Where a node listens for its controller.
+/// Port on which a node listens for its controller.
 #[derive(Debug)]
 pub struct ControlPort {
     listener: TcpListener,
     controller: Option<Controller>,
     waiting: VecDeque<Input>,
-    /// The host could not accept a connection: asking again at once would only cost time.
-    rests: bool,
+    /// Accepting failed on the host; trying again at once would only cost time.
+    paused: bool,
 }
 
 #[derive(Debug)]
@@ -56,8 +56,9 @@ struct Controller {
     peer: SocketAddr,
     lines: Lines,
     output: Vec<u8>,
-    /// Until it has said something it yields to the next one: it may be a port scanner, or somebody's forgotten shell.
-    spoke: bool,
+    /// Whether it has sent a line. Until then the next controller replaces it: it may be a port scanner or a
+    /// forgotten shell.
+    has_sent_line: bool,
 }
 
 impl ControlPort {
@@ -65,48 +66,48 @@ impl ControlPort {
     ///
     /// # Errors
     ///
-    /// The address is not this host's, or the port is taken.
+    /// The address is not one of this host's, or the port is taken.
     pub fn listen(address: SocketAddr) -> Result<Self, ControlError> {
         let failed = |reason| ControlError { address, reason };
-        // The standard library sets SO_REUSEADDR: a node that is started again finds its last connections in TIME_WAIT.
+        // The standard library sets SO_REUSEADDR: a restarted node finds its former connections in TIME_WAIT.
         let listener = TcpListener::bind(address).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { listener, controller: None, waiting: VecDeque::new(), rests: false })
+        Ok(Self { listener, controller: None, waiting: VecDeque::new(), paused: false })
     }
 
-    /// Where it listens; the port that the kernel chose, if 0 was asked for.
+    /// Returns the address that it listens on, with the port that the kernel chose if 0 was requested.
     ///
     /// # Errors
     ///
-    /// The kernel does not say.
+    /// The kernel's error.
     pub fn address(&self) -> std::io::Result<SocketAddr> {
         self.listener.local_addr()
     }
 
-    /// Sends the controller a line, if there is one.
-    pub(crate) fn tell(&mut self, line: &str) {
+    /// Sends the controller a line, if one is connected.
+    pub(crate) fn send(&mut self, line: &str) {
         let Some(controller) = &mut self.controller else { return };
-        let outcome = controller.tell(line);
+        let outcome = controller.send(line);
         self.settle(outcome);
     }
 
-    /// Sends the controller away.
-    pub(crate) fn dismiss(&mut self, reason: impl Into<String>) {
+    /// Disconnects the controller.
+    pub(crate) fn disconnect(&mut self, reason: impl Into<String>) {
         if let Some(controller) = self.controller.take() {
-            // What it still had to say is of nobody any more.
+            // Its unread lines must not be carried out any more.
             self.waiting.retain(|input| !matches!(input, Input::Line(_)));
             self.waiting.push_back(Input::Detached { peer: controller.peer, reason: reason.into() });
         }
     }
 
-    /// What happened, the oldest first.
+    /// Returns the oldest input not yet returned.
     pub(crate) fn next(&mut self) -> Option<Input> {
         self.waiting.pop_front()
     }
 
-    /// What to poll for: the listener, unless it rests, and the controller.
-    pub(crate) fn awaits(&self) -> [Option<PollFd<'_>>; 2] {
-        let listener = (!self.rests).then(|| PollFd::new(&self.listener, PollFlags::IN));
+    /// Returns what to poll: the listener, unless it pauses, and the controller.
+    pub(crate) fn poll_fds(&self) -> [Option<PollFd<'_>>; 2] {
+        let listener = (!self.paused).then(|| PollFd::new(&self.listener, PollFlags::IN));
         let controller = self.controller.as_ref().map(|controller| {
             let to_send = if controller.output.is_empty() { PollFlags::empty() } else { PollFlags::OUT };
             PollFd::new(&controller.stream, PollFlags::IN | to_send)
@@ -114,39 +115,39 @@ impl ControlPort {
         [listener, controller]
     }
 
-    pub(crate) const fn rests(&self) -> bool {
-        self.rests
+    pub(crate) const fn paused(&self) -> bool {
+        self.paused
     }
 
-    /// Sees to whatever is ready. Nothing here waits, so that it may be called for nothing.
-    pub(crate) fn attend(&mut self) {
-        self.rests = false;
-        // The controller first: one that has just gone makes room for the next.
+    /// Handles whatever is ready. Nothing here blocks, so it may also be called when nothing is ready.
+    pub(crate) fn handle(&mut self) {
+        self.paused = false;
+        // The controller first: if it just left, the next one can be accepted.
         if let Some(controller) = &mut self.controller {
-            let outcome = controller.attend(&mut self.waiting);
+            let outcome = controller.handle(&mut self.waiting);
             self.settle(outcome);
         }
         match self.listener.accept() {
             Ok((stream, peer)) => self.receive(stream, peer),
             Err(error) => {
                 let harmless = [ErrorKind::WouldBlock, ErrorKind::Interrupted, ErrorKind::ConnectionAborted];
-                self.rests = !harmless.contains(&error.kind());
+                self.paused = !harmless.contains(&error.kind());
             }
         }
     }
 
     fn receive(&mut self, stream: TcpStream, peer: SocketAddr) {
         if let Some(controller) = &self.controller {
-            if controller.spoke {
+            if controller.has_sent_line {
                 let busy = Message::<()>::Busy { controller: controller.peer };
                 let line = busy.to_json() + "\n";
-                // It fits a new connection's buffer; a visitor that is gone already does not matter.
+                // The line fits a new connection's buffer; if the client is gone already, it does not matter.
                 let _ = (&stream).write_all(line.as_bytes());
                 return;
             }
-            self.dismiss("it said nothing, and another one came");
+            self.disconnect("it sent no line before another controller connected");
         }
-        // One that is gone already fails here.
+        // This fails if the client is gone already.
         if prepare(&stream).is_ok() {
             self.controller = Some(Controller::new(stream, peer));
             self.waiting.push_back(Input::Attached(peer));
@@ -155,7 +156,7 @@ impl ControlPort {
 
     fn settle(&mut self, outcome: Result<(), String>) {
         if let Err(reason) = outcome {
-            self.dismiss(reason);
+            self.disconnect(reason);
         }
     }
 }
@@ -171,12 +172,12 @@ fn prepare(stream: &TcpStream) -> std::io::Result<()> {
 
 impl Controller {
     fn new(stream: TcpStream, peer: SocketAddr) -> Self {
-        Self { stream, peer, lines: Lines::default(), output: Vec::new(), spoke: false }
+        Self { stream, peer, lines: Lines::default(), output: Vec::new(), has_sent_line: false }
     }
 
-    fn tell(&mut self, line: &str) -> Result<(), String> {
+    fn send(&mut self, line: &str) -> Result<(), String> {
         if self.output.len() + line.len() > OUTPUT_LIMIT {
-            return Err("it does not read what it is told".to_owned());
+            return Err("it does not read the messages".to_owned());
         }
         self.output.extend_from_slice(line.as_bytes());
         self.output.push(b'\n');
@@ -195,8 +196,8 @@ impl Controller {
         Ok(())
     }
 
-    /// Reads once: what is still there is told by the next poll, after everybody else had a turn.
-    fn attend(&mut self, waiting: &mut VecDeque<Input>) -> Result<(), String> {
+    /// Reads once. If more is there, the next poll reports it, after the other inputs had their turn.
+    fn handle(&mut self, waiting: &mut VecDeque<Input>) -> Result<(), String> {
         self.flush()?;
         let mut bytes = [0; 4096];
         match self.stream.read(&mut bytes) {
@@ -204,7 +205,7 @@ impl Controller {
             Ok(len) => {
                 let whole = self.lines.take(bytes.get(..len).unwrap_or_default());
                 let lines = whole.map_err(|_| "its line has no end".to_owned())?;
-                self.spoke |= !lines.is_empty();
+                self.has_sent_line |= !lines.is_empty();
                 waiting.extend(lines.into_iter().map(Input::Line));
                 Ok(())
             }
@@ -226,19 +227,19 @@ mod tests {
         (port, address)
     }
 
-    /// What happens next on the port, however long that takes.
+    /// Waits for the next input of the port.
     fn next(port: &mut ControlPort) -> Input {
         loop {
             if let Some(input) = port.next() {
                 return input;
             }
-            let mut waits: Vec<_> = port.awaits().into_iter().flatten().collect();
+            let mut waits: Vec<_> = port.poll_fds().into_iter().flatten().collect();
             poll(&mut waits, None).unwrap();
-            port.attend();
+            port.handle();
         }
     }
 
-    /// A visitor whom the port has noticed.
+    /// Connects a client and waits until the port noticed it.
     fn visit(port: &mut ControlPort, address: SocketAddr) -> TcpStream {
         let stream = TcpStream::connect(address).unwrap();
         assert_eq!(next(port), Input::Attached(stream.local_addr().unwrap()));
@@ -253,28 +254,28 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_speaks_and_is_spoken_to_in_lines() {
+    fn a_controller_sends_and_receives_lines() {
         let (mut port, address) = port();
         let mut controller = visit(&mut port, address);
         controller.write_all(b"\"rep").unwrap();
         controller.write_all(b"ort\"\n\"stop\"\n").unwrap();
         assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
         assert_eq!(next(&mut port), Input::Line("\"stop\"".to_owned()));
-        port.tell("\"link_up\"");
+        port.send("\"link_up\"");
         let mut line = String::new();
         BufReader::new(&controller).read_line(&mut line).unwrap();
         assert_eq!(line, "\"link_up\"\n");
     }
 
     #[test]
-    fn a_second_controller_is_told_of_the_first_and_the_next_one_may_follow_it() {
+    fn a_second_controller_is_told_who_has_the_port_and_the_next_one_gets_it_once_it_is_free() {
         let (mut port, address) = port();
         let mut first = visit(&mut port, address);
         first.write_all(b"\"report\"\n").unwrap();
         assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
 
         let second = TcpStream::connect(address).unwrap();
-        port.attend();
+        port.handle();
         let mut lines = BufReader::new(second).lines();
         let peer = first.local_addr().unwrap();
         assert_eq!(lines.next().unwrap().unwrap(), format!(r#"{{"busy":{{"controller":"{peer}"}}}}"#));
@@ -286,17 +287,17 @@ mod tests {
     }
 
     #[test]
-    fn who_says_nothing_yields_to_the_next() {
+    fn a_controller_that_sends_nothing_is_replaced_by_the_next() {
         let (mut port, address) = port();
         let silent = visit(&mut port, address);
         let second = TcpStream::connect(address).unwrap();
-        assert_eq!(detached(next(&mut port)), "it said nothing, and another one came");
+        assert_eq!(detached(next(&mut port)), "it sent no line before another controller connected");
         assert_eq!(next(&mut port), Input::Attached(second.local_addr().unwrap()));
         assert_eq!((&silent).read(&mut [0]).unwrap(), 0);
     }
 
     #[test]
-    fn a_line_without_an_end_ends_the_conversation() {
+    fn a_line_without_an_end_ends_the_connection() {
         let (mut port, address) = port();
         let mut controller = visit(&mut port, address);
         let flood = std::thread::spawn(move || while controller.write_all(&[0xff; 4096]).is_ok() {});
@@ -306,24 +307,24 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_does_not_read_is_sent_away_before_it_costs_memory() {
+    fn a_controller_that_does_not_read_is_disconnected_before_it_fills_the_memory() {
         let (mut port, address) = port();
         let _deaf = visit(&mut port, address);
         let line = "x".repeat(64 * 1024);
         while port.waiting.is_empty() {
-            port.tell(&line);
+            port.send(&line);
         }
-        assert_eq!(detached(next(&mut port)), "it does not read what it is told");
+        assert_eq!(detached(next(&mut port)), "it does not read the messages");
     }
 
     #[test]
-    fn what_a_dismissed_controller_had_still_to_say_is_forgotten() {
+    fn unread_lines_of_a_disconnected_controller_are_dropped() {
         let (mut port, address) = port();
         let mut controller = visit(&mut port, address);
         controller.write_all(b"POST / HTTP/1.1\n\"stop\"\n").unwrap();
         assert_eq!(next(&mut port), Input::Line("POST / HTTP/1.1".to_owned()));
-        port.dismiss("what it said is no instruction");
-        assert_eq!(detached(next(&mut port)), "what it said is no instruction");
+        port.disconnect("it sent a line that is no instruction");
+        assert_eq!(detached(next(&mut port)), "it sent a line that is no instruction");
         assert_eq!(port.next(), None);
     }
 }

@@ -1,4 +1,4 @@
-//! What the thread beside the cyclic one waits for: instructions, signals, and news from the cyclic thread.
+//! Inputs of the thread beside the cyclic one: instructions, signals, and news from the cyclic thread.
 
 use std::collections::VecDeque;
 use std::os::fd::AsFd;
@@ -7,22 +7,22 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use crate::ControlPort;
-use crate::control::REST_MS;
+use crate::control::PAUSE_MS;
 use crate::input::{Input, Lines};
 use protocol_linux::{Notifier, StopSignals};
 
-/// Where a node's instructions come from.
+/// Source of a node's instructions.
 #[derive(Debug)]
 pub enum Commands {
-    /// Nowhere: it knows what to do.
+    /// None: the node works without instructions.
     None,
-    /// Standard input, from whoever started it.
+    /// Standard input, from the process that started the node.
     Stdin,
-    /// A controller that comes over TCP.
+    /// A controller that connects over TCP.
     Control(ControlPort),
 }
 
-/// Waits for all of it at once.
+/// Waits for all inputs at once.
 #[derive(Debug)]
 pub struct Inbox {
     signals: StopSignals,
@@ -33,7 +33,7 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// An inbox that listens to signals, `news` and whoever gives the commands.
+    /// Creates an inbox for signals, `news` and the instructions' source.
     #[must_use]
     pub fn new(signals: StopSignals, news: Notifier, commands: Commands) -> Self {
         Self { signals, news, commands, lines: Lines::default(), waiting: VecDeque::new() }
@@ -54,7 +54,7 @@ impl Inbox {
         }
     }
 
-    /// The port over which a controller comes, where that is so.
+    /// Returns the control port, if the instructions come from one.
     pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
         match &mut self.commands {
             Commands::Control(port) => Some(port),
@@ -72,10 +72,10 @@ impl Inbox {
                 Commands::None => [None, None],
                 Commands::Stdin => [Some(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN)), None],
                 Commands::Control(port) => {
-                    if port.rests() {
-                        patience = Some(Timespec { tv_sec: 0, tv_nsec: REST_MS * 1_000_000 });
+                    if port.paused() {
+                        patience = Some(Timespec { tv_sec: 0, tv_nsec: PAUSE_MS * 1_000_000 });
                     }
-                    port.awaits()
+                    port.poll_fds()
                 }
             };
             let mut waits: Vec<_> = [news, stop].into_iter().chain(commands.into_iter().flatten()).collect();
@@ -88,7 +88,7 @@ impl Inbox {
             let [news, stop] = [0, 1].map(|index| waits.get(index).is_some_and(is_ready));
             [news, stop, ready == 0 || waits.iter().skip(2).any(is_ready)]
         };
-        // News that happened before a stop is told before it.
+        // News from before a stop is returned before the stop.
         if news {
             self.news.clear();
             self.waiting.push_back(Input::News);
@@ -98,7 +98,7 @@ impl Inbox {
         }
         match &mut self.commands {
             Commands::Stdin if commands => self.read_stdin(&stdin)?,
-            Commands::Control(port) if commands => port.attend(),
+            Commands::Control(port) if commands => port.handle(),
             _ => {}
         }
         Ok(())

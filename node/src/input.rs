@@ -1,22 +1,22 @@
-//! What comes in to the thread beside the cyclic one, and lines of text put together from pieces.
+//! Inputs of the thread beside the cyclic one, and lines of text assembled from pieces.
 
 use std::net::SocketAddr;
 
 use protocol_linux::StopSignal;
 
-/// Longest line that is taken, in bytes; more without an end is no instruction of ours.
+/// Longest accepted line in bytes. No instruction is longer.
 const LINE_LIMIT: usize = 64 * 1024;
 
-/// Something came.
+/// An input.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Input {
-    /// A line of whoever gives the commands, without its end.
+    /// A line from the instructions' source, without its end.
     Line(String),
-    /// Standard input ended: whoever gives the commands is gone.
+    /// Standard input ended: the process that sent instructions is gone.
     Closed,
-    /// A controller came to the control port.
+    /// A controller connected to the control port.
     Attached(SocketAddr),
-    /// The controller went, or was sent away.
+    /// The controller left or was disconnected.
     Detached {
         /// The controller.
         peer: SocketAddr,
@@ -25,20 +25,20 @@ pub enum Input {
     },
     /// A signal.
     Stop(StopSignal),
-    /// The cyclic thread has news, or is gone.
+    /// The cyclic thread has news, or ended.
     News,
 }
 
-/// Puts lines together from the pieces in which they come.
+/// Assembles lines from the pieces in which they arrive.
 #[derive(Default, Debug)]
 pub(crate) struct Lines(Vec<u8>);
 
-/// A line without an end.
+/// A line that exceeds the limit without an end.
 #[derive(PartialEq, Eq, Debug)]
 pub(crate) struct Endless;
 
 impl Lines {
-    /// The lines that this piece completes, without their ends.
+    /// Adds a piece; returns the lines that it completes, without their ends.
     pub(crate) fn take(&mut self, piece: &[u8]) -> Result<Vec<String>, Endless> {
         let mut whole = Vec::new();
         for byte in piece {
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_come_out_whole_however_they_come_in() {
+    fn lines_are_assembled_whole_from_any_pieces() {
         let mut lines = Lines::default();
         assert_eq!(lines.take(b"\"rep").unwrap(), Vec::<String>::new());
         assert_eq!(lines.take(b"ort\"\n\n\xff\n\"st").unwrap(), ["\"report\"", "", "\u{fffd}"]);

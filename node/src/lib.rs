@@ -1,13 +1,13 @@
 //! What both node processes share, whatever their bus and their work.
 //!
 //! ```text
-//! run         the command `run`: its options, and what comes before and after a node on its bus
+//! run         the command `run`: its options, and what happens before and after a node runs on its bus
 //! supervise   the thread beside the cyclic one: news become messages, instructions become commands
-//! ├─ message  the messages and instructions, one JSON line each; report has the figures in them
-//! ├─ inbox    instructions, signals and news, waited for at once; input says what can come
+//! ├─ message  the messages and instructions, one JSON line each; report has their figures
+//! ├─ inbox    waits for instructions, signals and news at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP
 //! node        a node on its cyclic thread; trace_file records its cycles, short_text is text without allocation
-//! output      printing, for a reader that may be gone
+//! output      printing to a reader that may be gone
 //! ```
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]

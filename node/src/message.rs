@@ -1,5 +1,5 @@
-//! What a node's process and whoever started it tell each other: one JSON value a line, over pipes or over
-//! the control port; and the same as lines that a person reads.
+//! Messages between a node's process and the process that controls it: one JSON value a line, over pipes or over the
+//! control port; and the same messages as text for a person.
 
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -9,77 +9,77 @@ use serde::{Deserialize, Serialize};
 use crate::output::to_stdout;
 use crate::report::NodeReport;
 
-/// What a node says. `M` is what only this kind of node says.
+/// What a node sends. `M` are the messages of only this kind of node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Message<M> {
-    /// The node runs and looks for its peer.
+    /// First message: the node runs and looks for its peer.
     Hello(Hello),
-    /// Images are exchanged, both ways.
+    /// The connection is up: images are exchanged in both directions.
     LinkUp,
-    /// No images are exchanged any more, or no connection came about. The node tries again.
+    /// The connection is down, or could not be established. The node tries again.
     LinkDown {
-        /// Why, in words.
+        /// Reason, as text.
         reason: String,
     },
-    /// The peer gave this node an address.
+    /// The peer set this node's IP address.
     Address {
         /// The address.
         address: Ipv4Addr,
-        /// Why the interface did not take it, if it did not.
+        /// Why the interface refused the address, if it did.
         problem: Option<String>,
     },
-    /// How it goes, on request.
+    /// The node's report so far, on request.
     Report(NodeReport),
-    /// The node ends; its last message.
+    /// Last message: the node ends.
     Farewell {
-        /// How it went, unless it broke down.
+        /// The final report, unless the node broke down.
         report: Option<NodeReport>,
-        /// What ended it, where that was not a request.
+        /// Error that ended the node, if it did not end on request.
         problem: Option<String>,
     },
-    /// Somebody else has the control port; nothing more comes.
+    /// Another controller has the control port; nothing follows.
     Busy {
-        /// Who.
+        /// That controller.
         controller: SocketAddr,
     },
-    /// What only this kind of node says.
+    /// A message of only this kind of node.
     Node(M),
 }
 
 /// A node's first message.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Hello {
-    /// Which node, such as `plc-node`.
+    /// The node's program, such as `plc-node`.
     pub node: String,
     /// The setup's name.
     pub setup: String,
-    /// Which bus, and how.
+    /// The bus and its mode.
     pub bus: String,
     /// The interface that it is on.
     pub interface: String,
     /// That interface's MAC address.
     pub mac: String,
-    /// What the host did not grant the cyclic thread, in words.
+    /// What the host refused the cyclic thread, and how to allow it.
     pub warning: Option<String>,
 }
 
-/// What a node is told. `O` is what only this kind of node is told.
+/// What a node receives. `O` are the instructions of only this kind of node.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Instruction<O> {
-    /// Say how it goes.
+    /// Send a report.
     Report,
-    /// End the connection in order, then the process.
+    /// Close the connection in order, then end the process.
     Stop,
-    /// Record each tick from now on, or no more, where the node was started with a file for that.
+    /// Start or stop recording each cycle, if the node was started with a file for it.
     Record(bool),
-    /// What only this kind of node is told.
+    /// An instruction of only this kind of node.
     Node(O),
 }
 
 impl<M: Serialize> Message<M> {
-    /// The message as one line of JSON, without its end.
+    /// Returns the message as one line of JSON, without line end.
     #[must_use]
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).unwrap_or_default()
@@ -112,11 +112,11 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
     }
 }
 
-/// Where messages go.
+/// Format of the messages on standard output.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Console {
-    /// Lines for a person.
-    ShortText,
+    /// Text for a person.
+    Text,
     /// One JSON value a line, for a program.
     Json,
 }
@@ -124,10 +124,10 @@ pub enum Console {
 impl Console {
     /// Prints a message on standard output.
     ///
-    /// Nobody is left to tell if that fails; the end of standard input then says so too.
+    /// A failure is ignored: nobody is left to report it to, and standard input ends then too.
     pub fn tell<M: Serialize + fmt::Display>(self, message: &Message<M>) {
         let line = match self {
-            Self::ShortText => message.to_string(),
+            Self::Text => message.to_string(),
             Self::Json => message.to_json(),
         };
         let _ = to_stdout(format_args!("{line}\n"));

@@ -1,4 +1,4 @@
-//! A node as its process runs it: what every node has in common, whichever its bus and its work.
+//! A node in its process: what all nodes have in common, whatever their bus and their work.
 
 use std::fmt::{self, Debug};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -17,94 +17,94 @@ use protocol_linux::{
     StartError, Statistics, StopSignal, StopSignals, Task, allocation,
 };
 
-/// How long the peer may take to answer the end of a connection, before the process ends without that answer.
-const FAREWELL: Duration = Duration::from_millis(300);
+/// Longest wait for the peer to confirm the end of the connection, before the process ends.
+const DISCONNECT_LIMIT: Duration = Duration::from_millis(300);
 
-/// A machine that is a whole node: a PLC or a robot on its bus.
+/// A machine that is a complete node: a PLC or a robot on its bus.
 pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
-    /// What its owner may want of it, besides what every node does.
+    /// Commands of only this kind of node.
     type Order: Send + Debug + 'static;
-    /// What it answers to that.
+    /// The node's answers to orders.
     type Answer: Send + Debug + 'static;
-    /// What it does in one cycle, for records.
+    /// What the node did in one cycle, for records.
     type Sample: Copy + Send + Debug + 'static;
 
-    /// The news of the connection in an event, if it is one.
+    /// Returns the link event that an event contains, if any.
     fn link_event(event: &Self::Event) -> Option<LinkEvent>;
 
-    /// Does what the owner wants; the answer, if there is one, goes back at once.
+    /// Carries out an order and returns the answer, if there is one.
     fn order(&mut self, now: Instant, order: Self::Order) -> Option<Self::Answer>;
 
-    /// `address_set` of its bus.
+    /// Reports to the bus whether the address was set: `address_set` of the bus.
     fn address_set(&mut self, now: Instant, done: bool);
 
-    /// `explain` of its bus.
+    /// Writes why the peer refused the connection: `explain` of the bus.
     fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
     }
 
-    /// Ends the connection as its standard wants it.
+    /// Closes the connection as its standard demands.
     fn disconnect(&mut self, now: Instant);
 
-    /// Lateness of its own cycle.
+    /// Returns the lateness of the node's own cycle.
     fn lateness(&self) -> &Lateness;
 
-    /// Frames of its bus.
+    /// Returns the frame counters of its bus.
     fn counters(&self) -> Counters;
 
-    /// Changes with each of its cycles.
+    /// Returns a number that changes with each cycle.
     fn cycle_number(&self) -> u64;
 
-    /// What it did in its last cycle, at `now` or before.
+    /// Returns what the node did in its last cycle, at `now` or before.
     fn sample(&self, now: Instant) -> Self::Sample;
 
-    /// Appends a sample as one line: when, in ns of this clock, then the columns of a trace from the third on.
+    /// Appends a sample as one line: the time in ns of this clock, then the columns of a trace from the third on.
     fn write_sample(sample: &Self::Sample, line: &mut String);
 }
 
-/// What the process wants of the cyclic thread.
+/// Commands of the process to the cyclic thread.
 #[derive(Debug)]
 pub enum Command<O> {
-    /// A [`News::Snapshot`] of how it goes.
+    /// Send a [`News::Snapshot`].
     Report,
-    /// An orderly end.
+    /// Close the connection in order and end.
     Stop,
-    /// Record each cycle from now on, or no more.
+    /// Start or stop recording each cycle.
     Record(bool),
-    /// Something that only this node knows.
+    /// A command of only this kind of node.
     Order(O),
 }
 
-/// What the cyclic thread tells the process.
+/// What the cyclic thread sends to the process.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would be an allocation on the cyclic thread")]
 pub enum News<E, A> {
     /// An event of the node.
     Event(E),
-    /// Why the peer refused the connection and what it has instead; the event that says so is next.
+    /// Why the peer refused the connection and what it offers instead; the next news is the event itself.
     Explanation(ShortText),
     /// An answer to an order.
     Answer(A),
-    /// The interface did not take the address that the bus wanted it to have.
+    /// The interface refused the address that the bus set.
     NoAddress(Ipv4Addr, InterfaceError),
-    /// How it goes.
+    /// The node's figures so far.
     Snapshot(Snapshot),
 }
 
-/// How a node does, at one moment.
+/// Figures of a node at one moment.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
     /// Lateness of the node's own cycle.
     pub cycle: Lateness,
-    /// Lateness of the thread, at any deadline of the machine.
+    /// Lateness of the thread at all deadlines of the machine.
     pub wake: Lateness,
-    /// Frames of its bus.
+    /// Frame counters of its bus.
     pub bus: Counters,
-    /// Allocations of the cyclic thread until the connection was up first, and since; none where nobody counts.
+    /// Allocations of the cyclic thread before and after the connection was first up; `None` if they are not counted.
     pub allocations: Option<(u64, u64)>,
-    /// Frames that the kernel did not take.
+    /// Frames that the kernel refused.
     pub send_errors: u64,
-    /// What the kernel said last when it did not take a frame.
+    /// The kernel's last error on sending a frame.
     pub last_send_error: Option<Errno>,
 }
 
@@ -130,9 +130,9 @@ pub struct CyclicTask<S> {
     interface: Interface,
     trace: Option<TraceRing<S>>,
     connected: bool,
-    /// [`allocation::count`] when the connection came up first.
+    /// [`allocation::count`] when the connection was first up.
     at_up: Option<u64>,
-    /// The end of the farewell.
+    /// When to end although the peer has not confirmed the end of the connection.
     stopping: Option<Instant>,
 }
 
@@ -158,7 +158,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 if !self.connected {
                     return ControlFlow::Break(());
                 }
-                self.stopping = Some(now + FAREWELL);
+                self.stopping = Some(now + DISCONNECT_LIMIT);
             }
             Command::Record(on) => {
                 if let Some(trace) = &mut self.trace {
@@ -184,7 +184,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         let link = N::link_event(&event);
         if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
             let mut words = ShortText::default();
-            // ShortText that do not fit are cut off.
+            // Text that does not fit is cut off.
             let _ = node.explain(&mut words);
             if !words.as_str().is_empty() {
                 news.tell(News::Explanation(words));
@@ -229,7 +229,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
     }
 }
 
-/// A node that runs: its cyclic thread, and the ear of the thread beside it.
+/// A running node: its cyclic thread, and the inputs of the thread beside it.
 #[derive(Debug)]
 pub struct NodeProcess<N: Node> {
     thread: CyclicThread<N, CyclicTask<N::Sample>>,
@@ -238,32 +238,32 @@ pub struct NodeProcess<N: Node> {
     ended: bool,
 }
 
-/// Something happened that the process has to act on.
+/// An event that the process has to handle.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "taken apart at once, never kept")]
 pub enum ProcessEvent<E, A> {
-    /// The cyclic thread tells something.
+    /// News from the cyclic thread.
     News(News<E, A>),
-    /// A line of whoever gives the commands.
+    /// A line from the instructions' source.
     Line(String),
-    /// A controller came to the control port.
+    /// A controller connected to the control port.
     Attached(SocketAddr),
-    /// The controller went, or was sent away.
+    /// The controller left or was disconnected.
     Detached {
         /// The controller.
         peer: SocketAddr,
         /// Why.
         reason: String,
     },
-    /// Standard input ended: whoever gave the commands is gone.
+    /// Standard input ended: the process that sent instructions is gone.
     Closed,
     /// A signal asks to stop.
     Signal(StopSignal),
-    /// The cyclic thread ended; nothing more will happen.
+    /// The cyclic thread ended; no event follows.
     Ended,
 }
 
-/// Why a node's process does not go on.
+/// Why a node's process ends with an error.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
     /// It could not start.
@@ -275,16 +275,16 @@ pub enum NodeError {
     /// Its cycles cannot be recorded.
     #[error(transparent)]
     Trace(#[from] TraceError),
-    /// The process could not listen to what happens.
+    /// Waiting for inputs failed.
     #[error("waiting for commands and news: {reason}")]
     Inbox {
-        /// What the kernel said.
+        /// The kernel's error.
         reason: std::io::Error,
     },
-    /// The cyclic thread gave up.
+    /// The cyclic thread's driver failed.
     #[error(transparent)]
     Driver(#[from] DriverError),
-    /// The cyclic thread panicked; what it said is on standard error.
+    /// The cyclic thread panicked; its message is on standard error.
     #[error(
         "the cyclic thread broke down; this is a fault of the program, please report what it printed above"
     )]
@@ -292,10 +292,10 @@ pub enum NodeError {
 }
 
 impl<N: Node> NodeProcess<N> {
-    /// Starts the node on a cyclic thread. It listens to `commands`; cycles are recorded into `trace` while that is
-    /// asked for.
+    /// Starts the node on a cyclic thread. It takes instructions from `commands` and records cycles into `trace` when
+    /// instructed to.
     ///
-    /// `signals` has to be there before any thread is, so the caller brings it.
+    /// The caller provides `signals`, because they must be blocked before any thread starts.
     pub fn start(
         node: N,
         interface: Interface,
@@ -310,34 +310,34 @@ impl<N: Node> NodeProcess<N> {
             }
             None => (None, None),
         };
-        let keeper = CyclicTask { interface, trace: ring, connected: false, at_up: None, stopping: None };
+        let task = CyclicTask { interface, trace: ring, connected: false, at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);
-        let driver = Driver::new(node, keeper.interface.clone(), waker.clone())?;
-        let thread = CyclicThread::start(driver, keeper, waker, reader)?;
+        let driver = Driver::new(node, task.interface.clone(), waker.clone())?;
+        let thread = CyclicThread::start(driver, task, waker, reader)?;
         Ok(Self { thread, trace, inbox, ended: false })
     }
 
-    /// What the host did not grant, in words.
+    /// Returns what the host refused the cyclic thread and how to allow it.
     pub fn warning(&self) -> Option<&str> {
         self.thread.warning()
     }
 
-    /// Tells the cyclic thread to do something.
+    /// Sends the cyclic thread a command.
     pub fn send(&mut self, command: Command<N::Order>) -> Result<(), RingFull> {
         self.thread.send(command)
     }
 
-    /// The control port, where the node has one.
+    /// Returns the control port, if the node has one.
     pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
         self.inbox.control()
     }
 
-    /// Waits for what happens next.
-    pub fn next_happening(&mut self) -> Result<ProcessEvent<N::Event, N::Answer>, NodeError> {
+    /// Waits for the next event.
+    pub fn next_event(&mut self) -> Result<ProcessEvent<N::Event, N::Answer>, NodeError> {
         loop {
-            // Asked before the ring is looked at: what was told before the end is still in it.
+            // Read before the ring: what was sent before the end is still in the ring then.
             let ended = self.thread.has_ended();
             if let Some(news) = self.thread.news() {
                 return Ok(ProcessEvent::News(news));
@@ -357,12 +357,12 @@ impl<N: Node> NodeProcess<N> {
         }
     }
 
-    /// Waits for the thread's end and says how the node did, unless the thread broke down, and how it ended.
+    /// Waits for the thread's end. Returns the node's final figures, unless the thread panicked, and its result.
     pub fn finish(self) -> (Option<Snapshot>, Result<(), NodeError>) {
         let Ok(mut finished) = self.thread.join() else {
             return (None, Err(NodeError::Panic));
         };
-        // The writer ends when nobody holds the other end of its ring.
+        // The writer ends when the other end of its ring is dropped.
         drop(finished.task.trace.take());
         let traced = self.trace.map_or(Ok(()), TraceWriter::finish);
         let (node, statistics) = (finished.driver.machine(), finished.driver.statistics());

@@ -1,12 +1,12 @@
-//! What `print!` and `eprintln!` do, for a reader that may be gone.
+//! Printing like `print!` and `eprintln!`, but to a reader that may be gone.
 //!
-//! Who closes the other end of a pipe, as `head` does, wants no more; that is no failure of a node that runs, or of a run
-//! whose results are saved.
+//! A reader that closes its end of a pipe, as `head` does, wants no more output. That is no failure of a running
+//! node, nor of a run whose results are saved.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Result, Write as _, stderr, stdout};
 
-/// As [`eprintln!`], and no panic where nobody reads any more.
+/// Prints like [`eprintln!`], without a panic if the reader is gone.
 #[macro_export]
 macro_rules! errln {
     ($($words:tt)*) => { $crate::output::to_stderr(format_args!($($words)*)) };
@@ -16,7 +16,7 @@ macro_rules! errln {
 ///
 /// # Errors
 ///
-/// The words cannot be written although somebody wants them, on a full disk for instance.
+/// Writing failed although there is a reader, for example on a full disk.
 pub fn to_stdout(words: Arguments<'_>) -> Result<()> {
     match stdout().write_fmt(words) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
@@ -24,7 +24,7 @@ pub fn to_stdout(words: Arguments<'_>) -> Result<()> {
     }
 }
 
-/// What [`errln!`] does: writes a line to standard error. Nobody could be told that it failed.
+/// Writes a line to standard error, for [`errln!`]. A failure cannot be reported to anybody.
 pub fn to_stderr(words: Arguments<'_>) {
     let _ = writeln!(stderr(), "{words}");
 }

@@ -1,4 +1,4 @@
-//! What a node reports of itself, the same for every node, fit to be sent as JSON.
+//! The report of a node about itself: the same for all nodes, and can be sent as JSON.
 
 use std::fmt;
 
@@ -8,20 +8,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::Snapshot;
 
-/// How late the runs of a cyclic task were.
+/// Lateness of the runs of a cyclic task.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
 pub struct LatenessReport {
     /// Runs of the task.
     pub runs: u64,
     /// Cycles that passed without a run.
     pub missed: u64,
-    /// Half of the runs were not later than this, in µs.
+    /// Median lateness, in µs.
     pub p50_us: f64,
-    /// 99 of 100 runs were not later than this, in µs.
+    /// 99th percentile of the lateness, in µs.
     pub p99_us: f64,
-    /// The latest run, in µs.
+    /// Largest lateness, in µs.
     pub max_us: f64,
-    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    /// Histogram: for each bucket with runs, its upper bound in µs and its number of runs.
     pub buckets: Vec<(f64, u32)>,
 }
 
@@ -39,8 +39,8 @@ impl From<&Lateness> for LatenessReport {
 }
 
 impl LatenessReport {
-    /// What was added to an earlier report of the same task. The quantiles are those of the buckets; the latest run is
-    /// too, unless it is the latest of all.
+    /// Returns the runs since an earlier report of the same task. Quantiles are computed from the buckets; so is the
+    /// largest lateness, unless the largest of all runs is among these.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let earlier =
@@ -67,27 +67,28 @@ fn micros(duration: Duration) -> f64 {
     duration.as_nanos() as f64 / 1_000.0
 }
 
-/// Cyclic frames of a bus endpoint: [`Counters`].
+/// Counters of a bus endpoint's cyclic frames: [`Counters`].
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
 pub struct BusReport {
     /// Cyclic frames sent.
     pub sent: u64,
-    /// Cyclic frames received and taken over.
+    /// Cyclic frames received and accepted.
     pub received: u64,
-    /// Cycles without a frame, because the node came too late to send it.
+    /// Own cycles without a frame, because the node woke too late to send it.
     pub skipped: u64,
-    /// Cycles of the peer for which no frame came, by its counter; those that it skipped are among them.
+    /// Cycles of the peer whose frame did not arrive, by the peer's cycle counter; cycles that the peer skipped
+    /// included.
     pub lost: u64,
-    /// Cyclic frames out of order or twice, dropped.
+    /// Cyclic frames dropped because they were out of order or duplicates.
     pub late: u64,
-    /// Frames that broke the format.
+    /// Malformed frames.
     pub malformed: u64,
-    /// Frames in good format that are not for this connection.
+    /// Well-formed frames of another connection.
     pub foreign: u64,
 }
 
 impl BusReport {
-    /// What was added to an earlier report of the same endpoint.
+    /// Returns the counts since an earlier report of the same endpoint.
     #[must_use]
     pub const fn since(&self, before: &Self) -> Self {
         Self {
@@ -116,35 +117,34 @@ impl From<BusReport> for Counters {
     }
 }
 
-/// What a node did.
+/// Figures of a node.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
 pub struct NodeReport {
     /// Lateness of the node's own cycle: the PLC's scan, the robot's interpolation cycle.
     pub cycle: LatenessReport,
-    /// Lateness of the thread, at any deadline of the machine.
+    /// Lateness of the thread at all deadlines of the machine.
     pub wake: LatenessReport,
-    /// The bus endpoint's frames.
+    /// Counters of the bus endpoint's frames.
     pub bus: BusReport,
-    /// Allocations of the cyclic thread from its start until the connection was up, and from then to its end; none
-    /// where they are not counted.
+    /// Allocations of the cyclic thread before and after the connection was first up; `None` if they are not counted.
     pub allocations: Option<Allocations>,
-    /// Frames of any kind that the kernel did not take.
+    /// Frames of any kind that the kernel refused.
     pub send_errors: u64,
-    /// What the kernel said last when it did not take a frame.
+    /// The kernel's last error on sending a frame.
     pub last_send_error: Option<String>,
 }
 
 /// Allocations of a cyclic thread.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
 pub struct Allocations {
-    /// From the first wake until the connection was up.
+    /// From the first wake until the connection was first up.
     pub while_connecting: u64,
     /// From then until the thread's end: the cyclic path.
     pub while_cyclic: u64,
 }
 
 impl NodeReport {
-    /// What was added to an earlier report of the same node.
+    /// Returns the figures since an earlier report of the same node.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let cyclic = before.allocations.map_or(0, |allocations| allocations.while_cyclic);
@@ -208,7 +208,7 @@ mod tests {
     use super::*;
     use machine::{Instant, Tick};
 
-    /// A report on runs that were as late as this, in µs.
+    /// Builds a report of runs with these latenesses in µs.
     fn report(lateness: &mut Lateness, late_us: &[u64]) -> LatenessReport {
         for micros in late_us {
             let lateness_of_run = Duration::from_micros(*micros);
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_added_to_a_report_is_told_apart_from_what_was_there() {
+    fn the_difference_of_two_reports_contains_only_the_later_runs() {
         let mut lateness = Lateness::default();
         let before = report(&mut lateness, &[10, 10, 5_000]);
         assert_eq!(before.since(&LatenessReport::default()), before);

@@ -1,10 +1,10 @@
-//! The command `run` of both nodes: its options, and what comes before and after a node on its bus.
+//! The command `run` of both nodes: its options, and what happens before and after a node runs on its bus.
 //!
 //! ```text
 //! RunOptions::prepare    signals, capabilities, the setup with its plan, the interface
 //!   the node's own       its bus, from first_cycle on
-//! Prepared::supervise    the cyclic thread, whoever leads it, what is said of it
-//! exit_code              what the process ends with
+//! Prepared::supervise    the cyclic thread, the source of its instructions, its messages
+//! exit_code              the process's exit code
 //! ```
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
@@ -19,16 +19,16 @@ use protocol_linux::{Interface, StopSignals, capabilities, clock};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::message::{Console, Hello};
-use crate::supervise::{Conductor, Outcome, supervise};
+use crate::supervise::{OperatingMode, Outcome, supervise};
 use crate::{Commands, ControlPort, Node, NodeProcess, errln};
 
-/// Time that the program has to get going before its first cycle.
+/// Time between the start of the program and its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
 
-/// UDP port of the cable without a protocol.
+/// UDP port of the connection without a bus protocol.
 const DIRECT_PORT: u16 = 34_900;
 
-/// Options of `run` that both nodes have.
+/// Options of `run` for both nodes.
 #[derive(clap::Args, Debug)]
 pub struct RunOptions {
     /// A built-in setup's name, or the path of a .toml file.
@@ -48,15 +48,15 @@ pub struct RunOptions {
     /// Take instructions from standard input and answer in JSON.
     #[arg(long, hide = true)]
     pub json: bool,
-    /// Exchange images without a protocol, for tests that are not about a bus.
+    /// Exchange images without a bus protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     pub direct: bool,
-    /// Record cycles into this file, while instructions ask for it.
+    /// Record cycles into this file while instructed to.
     #[arg(long, hide = true)]
     pub trace_file: Option<PathBuf>,
 }
 
-/// What a node needs before it can be on its bus.
+/// What a node needs to start on its bus.
 #[derive(Debug)]
 pub struct Prepared {
     /// The setup, checked.
@@ -65,20 +65,20 @@ pub struct Prepared {
     pub application: Found,
     /// That application's motions.
     pub plan: Plan,
-    /// Where the other node is; up.
+    /// The interface to the other node; it is up.
     pub interface: Interface,
     signals: StopSignals,
 }
 
 impl RunOptions {
-    /// Makes everything ready. Call it before the process has a second thread.
+    /// Prepares a node: signals, capabilities, setup, plan and interface. Call it while the process has one thread.
     ///
     /// # Errors
     ///
-    /// A setup or an application that is not there or is wrong ([`setup::Error`], [`planning::Error`]), or what the host
-    /// does not allow.
+    /// A setup or an application does not exist or is wrong ([`setup::Error`], [`planning::Error`]), or the host does
+    /// not allow something.
     pub fn prepare(&self) -> anyhow::Result<Prepared> {
-        // Threads inherit which signals are blocked, and the capabilities.
+        // Threads inherit the blocked signals and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
         capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
@@ -92,15 +92,15 @@ impl RunOptions {
         Ok(Prepared { setup, application, plan, interface, signals })
     }
 
-    /// Whether somebody leads the node, over TCP or on its standard input.
+    /// Returns whether the node takes instructions, over TCP or from standard input.
     #[must_use]
-    pub const fn is_led(&self) -> bool {
+    pub const fn takes_instructions(&self) -> bool {
         self.control.is_some() || self.json
     }
 }
 
 impl Prepared {
-    /// A cable without a protocol to `peer`, in use from `start` on.
+    /// Returns a connection to `peer` without a bus protocol, in use from `start` on.
     #[must_use]
     pub fn direct(&self, peer: Ipv4Addr, start: Instant) -> Direct {
         let cycle = Duration::from_micros(self.setup.bus.cycle_us.value.into());
@@ -108,7 +108,7 @@ impl Prepared {
         bus.over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT))
     }
 
-    /// What a node says that has no endpoint for the setup's bus.
+    /// Returns the error of a node that has no endpoint for the setup's bus.
     #[must_use]
     pub fn no_endpoint(&self, bus: BusKind) -> anyhow::Error {
         anyhow::anyhow!(
@@ -117,18 +117,18 @@ impl Prepared {
         )
     }
 
-    /// Runs a node, which `endpoint` says what it is on its bus, until it is ended or `conductor` ends it.
+    /// Runs `node` until it is asked to end or `mode` ends it. `endpoint` is its role on the bus, for its first message.
     ///
     /// # Errors
     ///
     /// The control port cannot be opened, or the cyclic thread does not start.
-    pub fn supervise<N: Node, C: Conductor<N>>(
+    pub fn supervise<N: Node, C: OperatingMode<N>>(
         self,
         options: &RunOptions,
         name: &str,
         endpoint: &str,
         node: N,
-        conductor: &mut C,
+        mode: &mut C,
     ) -> anyhow::Result<Outcome> {
         let Self { setup, interface, signals, .. } = self;
         let hello = Hello {
@@ -140,24 +140,25 @@ impl Prepared {
             warning: None,
         };
         let (console, commands) = match options.control {
-            Some(address) => (Console::ShortText, Commands::Control(ControlPort::listen(address)?)),
+            Some(address) => (Console::Text, Commands::Control(ControlPort::listen(address)?)),
             None if options.json => (Console::Json, Commands::Stdin),
-            None => (Console::ShortText, Commands::None),
+            None => (Console::Text, Commands::None),
         };
         let trace = options.trace_file.as_deref();
         let process = NodeProcess::start(node, interface, signals, commands, trace)?;
-        Ok(supervise(process, conductor, console, hello))
+        Ok(supervise(process, mode, console, hello))
     }
 }
 
-/// When a node's first cycle is that starts now.
+/// Returns the time of the first cycle of a node that starts now.
 #[must_use]
 pub fn first_cycle() -> Instant {
     clock::now() + LEAD
 }
 
-/// What the process ends with, after it has said what went wrong. `is_usage` tells which errors of the node's own are the
-/// user's to put right, as a setup's and an application's are; all others are the host's.
+/// Prints the error of a run, if it failed, and returns the process's exit code. `is_usage` returns true for the
+/// node's own errors that the user can correct, as errors in a setup or an application are; all others count as
+/// errors of the host.
 pub fn exit_code(
     outcome: anyhow::Result<Outcome>,
     is_usage: impl FnOnce(&anyhow::Error) -> bool,

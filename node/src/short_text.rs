@@ -1,11 +1,11 @@
-//! A short text without allocation: what the cyclic thread has to say in words.
+//! A short text that the cyclic thread can build without allocation.
 
 use std::fmt;
 
-/// Bytes that fit.
+/// Capacity in bytes.
 const ROOM: usize = 768;
 
-/// A text of bounded length. What does not fit is cut off at a character's border.
+/// A text of bounded length. What does not fit is cut off at a character boundary.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct ShortText {
     text: [u8; ROOM],
@@ -13,7 +13,7 @@ pub struct ShortText {
 }
 
 impl ShortText {
-    /// The text.
+    /// Returns the text.
     #[must_use]
     pub fn as_str(&self) -> &str {
         let text = self.text.get(..self.len).unwrap_or_default();
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_text_that_is_too_long_ends_with_a_whole_character() {
+    fn a_text_that_is_too_long_is_cut_after_a_whole_character() {
         let mut words = ShortText::default();
         assert!(write!(words, "every {} µs and", 100).is_ok());
         assert_eq!(words.as_str(), "every 100 µs and");

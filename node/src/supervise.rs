@@ -1,8 +1,8 @@
 //! The thread beside the cyclic one: turns news into messages, and instructions, signals and the end of standard
 //! input into commands.
 //!
-//! Over a control port controllers come and go while the node runs on. The node greets each with what it missed, and
-//! gives up what the one that left had started.
+//! Over a control port, controllers come and go while the node runs. The node sends each new one its current state,
+//! and ends what the previous one had started.
 
 use std::fmt::Display;
 use std::process::ExitCode;
@@ -15,34 +15,34 @@ use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::{Command, News, Node, NodeError, NodeProcess, ProcessEvent, ShortText, errln};
 
-/// What one kind of node adds to what all nodes do.
-pub trait Conductor<N: Node> {
-    /// What only this kind of node says.
+/// What one kind of node adds to the supervision of a node, with or without instructions.
+pub trait OperatingMode<N: Node> {
+    /// Messages of only this kind of node.
     type Message: Serialize + Display;
-    /// What only this kind of node is told.
+    /// Instructions of only this kind of node.
     type Instruction: DeserializeOwned;
 
-    /// An event that is no [`LinkEvent`], in words; and what to do about it.
+    /// Handles an event that is not a [`LinkEvent`]: returns its message, if any, and what to do.
     fn event(&mut self, event: N::Event) -> (Option<Self::Message>, Next<N::Order>);
 
-    /// The connection came up or went down; what to do about it.
+    /// Handles the connection coming up or going down.
     fn link(&mut self, _event: LinkEvent) -> Next<N::Order> {
         Next::Wait
     }
 
-    /// The node's answer to an order, in words; and what to do about it.
+    /// Handles the node's answer to an order: returns its message and what to do.
     fn answer(&mut self, answer: N::Answer) -> (Self::Message, Next<N::Order>);
 
-    /// The order that an instruction means.
+    /// Converts an instruction to an order.
     fn instruction(&mut self, instruction: Self::Instruction) -> N::Order;
 
-    /// What a controller has to know that comes now, besides whether there is a connection.
+    /// Returns the state that a new controller has to know, besides whether the connection is up.
     fn greeting(&self) -> Option<Self::Message> {
         None
     }
 
-    /// What to do about a controller that left.
-    fn deserted(&mut self) -> Next<N::Order> {
+    /// Handles the loss of a controller.
+    fn controller_left(&mut self) -> Next<N::Order> {
         Next::Wait
     }
 }
@@ -52,20 +52,20 @@ pub trait Conductor<N: Node> {
 pub enum Next<O> {
     /// Nothing.
     Wait,
-    /// Give the node an order.
+    /// Send the node an order.
     Order(O),
-    /// End in order, with this result.
+    /// Close the connection in order and end with this result.
     End(Outcome),
 }
 
-/// How a node's process ended; the numbers are its exit codes, the same as the bench's.
+/// How a node's process ended. The numbers are its exit codes, the same as the bench's.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Outcome {
-    /// As asked.
+    /// Ended on request.
     Done = 0,
-    /// A fault of the program.
+    /// An error of the program.
     Internal = 1,
-    /// The command line or a setup is wrong.
+    /// An error in the command line or a setup.
     Usage = 2,
     /// A run failed.
     RunFailed = 4,
@@ -79,34 +79,34 @@ impl From<Outcome> for ExitCode {
     }
 }
 
-/// Tells what happens until the node ends, and ends it when asked to.
-pub fn supervise<N: Node, C: Conductor<N>>(
+/// Prints or sends what happens until the node ends, and ends it on request.
+pub fn supervise<N: Node, C: OperatingMode<N>>(
     mut process: NodeProcess<N>,
-    conductor: &mut C,
+    mode: &mut C,
     console: Console,
     hello: Hello,
 ) -> Outcome {
     let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
     console.tell::<C::Message>(&Message::Hello(hello.clone()));
     if let Some(Ok(address)) = process.control().map(|port| port.address()) {
-        note(format_args!("controlled over {address}, by whoever reaches it"));
+        log(format_args!("controlled over {address}, by whoever reaches it"));
     }
     let mut supervisor =
-        Supervisor { process: &mut process, conductor, console, hello, linked: false, explanation: None };
-    let told = supervisor.converse();
-    let (snapshot, ended) = match told {
+        Supervisor { process: &mut process, mode, console, hello, linked: false, explanation: None };
+    let result = supervisor.run();
+    let (snapshot, ended) = match result {
         Ok(_) => process.finish(),
-        // Without an inbox nobody could end the cyclic thread; it dies with the process.
+        // Without inputs nobody could stop the cyclic thread; it ends with the process.
         Err(NodeError::Inbox { .. }) => (None, Ok(())),
         Err(_) => process.finish(),
     };
-    let problem = told.as_ref().err().or(ended.as_ref().err()).map(ToString::to_string);
+    let problem = result.as_ref().err().or(ended.as_ref().err()).map(ToString::to_string);
     let report = snapshot.as_ref().map(Into::into);
     console.tell::<C::Message>(&Message::Farewell { report, problem: problem.clone() });
     if let Some(problem) = problem {
         errln!("error: {problem}");
     }
-    match (told, ended) {
+    match (result, ended) {
         (Ok(outcome), Ok(())) => outcome,
         (Err(NodeError::Driver(_)), _) | (_, Err(NodeError::Driver(_))) => Outcome::EnvironmentUnusable,
         _ => Outcome::Internal,
@@ -115,36 +115,36 @@ pub fn supervise<N: Node, C: Conductor<N>>(
 
 struct Supervisor<'a, N: Node, C> {
     process: &'a mut NodeProcess<N>,
-    conductor: &'a mut C,
+    mode: &'a mut C,
     console: Console,
     hello: Hello,
-    /// Whether images are exchanged.
+    /// Whether the connection is up.
     linked: bool,
-    /// What the node says of the event that comes next.
+    /// The node's text about the next event.
     explanation: Option<ShortText>,
 }
 
-impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
-    /// Until the cyclic thread has ended.
-    fn converse(&mut self) -> Result<Outcome, NodeError> {
+impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
+    /// Handles events until the cyclic thread has ended.
+    fn run(&mut self) -> Result<Outcome, NodeError> {
         let mut outcome = Outcome::Done;
         loop {
-            let next = match self.process.next_happening()? {
-                ProcessEvent::News(news) => self.tell_news(news),
-                ProcessEvent::Line(line) => self.obey(&line),
+            let next = match self.process.next_event()? {
+                ProcessEvent::News(news) => self.handle_news(news),
+                ProcessEvent::Line(line) => self.handle_instruction(&line),
                 ProcessEvent::Attached(peer) => {
-                    note(format_args!("controlled by {peer}"));
-                    self.greet();
+                    log(format_args!("controlled by {peer}"));
+                    self.send_state();
                     Next::Wait
                 }
                 ProcessEvent::Detached { peer, reason } => {
-                    note(format_args!("no longer controlled by {peer}: {reason}"));
-                    self.conductor.deserted()
+                    log(format_args!("no longer controlled by {peer}: {reason}"));
+                    self.mode.controller_left()
                 }
                 ProcessEvent::Closed | ProcessEvent::Signal(_) => Next::End(Outcome::Done),
                 ProcessEvent::Ended => return Ok(outcome),
             };
-            // A ring that is full belongs to a thread that ended; that is the next thing that happens.
+            // Sending fails only if the thread has ended, and the next event reports that.
             match next {
                 Next::Wait => {}
                 Next::Order(order) => drop(self.process.send(Command::Order(order))),
@@ -158,9 +158,9 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
         }
     }
 
-    fn obey(&mut self, line: &str) -> Next<N::Order> {
+    fn handle_instruction(&mut self, line: &str) -> Next<N::Order> {
         match serde_json::from_str(line) {
-            Ok(Instruction::Node(instruction)) => Next::Order(self.conductor.instruction(instruction)),
+            Ok(Instruction::Node(instruction)) => Next::Order(self.mode.instruction(instruction)),
             Ok(Instruction::Report) => {
                 let _ = self.process.send(Command::Report);
                 Next::Wait
@@ -172,27 +172,28 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
             Ok(Instruction::Stop) => Next::End(Outcome::Done),
             Err(error) => {
                 match self.process.control() {
-                    Some(port) => port.dismiss(format!("what it said is no instruction: {error}")),
-                    None => errln!("not understood, and ignored: `{line}`: {error}"),
+                    Some(port) => port.disconnect(format!("it sent a line that is no instruction: {error}")),
+                    None => errln!("ignored, because it is no instruction: `{line}`: {error}"),
                 }
                 Next::Wait
             }
         }
     }
 
-    /// Tells a controller that has just come what the others heard before it.
-    fn greet(&mut self) {
+    /// Sends a new controller what earlier ones received before: the node, the link's state, and the node's own
+    /// state.
+    fn send_state(&mut self) {
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
-        let greeting = self.conductor.greeting().map(Message::Node);
+        let greeting = self.mode.greeting().map(Message::Node);
         if let Some(port) = self.process.control() {
             for message in [Some(hello), link, greeting].into_iter().flatten() {
-                port.tell(&message.to_json());
+                port.send(&message.to_json());
             }
         }
     }
 
-    fn tell_news(&mut self, news: News<N::Event, N::Answer>) -> Next<N::Order> {
+    fn handle_news(&mut self, news: News<N::Event, N::Answer>) -> Next<N::Order> {
         let (message, next) = match news {
             News::Event(event) => match N::link_event(&event) {
                 Some(link) => {
@@ -201,10 +202,10 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
                         LinkEvent::Down(_) => self.linked = false,
                         LinkEvent::SetAddress { .. } => {}
                     }
-                    (Some(link_message(link, self.explanation.take())), self.conductor.link(link))
+                    (Some(link_message(link, self.explanation.take())), self.mode.link(link))
                 }
                 None => {
-                    let (message, next) = self.conductor.event(event);
+                    let (message, next) = self.mode.event(event);
                     (message.map(Message::Node), next)
                 }
             },
@@ -213,7 +214,7 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
                 (None, Next::Wait)
             }
             News::Answer(answer) => {
-                let (message, next) = self.conductor.answer(answer);
+                let (message, next) = self.mode.answer(answer);
                 (Some(Message::Node(message)), next)
             }
             News::NoAddress(address, error) => {
@@ -227,19 +228,20 @@ impl<N: Node, C: Conductor<N>> Supervisor<'_, N, C> {
         next
     }
 
-    /// What a controller started is told to it alone; what concerns the node itself is printed as well.
+    /// Sends a message to the controller. Results of its instructions go to it alone; messages about the node are
+    /// also printed.
     fn tell(&mut self, message: &Message<C::Message>) {
         let Some(port) = self.process.control() else { return self.console.tell(message) };
-        port.tell(&message.to_json());
+        port.send(&message.to_json());
         if !matches!(message, Message::Node(_) | Message::Report(_)) {
             self.console.tell(message);
         }
     }
 }
 
-/// Tells whoever looks at the node about its controllers, which none of those needs to hear.
-fn note(words: std::fmt::Arguments<'_>) {
-    // A node that runs does not end because a disk is full.
+/// Logs connects and disconnects of controllers to the node's console only.
+fn log(words: std::fmt::Arguments<'_>) {
+    // A full disk must not end a running node.
     let _ = to_stdout(format_args!("{words}\n"));
 }
 

@@ -1,4 +1,4 @@
-//! Each cycle of a node in a file: a wait-free ring from the cyclic thread to one that writes.
+//! Writes each cycle of a node into a file: a wait-free ring from the cyclic thread to a writing thread.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Samples that may wait: four seconds of a cycle of 1 ms.
+/// Samples that the ring holds: four seconds at a cycle of 1 ms.
 const RING_CAPACITY: usize = 4_096;
 
-/// How often the ring is emptied. Nobody wakes the writer: that would be a system call in each cycle.
+/// Interval at which the writer empties the ring. Waking it for each cycle would be a system call per cycle.
 const EMPTY_EVERY: Duration = Duration::from_millis(100);
 
 /// Why cycles cannot be recorded.
@@ -20,7 +20,7 @@ pub struct TraceError {
     reason: io::Error,
 }
 
-/// The cyclic thread's end.
+/// The cyclic thread's end of the ring.
 #[derive(Debug)]
 pub(crate) struct TraceRing<S> {
     samples: rtrb::Producer<S>,
@@ -33,7 +33,7 @@ impl<S> TraceRing<S> {
         self.recording = on;
     }
 
-    /// Takes a sample if there was a cycle since the last one. Where the writer is far behind, it is dropped.
+    /// Sends a sample if there was a cycle since the last one. If the ring is full, the sample is dropped.
     pub(crate) fn look(&mut self, cycle: u64, sample: impl FnOnce() -> S) {
         if self.recording && self.last != Some(cycle) {
             self.last = Some(cycle);
@@ -42,20 +42,20 @@ impl<S> TraceRing<S> {
     }
 }
 
-/// The thread that writes.
+/// The writing thread.
 #[derive(Debug)]
 pub(crate) struct TraceWriter {
     thread: JoinHandle<Result<(), TraceError>>,
 }
 
 impl TraceWriter {
-    /// Waits until all is written. The cyclic thread's end must be gone.
+    /// Waits until everything is written. The ring's other end must have been dropped.
     pub(crate) fn finish(self) -> Result<(), TraceError> {
         self.thread.join().unwrap_or(Ok(()))
     }
 }
 
-/// A ring whose samples `write` turns into lines of the new file `path`.
+/// Starts a writer; `write` turns each sample into a line of the new file `path`.
 pub(crate) fn start<S: Send + 'static>(
     path: &Path,
     write: fn(&S, &mut String),
@@ -71,7 +71,7 @@ pub(crate) fn start<S: Send + 'static>(
     let body = move || {
         let mut line = String::new();
         loop {
-            // Asked before the ring is emptied: what came before the end is still in it.
+            // Read before the ring is emptied: samples from before the end are still in the ring then.
             let last = waiting.is_abandoned();
             while let Ok(sample) = waiting.pop() {
                 line.clear();
@@ -82,7 +82,7 @@ pub(crate) fn start<S: Send + 'static>(
             if last {
                 return file.flush().map_err(broken(&of_thread));
             }
-            // A node that is killed must not take with it what led to that.
+            // Flushed, so that a killed node does not lose the cycles that led to it.
             file.flush().map_err(broken(&of_thread))?;
             std::thread::sleep(EMPTY_EVERY);
         }

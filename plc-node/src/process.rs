@@ -13,7 +13,7 @@ use machine::{Duration, Instant, Lateness};
 use node::Node;
 use node::report::BusReport;
 use node::run::{Prepared, RunOptions};
-use node::supervise::{Conductor, Next, Outcome};
+use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use serde::{Deserialize, Serialize};
@@ -193,7 +193,7 @@ impl Run {
         endpoint: &str,
         node: PlcNode<B>,
     ) -> anyhow::Result<Outcome> {
-        if self.options.is_led() {
+        if self.options.takes_instructions() {
             prepared.supervise(&self.options, "plc-node", endpoint, node, &mut OnInstruction::default())
         } else {
             let mut standalone = Standalone::new(&self.types, self.reps);
@@ -313,7 +313,7 @@ struct OnInstruction {
     ready: bool,
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for OnInstruction {
+impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for OnInstruction {
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 
@@ -331,7 +331,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for OnInst
         self.ready.then_some(PlcMessage::Ready)
     }
 
-    fn deserted(&mut self) -> Next<PlcOrder> {
+    fn controller_left(&mut self) -> Next<PlcOrder> {
         Next::Order(PlcOrder::Abort)
     }
 
@@ -363,7 +363,7 @@ impl Standalone {
     }
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> Conductor<PlcNode<B>> for Standalone {
+impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for Standalone {
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 

@@ -11,7 +11,7 @@ use clap::Parser;
 use machine::{Instant, Lateness};
 use node::Node;
 use node::run::{Prepared, RunOptions};
-use node::supervise::{Conductor, Next, Outcome};
+use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use serde::{Deserialize, Serialize};
@@ -197,7 +197,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 /// Does what the PLC says, and tells what came of it.
 struct OnInstruction;
 
-impl<B: Fieldbus + Send + 'static> Conductor<RobotNode<B>> for OnInstruction {
+impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction {
     type Message = RobotMessage;
     type Instruction = RobotInstruction;
 

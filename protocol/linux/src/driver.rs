@@ -3,9 +3,9 @@
 //! A wake has five steps:
 //!
 //! 1. Frames, a limited batch from each port. After a stall of the host, the frames that arrived meanwhile are
-//! handled before a watchdog checks for them.
+//!    handled before a watchdog checks for them.
 //! 2. The machine's timeout, if it is due. A wake that is on time does this first, so that a frame that just arrived
-//! does not delay what is to be sent now.
+//!    does not delay what is to be sent now.
 //! 3. TCP, one piece of each connection, until the machine's next deadline; the rest waits for the next wake.
 //! 4. The owner.
 //! 5. Sleep until the machine's next deadline or a frame, whichever is first.

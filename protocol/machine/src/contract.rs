@@ -1,4 +1,4 @@
-//! The contract between a machine and whoever drives it.
+//! The contract between a machine and its driver.
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
@@ -39,109 +39,110 @@ pub struct StreamId(pub u32);
 pub struct Source {
     /// The port that it arrived on.
     pub port: Port,
-    /// The sender's address; none on [`Port::Ethernet`], where the frame has it.
+    /// The sender's address; `None` on [`Port::Ethernet`], where the frame contains it.
     pub peer: Option<SocketAddrV4>,
 }
 
 /// A frame that a machine wrote into the buffer it was given.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Transmit {
-    /// The port that it leaves by.
+    /// The port to send it from.
     pub port: Port,
-    /// The receiver's address; none on [`Port::Ethernet`] and [`Port::Stream`].
+    /// The receiver's address; `None` on [`Port::Ethernet`] and [`Port::Stream`].
     pub to: Option<SocketAddrV4>,
     /// Length in bytes of the frame, from the buffer's start.
     pub len: usize,
 }
 
-/// What happened to a TCP connection apart from bytes.
+/// A change of a TCP connection's state.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StreamChange {
-    /// The connection is up, accepted from or made to this peer.
+    /// The connection is open: accepted from this peer, or made to it.
     Opened(SocketAddrV4),
-    /// The connection is gone, or could not be made.
+    /// The connection is closed, or could not be made.
     Closed,
 }
 
-/// What a machine wants of the driver's TCP connections.
+/// A machine's request about TCP connections.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StreamRequest {
-    /// Make a connection. The driver numbers it and answers by [`Machine::handle_stream`]: `Opened`, or `Closed`
-    /// where it cannot be made. A machine asks for one connection at a time to a peer: a new request takes the place
-    /// of one that is still under way.
+    /// Make a connection. The driver numbers it and reports `Opened`, or `Closed` if it cannot be made, by
+    /// [`Machine::handle_stream`]. A machine requests one connection at a time to a peer: a new request replaces one
+    /// that is not open yet.
     Connect {
         /// The peer to connect to.
         to: SocketAddrV4,
     },
-    /// End this connection once the bytes handed out for it are sent. Nothing more is reported of it.
+    /// Close this connection once the bytes handed out for it are sent. The driver reports nothing more about it.
     Close(StreamId),
 }
 
 /// A protocol endpoint, a PLC or a robot: plain state without clock, socket, thread or async.
 ///
 /// There are four kinds of methods. *Getters* change nothing. *Handlers* (`handle_*`) bring in what happened.
-/// *Commands* (any other `&mut self` method) bring in what the owner wants. *Polls* (`poll_*`) hand out what
-/// follows from it.
+/// *Commands* (any other `&mut self` method) bring in what the owner wants. *Polls* (`poll_*`) return what follows
+/// from it.
 ///
 /// The order: after one handler or command, call [`poll_transmit`](Self::poll_transmit), then
 /// [`poll_stream`](Self::poll_stream), then [`poll_event`](Self::poll_event), each until it returns `None`, then read
-/// [`poll_timeout`](Self::poll_timeout) anew.
-/// `now` never runs backwards. No handler panics, blocks, or allocates once the machine is up.
+/// [`poll_timeout`](Self::poll_timeout) again. `now` never runs backwards. No handler panics, blocks, or allocates
+/// once the connection is up.
 pub trait Machine {
-    /// What the machine tells its owner.
+    /// What the machine reports to its owner.
     type Event;
 
-    /// A frame arrived. Whatever is in it, the machine counts it and goes on.
+    /// Handles a received frame. If the machine cannot use it, the machine counts it and goes on.
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]);
 
-    /// A datagram arrived that was sent to every station of the network. It matters where all of them would answer at
-    /// the same time; to other machines it is a frame like any other.
+    /// Handles a datagram that was sent to every station of the network. This matters only to a machine that must not
+    /// answer at the same time as all others; by default it is handled like any frame.
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.handle_frame(now, from, frame);
     }
 
-    /// A TCP connection opened or closed. Machines without TCP ignore it.
+    /// Handles the opening or closing of a TCP connection. Machines without TCP ignore it.
     fn handle_stream(&mut self, _now: Instant, _stream: StreamId, _change: StreamChange) {}
 
-    /// The ports that the driver opens before it runs the machine. They never change. Frames of a port that is listed
-    /// first are handled first.
+    /// Returns the ports that the driver opens before it runs the machine. They never change. Frames of a port that
+    /// is listed first are handled first.
     fn ports(&self) -> &[PortRequest];
 
-    /// The TCP port on which the driver accepts connections for this machine, if it wants any. It never changes.
+    /// Returns the TCP port on which the driver accepts connections for this machine, if any. It never changes.
     fn listen_port(&self) -> Option<u16> {
         None
     }
 
-    /// The next connection to make or to end. Machines without TCP want none.
+    /// Returns the next connection to make or to close. Machines without TCP return `None`.
     ///
-    /// A peer that does not read must not stall the driver: where more than a few frames wait for one connection,
-    /// the driver ends it and reports `Closed`.
+    /// A peer that does not read must not stall the driver: if more than a few frames wait for one connection, the
+    /// driver closes it and reports `Closed`.
     fn poll_stream(&mut self) -> Option<StreamRequest> {
         None
     }
 
-    /// The DSCP, 0 to 63, that packets leaving by this port are to carry. The driver asks for each frame between
-    /// [`poll_transmit`](Self::poll_transmit) and sending it. For TCP connections that it has not numbered yet it asks
-    /// with number 0.
+    /// Returns the DSCP, 0 to 63, of packets that leave by this port. The driver asks for each frame between
+    /// [`poll_transmit`](Self::poll_transmit) and sending it. For TCP connections that it has not numbered yet, it
+    /// asks with number 0.
     fn dscp(&self, _port: Port) -> u8 {
         0
     }
 
-    /// The multicast group whose datagrams the machine takes at this UDP port, beside those for its own address. The
-    /// driver asks after each wake, and joins and leaves.
+    /// Returns the multicast group whose datagrams the machine receives at this UDP port, besides those for its own
+    /// address. The driver asks after each wake, and joins and leaves groups accordingly.
     fn group(&self, _port: Port) -> Option<Ipv4Addr> {
         None
     }
 
-    /// The instant of [`poll_timeout`](Self::poll_timeout) has come (or passed: the driver may be late).
+    /// Handles the timeout: the instant of [`poll_timeout`](Self::poll_timeout) has come, or passed if the driver is
+    /// late.
     fn handle_timeout(&mut self, now: Instant);
 
     /// Writes the next frame to send into `buf`, which holds at least [`crate::wire::FRAME_CAPACITY`] bytes.
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit>;
 
-    /// The next event for the owner.
+    /// Returns the next event for the owner.
     fn poll_event(&mut self) -> Option<Self::Event>;
 
-    /// When [`handle_timeout`](Self::handle_timeout) is to be called next.
+    /// Returns when to call [`handle_timeout`](Self::handle_timeout) next.
     fn poll_timeout(&self) -> Option<Instant>;
 }

@@ -12,34 +12,34 @@ pub struct Cycle {
 /// One run of a cyclic task.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Tick {
-    /// The grid point that this run stands for.
+    /// The grid point at which this run was due.
     pub due: Instant,
     /// How late the run is.
     pub lateness: Duration,
-    /// Grid points between `due` and now that pass without a run of their own.
+    /// Grid points between `due` and now that get no run.
     pub skipped: u64,
 }
 
 impl Cycle {
-    /// A task that is due at `first` and every `period` after it.
+    /// Creates a task that is due at `first` and every `period` after it.
     #[must_use]
     pub const fn new(first: Instant, period: Duration) -> Self {
         Self { period, next: first }
     }
 
-    /// When the task is due next.
+    /// Returns when the task is due next.
     #[must_use]
     pub const fn next(&self) -> Instant {
         self.next
     }
 
-    /// Time from one run to the next.
+    /// Returns the time from one run to the next.
     #[must_use]
     pub const fn period(&self) -> Duration {
         self.period
     }
 
-    /// The run that is due at `now`, if one is. The next deadline is the first grid point after `now`.
+    /// Returns the run that is due at `now`, if one is. The next deadline is the first grid point after `now`.
     pub fn tick(&mut self, now: Instant) -> Option<Tick> {
         if now < self.next {
             return None;
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_late_task_runs_once_and_says_what_it_skipped() {
+    fn a_late_task_runs_once_and_reports_the_skipped_cycles() {
         let mut cycle = Cycle::new(Instant::from_millis(4), Duration::from_millis(4));
         assert_eq!(cycle.tick(Instant::from_millis(3)), None);
         let tick = cycle.tick(Instant::from_millis(13)).unwrap();

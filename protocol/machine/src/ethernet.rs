@@ -25,7 +25,7 @@ pub const MIN_FRAME_LEN: usize = 60;
 pub struct Mac(pub [u8; 6]);
 
 impl Mac {
-    /// Whether the address names a group of stations; the broadcast address does too.
+    /// Returns whether this is a group address; the broadcast address is one, too.
     #[must_use]
     pub const fn is_group(self) -> bool {
         self.0[0] & 1 != 0
@@ -60,13 +60,13 @@ impl Tag {
 /// An Ethernet II header.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct EthernetHeader {
-    /// Who is to receive the frame.
+    /// Destination address.
     pub destination: Mac,
-    /// Who sent it.
+    /// Source address.
     pub source: Mac,
-    /// The 802.1Q tag, if it is there.
+    /// The 802.1Q tag, if the frame has one.
     pub tag: Option<Tag>,
-    /// What the payload is.
+    /// EtherType of the payload.
     pub ether_type: u16,
 }
 
@@ -91,8 +91,8 @@ impl EthernetHeader {
         if self.tag.is_some() { 18 } else { 14 }
     }
 
-    /// Writes a whole frame: this header, what `payload` writes, and zeros up to [`MIN_FRAME_LEN`]. A tagged frame
-    /// is padded to four bytes more, so that it keeps the minimum when a switch takes the tag off.
+    /// Writes a whole frame: this header, what `payload` writes, and zeros up to [`MIN_FRAME_LEN`]. A tagged frame is
+    /// padded to four bytes more, so that it keeps the minimum length when a switch removes the tag.
     ///
     /// Returns the frame's length in bytes.
     pub fn emit(
@@ -132,7 +132,7 @@ mod tests {
     ];
 
     #[test]
-    fn a_priority_tagged_frame_is_these_bytes() {
+    fn a_priority_tagged_frame_has_the_specified_bytes() {
         let mut buf = [0xFF; 100];
         let len = HEADER.emit(&mut buf, |payload| payload.u16(0x8001)).unwrap();
         assert_eq!(len, 64);
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_whose_tag_was_taken_off_reads_the_same_but_for_the_tag() {
+    fn a_frame_whose_tag_was_removed_parses_to_the_same_header_without_the_tag() {
         let untagged = EthernetHeader { tag: None, ..HEADER };
         let mut buf = [0xFF; 100];
         assert_eq!(untagged.emit(&mut buf, |payload| payload.u16(0x8001)), Ok(60));

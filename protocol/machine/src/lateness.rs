@@ -1,11 +1,11 @@
-//! How late the runs of a cyclic task were: a histogram of fixed size, so that recording costs no memory.
+//! Lateness of the runs of a cyclic task: a histogram of fixed size, so that recording allocates nothing.
 
 use crate::{Duration, Tick};
 
-/// Buckets per power of two: a value is known to 1/16 of itself, 6 %.
+/// Buckets per power of two: the resolution is 1/16 of the value, 6 %.
 const SUB_BUCKETS: u64 = 16;
 
-/// Up to 2^40 ns, 18 minutes; later runs count as that.
+/// Number of buckets: up to 2^40 ns, 18 minutes; later runs count in the last one.
 const BUCKETS: usize = 38 * SUB_BUCKETS as usize;
 
 /// A histogram of the lateness of a cyclic task.
@@ -24,7 +24,7 @@ impl Default for Lateness {
 }
 
 impl Lateness {
-    /// Counts one run and the cycles that were skipped after it.
+    /// Counts one run and the cycles skipped after it.
     pub fn record(&mut self, tick: &Tick) {
         self.runs += 1;
         self.missed += tick.skipped;
@@ -34,25 +34,26 @@ impl Lateness {
         }
     }
 
-    /// Runs so far.
+    /// Returns the number of runs so far.
     #[must_use]
     pub const fn runs(&self) -> u64 {
         self.runs
     }
 
-    /// Cycles that passed without a run.
+    /// Returns the number of cycles that passed without a run.
     #[must_use]
     pub const fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// The latest run.
+    /// Returns the largest lateness.
     #[must_use]
     pub const fn max(&self) -> Duration {
         self.max
     }
 
-    /// The lateness that a share `quantile` (0…1) of the runs did not exceed, to 6 %; zero without runs.
+    /// Returns the lateness that a share `quantile` (0…1) of the runs did not exceed, accurate to 6 %; zero without
+    /// runs.
     #[must_use]
     pub fn quantile(&self, quantile: f64) -> Duration {
         let wanted = quantile.clamp(0.0, 1.0) * self.runs as f64;
@@ -66,14 +67,15 @@ impl Lateness {
         self.max
     }
 
-    /// The buckets that hold runs: each bucket's upper end, and how many runs are in it.
+    /// Returns the buckets with runs: each one's upper bound and its number of runs.
     pub fn buckets(&self) -> impl Iterator<Item = (Duration, u32)> {
         let held = self.counts.iter().enumerate().filter(|(_, count)| **count > 0);
         held.map(|(index, count)| (upper_end(index), *count))
     }
 }
 
-/// Values below 16 ns have a bucket each; above, the four bits below the highest one pick the bucket.
+/// Returns the index of a lateness's bucket. Values below 16 ns have a bucket each; above, the four bits below the
+/// highest one choose the bucket.
 fn bucket(lateness: Duration) -> usize {
     let nanos = u64::try_from(lateness.as_nanos()).unwrap_or(u64::MAX);
     if nanos < SUB_BUCKETS {

@@ -1,50 +1,50 @@
-//! What an endpoint of a cyclic connection tells its owner, whichever the bus is.
+//! What an endpoint of a cyclic connection reports to its owner, for every bus.
 
 use core::fmt;
 use core::net::Ipv4Addr;
 
-/// News of the connection.
+/// An event of the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum LinkEvent {
-    /// Images are exchanged, both ways.
+    /// The connection is up: images are exchanged in both directions.
     Up,
-    /// No images are exchanged any more, or no connection came about.
+    /// The connection is down, or could not be established.
     Down(Down),
-    /// The peer gave this station an address, which the owner is to put on the interface and then to report by
+    /// The peer assigned this station an address. The owner sets it on the interface and reports the result by
     /// [`Fieldbus::address_set`].
     SetAddress {
         /// The station's own address.
         address: Ipv4Addr,
         /// Its subnet mask.
         mask: Ipv4Addr,
-        /// Its gateway, or its own address where there is none.
+        /// Its gateway, or its own address if there is none.
         gateway: Ipv4Addr,
     },
 }
 
-/// Why a connection is not there.
+/// Why a connection is down.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Down {
     /// What happened.
     pub cause: DownCause,
-    /// The status code that went over the wire, 0 where none did.
+    /// The status code that was sent or received, 0 if none was.
     pub code: u32,
-    /// What that code says, or what to look at.
+    /// Meaning of that code, or what to check.
     pub text: &'static str,
 }
 
 /// What ended a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum DownCause {
-    /// The peer did not answer, or no such station is there.
+    /// The peer did not answer, or there is no such station.
     NoAnswer,
     /// The peer refused the connection.
     Refused,
-    /// The peer sent nothing for as long as the watchdog allows.
+    /// The peer sent nothing for longer than the watchdog time.
     Watchdog,
-    /// The peer ended the connection.
+    /// The peer closed the connection.
     ClosedByPeer,
-    /// This side ended the connection.
+    /// This side closed the connection.
     ClosedHere,
 }
 
@@ -67,22 +67,22 @@ impl fmt::Display for Down {
     }
 }
 
-/// Frames of a bus endpoint since its start.
+/// Frame counters of a bus endpoint since its start.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Counters {
     /// Cyclic frames sent.
     pub sent: u64,
-    /// Cyclic frames received and taken over.
+    /// Cyclic frames received and accepted.
     pub received: u64,
-    /// Cycles that passed here without a frame, because the driver came too late to send it.
+    /// Own cycles without a frame, because the driver woke too late to send it.
     pub skipped: u64,
-    /// Cycles of the peer for which no frame came, by its counter. The wire does not tell a frame that was lost
-    /// from one that the peer skipped; the peer's own `skipped` does.
+    /// Cycles of the peer whose frame did not arrive, by the peer's cycle counter. A lost frame and one that the peer
+    /// skipped look the same here; the peer's own `skipped` tells them apart.
     pub lost: u64,
-    /// Cyclic frames that came out of order or twice, and were dropped.
+    /// Cyclic frames dropped because they were out of order or duplicates.
     pub late: u64,
-    /// Frames that broke the format.
+    /// Malformed frames.
     pub malformed: u64,
-    /// Frames in good format that are not for this connection.
+    /// Well-formed frames of another connection.
     pub foreign: u64,
 }

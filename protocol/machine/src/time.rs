@@ -1,4 +1,4 @@
-//! Time as every machine sees it: integer nanoseconds of a clock that somebody else reads.
+//! Time as every machine sees it: integer nanoseconds of the driver's clock.
 
 use core::fmt;
 use core::ops::{Add, AddAssign, Sub};
@@ -15,37 +15,37 @@ impl Instant {
     /// The clock's origin.
     pub const ZERO: Self = Self(0);
 
-    /// The instant `nanos` nanoseconds after the origin.
+    /// Returns the instant `nanos` nanoseconds after the origin.
     #[must_use]
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
 
-    /// The instant `micros` microseconds after the origin.
+    /// Returns the instant `micros` microseconds after the origin.
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         Self(micros.saturating_mul(1_000))
     }
 
-    /// The instant `millis` milliseconds after the origin.
+    /// Returns the instant `millis` milliseconds after the origin.
     #[must_use]
     pub const fn from_millis(millis: u64) -> Self {
         Self(millis.saturating_mul(1_000_000))
     }
 
-    /// Nanoseconds since the origin.
+    /// Returns the nanoseconds since the origin.
     #[must_use]
     pub const fn as_nanos(self) -> u64 {
         self.0
     }
 
-    /// Time from `earlier` to `self`; zero where `earlier` is later.
+    /// Returns the time from `earlier` to `self`; zero if `earlier` is later.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
 
-    /// The earlier of two deadlines, of which either may not be set.
+    /// Returns the earlier of two deadlines, each of which may be unset.
     #[must_use]
     pub fn earlier(one: Option<Self>, other: Option<Self>) -> Option<Self> {
         match (one, other) {
@@ -54,15 +54,16 @@ impl Instant {
         }
     }
 
-    /// The first instant of the grid `self + k · period` (k ≥ 1) that lies after `now`, and the number of grid
-    /// points that were skipped on the way: a cyclic task that is late drops cycles, it never sends a burst.
+    /// Returns the first instant of the grid `self + k · period` (k ≥ 1) after `now`, and the number of grid points
+    /// skipped before it: a cyclic task that is late drops cycles, it never sends a burst.
     ///
     /// A zero `period` counts as one nanosecond.
     #[must_use]
     pub fn next_on_grid(self, period: Duration, now: Self) -> (Self, u64) {
         let period = nanos(period).max(1);
         let late = now.0.saturating_sub(self.0);
-        // A division takes as long as the rest of a cyclic task's bookkeeping, and most tasks are in time.
+        // Avoid the division for a task that is on time, as most are: it takes as long as the rest of the
+        // bookkeeping.
         let skipped = if late < period { 0 } else { late / period };
         (Self(self.0.saturating_add(period.saturating_mul(skipped.saturating_add(1)))), skipped)
     }

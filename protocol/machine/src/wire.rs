@@ -1,6 +1,6 @@
 //! Reading and writing bytes without panics.
 //!
-//! A [`Reader`] refuses to read past its end. A [`Writer`] that ran out of room remembers it and says so once, in
+//! A [`Reader`] refuses to read past its end. A [`Writer`] without room left remembers that and reports it once, in
 //! [`Writer::finish`], so that an `emit` reads like the standard's table. The byte order is a type.
 
 use core::marker::PhantomData;
@@ -66,7 +66,7 @@ macro_rules! byte_order {
 byte_order!(BigEndian, from_be_bytes, to_be_bytes);
 byte_order!(LittleEndian, from_le_bytes, to_le_bytes);
 
-/// The bytes ended before the field did.
+/// The bytes end before the field does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{wanted} bytes wanted at offset {offset}, {left} there")]
 pub struct Truncated {
@@ -74,11 +74,11 @@ pub struct Truncated {
     pub offset: usize,
     /// The field's length in bytes.
     pub wanted: usize,
-    /// The bytes that were left.
+    /// The bytes that remain.
     pub left: usize,
 }
 
-/// The buffer ended before what was to be written.
+/// The buffer is too small for what is to be written.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("a buffer of {capacity} bytes is too small for what was to be written into it")]
 pub struct Overflow {
@@ -95,14 +95,14 @@ pub struct Reader<'a, O> {
 }
 
 impl<'a, O: ByteOrder> Reader<'a, O> {
-    /// A reader at the start of `bytes`.
+    /// Creates a reader at the start of `bytes`.
     #[must_use]
     #[inline]
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, offset: 0, order: PhantomData }
     }
 
-    /// The next `N` bytes.
+    /// Reads the next `N` bytes.
     #[inline]
     pub fn array<const N: usize>(&mut self) -> Result<[u8; N], Truncated> {
         match self.bytes.get(self.offset..).and_then(|rest| rest.first_chunk::<N>()) {
@@ -114,37 +114,37 @@ impl<'a, O: ByteOrder> Reader<'a, O> {
         }
     }
 
-    /// The next byte.
+    /// Reads the next byte.
     #[inline]
     pub fn u8(&mut self) -> Result<u8, Truncated> {
         self.array::<1>().map(|[byte]| byte)
     }
 
-    /// The next 16-bit number.
+    /// Reads the next 16-bit number.
     #[inline]
     pub fn u16(&mut self) -> Result<u16, Truncated> {
         self.array().map(O::u16)
     }
 
-    /// The next 32-bit number.
+    /// Reads the next 32-bit number.
     #[inline]
     pub fn u32(&mut self) -> Result<u32, Truncated> {
         self.array().map(O::u32)
     }
 
-    /// The next 64-bit number.
+    /// Reads the next 64-bit number.
     #[inline]
     pub fn u64(&mut self) -> Result<u64, Truncated> {
         self.array().map(O::u64)
     }
 
-    /// The next single-precision number, whatever its bits mean (NaN and infinities included).
+    /// Reads the next single-precision number; NaN and infinities are allowed.
     #[inline]
     pub fn f32(&mut self) -> Result<f32, Truncated> {
         self.u32().map(f32::from_bits)
     }
 
-    /// The next `len` bytes as they are.
+    /// Reads the next `len` bytes.
     #[inline]
     pub fn bytes(&mut self, len: usize) -> Result<&'a [u8], Truncated> {
         let taken = self.offset.checked_add(len).and_then(|end| self.bytes.get(self.offset..end));
@@ -157,52 +157,52 @@ impl<'a, O: ByteOrder> Reader<'a, O> {
         }
     }
 
-    /// A reader over just the next `len` bytes, which this one then has passed.
+    /// Returns a reader over the next `len` bytes only, and skips them here.
     #[inline]
     pub fn sub(&mut self, len: usize) -> Result<Self, Truncated> {
         self.bytes(len).map(Self::new)
     }
 
-    /// Passes over `len` bytes.
+    /// Skips `len` bytes.
     #[inline]
     pub fn skip(&mut self, len: usize) -> Result<(), Truncated> {
         self.bytes(len).map(|_| ())
     }
 
-    /// Passes over as many bytes as bring the offset to a multiple of `alignment`, or to the end.
+    /// Skips bytes until the offset is a multiple of `alignment`, at most to the end.
     pub fn align(&mut self, alignment: usize) {
         self.offset = self.offset.next_multiple_of(alignment.max(1)).min(self.bytes.len());
     }
 
-    /// All that is left.
+    /// Returns all remaining bytes.
     #[must_use]
     #[inline]
     pub fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.offset..).unwrap_or_default()
     }
 
-    /// How many bytes are left.
+    /// Returns the number of remaining bytes.
     #[must_use]
     #[inline]
     pub fn left(&self) -> usize {
         self.bytes.len().saturating_sub(self.offset)
     }
 
-    /// Whether all bytes are read.
+    /// Returns whether all bytes are read.
     #[must_use]
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.left() == 0
     }
 
-    /// How many bytes are read.
+    /// Returns the number of bytes read.
     #[must_use]
     #[inline]
     pub const fn offset(&self) -> usize {
         self.offset
     }
 
-    /// The same place in the same bytes, read in another byte order from here on.
+    /// Returns a reader at the same position with another byte order.
     #[must_use]
     pub const fn in_order<P: ByteOrder>(self) -> Reader<'a, P> {
         Reader { bytes: self.bytes, offset: self.offset, order: PhantomData }
@@ -223,14 +223,14 @@ pub struct Writer<'a, O> {
 }
 
 impl<'a, O: ByteOrder> Writer<'a, O> {
-    /// A writer at the start of `buf`.
+    /// Creates a writer at the start of `buf`.
     #[must_use]
     #[inline]
     pub const fn new(buf: &'a mut [u8]) -> Self {
         Self { buf, len: 0, overflow: false, order: PhantomData }
     }
 
-    /// Writes `bytes` as they are.
+    /// Writes `bytes`.
     #[inline]
     pub fn bytes(&mut self, bytes: &[u8]) {
         if let Some(room) = self.room(bytes.len()) {
@@ -281,37 +281,37 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
         self.zeros(self.len.next_multiple_of(alignment.max(1)) - self.len);
     }
 
-    /// Writes zero bytes until `len` bytes are written in all.
+    /// Writes zero bytes until `len` bytes are written in total.
     #[inline]
     pub fn pad_to(&mut self, len: usize) {
         self.zeros(len.saturating_sub(self.len));
     }
 
-    /// Writes a 16-bit number over one written before, at `offset`: a length that is known only later.
+    /// Overwrites an already written 16-bit number at `offset`: a length that is known only later.
     pub fn patch_u16(&mut self, offset: usize, value: u16) {
         self.patch(offset, &O::from_u16(value));
     }
 
-    /// Writes a 32-bit number over one written before, at `offset`.
+    /// Overwrites an already written 32-bit number at `offset`.
     pub fn patch_u32(&mut self, offset: usize, value: u32) {
         self.patch(offset, &O::from_u32(value));
     }
 
-    /// How many bytes are written.
+    /// Returns the number of bytes written.
     #[must_use]
     #[inline]
     pub const fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether nothing is written.
+    /// Returns whether nothing is written.
     #[must_use]
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Runs `write` in another byte order at this place.
+    /// Runs `write` with another byte order at this position.
     pub fn in_order<P: ByteOrder>(&mut self, write: impl FnOnce(&mut Writer<'_, P>)) {
         let mut inner =
             Writer::<P> { buf: self.buf, len: self.len, overflow: self.overflow, order: PhantomData };
@@ -319,7 +319,7 @@ impl<'a, O: ByteOrder> Writer<'a, O> {
         (self.len, self.overflow) = (inner.len, inner.overflow);
     }
 
-    /// The number of bytes written, if all of them fitted.
+    /// Returns the number of bytes written if all of them fitted.
     #[inline]
     pub const fn finish(self) -> Result<usize, Overflow> {
         if self.overflow { Err(Overflow { capacity: self.buf.len() }) } else { Ok(self.len) }
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_writer_that_ran_out_of_room_says_so_at_the_end() {
+    fn a_writer_without_enough_room_reports_it_at_the_end() {
         let mut buf = [0; 3];
         let mut writer = Writer::<LittleEndian>::new(&mut buf);
         writer.u16(0x0201);
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_length_is_patched_once_it_is_known_but_never_past_what_is_written() {
+    fn a_length_is_patched_only_within_the_written_bytes() {
         let mut buf = [0; 8];
         let mut writer = Writer::<BigEndian>::new(&mut buf);
         writer.u16(0);

@@ -1,38 +1,38 @@
-//! A clock that is a little off.
+//! A node's clock with offset and drift.
 
 use machine::Instant;
 
-/// How a node's clock follows true time: it is ahead by `offset_ns` at the origin and gains `drift_ppb`
+/// How a node's clock relates to true time: it is ahead by `offset_ns` at the origin and gains `drift_ppb`
 /// nanoseconds a second.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Clock {
-    /// What the clock shows at true time zero, in ns.
+    /// The clock's value at true time zero, in ns.
     pub offset_ns: u64,
-    /// Parts per billion that it runs fast; negative for slow. A quartz is within ±100 000.
+    /// Drift in parts per billion; negative for a slow clock. A quartz is within ±100 000.
     pub drift_ppb: i32,
 }
 
 impl Clock {
-    /// What the clock shows at `true_time`.
+    /// Returns the clock's value at `true_time`.
     #[must_use]
     pub fn local_time(self, true_time: Instant) -> Instant {
         let shown = true_time.as_nanos().saturating_add(self.offset_ns);
         Instant::from_nanos(shown.saturating_add_signed(self.gained_ns(true_time)))
     }
 
-    /// The first instant of true time at which the clock shows `local` or more.
+    /// Returns the first instant of true time at which the clock shows `local` or more.
     #[must_use]
     pub fn true_time(self, local: Instant) -> Instant {
         let ahead = local.as_nanos().saturating_sub(self.offset_ns);
         Instant::from_nanos(self.time_for(ahead))
     }
 
-    /// After how much true time the clock has gone on by `ahead` ns, in ns. A clock that stands still never has.
+    /// Returns the true time in ns in which the clock advances by `ahead` ns. A clock that stands still never does.
     fn time_for(self, ahead: u64) -> u64 {
         let rate = (i64::from(self.drift_ppb) + SECOND.cast_signed()).max(0).cast_unsigned();
         let (ahead, second, rate) = (u128::from(ahead), u128::from(SECOND), u128::from(rate));
-        // What is gained is rounded towards zero, so that the time shown is rounded down where the clock runs fast, and up
-        // where it runs slow.
+        // The gain is rounded towards zero, so the shown time is rounded down if the clock runs fast and up if it
+        // runs slow.
         let time = if ahead == 0 {
             Some(0)
         } else if self.drift_ppb < 0 {
@@ -43,25 +43,25 @@ impl Clock {
         time.and_then(|time| u64::try_from(time).ok()).unwrap_or(u64::MAX)
     }
 
-    /// What the clock has gained by `true_time`, in ns. Seconds and the rest apart, which is exact and needs no 128
-    /// bits: this runs several times for each frame of a virtual run.
+    /// Returns the clock's gain at `true_time`, in ns. Whole seconds and the rest are computed separately, which is
+    /// exact and needs no 128 bits: this runs several times for each frame of a virtual run.
     fn gained_ns(self, true_time: Instant) -> i64 {
         let (seconds, rest) = (true_time.as_nanos() / SECOND, true_time.as_nanos() % SECOND);
         seconds.cast_signed().saturating_mul(self.drift_ppb.into()) + self.gained_in_second_ns(rest)
     }
 
-    /// What the clock gains in a part of a second of true time, in ns.
+    /// Returns the clock's gain in a part of a second of true time, in ns.
     fn gained_in_second_ns(self, part: u64) -> i64 {
         part.cast_signed() * i64::from(self.drift_ppb) / SECOND.cast_signed()
     }
 }
 
-/// A clock that is read again and again as time goes on. It keeps what the clock showed when the present second of true
-/// time began; what is left is below a second, and a virtual run turns one time into the other at every step.
+/// A clock that is read repeatedly as time advances. It remembers what the clock showed at the start of the current
+/// second of true time, so that only the part below a second is computed: a virtual run converts times at every step.
 #[derive(Debug)]
 pub(super) struct Reading {
     clock: Clock,
-    /// When the second began, in ns of true time, and what the clock showed then.
+    /// Start of the current second, in ns of true time, and what the clock showed then.
     second: u64,
     shown: u64,
 }
@@ -75,7 +75,7 @@ impl Reading {
         self.clock
     }
 
-    /// [`Clock::local_time`].
+    /// Same as [`Clock::local_time`].
     pub(super) fn local_time(&mut self, now: Instant) -> Instant {
         let part = now.as_nanos().wrapping_sub(self.second);
         if part < SECOND {
@@ -86,7 +86,7 @@ impl Reading {
         self.clock.local_time(now)
     }
 
-    /// [`Clock::true_time`].
+    /// Same as [`Clock::true_time`].
     pub(super) fn true_time(&self, local: Instant) -> Instant {
         let ahead = local.as_nanos().wrapping_sub(self.shown);
         let part = if (1..SECOND).contains(&ahead) { self.clock.time_for(ahead) } else { 0 };

@@ -1,4 +1,4 @@
-//! What is under way on the cable, in the order in which it arrives.
+//! Everything in flight on the cable, in order of arrival.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -28,13 +28,14 @@ pub(super) enum Delivery {
     },
     Opened(StreamId, SocketAddrV4),
     Closed(StreamId),
-    /// Both ends give a stream up if its bytes still did not get through.
+    /// Both ends give up a stream whose bytes did not get through.
     StreamTimeout(StreamId),
 }
 
-/// All that is under way. Of two that arrive at one instant, the one that was sent first is the first.
+/// Everything in flight. Of two arrivals at one instant, the one sent first comes first.
 ///
-/// A queue and not a heap: a cable keeps the order but for what is held back, so that nearly all is put at the end.
+/// A queue, not a heap: a cable keeps the order except for frames that are held back, so that nearly all are appended
+/// at the end.
 #[derive(Debug, Default)]
 pub(super) struct InFlights(VecDeque<InFlight>);
 
@@ -55,7 +56,7 @@ impl InFlights {
         self.0.front().map(|first| first.arrives)
     }
 
-    /// All of it, in order; nothing is under way any more.
+    /// Removes and returns everything, in order.
     pub(super) fn take(&mut self) -> VecDeque<InFlight> {
         core::mem::take(&mut self.0)
     }

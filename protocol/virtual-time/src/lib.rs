@@ -1,9 +1,9 @@
-//! The driver without time: two machines, a cable, and a queue of what arrives next.
+//! The driver in virtual time: two machines, a cable, and a queue of what arrives next.
 //!
-//! The same seed gives the same nanoseconds on every machine. Each side has a clock of its own with an offset and a
-//! drift, since the cycles of a PLC, a bus and a robot are not synchronised with each other. CPU time is zero here;
-//! what a scan costs is the machine's own setting. TCP is an ordered byte stream: cut into pieces of random sizes,
-//! late where a datagram would be lost, broken where the cable stays cut.
+//! The same seed gives the same nanoseconds on every computer. Each side has its own clock with offset and drift,
+//! because the cycles of a PLC, a bus and a robot are not synchronised. CPU time is zero here; the duration of a scan
+//! is a setting of the machine. TCP is an ordered byte stream: cut into pieces of random sizes, delayed where a
+//! datagram would be lost, and broken if the cable stays cut.
 
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]
@@ -37,14 +37,14 @@ use tap::{Label, Tap};
 /// One of the two machines of a [`Pair`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Side {
-    /// The first one; by convention the PLC.
+    /// The first machine; by convention the PLC.
     A,
-    /// The second one; by convention the robot.
+    /// The second machine; by convention the robot.
     B,
 }
 
 impl Side {
-    /// 0 for A, 1 for B: its place where there is something for each side.
+    /// Returns 0 for A and 1 for B: the side's index in arrays with one entry per side.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {
@@ -53,7 +53,7 @@ impl Side {
         }
     }
 
-    /// The other side.
+    /// Returns the other side.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -66,26 +66,26 @@ impl Side {
 /// An event of one of the two machines.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Event<A, B> {
-    /// Of the first machine.
+    /// An event of the first machine.
     A(A),
-    /// Of the second machine.
+    /// An event of the second machine.
     B(B),
 }
 
-/// Everything about a [`Pair`] that is not its machines.
+/// Configuration of a [`Pair`], apart from its machines.
 #[derive(Clone, Copy, Debug)]
 pub struct PairConfig {
     /// Seed of the links' random streams.
     pub seed: u64,
-    /// Clocks of both sides.
+    /// Clocks of A and B.
     pub clocks: [Clock; 2],
-    /// What the cable does to frames that A, and that B, sends.
+    /// What the cable does to frames that A sends, and to frames that B sends.
     pub links: [Impairment; 2],
-    /// IP addresses that the sides have from the start.
+    /// IP addresses that the sides have at the start.
     pub addresses: [Option<Ipv4Addr>; 2],
 }
 
-/// A side as the driver keeps it beside its machine.
+/// State of a side besides its machine.
 #[derive(Debug)]
 struct Station {
     clock: Reading,
@@ -93,7 +93,7 @@ struct Station {
     address: Option<Ipv4Addr>,
     /// The machine's next timeout by its own clock.
     local_timeout: Option<Instant>,
-    /// The same in true time.
+    /// The same instant in true time.
     timeout: Option<Instant>,
     alive: bool,
 }
@@ -106,7 +106,7 @@ pub struct Pair<A: Machine, B: Machine> {
     stations: [Station; 2],
     in_flight: InFlights,
     streams: Streams,
-    /// What the machines write into, and buffers that take its place when it is sent away with a frame.
+    /// Buffer that the machines write into. When it is sent away with a frame, a spare buffer replaces it.
     buf: Box<[u8]>,
     spare_bufs: Vec<Box<[u8]>>,
     events: VecDeque<Event<A::Event, B::Event>>,
@@ -114,7 +114,7 @@ pub struct Pair<A: Machine, B: Machine> {
 }
 
 impl<A: Machine, B: Machine> Pair<A, B> {
-    /// Puts two machines on a cable at true time zero.
+    /// Connects two machines by a cable at true time zero.
     pub fn new(a: A, b: B, config: PairConfig) -> Self {
         let PairConfig {
             seed,
@@ -148,13 +148,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         pair
     }
 
-    /// True time.
+    /// Returns the true time.
     #[must_use]
     pub const fn now(&self) -> Instant {
         self.now
     }
 
-    /// What a side's clock shows now.
+    /// Returns what a side's clock shows now.
     #[must_use]
     pub fn local_time(&self, side: Side) -> Instant {
         let [a, b] = &self.stations;
@@ -164,19 +164,19 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// The first machine.
+    /// Returns the first machine.
     #[must_use]
     pub const fn a(&self) -> &A {
         &self.a
     }
 
-    /// The second machine.
+    /// Returns the second machine.
     #[must_use]
     pub const fn b(&self) -> &B {
         &self.b
     }
 
-    /// Gives a command to the first machine; `now` is its own clock's.
+    /// Gives the first machine a command; `now` is by its own clock.
     pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
         let local = self.local_time(Side::A);
         let result = command(&mut self.a, local);
@@ -184,7 +184,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         result
     }
 
-    /// Gives a command to the second machine; `now` is its own clock's.
+    /// Gives the second machine a command; `now` is by its own clock.
     pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
         let local = self.local_time(Side::B);
         let result = command(&mut self.b, local);
@@ -202,8 +202,8 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.station(side).link.set_impairment(impairment);
     }
 
-    /// Cuts the cable, both ways, or mends it. Datagrams in flight are lost when it is cut; bytes of a stream wait
-    /// for it to be mended, until the stream's ends give up.
+    /// Cuts the cable in both directions, or mends it. A cut loses datagrams in flight; bytes of a stream wait until
+    /// the cable is mended or the stream's ends give up.
     pub fn set_cut(&mut self, cut: bool) {
         for station in &mut self.stations {
             station.link.set_cut(cut);
@@ -211,14 +211,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if cut { self.hold_streams() } else { self.resume_streams() }
     }
 
-    /// Kills a node: it neither receives nor sends from now on.
+    /// Kills a node: it neither receives nor sends any more.
     pub fn kill(&mut self, side: Side) {
         let station = self.station(side);
         station.alive = false;
         station.timeout = None;
     }
 
-    /// What the cable did to the frames that `side` sent.
+    /// Returns what the cable did to the frames that `side` sent.
     #[must_use]
     pub fn link_counters(&self, side: Side) -> LinkCounters {
         let [a, b] = &self.stations;
@@ -228,7 +228,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Runs until a machine has an event, or to `until` of true time, whichever is first.
+    /// Runs until a machine has an event, or until `until` in true time, whichever is first.
     pub fn next_event(&mut self, until: Instant) -> Option<Event<A::Event, B::Event>> {
         loop {
             if let Some(event) = self.events.pop_front() {
@@ -241,7 +241,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Does what happens next, unless that is after `until`. Returns whether something happened.
+    /// Processes the next thing in flight or due, unless it is after `until`. Returns whether there was one.
     fn step(&mut self, until: Instant) -> bool {
         let [a, b] = &self.stations;
         let arrival = self.in_flight.next_arrival();
@@ -302,7 +302,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.spare_bufs.push(buf);
     }
 
-    /// Whether a datagram is for this side: a multicast is for those that joined its group.
+    /// Returns whether a datagram is for this side; a multicast is if the side joined its group.
     fn belongs(&self, side: Side, port: Port, to: Option<Ipv4Addr>) -> bool {
         let Some(group) = to.filter(Ipv4Addr::is_multicast) else { return true };
         let joined = match side {
@@ -312,7 +312,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         joined == Some(group)
     }
 
-    /// Follows the contract after a mutation: drains frames and events, then reads the timeout. `local` is what the
+    /// Fulfils the contract after a change: drains frames and events, then reads the timeout. `local` is what the
     /// side's clock shows now.
     fn settle(&mut self, side: Side, local: Instant) {
         if !self.station(side).alive {
@@ -351,7 +351,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::B => self.b.poll_timeout(),
         };
         let station = self.station(side);
-        // Most events leave the timeout as it was, and turning one clock's time into another's takes a while.
+        // Most events leave the timeout unchanged, and converting a time between clocks is slow.
         if timeout != station.local_timeout {
             station.local_timeout = timeout;
             station.timeout = timeout.map(|due| station.clock.true_time(due));
@@ -399,13 +399,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// The buffer with what a machine wrote, for its way; another one takes its place.
+    /// Takes the buffer with a written frame, to send it; another one replaces it.
     fn take_buf(&mut self) -> Box<[u8]> {
         let spare = self.spare_bufs.pop().unwrap_or_else(new_buf);
         core::mem::replace(&mut self.buf, spare)
     }
 
-    /// [`local_time`](Self::local_time), for every step.
+    /// Same as [`local_time`](Self::local_time), for every step.
     fn read_clock(&mut self, side: Side) -> Instant {
         let now = self.now;
         self.station(side).clock.local_time(now)
@@ -424,7 +424,7 @@ fn new_buf() -> Box<[u8]> {
     vec![0; FRAME_CAPACITY].into_boxed_slice()
 }
 
-/// A buffer, new if there is no spare one, that begins with these bytes.
+/// Returns a buffer that begins with these bytes: a spare one, or a new one.
 fn holding(spare: Option<Box<[u8]>>, bytes: Option<&[u8]>) -> Box<[u8]> {
     let mut buf = spare.unwrap_or_else(new_buf);
     let bytes = bytes.unwrap_or_default();

@@ -1,4 +1,4 @@
-//! One direction of a cable and what it does to frames.
+//! One direction of a cable, and what it does to frames.
 
 use core::fmt;
 
@@ -11,15 +11,15 @@ use machine::{Duration, Instant};
 /// What a cable does to the frames of one direction. Rates are in parts per million of the frames.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Impairment {
-    /// Time that every frame takes.
+    /// Delay of every frame.
     pub delay: Duration,
-    /// Up to this much more, evenly spread.
+    /// Largest additional delay, evenly distributed.
     pub jitter: Duration,
-    /// Frames that vanish.
+    /// Frames that are lost.
     pub loss_ppm: u32,
     /// Frames that arrive twice.
     pub duplicate_ppm: u32,
-    /// Frames that are held back by [`Self::reorder_by`], so that later ones pass them.
+    /// Frames that are held back by [`Self::reorder_by`], so that later ones overtake them.
     pub reorder_ppm: u32,
     /// How long a reordered frame is held back.
     pub reorder_by: Duration,
@@ -32,7 +32,7 @@ pub struct Impairment {
 pub struct LinkCounters {
     /// Frames put in.
     pub sent: u64,
-    /// Frames that vanished, by loss or a cut.
+    /// Frames lost, by chance or a cut.
     pub lost: u64,
     /// Frames that arrived twice.
     pub duplicated: u64,
@@ -42,23 +42,23 @@ pub struct LinkCounters {
     pub corrupted: u64,
 }
 
-/// What a cable did to one frame, besides taking its time. It reads as the comment of a capture.
+/// What a cable did to one frame, besides delaying it. Displayed as a capture's comment.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Debug)]
 pub struct Fate {
-    /// It vanished by chance.
+    /// It is lost by chance.
     pub lost: bool,
-    /// It vanished because the cable is cut.
+    /// It is lost because the cable is cut.
     pub cut: bool,
     /// It arrives twice.
     pub duplicated: bool,
-    /// It is held back this long, so that later ones may pass it.
+    /// Time that it is held back, so that later frames may overtake it.
     pub held_back: Option<Duration>,
-    /// This bit of it is flipped, counted from the first byte's lowest.
+    /// Index of its flipped bit, counted from the lowest bit of the first byte.
     pub flipped_bit: Option<u32>,
 }
 
 impl Fate {
-    /// Whether nothing was done to it.
+    /// Returns whether nothing was done to it.
     #[must_use]
     pub fn is_clean(&self) -> bool {
         *self == Self::default()
@@ -93,20 +93,21 @@ impl fmt::Display for Fate {
     }
 }
 
-/// One direction of a cable: its seed decides what becomes of each frame. It has no clock and no queue, so that it serves a
-/// cable in virtual time and one between two real sockets alike.
+/// One direction of a cable. Its seed decides what happens to each frame. It has no clock and no queue, so that it
+/// serves both a cable in virtual time and one between real sockets.
 #[derive(Debug)]
 pub struct Link {
     impairment: Impairment,
     cut: bool,
     random: Pcg64Mcg,
     counters: LinkCounters,
-    /// Without reordering a cable keeps the order, whatever the jitter.
+    /// Arrival of the last frame in order. Without reordering a cable keeps the order, whatever the jitter.
     last_arrival: Instant,
 }
 
 impl Link {
-    /// A link that is not cut. Links of one seed are told apart by `stream`: in a cable 0 is what A sends, 1 what B sends.
+    /// Creates a link that is not cut. `stream` distinguishes links with the same seed: 0 is what A sends, 1 what B
+    /// sends.
     #[must_use]
     pub fn new(impairment: Impairment, seed: u64, stream: u64) -> Self {
         Self {
@@ -124,24 +125,24 @@ impl Link {
         self.impairment = impairment;
     }
 
-    /// Cuts it, or mends it.
+    /// Cuts or mends the link.
     pub const fn set_cut(&mut self, cut: bool) {
         self.cut = cut;
     }
 
-    /// What it did so far.
+    /// Returns the counters so far.
     #[must_use]
     pub const fn counters(&self) -> LinkCounters {
         self.counters
     }
 
-    /// Counts a frame that was under way when the cable was cut.
+    /// Counts a frame that was in flight when the cable was cut.
     pub const fn lose_in_flight(&mut self) {
         self.counters.lost += 1;
     }
 
-    /// Calls `arrive` for each copy of the frame that gets through, with the time at which it does. Nothing of an empty frame
-    /// can be corrupted.
+    /// Calls `arrive` for each copy of the frame that gets through, with its arrival time. An empty frame cannot be
+    /// corrupted.
     pub fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, Fate, &[u8])) -> Fate {
         let (fate, arrival) = self.decide(now, frame.len());
         let Some(arrival) = arrival else { return fate };
@@ -159,7 +160,7 @@ impl Link {
         fate
     }
 
-    /// What becomes of a frame of `len` bytes that leaves now, and when it arrives; never, if it vanishes.
+    /// Decides what happens to a frame of `len` bytes sent now, and when it arrives; `None` if it is lost.
     pub(super) fn decide(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
         self.counters.sent += 1;
         let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
@@ -188,8 +189,8 @@ impl Link {
         (fate, Some(arrival))
     }
 
-    /// When a piece of a TCP stream arrives that leaves now, and how often it was lost before: it is later, where a
-    /// datagram would be lost. None while cut.
+    /// Returns when a piece of a TCP stream sent now arrives, and how often it was lost before: where a datagram
+    /// would be lost, it arrives later. `None` while cut.
     pub(super) fn pass_stream(&mut self, now: Instant, retransmission: Duration) -> Option<(Instant, u32)> {
         self.counters.sent += 1;
         if self.cut {
@@ -205,7 +206,7 @@ impl Link {
         Some((arrival, losses))
     }
 
-    /// Draws nothing where the rate is zero, so that switching one fault on does not shift the others.
+    /// Draws no random number if the rate is zero, so that switching on one fault does not shift the others.
     fn chance(&mut self, ppm: u32) -> bool {
         ppm > 0 && self.below(1_000_000) < u64::from(ppm)
     }
@@ -223,7 +224,7 @@ impl Link {
     }
 }
 
-/// Flips a bit of a frame, counted from the first byte's lowest.
+/// Flips one bit of a frame, counted from the lowest bit of the first byte.
 pub(super) fn flip(frame: &mut [u8], bit: u32) {
     if let Some(byte) = frame.get_mut(bit as usize / 8) {
         *byte ^= 1 << (bit % 8);

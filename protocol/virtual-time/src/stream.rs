@@ -11,30 +11,30 @@ use super::tap::Label;
 use super::{Carrier, Fate, Pair, Segment, Side, holding};
 use machine::{Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
-/// How much later a piece arrives for each time that it is lost: the smallest timeout that Linux uses.
+/// Additional delay of a piece for each time that it is lost: the smallest retransmission timeout of Linux.
 const RETRANSMISSION: Duration = Duration::from_millis(200);
 
-/// How long bytes may wait for a cut cable before both ends give the stream up.
+/// How long bytes wait for a cut cable before both ends give up the stream.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-/// The first of the ports that the side that connects leaves from, one after the other (RFC 6335, section 6).
+/// First ephemeral port of the connecting side; further connections take the next ones (RFC 6335, section 6).
 const EPHEMERAL_PORT: u16 = 50_000;
 const EPHEMERAL_PORTS: u32 = 10_000;
 
 #[derive(Debug)]
 struct Stream {
     id: StreamId,
-    /// The side that connected, its address and its peer's; none where nobody could answer.
+    /// The connecting side, its address and its peer's; `None` if nobody could answer.
     between: Option<(Side, SocketAddrV4, SocketAddrV4)>,
-    /// Bytes that A, and that B, has sent.
+    /// Bytes sent by A and by B.
     sent: [u32; 2],
-    /// When the last piece towards A, and towards B, arrives: nothing overtakes it.
+    /// Arrival of the last piece towards A and towards B: no piece overtakes it.
     last_arrival: [Instant; 2],
-    /// Pieces that wait for the cable to be mended, with the side that they go to.
+    /// Pieces that wait until the cable is mended, with the side that they go to.
     held: Vec<(Side, Delivery)>,
-    /// Since when the first of them waits.
+    /// When the first of them began to wait.
     held_since: Instant,
-    /// The sides that ended it, and so hear no more of it.
+    /// The sides that closed it; they get no more of it.
     ended: [bool; 2],
 }
 
@@ -68,7 +68,7 @@ impl Stream {
         }
     }
 
-    /// What is around a segment that `from` sends.
+    /// Returns the headers around a segment that `from` sends.
     fn carrier(&self, from: Side, segment: Segment) -> Option<Carrier> {
         let (connector, source, to) = self.between?;
         Some(match from == connector {
@@ -107,7 +107,7 @@ impl Streams {
         self.open.iter_mut().find(|stream| stream.id == id)
     }
 
-    /// How many of `left` bytes the next piece has: now a byte, now a segment, now all of it.
+    /// Draws how many of `left` bytes the next piece has: one byte, a segment or all of them.
     fn piece(&mut self, left: usize) -> usize {
         let limit = match self.random.next_u32() % 4 {
             0 => 1,
@@ -143,13 +143,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         let answers = self.station(from.other()).address == Some(*to.ip());
         self.streams.open.push(Stream::new(id));
         let Some(source) = source.filter(|_| answers) else {
-            // Nobody is there to refuse: the attempt runs into its timeout.
+            // There is nobody to refuse it, so the attempt times out.
             return self.in_flight.push(self.now + TIMEOUT, from, Delivery::Closed(id));
         };
         if listens == Some(to.port()) {
             let peer = self.name_stream(from, id, source, to);
             self.push_stream(from, id, Delivery::Opened(id, peer));
-            // The answer to the connection request takes the way back after the request took the way there.
+            // The request takes one delay to the peer, and the answer one delay back.
             if let Some(stream) = self.streams.get(id) {
                 *stream.last_arrival(from) = *stream.last_arrival(from.other());
             }
@@ -161,7 +161,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Writes down who talks to whom, and returns the address that the connecting side leaves from.
+    /// Records the addresses of a connection, and returns the one that the connecting side uses.
     fn name_stream(&mut self, from: Side, id: StreamId, source: Ipv4Addr, to: SocketAddrV4) -> SocketAddrV4 {
         let peer = SocketAddrV4::new(source, EPHEMERAL_PORT + (id.0 % EPHEMERAL_PORTS) as u16);
         if let Some(stream) = self.streams.get(id) {
@@ -170,7 +170,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         peer
     }
 
-    /// Shows a segment where it leaves.
+    /// Shows the tap a segment where it is sent.
     fn tap_stream(
         &mut self,
         at: Instant,
@@ -187,7 +187,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.tap_departure(at, from, label, bytes);
     }
 
-    /// Shows a segment without bytes where it arrives.
+    /// Shows the tap a segment without bytes where it arrives.
     fn tap_stream_arrival(&mut self, end: Side, id: StreamId, segment: Segment) {
         let from = end.other();
         let Some(carrier) = self.streams.get(id).and_then(|stream| stream.carrier(from, segment)) else {
@@ -197,8 +197,8 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.tap_arrival(end, Label { carrier, dscp, fate: Fate::default() }, &[]);
     }
 
-    /// The segment that a delivery stands for, apart from the answer to a connection request: that one leaves when
-    /// the request arrives.
+    /// Returns the segment of a delivery, except for the answer to a connection request, which is sent when the
+    /// request arrives.
     fn segment(&mut self, from: Side, id: StreamId, delivery: &Delivery) -> Option<Segment> {
         let stream = self.streams.get(id)?;
         let (connector, ..) = stream.between?;
@@ -207,7 +207,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 Some(*segment)
             }
             Delivery::Opened(..) => (from == connector).then_some(Segment::Connect),
-            // A refusal, unless the side has ended what was open.
+            // A refusal, unless the side has closed an open connection.
             Delivery::Closed(_) => {
                 (*stream.ended(from)).then(|| Segment::Close { offset: *stream.sent(from) })
             }
@@ -235,7 +235,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Puts a piece of a stream on its way, behind all that went before it.
+    /// Sends a piece of a stream, behind all earlier ones.
     fn push_stream(&mut self, from: Side, id: StreamId, delivery: Delivery) {
         let (now, to) = (self.now, from.other());
         let alive = self.station(to).alive;
@@ -272,7 +272,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// The cable is cut: datagrams are lost, pieces of streams wait.
+    /// Handles a cut: datagrams are lost, pieces of streams wait.
     pub(super) fn hold_streams(&mut self) {
         for InFlight { arrives, to, delivery } in self.in_flight.take() {
             match &delivery {
@@ -285,7 +285,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// The cable is mended: what waited goes on its way.
+    /// Handles the mended cable: sends the waiting pieces.
     pub(super) fn resume_streams(&mut self) {
         let held: Vec<_> = self
             .streams
@@ -300,7 +300,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Whether `side` still wants frames of `port`.
+    /// Returns whether `side` still receives frames of `port`.
     pub(super) fn wants(&mut self, side: Side, port: Port) -> bool {
         match port {
             Port::Stream(id) => self.streams.get(id).is_some_and(|stream| !*stream.ended(side)),
@@ -338,7 +338,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Shows the end of a stream as it arrives, or the refusal to open it.
+    /// Shows the tap the end of a stream, or the refusal to open it, where it arrives.
     fn tap_end(&mut self, side: Side, id: StreamId) {
         let from = side.other();
         let Some(stream) = self.streams.get(id) else { return };
@@ -361,7 +361,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::A => self.a.handle_stream(local, id, change),
             Side::B => self.b.handle_stream(local, id, change),
         }
-        // What the machine still says to a connection that is gone, goes nowhere.
+        // What the machine still sends on a closed connection is dropped.
         if let Some(stream) = self.streams.get(id).filter(|_| change == StreamChange::Closed) {
             *stream.ended(side) = true;
         }

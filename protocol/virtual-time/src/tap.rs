@@ -1,4 +1,4 @@
-//! Who listens in: what passes each end of the cable, with all that a capture needs to write a real packet.
+//! Taps on a virtual cable: see what passes each end, with everything that a capture needs to write a real packet.
 
 use alloc::boxed::Box;
 use core::fmt;
@@ -7,70 +7,70 @@ use core::net::SocketAddrV4;
 use super::{Fate, Pair, Side};
 use machine::{Instant, Machine, Port};
 
-/// What a network wraps around a frame of a machine.
+/// The protocol headers around a machine's frame.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Carrier {
     /// Nothing: the frame begins with its destination's MAC address.
     Ethernet,
     /// The frame is the payload of a datagram.
     Udp {
-        /// Who sent it.
+        /// The sender.
         source: SocketAddrV4,
-        /// Whom it is for.
+        /// The receiver.
         to: SocketAddrV4,
     },
-    /// The frame, which may be empty, is the payload of a segment.
+    /// The frame, which may be empty, is the payload of a TCP segment.
     Tcp {
-        /// Who sent it.
+        /// The sender.
         source: SocketAddrV4,
-        /// Whom it is for.
+        /// The receiver.
         to: SocketAddrV4,
-        /// What the segment is for.
+        /// The kind of segment.
         segment: Segment,
     },
 }
 
-/// What a TCP segment is for (RFC 9293, section 3.5). Acknowledgements without payload are not among them.
+/// Kinds of TCP segments (RFC 9293, section 3.5). Acknowledgements without payload are left out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Segment {
-    /// SYN: a connection is wanted.
+    /// SYN: requests a connection.
     Connect,
-    /// SYN and ACK: it is accepted.
+    /// SYN and ACK: accepts the connection.
     Accept,
-    /// RST: it is not.
+    /// RST: refuses the connection.
     Refuse,
     /// Bytes of the stream.
     Data {
-        /// How many bytes the sender sent on this connection before.
+        /// Bytes that the sender sent on this connection before.
         offset: u32,
     },
-    /// FIN: the sender has no more to say.
+    /// FIN: the sender sends no more.
     Close {
-        /// How many bytes the sender sent on this connection.
+        /// Bytes that the sender sent on this connection.
         offset: u32,
     },
 }
 
-/// What passes one end of the cable, as a [`Pair::set_tap`] sees it.
+/// A frame at one end of the cable, for [`Pair::set_tap`].
 #[derive(Clone, Copy, Debug)]
 pub struct Tapped<'a> {
-    /// When, in true time. A segment that has to be sent again is announced at once, with the later time.
+    /// When it passes, in true time. A segment that is retransmitted is shown at once, with the later time.
     pub at: Instant,
-    /// At whose end of the cable.
+    /// The end of the cable at which it is seen.
     pub end: Side,
-    /// Who sent it; at the other end it has arrived.
+    /// The sender. At the other end it has arrived.
     pub from: Side,
-    /// What is around the frame.
+    /// The headers around the frame.
     pub carrier: Carrier,
     /// The DSCP of its packet, 0 to 63.
     pub dscp: u8,
-    /// What the cable does to it on its way.
+    /// What the cable does to it.
     pub fate: Fate,
-    /// The frame, at the receiver's end as it arrived.
+    /// The frame; at the receiver's end as it arrived.
     pub frame: &'a [u8],
 }
 
-/// What of a [`Tapped`] travels with the frame.
+/// The part of a [`Tapped`] that travels with the frame.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(super) struct Label {
     pub(super) carrier: Carrier,
@@ -93,7 +93,7 @@ impl fmt::Debug for Tap {
 }
 
 impl<A: Machine, B: Machine> Pair<A, B> {
-    /// Shows every frame to `tap`, once when it leaves and once when it arrives.
+    /// Shows every frame to `tap`, once when it is sent and once when it arrives.
     pub fn set_tap(&mut self, tap: impl FnMut(Tapped<'_>) + 'static) {
         self.tap = Some(Tap(Box::new(tap)));
     }
@@ -112,7 +112,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// The DSCP of what leaves by this port; nobody asks where nobody listens in.
+    /// Returns the DSCP of what leaves by this port; not computed without a tap.
     pub(super) fn dscp(&self, from: Side, port: Port) -> u8 {
         match (&self.tap, from) {
             (None, _) => 0,

@@ -3,7 +3,7 @@ use alloc::string::String;
 use core::fmt::Write;
 use machine::{Duration, PortRequest, StreamChange, StreamId, StreamRequest};
 
-/// Sends a number every millisecond of its own clock and reports those that come in.
+/// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
     next: Instant,
     sent: u8,
@@ -66,7 +66,7 @@ fn transcript(seed: u64, link: Impairment) -> String {
 }
 
 #[test]
-fn each_side_lives_by_its_own_clock() {
+fn each_side_uses_its_own_clock() {
     let link = Impairment { delay: Duration::from_micros(30), ..Impairment::default() };
     insta::assert_snapshot!(transcript(1, link), @r"
     A got 1 at 0.000529981s
@@ -121,7 +121,7 @@ fn a_cut_cable_and_a_killed_node_deliver_nothing() {
     assert_eq!(pair.link_counters(Side::B).sent, 3);
 }
 
-/// Connects to TCP port 7 of its peer, or listens there, says all it has to say, and writes down what it hears.
+/// Connects to TCP port 7 of its peer, or listens there, sends all its bytes, and records what it receives.
 #[derive(Default)]
 struct Talker {
     connect: Option<SocketAddrV4>,
@@ -194,7 +194,7 @@ fn talk(to: SocketAddrV4, say: &[u8], link: Impairment) -> Pair<Talker, Talker> 
 const LISTENER: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 2), 7);
 
 #[test]
-fn a_stream_comes_in_pieces_but_whole_and_in_order_even_over_a_cable_that_loses_frames() {
+fn a_stream_arrives_in_pieces_complete_and_in_order_even_over_a_lossy_cable() {
     let said: Vec<u8> = (0..20_000_u32).map(|number| number as u8 ^ (number >> 8) as u8).collect();
     let jitter = Duration::from_millis(1);
     let link = Impairment { jitter, loss_ppm: 100_000, duplicate_ppm: 100_000, ..Impairment::default() };
@@ -214,7 +214,7 @@ fn a_connection_that_nobody_accepts_is_reported_closed() {
 }
 
 #[test]
-fn a_stream_outlives_a_short_cut_and_breaks_at_both_ends_in_a_long_one() {
+fn a_stream_survives_a_short_cut_and_closes_at_both_ends_in_a_long_one() {
     let mut pair = talk(LISTENER, b"before", Impairment::default());
     pair.next_event(Instant::from_millis(10));
     pair.set_cut(true);
@@ -233,7 +233,7 @@ fn a_stream_outlives_a_short_cut_and_breaks_at_both_ends_in_a_long_one() {
 }
 
 #[test]
-fn what_was_said_before_the_end_still_arrives() {
+fn bytes_sent_before_the_close_still_arrive() {
     let link = Impairment { delay: Duration::from_micros(50), ..Impairment::default() };
     let mut pair = talk(LISTENER, b"", link);
     pair.next_event(Instant::from_millis(1));
