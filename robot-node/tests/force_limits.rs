@@ -113,6 +113,7 @@ proptest! {
         pressing in pressing(),
         setup in prop_oneof![Just("A"), Just("B")],
         held_at in proptest::collection::vec(1..200_u32, 0..3),
+        overrides in proptest::collection::vec((1..200_u32, prop_oneof![Just(0), 0..=100_u8]), 0..4),
     ) {
         let config = pressing.config(setup);
         let mut robot = Driven::ready(config.clone(), Program::default());
@@ -129,6 +130,11 @@ proptest! {
             (0..30).for_each(|_| watched.tick());
             watched.robot.control(Control::RESUME);
         }
+        for (ticks, percent) in overrides {
+            watched.robot.command.override_percent = percent;
+            (0..ticks).for_each(|_| watched.tick());
+        }
+        watched.robot.command.override_percent = 100;
         let ended = Status::DONE.0 | Status::ERROR.0;
         let mut ticks = 0;
         while watched.robot.feedback().number != 2 || watched.robot.feedback().status.0 & ended == 0 {

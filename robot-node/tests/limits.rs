@@ -210,7 +210,7 @@ proptest! {
     #[test]
     fn suspend_override_and_halt_keep_the_limits_at_any_moment(
         motions in proptest::collection::vec(motion(), 2..8),
-        events in proptest::collection::vec((1..80_u32, 0..4_u8), 1..12),
+        events in proptest::collection::vec((1..80_u32, 0..5_u8), 1..12),
     ) {
         let mut watched = Watched::start(motions);
         for (ticks, event) in events {
@@ -222,6 +222,7 @@ proptest! {
                 0 => watched.command.control = control | Control::SUSPEND,
                 1 => watched.command.control = control | Control::RESUME,
                 2 => watched.command.override_percent = 30,
+                3 => watched.command.override_percent = 0,
                 _ => watched.command.override_percent = 100,
             }
         }

@@ -177,7 +177,7 @@ fn a_call_that_makes_no_sense_is_refused() {
     assert_eq!(refuse(Skill::RunProgram, |command| command.program = 9), ErrorNumber::UnknownProgram);
     assert_eq!(refuse(Skill::MoveContinuous, |command| command.total = 0), ErrorNumber::NoMotions);
     assert_eq!(
-        refuse(Skill::MovePtpCartesian, |command| command.override_percent = 0),
+        refuse(Skill::MovePtpCartesian, |command| command.override_percent = 101),
         ErrorNumber::OverrideOutOfRange
     );
     assert_eq!(

@@ -5,7 +5,7 @@
 //! 2..4   life counter     u16   counts the PLC's scans
 //! 4..6   command number   u16   a new one, with `execute` set, starts a skill
 //! 6      skill            u8
-//! 7      override         u8    % of every velocity, 1..=100
+//! 7      override         u8    % of every velocity, 0..=100; 0 stops the arm on its path
 //! 8..12  total            u32   motions of the skill in all (totalNo)
 //! 12..16 written          u32   motions written into the slots so far, counted from the skill's start
 //! 16..18 program number   u16   what `RunProgram` runs
@@ -71,7 +71,8 @@ pub struct Command {
     pub number: u16,
     /// The skill to execute.
     pub skill: Skill,
-    /// Override in % of every velocity, 1..=100.
+    /// Override in % of every velocity, 0..=100. At 0 the arm stops on its path, and a higher one lets it go on. It may
+    /// change at any time; one above 100 is refused, and the last one stands.
     pub override_percent: u8,
     /// Motions of this skill in all: the paper's `totalNo`.
     pub total: u32,

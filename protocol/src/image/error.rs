@@ -31,7 +31,7 @@ codes! {
         VelocityOutOfRange = 10,
         /// The acceleration is 0, or above what the motion kind allows.
         AccelerationOutOfRange = 11,
-        /// The override is not within 1 to 100 %.
+        /// The override is above 100 %: a skill does not start with it, and one that runs keeps the last one.
         OverrideOutOfRange = 12,
         /// A coordinate is not a finite number.
         TargetNotFinite = 13,
@@ -81,7 +81,7 @@ impl fmt::Display for ErrorNumber {
             Self::UnknownBase => "the base number is not defined in the robot",
             Self::VelocityOutOfRange => "the velocity is zero or above the limit of its motion kind",
             Self::AccelerationOutOfRange => "the acceleration is zero or above the limit of its motion kind",
-            Self::OverrideOutOfRange => "the override is not within 1 to 100 %",
+            Self::OverrideOutOfRange => "the override is not within 0 to 100 %",
             Self::TargetNotFinite => "a coordinate is not a finite number",
             Self::Unreachable => "the target is out of the arm's reach",
             Self::AxisLimit => "a joint would leave its range",

@@ -3,7 +3,7 @@
 //! ```text
 //! 0..2    status            bits
 //! 2       state             u8
-//! 3       zero
+//! 3       override          u8    %, the one in effect
 //! 4..6    command number    u16   the last one that was accepted or refused
 //! 6..8    error number      u16   0 is none
 //! 8..12   executed          u32   motions of the skill that are executed (curExec)
@@ -43,6 +43,9 @@ bits! {
         AT_REST = 4,
         /// Drives are on: `enable` is seen and nothing forbids to move.
         ENABLED = 5,
+        /// Nothing ended, but the error number says what the robot does not take over: an override above 100 %. Never
+        /// together with `ERROR`; goes by itself when its cause has gone.
+        WARNING = 6,
     }
 }
 
@@ -67,6 +70,8 @@ pub struct Feedback {
     pub status: Status,
     /// State of the skill execution.
     pub state: State,
+    /// The override in effect, in %.
+    pub override_percent: u8,
     /// Number of the command that state, counts and error speak of.
     pub number: u16,
     /// What is wrong, if anything.
@@ -106,6 +111,7 @@ impl Default for Feedback {
         Self {
             status: Status::default(),
             state: State::Halted,
+            override_percent: 100,
             number: 0,
             error: ErrorNumber::None,
             executed: 0,
@@ -132,10 +138,11 @@ impl Feedback {
         let mut reader = Reader::<O>::new(image);
         let status = Status(reader.u16()?);
         let state = reader.u8()?.into();
-        reader.skip(1)?;
+        let override_percent = reader.u8()?;
         let mut feedback = Self {
             status,
             state,
+            override_percent,
             number: reader.u16()?,
             error: reader.u16()?.into(),
             executed: reader.u32()?,
@@ -166,7 +173,7 @@ impl Feedback {
         let mut writer = Writer::<O>::new(image);
         writer.u16(self.status.0);
         writer.u8(self.state.into());
-        writer.u8(0);
+        writer.u8(self.override_percent);
         writer.u16(self.number);
         writer.u16(self.error.into());
         writer.u32(self.executed);

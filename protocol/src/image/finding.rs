@@ -22,6 +22,7 @@ use super::ErrorNumber;
 /// | `CollinearCircle` | | intermediate point off the line in mm | at least, − |
 /// | `TargetNotFinite` | coordinate, 1 to 6, of the auxiliary 7 to 9 | | |
 /// | `UnknownTool`, `UnknownBase`, `UnknownMotionKind` | the number or kind | | |
+/// | `OverrideOutOfRange` | | in % | 0, 100 |
 /// | `ForceOutOfRange` | | in N | above 0, at most |
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
 /// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
@@ -139,6 +140,9 @@ impl fmt::Display for InWords {
             ErrorNumber::TargetNotFinite => write!(f, " (coordinate {index} of target and auxiliary)"),
             ErrorNumber::UnknownTool | ErrorNumber::UnknownBase | ErrorNumber::UnknownMotionKind => {
                 write!(f, " (number {index})")
+            }
+            ErrorNumber::OverrideOutOfRange => {
+                write!(f, " (it is {value} %, allowed is {lower} to {upper} %)")
             }
             ErrorNumber::ForceOutOfRange => {
                 write!(f, " (it is {value} N, allowed is above {lower} up to {upper} N)")

@@ -71,6 +71,7 @@ fn a_feedbacks_head_is_these_bytes() {
     let feedback = Feedback {
         status: Status::BUSY | Status::ENABLED,
         state: State::Running,
+        override_percent: 50,
         number: 7,
         error: ErrorNumber::AxisLimit,
         executed: 3,
@@ -92,7 +93,7 @@ fn a_feedbacks_head_is_these_bytes() {
     feedback.emit::<LittleEndian>(&mut image);
     #[rustfmt::skip]
     let head = [
-        0x21, 0,  2,  0,  7, 0,  15, 0,  3, 0, 0, 0,  8, 0, 0, 0,  9, 0, 0, 0,  0x22, 0x11,  0x44, 0x33,  0x66, 0x55,
+        0x21, 0,  2,  50,  7, 0,  15, 0,  3, 0, 0, 0,  8, 0, 0, 0,  9, 0, 0, 0,  0x22, 0x11,  0x44, 0x33,  0x66, 0x55,
         2, 0,  0xE8, 3, 0, 0, 0, 0, 0, 0,  0xD0, 7, 0, 0, 0, 0, 0, 0,
     ];
     assert_eq!(&image[..44], &head);
@@ -127,7 +128,6 @@ proptest! {
 
         let feedback = Feedback::parse::<LittleEndian>(&bytes).unwrap();
         feedback.emit::<LittleEndian>(&mut image);
-        bytes[3] = 0;
         bytes[101..104].fill(0);
         bytes[116..].fill(0);
         prop_assert_eq!(&image[..], &bytes[..]);

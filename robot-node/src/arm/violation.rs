@@ -161,6 +161,12 @@ pub enum Violation {
     /// The code of a motion kind.
     #[error("motion kind {0} is not one that this robot runs")]
     Kind(u8),
+    /// An override above 100 %.
+    #[error("the override is {percent} %, allowed is 0 to 100 %; the last one stands")]
+    Override {
+        /// As the PLC wrote it.
+        percent: u8,
+    },
     /// A contact force to be reached, in N.
     #[error("the force is {value_n} N, allowed is above 0 up to {limit_n} N")]
     Force {
@@ -236,6 +242,7 @@ impl Violation {
             Self::Tool(_) => ErrorNumber::UnknownTool,
             Self::Base(_) => ErrorNumber::UnknownBase,
             Self::Kind(_) => ErrorNumber::UnknownMotionKind,
+            Self::Override { .. } => ErrorNumber::OverrideOutOfRange,
             Self::Force { .. } => ErrorNumber::ForceOutOfRange,
             Self::ForceDirection { .. } => ErrorNumber::ForceDirection,
             Self::ForceNotReached { .. } => ErrorNumber::ForceNotReached,
@@ -268,6 +275,7 @@ impl Violation {
             | Self::Acceleration { value, limit }
             | Self::Approach { value, limit, .. }
             | Self::Force { value_n: value, limit_n: limit } => of(0, value, 0.0, limit),
+            Self::Override { percent } => of(0, percent.into(), 0.0, 100.0),
             Self::ForceDirection { angle_deg, limit_deg } => of(0, angle_deg, 0.0, limit_deg),
             Self::ForceNotReached { found_n, wanted_n, way_mm } => of(0, found_n, wanted_n, way_mm),
         }

@@ -7,8 +7,8 @@ use planning::Switch;
 use protocol::image::{Command, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
 use super::event::Ending;
-use super::press;
 use super::program::Programs;
+use super::{HIGHEST_OVERRIDE, press};
 use crate::RobotConfig;
 use crate::arm::{Joints, Violation};
 use crate::motion::Segment;
@@ -91,7 +91,7 @@ impl Execution {
         until: Instant,
         joints: &Joints,
         programs: &Programs,
-    ) -> Result<Self, ErrorNumber> {
+    ) -> Result<Self, Violation> {
         let (source, total) = match command.skill {
             Skill::RunProgram => {
                 let index = programs.iter().position(|(number, _)| *number == command.program);
@@ -100,14 +100,14 @@ impl Execution {
                 (Source::Program(index), motions)
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
-            Skill::None | Skill::Unknown(_) => return Err(ErrorNumber::UnknownSkill),
+            Skill::None | Skill::Unknown(_) => return Err(ErrorNumber::UnknownSkill.into()),
             single => (Source::Single(u8::from(single).into()), command.total.min(1)),
         };
         if total == 0 {
-            return Err(ErrorNumber::NoMotions);
+            return Err(ErrorNumber::NoMotions.into());
         }
-        if !(1..=100).contains(&command.override_percent) {
-            return Err(ErrorNumber::OverrideOutOfRange);
+        if command.override_percent > HIGHEST_OVERRIDE {
+            return Err(Violation::Override { percent: command.override_percent });
         }
         let start = Instant::from_nanos(command.start_time_ns);
         Ok(Self {

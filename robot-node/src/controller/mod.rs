@@ -42,7 +42,7 @@ pub use program::Program;
 use program::Programs;
 
 use crate::RobotConfig;
-use crate::arm::{AXES, Frame, Joints};
+use crate::arm::{AXES, Frame, Joints, Violation};
 use crate::motion::Interpolator;
 use crate::quality::Observer;
 
@@ -51,6 +51,9 @@ const EVENTS: usize = 64;
 
 /// How many values a random word has.
 const RANDOM_WORDS: f64 = (1_u64 << 32) as f64;
+
+/// The highest override, in %.
+const HIGHEST_OVERRIDE: u8 = 100;
 
 /// A command that the interpreter has not noticed yet.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -87,7 +90,10 @@ pub struct Controller {
     /// `reset` counts once each time it is set.
     reset_armed: bool,
     hold: bool,
+    /// The override, 0…1.
     factor: f64,
+    /// The override in the command image, if it is none that there can be.
+    wrong_override: Option<u8>,
     tool: Frame,
     base_inverse: Frame,
     feedback: Feedback,
@@ -121,6 +127,7 @@ impl Controller {
             reset_armed: true,
             hold: false,
             factor: 1.0,
+            wrong_override: None,
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
             feedback: Feedback::default(),
@@ -173,7 +180,7 @@ impl Controller {
     }
 
     fn without_connection(&mut self, at: Instant) {
-        (self.last_number, self.plc_outputs) = (None, None);
+        (self.last_number, self.plc_outputs, self.wrong_override) = (None, None, None);
         self.reset_armed = true;
         self.give_up(at, Ending::plain(ErrorNumber::ConnectionLost, self.feedback.executed));
     }
@@ -195,9 +202,7 @@ impl Controller {
         } else if control.contains(Control::RESUME) {
             self.hold = false;
         }
-        if (1..=100).contains(&command.override_percent) {
-            self.factor = f64::from(command.override_percent) / 100.0;
-        }
+        self.take_override(command.override_percent);
         let before = self.plc_outputs.replace(command.outputs).unwrap_or(command.outputs);
         let changed = before ^ command.outputs;
         self.outputs = self.outputs & !changed | command.outputs & changed;
@@ -206,6 +211,19 @@ impl Controller {
             self.notice(at, command);
         } else {
             self.pending = None;
+        }
+    }
+
+    /// Takes the override over. One above the highest is refused, once, and the last one stands.
+    fn take_override(&mut self, percent: u8) {
+        if percent <= HIGHEST_OVERRIDE {
+            self.factor = f64::from(percent) / 100.0;
+            self.feedback.override_percent = percent;
+            self.wrong_override = None;
+        } else if self.wrong_override.replace(percent) != Some(percent)
+            && let Some(Execution { number, .. }) = self.execution
+        {
+            self.refuse_motion(number, self.feedback.executed, Violation::Override { percent });
         }
     }
 
@@ -264,9 +282,9 @@ impl Controller {
                 self.state = State::Running;
                 self.event(RobotEvent::SkillStarted { number: command.number, skill: command.skill });
             }
-            Err(error) => {
+            Err(violation) => {
                 (self.state, self.press) = (State::Halted, None);
-                self.refuse(command.number, 0, error.into());
+                self.refuse(command.number, 0, violation);
             }
         }
     }

@@ -17,13 +17,14 @@ impl Controller {
         execution.executed_before + self.interpolator.path().executed()
     }
 
-    /// Nothing to drive: the arm stands still, or holds its force.
+    /// Nothing to drive: the arm stands still, or holds its force; at override 0 it stands with the force that it has.
     pub(super) fn rest(&mut self) {
-        if self.hold || !self.is_pressing(press::Phase::Holding) || !self.interpolator.path().is_finished() {
+        if !self.is_pressing(press::Phase::Holding) || !self.interpolator.path().is_finished() {
             return self.interpolator.stand_still();
         }
+        let is_held = self.hold || self.factor == 0.0;
         // A line that was driven before can be driven again; if not, the arm lets go of the force and brakes.
-        if self.lead(1.0).is_err() {
+        if self.lead(if is_held { 0.0 } else { 1.0 }).is_err() {
             self.press = None;
         }
     }
@@ -161,6 +162,16 @@ mod tests {
                 assert!((force - 25.0).abs() < 4.0, "{force} N");
             }
         }
+        // At override 0 it stops and follows nothing.
+        command.override_percent = 0;
+        (0..50).for_each(|_| tick(&mut controller, &command));
+        let joints = *controller.joints();
+        for step_mm in [0.01, -0.01] {
+            controller.config.surfaces[0].point[2] += step_mm;
+            (0..50).for_each(|_| tick(&mut controller, &command));
+            assert_eq!(*controller.joints(), joints);
+        }
+        command.override_percent = 100;
         (0..2_000).for_each(|_| {
             controller.config.surfaces[0].point[2] -= 0.004;
             tick(&mut controller, &command);

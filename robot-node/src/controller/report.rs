@@ -8,8 +8,8 @@ use crate::arm::{Violation, contact_force, length};
 
 impl Controller {
     pub(super) fn cleared_feedback(&self) -> Feedback {
-        let Feedback { life, life_echo, joints, pose, contact_force, .. } = self.feedback;
-        Feedback { life, life_echo, joints, pose, contact_force, ..Feedback::default() }
+        let Feedback { life, life_echo, override_percent, joints, pose, contact_force, .. } = self.feedback;
+        Feedback { life, life_echo, override_percent, joints, pose, contact_force, ..Feedback::default() }
     }
 
     pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {
@@ -20,6 +20,7 @@ impl Controller {
         if !self.config.surfaces.is_empty() {
             self.feel();
         }
+        self.warn();
         let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
         let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
         let feedback = &mut self.feedback;
@@ -34,6 +35,21 @@ impl Controller {
         if let Some(command) = command {
             feedback.life_echo = command.life;
         }
+    }
+
+    /// Shows what the robot does not take over while nothing worse is wrong.
+    fn warn(&mut self) {
+        let feedback = &mut self.feedback;
+        if feedback.status.contains(Status::ERROR) {
+            return;
+        }
+        let wrong = self.wrong_override.map(|percent| Violation::Override { percent });
+        if wrong.is_none() && !feedback.status.contains(Status::WARNING) {
+            return;
+        }
+        feedback.status.set(Status::WARNING, wrong.is_some());
+        feedback.error = wrong.map_or(ErrorNumber::None, |wrong| wrong.number());
+        feedback.finding = wrong.map_or(Finding::NONE, |wrong| wrong.finding());
     }
 
     /// What the surfaces around push the tool with.
@@ -77,6 +93,7 @@ impl Controller {
 
     pub(super) fn set_error(&mut self, error: ErrorNumber, motion: u32, finding: Finding) {
         self.feedback.status.set(Status::ERROR, true);
+        self.feedback.status.set(Status::WARNING, false);
         (self.feedback.error, self.feedback.error_motion, self.feedback.finding) = (error, motion, finding);
     }
 
