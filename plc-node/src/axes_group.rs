@@ -2,6 +2,7 @@
 
 use protocol::image::{Command, Control, Feedback};
 
+use crate::Override;
 use crate::function_blocks::BlockError;
 
 /// How many scans the program waits for the robot.
@@ -30,14 +31,8 @@ pub struct AxesGroup {
 impl AxesGroup {
     /// A robot of which nothing is known yet.
     #[must_use]
-    pub fn new(override_percent: u8, patience: Patience) -> Self {
-        Self {
-            command: Command { override_percent, ..Command::default() },
-            feedback: None,
-            commanded: false,
-            still_scans: 0,
-            patience,
-        }
+    pub fn new(patience: Patience) -> Self {
+        Self { command: Command::default(), feedback: None, commanded: false, still_scans: 0, patience }
     }
 
     /// Begins a scan: takes over the robot's image, none where there is no connection, and counts the PLC's life.
@@ -97,6 +92,11 @@ impl AxesGroup {
         self.command.control.set(bits, on);
     }
 
+    /// Sets the override; the robot changes to it as fast as its limits allow.
+    pub const fn set_override(&mut self, to: Override) {
+        self.command.override_percent = to.percent();
+    }
+
     /// The PLC's digital outputs.
     pub(crate) const fn outputs(&self) -> u16 {
         self.command.outputs
@@ -107,7 +107,7 @@ impl AxesGroup {
         self.command.outputs = outputs;
     }
 
-    /// Takes back everything but the number and the digital outputs: the image that must stand on the bus while nobody commands, so that a
+    /// Takes back everything but the number, the override and the digital outputs: the image that must stand on the bus while nobody commands, so that a
     /// robot that comes up meanwhile finds nothing to execute.
     pub fn disarm(&mut self) {
         self.command.control = Control::default();
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     fn group() -> AxesGroup {
-        AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 3 })
+        AxesGroup::new(Patience { answer_scans: 10, silent_scans: 3 })
     }
 
     #[test]

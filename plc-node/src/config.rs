@@ -22,8 +22,6 @@ pub struct PlcConfig {
     /// Time from reading the inputs to writing the outputs. Zero where the scan runs on a real clock, since there it
     /// takes what it takes.
     pub scan_cost: Duration,
-    /// Override in % of every velocity, 1..=100.
-    pub override_percent: u8,
     /// How long the robot may take to take up a command.
     pub answer_timeout: Duration,
     /// How long the robot's life counter may stand still.
@@ -52,7 +50,6 @@ impl PlcConfig {
         Self {
             scan_cycle: micros(setup.plc.scan_cycle_us.value),
             scan_cost: micros(setup.plc.scan_cost_us.value),
-            override_percent: 100,
             answer_timeout: ANSWER_MARGIN
                 + micros(setup.robot.interpreter_quantum_us.value)
                 + micros(setup.robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value))

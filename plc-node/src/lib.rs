@@ -29,6 +29,7 @@ mod readiness;
 mod scan;
 mod sequence;
 mod start_position;
+mod speed_override;
 
 pub use axes_group::{AxesGroup, Patience};
 pub use config::PlcConfig;
@@ -38,3 +39,4 @@ pub use event::{
 pub use motion_source::{MotionList, MotionSource};
 pub use node::{PlcNode, Sample};
 pub use scan::Scan;
+pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};

@@ -16,8 +16,8 @@ use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
 use crate::start_position::StartPosition;
 use crate::{
-    AxesGroup, Execution, ExecutionType, Failure, FailureCause, MotionSource, PlcConfig, PlcEvent, Scan,
-    StartError,
+    AxesGroup, Execution, ExecutionType, Failure, FailureCause, MotionSource, Override, OverrideSchedule,
+    PlcConfig, PlcEvent, Scan, StartError,
 };
 
 /// More events than one handler can bring about; the owner drains them after each.
@@ -45,6 +45,8 @@ pub struct PlcNode<B> {
     mode: Mode,
     readiness: Readiness,
     run: Run,
+    /// What becomes of the override in the runs that start from now on; none leaves it as it is.
+    overrides: Option<OverrideSchedule>,
     /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
@@ -73,6 +75,9 @@ enum Mode {
 #[derive(Debug)]
 struct Run {
     sequence: Sequence,
+    overrides: Option<OverrideSchedule>,
+    /// Steps of them that are done.
+    overridden: usize,
     started_at: Instant,
     started_in_scan: u64,
     frames_before: Counters,
@@ -93,6 +98,8 @@ pub struct Sample {
     pub total: u32,
     /// Motions written into the slots so far.
     pub written: u32,
+    /// The override, in %.
+    pub override_percent: u8,
     /// Motions in the slots that the robot has not executed yet, 0..=5.
     pub queue_fill: u32,
     /// The robot's image of the last scan; none without a connection.
@@ -108,7 +115,7 @@ impl<B: Fieldbus> PlcNode<B> {
             bus,
             scan: Scan::new(start, config.scan_cycle, config.scan_cost),
             scans: 0,
-            group: AxesGroup::new(config.override_percent, patience),
+            group: AxesGroup::new(patience),
             program: config.program,
             queue_depth: config.queue_depth,
             motions: Digested::new(config.motions),
@@ -120,10 +127,13 @@ impl<B: Fieldbus> PlcNode<B> {
             readiness: Readiness::default(),
             run: Run {
                 sequence: Sequence::new(ExecutionType::Rc, config.program, config.queue_depth),
+                overrides: None,
+                overridden: 0,
                 started_at: start,
                 started_in_scan: 0,
                 frames_before: Counters::default(),
             },
+            overrides: None,
             inputs: [0; IMAGE_LEN],
             outputs: [0; IMAGE_LEN],
             emitted: None,
@@ -154,6 +164,17 @@ impl<B: Fieldbus> PlcNode<B> {
             _ => Mode::Starting(execution_type),
         };
         Ok(())
+    }
+
+    /// Sets the override from the next scan on, whether a run is under way or not. It stays until it is set again, or until
+    /// the next step of a run's schedule.
+    pub const fn set_override(&mut self, _now: Instant, to: Override) {
+        self.group.set_override(to);
+    }
+
+    /// Has every run that starts from now on change the override by this schedule; without one the override stays.
+    pub const fn schedule_overrides(&mut self, schedule: Option<OverrideSchedule>) {
+        self.overrides = schedule;
     }
 
     /// Gives the run up: it fails at once, and the next scan halts the robot. Does nothing without a run.
@@ -213,6 +234,7 @@ impl<B: Fieldbus> PlcNode<B> {
             control: command.control,
             total: command.total,
             written: command.written,
+            override_percent: command.override_percent,
             queue_fill: command.written.saturating_sub(executed),
             feedback,
         }
@@ -302,6 +324,8 @@ impl<B: Fieldbus> PlcNode<B> {
     fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
         self.run = Run {
             sequence: Sequence::new(execution_type, self.program, self.queue_depth),
+            overrides: self.overrides,
+            overridden: 0,
             started_at: now,
             started_in_scan: self.scans,
             frames_before: self.bus.counters(),
@@ -313,6 +337,7 @@ impl<B: Fieldbus> PlcNode<B> {
     }
 
     fn run(&mut self, now: Instant) {
+        self.follow_overrides(now);
         match self.run.sequence.scan(now, &mut self.motions, &self.stops, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
@@ -321,6 +346,17 @@ impl<B: Fieldbus> PlcNode<B> {
                 BlockError::Robot { number, finding, .. } => FailureCause::Robot { number, motion, finding },
                 error => FailureCause::Block { error, motion },
             }),
+        }
+    }
+
+    /// Sets the override as the run's schedule says.
+    fn follow_overrides(&mut self, now: Instant) {
+        let Some(schedule) = &self.run.overrides else { return };
+        let since = now.since(self.run.started_at);
+        let due = schedule.steps().iter().skip(self.run.overridden).take_while(|step| step.after() <= since);
+        for step in due {
+            self.group.set_override(step.to);
+            self.run.overridden += 1;
         }
     }
 

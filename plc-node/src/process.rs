@@ -21,7 +21,10 @@ use setup::BusKind;
 
 use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
-use crate::{ExecutionType, PlcConfig, PlcEvent, PlcNode, Sample, StartError, bus};
+use crate::{
+    ExecutionType, Override, OverrideError, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample,
+    StartError, bus,
+};
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
 #[derive(Parser, Debug)]
@@ -34,7 +37,7 @@ struct Cli {
 #[derive(clap::Subcommand, Debug)]
 enum Subcommand {
     /// Connect to the robot and run the application.
-    Run(Run),
+    Run(Box<Run>),
     /// Plan an application and print its motions: labels, zones and why they have their size.
     Plan(PlanCommand),
     /// List the PROFINET and EtherNet/IP devices on a network interface.
@@ -57,6 +60,10 @@ struct Run {
         conflicts_with = "control"
     )]
     types: Vec<ExecutionType>,
+    /// Override in % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
+    /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path.
+    #[arg(long = "override", value_name = "PERCENT[@TIME],...", conflicts_with = "control")]
+    overrides: Option<OverrideSchedule>,
 }
 
 /// What only a PLC says.
@@ -80,6 +87,11 @@ pub enum PlcMessage {
     Failed {
         /// How the sequence was to be run.
         execution_type: ExecutionType,
+        /// Why not, in words.
+        reason: String,
+    },
+    /// An instruction was not followed; what runs goes on.
+    Refused {
         /// Why not, in words.
         reason: String,
     },
@@ -123,18 +135,27 @@ impl fmt::Display for PlcMessage {
                 )
             }
             Self::Failed { execution_type, reason } => write!(f, "{execution_type} failed: {reason}"),
+            Self::Refused { reason } => write!(f, "refused: {reason}"),
         }
     }
 }
 
 /// What only a PLC is told.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlcInstruction {
     /// Run the sequence once.
     Start {
         /// How.
         execution_type: ExecutionType,
+        /// What becomes of the override meanwhile; without it the override stays as it is.
+        #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
+        overrides: Option<OverrideSchedule>,
+    },
+    /// Set the override, in a run or between two.
+    SetOverride {
+        /// In percent of every programmed speed, 0 to 100; 0 stops the arm on its path.
+        percent: f64,
     },
     /// Give the run up.
     Abort,
@@ -196,25 +217,37 @@ impl Run {
         if self.options.takes_instructions() {
             prepared.supervise(&self.options, "plc-node", endpoint, node, &mut OnInstruction::default())
         } else {
-            let mut standalone = Standalone::new(&self.types, self.reps);
+            let mut standalone = Standalone::new(&self.types, self.reps, self.overrides);
             prepared.supervise(&self.options, "plc-node", endpoint, node, &mut standalone)
         }
     }
 }
 
 /// What the owner of a PLC may want of it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub enum PlcOrder {
-    /// Run the sequence once.
-    Start(ExecutionType),
+    /// Run the sequence once, with this schedule of overrides.
+    Start(ExecutionType, Option<OverrideSchedule>),
+    /// Set the override, in percent.
+    SetOverride(f64),
     /// Give the run up.
     Abort,
+}
+
+/// An order that a PLC does not follow.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum PlcRefusal {
+    /// A run is not started.
+    Start(ExecutionType, StartError),
+    /// The override stays as it is.
+    Override(OverrideError),
 }
 
 impl From<PlcInstruction> for PlcOrder {
     fn from(instruction: PlcInstruction) -> Self {
         match instruction {
-            PlcInstruction::Start { execution_type } => Self::Start(execution_type),
+            PlcInstruction::Start { execution_type, overrides } => Self::Start(execution_type, overrides),
+            PlcInstruction::SetOverride { percent } => Self::SetOverride(percent),
             PlcInstruction::Abort => Self::Abort,
         }
     }
@@ -222,7 +255,7 @@ impl From<PlcInstruction> for PlcOrder {
 
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     type Order = PlcOrder;
-    type Answer = (ExecutionType, StartError);
+    type Answer = PlcRefusal;
     type Sample = (Instant, Sample);
 
     fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
@@ -234,9 +267,20 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
 
     fn order(&mut self, now: Instant, order: PlcOrder) -> Option<Self::Answer> {
         match order {
-            PlcOrder::Start(execution_type) => {
-                self.start(now, execution_type).err().map(|error| (execution_type, error))
+            PlcOrder::Start(execution_type, overrides) => {
+                let started = self.start(now, execution_type);
+                if started.is_ok() {
+                    self.schedule_overrides(overrides);
+                }
+                started.err().map(|error| PlcRefusal::Start(execution_type, error))
             }
+            PlcOrder::SetOverride(percent) => match Override::from_percent(percent) {
+                Ok(to) => {
+                    self.set_override(now, to);
+                    None
+                }
+                Err(error) => Some(PlcRefusal::Override(error)),
+            },
             PlcOrder::Abort => {
                 self.abort(now);
                 None
@@ -302,8 +346,13 @@ fn message(event: &PlcEvent) -> Option<PlcMessage> {
     })
 }
 
-fn refusal((execution_type, error): (ExecutionType, StartError)) -> PlcMessage {
-    PlcMessage::Failed { execution_type, reason: error.to_string() }
+fn refusal(refusal: PlcRefusal) -> PlcMessage {
+    match refusal {
+        PlcRefusal::Start(execution_type, error) => {
+            PlcMessage::Failed { execution_type, reason: error.to_string() }
+        }
+        PlcRefusal::Override(error) => PlcMessage::Refused { reason: error.to_string() },
+    }
 }
 
 /// Does what it is told.
@@ -335,8 +384,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for On
         Next::Order(PlcOrder::Abort)
     }
 
-    fn answer(&mut self, answer: (ExecutionType, StartError)) -> (PlcMessage, Next<PlcOrder>) {
-        self.ready &= !matches!(answer.1, StartError::NotConnected | StartError::NotReady { .. });
+    fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {
+        let is_unready =
+            matches!(answer, PlcRefusal::Start(_, StartError::NotConnected | StartError::NotReady { .. }));
+        self.ready &= !is_unready;
         (refusal(answer), Next::Wait)
     }
 
@@ -349,17 +400,19 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for On
 struct Standalone {
     /// The runs to come, the next one last.
     runs: Vec<ExecutionType>,
+    overrides: Option<OverrideSchedule>,
 }
 
 impl Standalone {
-    fn new(types: &[ExecutionType], reps: u32) -> Self {
+    fn new(types: &[ExecutionType], reps: u32, overrides: Option<OverrideSchedule>) -> Self {
         let mut runs: Vec<_> = (0..reps).flat_map(|_| types.iter().copied()).collect();
         runs.reverse();
-        Self { runs }
+        Self { runs, overrides }
     }
 
     fn next(&mut self) -> Next<PlcOrder> {
-        self.runs.pop().map_or(Next::End(Outcome::Done), |run| Next::Order(PlcOrder::Start(run)))
+        let start = |run| Next::Order(PlcOrder::Start(run, self.overrides));
+        self.runs.pop().map_or(Next::End(Outcome::Done), start)
     }
 }
 
@@ -379,7 +432,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for St
         (message(&event), next)
     }
 
-    fn answer(&mut self, answer: (ExecutionType, StartError)) -> (PlcMessage, Next<PlcOrder>) {
+    fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {
         (refusal(answer), Next::End(Outcome::RunFailed))
     }
 

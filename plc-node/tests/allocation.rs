@@ -38,7 +38,6 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
     let config = PlcConfig {
         scan_cycle: MS,
         scan_cost: Duration::ZERO,
-        override_percent: 100,
         answer_timeout: MS * 100,
         silent_timeout: MS * 100,
         queue_depth: 5,

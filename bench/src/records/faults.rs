@@ -103,14 +103,7 @@ fn share(text: &str) -> Result<u32, FaultError> {
 }
 
 fn time(text: &str) -> Result<Duration, FaultError> {
-    let units = [("ns", 1e-9), ("us", 1e-6), ("µs", 1e-6), ("ms", 1e-3), ("s", 1.0)];
-    let seconds = units
-        .iter()
-        .find_map(|(unit, scale)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * scale));
-    // Nanoseconds are exact to weeks, which is more than a run takes.
-    let seconds = seconds.filter(|seconds| (0.0..=86_400.0).contains(seconds));
-    let nanos = seconds.map(|seconds| (seconds * 1e9).round() as u64);
-    nanos.map(Duration::from_nanos).ok_or_else(|| FaultError::Time(text.to_owned()))
+    node::run::parse_duration(text).ok_or_else(|| FaultError::Time(text.to_owned()))
 }
 
 /// A change of the cable or of a node at a moment of the run.

@@ -1,5 +1,7 @@
 //! Why a block ended with `Error`.
 
+use core::fmt;
+
 use protocol::image::{ErrorNumber, Finding, MotionKind};
 
 /// Why a block ended with `Error`: the robot's number, or what the block itself found.
@@ -93,12 +95,64 @@ pub enum BlockError {
         /// Motions of the skill.
         total: u32,
     },
+    /// The velocity factor of an override is out of its range.
+    #[error(
+        "VelFactor is {found}, it may be 0 (the arm stops on its path) to 1; the override stays as it is"
+    )]
+    OverrideOutOfRange {
+        /// As it stands at the input.
+        found: Real,
+    },
+    /// The robot overrides velocities only.
+    #[error(
+        "{name} is {found}, and this robot has 1 only: it overrides velocities; the override stays as it is"
+    )]
+    FactorNotSupported {
+        /// The input.
+        name: &'static str,
+        /// As it stands there.
+        found: Real,
+    },
+    /// The robot does not go by the override.
+    #[error(
+        "the robot goes at an override of {in_effect} % and did not take {wanted} % in {scans} scans; look at its program"
+    )]
+    OverrideNotTaken {
+        /// The override in the image, in %.
+        wanted: u8,
+        /// The one that the robot reports, in %.
+        in_effect: u8,
+        /// How many scans the block waited.
+        scans: u32,
+    },
     /// There is no skill to suspend or to resume.
     #[error("no skill is {0} that this could act on")]
     NothingToDo(
         /// The state in which the skill should be.
         &'static str,
     ),
+}
+
+/// A number at an input of a block, kept as its bits, so that errors can be compared and hashed.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Real(u32);
+
+impl From<f64> for Real {
+    fn from(value: f64) -> Self {
+        Self((value as f32).to_bits())
+    }
+}
+
+impl fmt::Display for Real {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f32::from_bits(self.0).fmt(f)
+    }
+}
+
+impl fmt::Debug for Real {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
 }
 
 impl BlockError {
@@ -120,6 +174,9 @@ impl BlockError {
             Self::EndedEarly { .. } => 0x800B,
             Self::NothingToDo(_) => 0x800C,
             Self::StateNotReached { .. } => 0x800D,
+            Self::OverrideOutOfRange { .. } => 0x800E,
+            Self::FactorNotSupported { .. } => 0x800F,
+            Self::OverrideNotTaken { .. } => 0x8010,
         }
     }
 }

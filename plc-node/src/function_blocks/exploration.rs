@@ -245,7 +245,7 @@ impl<F: Explored> Explorer<F> {
 
     /// One scan, from this state, checked against the rules.
     fn step(mut self, input: Input) -> Self {
-        let mut group = AxesGroup::new(100, PATIENCE);
+        let mut group = AxesGroup::new(PATIENCE);
         group.command.control = self.control;
         group.command.number = 1;
         group.command.skill = self.skill;

@@ -20,14 +20,16 @@ mod error;
 mod face;
 mod move_continuous;
 mod run_program;
+mod set_override;
 mod single_motion;
 mod skill;
 mod state_commands;
 
-pub use error::BlockError;
+pub use error::{BlockError, Real};
 pub use face::Outputs;
 pub use move_continuous::MoveContinuous;
 pub use run_program::RunProgram;
+pub use set_override::{EnableOutputs, GroupSetOverride, OverrideFactors};
 pub use single_motion::{
     MoveCircular, MoveLinCartesian, MoveLinForceCartesian, MovePtpCartesian, MovePtpJoint, MoveSpline,
 };

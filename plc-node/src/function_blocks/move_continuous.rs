@@ -151,7 +151,7 @@ mod tests {
         ) {
             let motions = list(count);
             let mut source = MotionList::from(motions.clone());
-            let mut group = AxesGroup::new(100, Patience { answer_scans: 10_000, silent_scans: 10_000 });
+            let mut group = AxesGroup::new(Patience { answer_scans: 10_000, silent_scans: 10_000 });
             let (mut block, mut robot) = (MoveContinuous::with_depth(depth), Robot::default());
             let mut seen = robot.feedback;
             let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
@@ -192,7 +192,7 @@ mod tests {
             }
         }
         let mut source = Stream(0);
-        let mut group = AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 10 });
+        let mut group = AxesGroup::new(Patience { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));
         assert!(block.call(true, &mut source, &mut group).busy);
@@ -221,7 +221,7 @@ mod tests {
                 (index < 6).then_some(Motion::EMPTY)
             }
         }
-        let mut group = AxesGroup::new(100, Patience { answer_scans: 10, silent_scans: 10 });
+        let mut group = AxesGroup::new(Patience { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));
         assert!(block.call(true, &mut Short, &mut group).busy);

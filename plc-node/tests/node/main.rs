@@ -4,6 +4,7 @@
 mod disorder;
 mod executions;
 mod faults;
+mod overrides;
 mod scripted;
 mod start_position;
 mod stops;

@@ -268,7 +268,6 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
     PlcConfig {
         scan_cycle: SCAN,
         scan_cost: COST,
-        override_percent: 100,
         answer_timeout: Duration::from_millis(200),
         silent_timeout: Duration::from_millis(50),
         queue_depth: 5,

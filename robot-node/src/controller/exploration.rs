@@ -1,8 +1,8 @@
 //! Robot and PLC together in every order of commands, losses of connection and faults, until no new state turns up.
 //!
 //! A step is one scan of the PLC's function blocks, and one robot cycle on the image that they wrote. Before each, one
-//! thing may change: `Execute` of a block rises, and falls when the block has ended; `enable`; the connection; or the
-//! robot gets an old image once more, which is what a lost frame comes to. From every state all of them are tried. (All
+//! thing may change: `Execute` of a block rises, and falls when the block has ended; the override, to 0, to 100 % or to
+//! one that is none; `enable`; the connection; or the robot gets an old image once more, which is what a lost frame comes to. From every state all of them are tried. (All
 //! orders of `Execute` alone are the affair of the blocks' own exploration.)
 //!
 //! States count as one when they differ in running numbers, or by less than [`Skills::place_mm`] in place and not in whether
@@ -13,7 +13,9 @@ use std::collections::HashSet;
 
 use core::time::Duration;
 
-use plc_node::function_blocks::{Halt, MoveContinuous, Outputs, Reset, Resume, Suspend};
+use plc_node::function_blocks::{
+    EnableOutputs, GroupSetOverride, Halt, MoveContinuous, Outputs, OverrideFactors, Reset, Resume, Suspend,
+};
 use plc_node::{AxesGroup, MotionList, Patience};
 use protocol::image::{Motion, MotionKind};
 
@@ -39,18 +41,32 @@ enum Change {
     Nothing,
     /// `Execute` of a block rises.
     Execute(usize),
+    /// The velocity factor of the override.
+    Override(Velocity),
     Enable,
     Connection,
     LostFrame,
 }
 
-const CHANGES: [Change; 9] = [
+/// What the PLC wants of the override.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+enum Velocity {
+    Full,
+    Stop,
+    /// Above 100 %: a PLC writes it past its function block.
+    Wrong,
+}
+
+const CHANGES: [Change; 12] = [
     Change::Nothing,
     Change::Execute(MOVE),
     Change::Execute(HALT),
     Change::Execute(RESET),
     Change::Execute(SUSPEND),
     Change::Execute(RESUME),
+    Change::Override(Velocity::Full),
+    Change::Override(Velocity::Stop),
+    Change::Override(Velocity::Wrong),
     Change::Enable,
     Change::Connection,
     Change::LostFrame,
@@ -108,6 +124,11 @@ impl Skills {
         }
     }
 
+    /// Whether the change is tried on this skill: what a wrong override does depends on no motion.
+    fn meets(self, change: Change) -> bool {
+        self == Self::Good || change != Change::Override(Velocity::Wrong)
+    }
+
     /// Whether motion `index` ends where the surface says, not where its target is.
     fn presses(self, index: usize) -> bool {
         self == Self::Pressing && index == 1
@@ -143,6 +164,9 @@ struct Explored {
     reset: Reset,
     suspend: Suspend,
     resume: Resume,
+    set_override: GroupSetOverride,
+    velocity: Velocity,
+    overriding: EnableOutputs,
     execute: [bool; BLOCKS],
     outputs: [Outputs; BLOCKS],
     /// Scans for which each block has been busy.
@@ -159,12 +183,15 @@ impl Explored {
         Self {
             controller: Controller::new(config(), Vec::new(), 1),
             at: Instant::ZERO,
-            group: AxesGroup::new(100, Patience { answer_scans: PATIENCE, silent_scans: u32::MAX }),
+            group: AxesGroup::new(Patience { answer_scans: PATIENCE, silent_scans: u32::MAX }),
             motion: MoveContinuous::default(),
             halt: Halt::default(),
             reset: Reset::default(),
             suspend: Suspend::default(),
             resume: Resume::default(),
+            set_override: GroupSetOverride::default(),
+            velocity: Velocity::Full,
+            overriding: EnableOutputs::default(),
             execute: [false; BLOCKS],
             outputs: [Outputs::default(); BLOCKS],
             busy: [0; BLOCKS],
@@ -185,6 +212,7 @@ impl Explored {
         match change {
             Change::Nothing | Change::LostFrame => {}
             Change::Execute(block) => next.execute[block] = true,
+            Change::Override(velocity) => next.velocity = velocity,
             Change::Enable => next.enabled = !next.enabled,
             Change::Connection => next.connected = !next.connected,
         }
@@ -201,6 +229,7 @@ impl Explored {
             next.suspend.call(suspend, &mut next.group),
             next.resume.call(resume, &mut next.group),
         ];
+        next.overrides();
         for ((busy, execute), outputs) in next.busy.iter_mut().zip(&mut next.execute).zip(next.outputs) {
             *busy = if outputs.busy { (*busy + 1).min(PATIENCE + 1) } else { 0 };
             // The next scan takes it back.
@@ -208,6 +237,9 @@ impl Explored {
         }
         if change != Change::LostFrame {
             next.seen = *next.group.command();
+            if next.velocity == Velocity::Wrong {
+                next.seen.override_percent = 200;
+            }
         }
         next.at += next.controller.config.cycle;
         next.controller.tick(next.at, next.connected.then_some(&next.seen));
@@ -216,7 +248,29 @@ impl Explored {
         next
     }
 
+    /// Calls the override's block. It knows nothing of a PLC that writes past it.
+    fn overrides(&mut self) {
+        let velocity = if self.velocity == Velocity::Stop { 0.0 } else { 1.0 };
+        let factors = OverrideFactors { velocity, ..OverrideFactors::default() };
+        let is_called = self.connected && self.velocity != Velocity::Wrong;
+        self.overriding = self.set_override.call(is_called, &factors, &mut self.group);
+    }
+
+    fn keeps_the_override(&self, before: &Self) {
+        let EnableOutputs { busy, enabled, error, .. } = self.overriding;
+        assert!(!error && (busy || !enabled), "{:?}", self.set_override);
+        let (now, feedback) = (&self.controller, self.controller.feedback());
+        assert_eq!(f64::from(feedback.override_percent), now.factor * 100.0);
+        let wrong = self.connected && self.seen.override_percent > 100;
+        assert!(!wrong || now.factor == before.controller.factor, "a wrong override changes nothing");
+        let warns = feedback.status.contains(Status::WARNING);
+        assert_eq!(warns, wrong && !feedback.status.contains(Status::ERROR), "{feedback:?}");
+        let stood = before.controller.factor == 0.0 && before.controller.interpolator.is_at_rest();
+        assert!(!stood || now.factor > 0.0 || now.interpolator.is_at_rest(), "it starts at override 0");
+    }
+
     fn keeps_the_rules(&self, before: &Self) {
+        self.keeps_the_override(before);
         for outputs in self.outputs {
             let shown = [outputs.busy, outputs.done, outputs.command_aborted, outputs.error];
             assert!(shown.iter().filter(|shown| **shown).count() <= 1, "PLCopen: {outputs:?}");
@@ -268,8 +322,18 @@ impl Explored {
 
     /// All that decides what can come, but for running numbers and small differences of place and speed.
     fn key(&self) -> impl std::hash::Hash + Eq + use<> {
-        let Controller { state, last_number, pending, execution, reset_armed, hold, interpolator, .. } =
-            &self.controller;
+        let Controller {
+            state,
+            last_number,
+            pending,
+            execution,
+            reset_armed,
+            hold,
+            factor,
+            wrong_override,
+            interpolator,
+            ..
+        } = &self.controller;
         let feedback = self.controller.feedback();
         let number = self.group.command().number;
         let seen = self.seen.number == number;
@@ -287,7 +351,7 @@ impl Explored {
         let robot = (
             u8::from(*state),
             last_number.map(|last| last == number),
-            (pending.is_some(), *reset_armed, *hold),
+            (pending.is_some(), *reset_armed, *hold, *factor == 0.0, *wrong_override),
             (skill, self.controller.press.as_ref().map(|press| press.phase as u8)),
             (feedback.status.0, feedback.number == number, feedback.executed, u16::from(feedback.error)),
             (interpolator.path().is_finished(), interpolator.path().executed(), interpolator.is_held()),
@@ -297,6 +361,7 @@ impl Explored {
         let plc = (
             (command.control.0, command.total, command.written),
             (self.execute, self.outputs, self.busy),
+            (self.velocity, self.overriding, self.seen.override_percent, command.override_percent),
             (self.enabled, self.connected, seen, self.seen.control.0),
         );
         (robot, plc)
@@ -347,7 +412,7 @@ fn explore(skills: Skills) -> (usize, HashSet<Outputs>, HashSet<u8>) {
     let mut open = vec![start];
     while let Some(state) = open.pop() {
         state.leads_back_to_ready(&mut source);
-        for change in CHANGES {
+        for change in CHANGES.into_iter().filter(|change| skills.meets(*change)) {
             let next = state.step(change, &mut source);
             ends.insert(next.outputs[MOVE]);
             states.insert(u8::from(next.controller.state));
@@ -355,7 +420,7 @@ fn explore(skills: Skills) -> (usize, HashSet<Outputs>, HashSet<u8>) {
                 open.push(next);
             }
         }
-        assert!(found.len() < 200_000, "the exploration must end, and {} states are open", open.len());
+        assert!(found.len() < 2_000_000, "the exploration must end, and {} states are open", open.len());
     }
     (found.len(), ends, states)
 }
