@@ -157,7 +157,11 @@ fn one_bench_after_the_other_measures_on_nodes_that_run_on() {
             started.elapsed()
         });
         assert!(cell.nodes_run());
-        let [first, second] = ["first", "second"].map(|run| results(cell.place.path(), run));
+        let slow = cell.measure("slow", BOTH, &["--reps", "1", "--quiet", "--override", "100,20@500ms"]);
+        assert!(slow.status.success(), "{}", text(&slow.stderr));
+        let [first, second, slow] = ["first", "second", "slow"].map(|run| results(cell.place.path(), run));
+        let aet = |results: &serde_json::Value| results["results"]["cm"]["aet_ms"].as_f64().unwrap();
+        assert!(aet(&slow) > 1.5 * aet(&first), "the override reaches a PLC that runs elsewhere");
         for results in [&first, &second] {
             assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
             assert_eq!(results["connected_after_ms"], serde_json::Value::Null);

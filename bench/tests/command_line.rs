@@ -82,6 +82,26 @@ fn no_repetition_is_too_few() {
 }
 
 #[test]
+fn an_override_that_is_none_is_answered_by_what_one_is() {
+    for (text, reason) in [
+        ("120", "`120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %"),
+        (
+            "50@2s,0@3s",
+            "`50@2s,0@3s` leaves the arm standing for ever; let a later step raise the override, as in 0,100@10s",
+        ),
+        (
+            "half",
+            "`half` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s",
+        ),
+    ] {
+        let said = refused(&["--mode", "virtual", "--override", text]);
+        let expected =
+            format!("error: invalid value '{text}' for '--override <PERCENT[@TIME],...>': {reason}\n");
+        assert!(said.starts_with(&expected), "{said}");
+    }
+}
+
+#[test]
 fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
     let directory = tempfile::tempdir().unwrap();
     let broken = setup::SETUPS[0].1.replace("scan_cost_us", "scan_costs");

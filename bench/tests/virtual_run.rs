@@ -90,3 +90,25 @@ fn over_ethernet_ip_the_same_cell_takes_as_long_as_over_profinet() {
     }
     assert_eq!(ethernet_ip.bus.lost, 0);
 }
+
+#[test]
+fn an_override_of_0_stops_every_type_on_its_path_and_a_higher_one_lets_it_go_on() {
+    let (setup, application) = setup_a();
+    let plan = Plan::new(&ExecutionType::ALL, 1, 1);
+    let whole_of = |overrides: &str| {
+        let overrides = Some(overrides.parse().unwrap());
+        whole(&setup, &application, &Plan { overrides, ..plan.clone() }).unwrap()
+    };
+    let (full, half, stopped) =
+        (whole(&setup, &application, &plan).unwrap(), whole_of("50"), whole_of("100,0@1s,100@3s"));
+    for of in ExecutionType::ALL {
+        let aet = |results: &Results| results.figure(of).unwrap().aet_ms;
+        assert!(aet(&half) > aet(&full) + 200.0, "{of}: {} and {} ms", aet(&half), aet(&full));
+        // It stands for two seconds less what it takes to brake, and needs as long to be up to speed again. Between two
+        // single motions it has nothing to brake.
+        let longer = aet(&stopped) - aet(&full);
+        assert!((1_850.0..2_150.0).contains(&longer), "{of}: {longer} ms longer");
+    }
+    assert_eq!(stopped.overrides.as_deref(), Some("100,0@1s,100@3s"));
+    assert!(stopped.paper.is_none() && full.paper.is_some(), "the paper had no override");
+}

@@ -28,8 +28,8 @@ pub mod process;
 mod readiness;
 mod scan;
 mod sequence;
-mod start_position;
 mod speed_override;
+mod start_position;
 
 pub use axes_group::{AxesGroup, Patience};
 pub use config::PlcConfig;

@@ -19,13 +19,13 @@ const CALIBRATED: &str = "*";
 #[must_use]
 pub fn render(results: &Results) -> String {
     let mut text = format!(
-        "Setup {}: {}\n{}, {}, {} mode, seed {}\n\n",
+        "Setup {}: {}\n{}, {}, {} mode, {}\n\n",
         results.setup,
         results.title,
         results.application,
         repetitions(results.reps),
         results.mode,
-        results.seed
+        results.seed_and_override(", ")
     );
     text.push_str(&figures(results));
     text.push_str("\n\n");

@@ -36,6 +36,9 @@ pub struct Results {
     pub seed: u64,
     /// Repetitions of each type that were asked for.
     pub reps: u32,
+    /// What became of the override in each repetition, as `--override` says it; absent where it stayed at 100 %.
+    #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
+    pub overrides: Option<String>,
     /// How far the run is, or how it ended.
     pub status: Status,
     /// What each type took; types that were not asked for are absent.
@@ -44,9 +47,10 @@ pub struct Results {
     pub aet_improvement: Option<f64>,
     /// The same in virtual time without the calibrated skill overhead; null where it was not run.
     pub without_skill_overhead: Option<WithoutOverhead>,
-    /// What the paper found; null for a setup that it does not have.
+    /// What the paper found; null for a setup that it does not have, and with an override, which it did not use.
     pub paper: Option<PerType<PaperFigure>>,
-    /// Numbers of the setup that were chosen so that the paper's figures come out.
+    /// Numbers of the setup that were chosen so that the paper's figures come out; none with an override, since the figures
+    /// are others then.
     pub calibrated: Vec<Calibrated>,
     /// How late the cycles ran.
     pub cycle: Cycles,
@@ -248,16 +252,17 @@ impl Results {
             mode: mode.name().to_owned(),
             seed: plan.seed,
             reps: plan.reps,
+            overrides: plan.overrides.map(|overrides| overrides.to_string()),
             status: Status::Running,
             results,
             aet_improvement: None,
             without_skill_overhead: None,
-            paper: setup.paper.as_ref().map(|paper| PerType {
+            paper: setup.paper.as_ref().filter(|_| plan.overrides.is_none()).map(|paper| PerType {
                 rc: Some(paper.rc.into()),
                 sm: Some(paper.sm.into()),
                 cm: Some(paper.cm.into()),
             }),
-            calibrated: calibrated(setup),
+            calibrated: if plan.overrides.is_none() { calibrated(setup) } else { Vec::new() },
             cycle: Cycles::default(),
             bus: Frames::default(),
             connected_after_ms: None,
@@ -327,6 +332,13 @@ impl Results {
     #[must_use]
     pub fn is_calibrated(&self, key: &str) -> bool {
         self.calibrated.iter().any(|calibrated| calibrated.key == key)
+    }
+
+    /// The seed, and the override where there is one: the end of the line that says what the run is.
+    #[must_use]
+    pub fn seed_and_override(&self, separator: &str) -> String {
+        let seed = format!("seed {}", self.seed);
+        self.overrides.iter().fold(seed, |text, overrides| format!("{text}{separator}override {overrides}"))
     }
 
     /// The results as JSON, with a newline at the end.

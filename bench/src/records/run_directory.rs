@@ -257,7 +257,7 @@ mod tests {
     use std::time::Duration;
 
     fn step(repetition: u32) -> Step {
-        Step { execution_type: ExecutionType::Sm, repetition, pause: Duration::ZERO }
+        Step { execution_type: ExecutionType::Sm, repetition, pause: Duration::ZERO, overrides: None }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use plc_node::ExecutionType;
+use plc_node::{ExecutionType, OverrideSchedule};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -28,6 +28,8 @@ pub struct Step {
     pub repetition: u32,
     /// How long to wait before the start edge.
     pub pause: Duration,
+    /// What becomes of the override meanwhile.
+    pub overrides: Option<OverrideSchedule>,
 }
 
 /// All runs of a measurement, so that a drift of anything hits all types alike.
@@ -39,6 +41,8 @@ pub struct Plan {
     pub reps: u32,
     /// Seed of the pauses.
     pub seed: u64,
+    /// What becomes of the override in each run.
+    pub overrides: Option<OverrideSchedule>,
 }
 
 /// How many there are, in words.
@@ -56,7 +60,7 @@ impl Plan {
                 once.push(*execution_type);
             }
         }
-        Self { types: once, reps, seed }
+        Self { types: once, reps, seed, overrides: None }
     }
 
     /// The runs in order.
@@ -67,6 +71,7 @@ impl Plan {
                 execution_type,
                 repetition,
                 pause: PAUSE + below(&mut random, SPREAD),
+                overrides: self.overrides,
             },
         )
     }

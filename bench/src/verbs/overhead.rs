@@ -212,7 +212,7 @@ async fn measure(
     let mut rig = Rig::start(&config).await.map_err(unusable)?;
     let failed = |error: RigError| Failure::new(Exit::RunFailed, error);
     // The first run of all warms the nodes up.
-    rig.execute(options.execution_type).await.map_err(failed)?;
+    rig.execute(options.execution_type, None).await.map_err(failed)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
     for number in 1..=options.pairs {
         let recorded_first = random.next_u32().is_multiple_of(2);

@@ -106,11 +106,11 @@ fn columns(runs: &[Run]) -> Vec<Column> {
         let commit = run.host("commit").map_or_else(String::new, |commit| format!(", commit {commit}"));
         let results = &run.results;
         let about = format!(
-            "setup {}, {} mode, {}, seed {}{commit}{ended}",
+            "setup {}, {} mode, {}, {}{commit}{ended}",
             results.setup,
             results.mode,
             repetitions(results.reps),
-            results.seed
+            results.seed_and_override(", ")
         );
         Column { number: index + 1, name: run.name(), about, cells }
     };

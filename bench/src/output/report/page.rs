@@ -108,12 +108,12 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         name: run.name(),
         title: results.title.clone(),
         subtitle: format!(
-            "Setup {} · {} · {} mode · {} of each type · seed {}",
+            "Setup {} · {} · {} mode · {} of each type · {}",
             results.setup,
             results.application,
             results.mode,
             repetitions(results.reps),
-            results.seed
+            results.seed_and_override(" · ")
         ),
         made: made(run),
         banner: banner(results),

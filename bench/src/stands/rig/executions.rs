@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use ::node::message::Instruction;
-use plc_node::ExecutionType;
 use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
+use plc_node::{ExecutionType, OverrideSchedule};
 use robot_node::Quality;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
@@ -23,14 +23,18 @@ pub(super) struct ExecutedMotions {
 }
 
 impl Rig {
-    /// Runs the sequence once.
+    /// Runs the sequence once, with this schedule of overrides.
     ///
     /// # Errors
     ///
     /// The run failed, the connection was lost, or a node ended: within two seconds of it. After
     /// [`RigError::HeldUp`] the nodes connect again.
-    pub async fn execute(&mut self, execution_type: ExecutionType) -> Result<FinishedRun, RigError> {
-        self.start_run(execution_type).await;
+    pub async fn execute(
+        &mut self,
+        execution_type: ExecutionType,
+        overrides: Option<OverrideSchedule>,
+    ) -> Result<FinishedRun, RigError> {
+        self.start_run(execution_type, overrides).await;
         let result = match timeout(LONGEST_RUN, self.finished()).await {
             Ok(result) => result,
             Err(_) => Err(RigError::NoAnswer { which: Which::Plc, waited: LONGEST_RUN }),
@@ -62,7 +66,7 @@ impl Rig {
         let end = Instant::now() + length;
         while Instant::now() < end {
             if !self.is_running {
-                self.start_run(execution_type).await;
+                self.start_run(execution_type, None).await;
             }
             match timeout_at(end, self.finished()).await {
                 Ok(Ok(_)) => sleep(PAUSE).await,
@@ -76,10 +80,10 @@ impl Rig {
         self.ask_for_reports().await
     }
 
-    async fn start_run(&mut self, execution_type: ExecutionType) {
+    async fn start_run(&mut self, execution_type: ExecutionType, overrides: Option<OverrideSchedule>) {
         self.moved = ExecutedMotions::default();
         self.is_running = true;
-        self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type })).await;
+        self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type, overrides })).await;
     }
 
     /// The end of the run. Whoever stops waiting for it may ask again.
@@ -93,7 +97,10 @@ impl Rig {
                 PlcMessage::Started { execution_type, at_ns } if self.recording => {
                     self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
                 }
-                PlcMessage::MovingToStart | PlcMessage::Ready | PlcMessage::Started { .. } => {}
+                PlcMessage::MovingToStart
+                | PlcMessage::Ready
+                | PlcMessage::Started { .. }
+                | PlcMessage::Refused { .. } => {}
             }
         }
     }

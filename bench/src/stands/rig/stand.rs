@@ -44,7 +44,7 @@ impl Stand for Rig {
         let mut tries = 1;
         let run = loop {
             tokio::time::sleep(step.pause).await;
-            match Self::execute(self, step.execution_type).await {
+            match Self::execute(self, step.execution_type, step.overrides).await {
                 Err(error @ RigError::HeldUp { .. }) if tries < TRIES => {
                     tries += 1;
                     self.repeated.push(format!("{} {}: {error}", step.execution_type, step.repetition));

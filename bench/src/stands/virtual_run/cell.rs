@@ -206,6 +206,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         self.until_at_start()?;
         let start = self.pair.now() + step.pause;
         while self.next_plc_event(start).is_some() {}
+        self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
         self.begin(step.execution_type)?;
         let until = self.pair.now() + LONGEST_RUN;
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));

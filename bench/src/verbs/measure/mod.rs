@@ -85,7 +85,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         rig::enter_user_namespace()?;
     }
     let measurement = Measurement {
-        plan: Plan::new(&options.types, options.reps, options.seed),
+        plan: Plan { overrides: options.overrides, ..Plan::new(&options.types, options.reps, options.seed) },
         options,
         setup,
         found,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use plc_node::ExecutionType;
+use plc_node::{ExecutionType, OverrideSchedule};
 
 use crate::output::export::Exports;
 use crate::records::faults::Fault;
@@ -53,6 +53,10 @@ pub struct RunOptions {
     /// each type, as DIR/motion.mcap; Foxglove and Rerun open it. Only in a bench that was built with `--features mcap`.
     #[arg(long)]
     pub mcap: bool,
+    /// Override in % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
+    /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path; a change keeps every limit.
+    #[arg(long = "override", value_name = "PERCENT[@TIME],...")]
+    pub overrides: Option<OverrideSchedule>,
     /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
     /// duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the
     /// moment that the robot is ready; the same seed gives the same faults.
