@@ -80,9 +80,7 @@ impl Controller {
 
     /// Refuses a command: its number is echoed with the error.
     pub(super) fn refuse(&mut self, number: u16, motion: u32, cause: Violation) {
-        self.feedback.number = number;
-        self.feedback.status.set(Status::DONE, false);
-        self.feedback.status.set(Status::ABORTED, false);
+        self.feedback = Feedback { number, ..self.cleared_feedback() };
         self.set_error(cause.number(), motion, cause.finding());
         self.refuse_motion(number, motion, cause);
     }

@@ -49,8 +49,11 @@ impl Controller {
             self.drive(at, &mut execution);
         }
         self.observer.look(&self.config.arm, &self.interpolator);
-        self.feedback.executed = self.executed(&execution);
-        self.feedback.accepted = execution.accepted;
+        // A command that was refused meanwhile has the image to itself.
+        if self.feedback.number == execution.number {
+            self.feedback.executed = self.executed(&execution);
+            self.feedback.accepted = execution.accepted;
+        }
         match execution.phase {
             Phase::Settling { until } if at >= until => self.finish(at, &execution, Ending::Done),
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
@@ -163,14 +166,14 @@ impl Controller {
         self.execution = None;
         self.hold = false;
         self.interpolator.clear();
-        self.feedback.executed = executed;
-        self.feedback.execution_ns = u64::try_from(execution_time.as_nanos()).unwrap_or(u64::MAX);
         if ending == Ending::Done {
             self.state = State::Ready;
         } else {
             (self.state, self.press) = (State::Halted, None);
         }
         if self.feedback.number == number {
+            self.feedback.executed = executed;
+            self.feedback.execution_ns = u64::try_from(execution_time.as_nanos()).unwrap_or(u64::MAX);
             match ending {
                 Ending::Done => self.feedback.status.set(Status::DONE, true),
                 Ending::Aborted => self.feedback.status.set(Status::ABORTED, true),

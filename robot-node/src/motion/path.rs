@@ -200,7 +200,9 @@ impl Path {
     /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the
     /// limits allow.
     pub fn set_override(&mut self, factor: f64) {
-        if factor != self.factor {
+        // In the last moments of a stop no other law may lead on from it. Once the arm stands, one does.
+        let stands = factor > 0.0 && self.is_held();
+        if factor != self.factor || stands {
             self.factor = factor;
             self.plan();
         }
