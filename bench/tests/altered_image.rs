@@ -30,7 +30,7 @@ impl Machine for WrongSlot {
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
         let Some(image) = self.bus.input() else { return };
-        let mut command = Command::parse::<BigEndian>(image).unwrap();
+        let mut command = Command::parse::<BigEndian>(&image).unwrap();
         if let Some(at) = self.at.filter(|at| (at + 1..at + 4).contains(&command.written)) {
             command.set_slot(at, *command.slot(at - 2));
         }
@@ -61,8 +61,8 @@ impl Fieldbus for WrongSlot {
         self.bus.set_output(image);
     }
 
-    fn input(&self) -> Option<&Image> {
-        self.bus.input().map(|_| &self.image)
+    fn input(&self) -> Option<Image> {
+        self.bus.input().map(|_| self.image)
     }
 
     fn disconnect(&mut self, now: Instant) {

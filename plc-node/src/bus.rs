@@ -2,13 +2,14 @@
 
 use ethernet_ip::cip::{ElectronicKey, Revision};
 use ethernet_ip::connection::TimeoutMultiplier;
-use ethernet_ip::description::SKILL_ROBOT;
-use ethernet_ip::{Scanner, ScannerConfig};
+use ethernet_ip::{ConnectionConfig, ScannerConfig};
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
-use profinet::description::{self, Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
+use profinet::description::{Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
 use profinet::rt::Transport;
-use profinet::{self, Controller, ControllerConfig, Parameter};
+use profinet::{ArConfig, ControllerConfig, Parameter};
+use protocol::buses::{EthernetIpScanner, ProfinetController};
+use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR, PROFINET_PLC, PROFINET_ROBOT};
 use setup::{Cyclic, EthernetIpAdapter, ProfinetDevice, Setup};
 
 /// Why a setup gives no bus endpoint.
@@ -40,10 +41,10 @@ pub fn profinet_controller(
     mac: Mac,
     seed: u64,
     start: Instant,
-) -> Result<Controller, BusError> {
+) -> Result<ProfinetController, BusError> {
     let bus = &setup.bus;
     let profinet = bus.profinet.as_ref().ok_or(BusError::NoProfinet)?;
-    let description = profinet.device.as_ref().map_or(description::ROBOT, described);
+    let description = profinet.device.as_ref().map_or(PROFINET_ROBOT, described);
     // Devices may refuse a record for a subslot that they do not have.
     let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
     let config = ControllerConfig {
@@ -51,8 +52,12 @@ pub fn profinet_controller(
         station_name: profinet.plc_station_name.clone(),
         address: bus.plc_address,
         mask: bus.subnet_mask,
-        device_station_name: profinet.robot_station_name.clone(),
-        device_address: bus.robot_address,
+        description: PROFINET_PLC,
+        seed,
+    };
+    let device = ArConfig {
+        station_name: profinet.robot_station_name.clone(),
+        address: bus.robot_address,
         description,
         parameters: has_interface.then(Parameter::interface_adjust).into_iter().collect(),
         transport: match profinet.cyclic {
@@ -62,9 +67,8 @@ pub fn profinet_controller(
         cycle: Duration::from_micros(bus.cycle_us.value.into()),
         // More than fits is more than PROFINET allows, and the controller says so.
         watchdog_cycles: u16::try_from(bus.watchdog_cycles.value).unwrap_or(u16::MAX),
-        seed,
     };
-    Ok(Controller::new(config, start)?)
+    Ok(ProfinetController::new(config, device, start)?)
 }
 
 /// A device of a setup, for a controller that expects it.
@@ -91,7 +95,7 @@ fn described(device: &ProfinetDevice) -> Description {
         })
         .collect();
     let identity = Identity { vendor: device.vendor, device: device.device };
-    Description { identity, modules: modules.leak(), ..description::ROBOT }
+    Description { identity, modules: modules.leak(), ..PROFINET_ROBOT }
 }
 
 /// The scanner of a setup, on an interface with this MAC address. It connects to the robot from `start` on.
@@ -102,27 +106,30 @@ pub fn ethernet_ip_scanner(
     Mac([_, _, serial @ ..]): Mac,
     seed: u64,
     start: Instant,
-) -> Result<Scanner, BusError> {
+) -> Result<EthernetIpScanner, BusError> {
     let bus = &setup.bus;
     let ethernet_ip = bus.ethernet_ip.as_ref();
     let intervals = bus.timeout_intervals();
     let config = ScannerConfig {
-        multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
-        multicast: ethernet_ip.is_some_and(|ethernet_ip| ethernet_ip.multicast),
+        vendor: ETHERNET_IP_VENDOR,
         serial_number: u32::from_be_bytes(serial),
         first_id: seed as u32,
-        ..ScannerConfig::exclusive_owner(bus.robot_address, &SKILL_ROBOT, bus.cycle_us.value)
     };
-    let config = match ethernet_ip.and_then(|ethernet_ip| ethernet_ip.adapter.as_ref()) {
-        Some(adapter) => of_adapter(adapter, config),
-        None => config,
+    let connection = ConnectionConfig {
+        multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
+        multicast: ethernet_ip.is_some_and(|ethernet_ip| ethernet_ip.multicast),
+        ..ConnectionConfig::exclusive_owner(bus.robot_address, &ETHERNET_IP_ROBOT, bus.cycle_us.value)
     };
-    Ok(Scanner::new(config, start))
+    let connection = match ethernet_ip.and_then(|ethernet_ip| ethernet_ip.adapter.as_ref()) {
+        Some(adapter) => of_adapter(adapter, connection),
+        None => connection,
+    };
+    Ok(EthernetIpScanner::new(config, connection, start))
 }
 
 /// The same with an adapter of the setup in the place of our robot.
-fn of_adapter(adapter: &EthernetIpAdapter, config: ScannerConfig) -> ScannerConfig {
-    ScannerConfig {
+fn of_adapter(adapter: &EthernetIpAdapter, config: ConnectionConfig) -> ConnectionConfig {
+    ConnectionConfig {
         route: adapter.route.clone(),
         key: adapter.key.map(|key| ElectronicKey {
             vendor: key.vendor,

@@ -266,12 +266,12 @@ impl<B: Fieldbus> PlcNode<B> {
     /// Takes over the robot's image; none without a connection.
     fn read_inputs(&mut self) {
         match self.bus.input().filter(|_| self.connected) {
-            Some(image) if self.inputs == *image && self.group.feedback().is_some() => {
+            Some(image) if self.inputs == image && self.group.feedback().is_some() => {
                 self.group.read_again();
             }
             Some(image) => {
-                self.inputs = *image;
-                self.group.read(Feedback::parse::<B::Order>(image).ok());
+                self.inputs = image;
+                self.group.read(Feedback::parse::<B::Order>(&image).ok());
             }
             None => self.group.read(None),
         }
@@ -498,8 +498,8 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         self.bus.dscp(port)
     }
 
-    fn group(&self, port: Port) -> Option<Ipv4Addr> {
-        self.bus.group(port)
+    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
+        self.bus.group(port, index)
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

@@ -8,11 +8,11 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::process::Command;
 
-use ethernet_ip::description::SKILL_ROBOT;
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::{Instant, Machine};
-use profinet::{Device, DeviceConfig, description};
+use profinet::{Device, DeviceConfig};
 use protocol::fieldbus::LinkEvent;
+use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{CyclicThread, Driver, Interface, Notifier, OpenPort, Outbox, Task, clock, veth};
 use serde_json::{Value, json};
@@ -118,14 +118,14 @@ fn profinet_robot(interface: &Interface) -> Device {
         station_name: b"skillbench-robot".to_vec(),
         address: interface.address(),
         mask: MASK,
-        description: description::ROBOT,
+        description: PROFINET_ROBOT,
     };
     Device::new(config, clock::now())
 }
 
 fn ethernet_ip_robot(interface: &Interface) -> Adapter {
     let config = AdapterConfig {
-        description: &SKILL_ROBOT,
+        description: &ETHERNET_IP_ROBOT,
         serial_number: 0x1234_5678,
         address: ROBOT,
         mask: MASK,
@@ -144,7 +144,7 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
     let found: Value = serde_json::from_str(&said.stdout).unwrap();
     let station = &found["profinet"][0];
-    let identity = description::ROBOT.identity;
+    let identity = PROFINET_ROBOT.identity;
     assert_eq!(station["name"], "skillbench-robot");
     assert_eq!(station["ip_address"], "192.168.64.2");
     assert_eq!(
@@ -154,7 +154,7 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     assert_eq!(station["roles"], json!(["IO-Device"]));
     let device = &found["ethernet_ip"][0];
     assert_eq!(device["ip_address"], "192.168.64.2");
-    assert_eq!(device["product_name"], SKILL_ROBOT.product_name);
+    assert_eq!(device["product_name"], ETHERNET_IP_ROBOT.product_name);
     assert_eq!((&device["serial_number"], &device["state"]), (&json!(0x1234_5678), &json!(3)));
     let count = |bus: &str| found[bus].as_array().unwrap().len();
     assert_eq!((count("profinet"), count("ethernet_ip")), (1, 1));

@@ -114,8 +114,8 @@ impl Fieldbus for Direct {
         self.output = *image;
     }
 
-    fn input(&self) -> Option<&Image> {
-        self.last_input.map(|_| &self.input)
+    fn input(&self) -> Option<Image> {
+        self.last_input.map(|_| self.input)
     }
 
     fn disconnect(&mut self, _now: Instant) {

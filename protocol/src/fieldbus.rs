@@ -17,7 +17,7 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
     fn set_output(&mut self, image: &Image);
 
     /// The last image that the peer sent and marked as good; none before the first one and after the link is lost.
-    fn input(&self) -> Option<&Image>;
+    fn input(&self) -> Option<Image>;
 
     /// Ends the connection as the standard wants it, or gives up the attempt to connect.
     fn disconnect(&mut self, now: Instant);

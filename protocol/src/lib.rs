@@ -9,8 +9,9 @@
 
 extern crate alloc;
 
-mod buses;
+pub mod buses;
 pub mod direct;
 pub mod fieldbus;
 pub mod image;
 pub mod search;
+pub mod stations;

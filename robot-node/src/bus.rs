@@ -2,11 +2,11 @@
 
 use core::net::Ipv4Addr;
 
-use ethernet_ip::description::SKILL_ROBOT;
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::Instant;
 use machine::ethernet::Mac;
-use profinet::{Device, DeviceConfig, description};
+use profinet::{Device, DeviceConfig};
+use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use setup::Setup;
 
 /// Why a setup gives no bus endpoint.
@@ -32,7 +32,7 @@ pub fn profinet_device(
         station_name: profinet.robot_station_name.clone().into_bytes(),
         address,
         mask: setup.bus.subnet_mask,
-        description: description::ROBOT,
+        description: PROFINET_ROBOT,
     };
     Ok(Device::new(config, start))
 }
@@ -44,7 +44,7 @@ pub fn profinet_device(
 pub fn ethernet_ip_adapter(setup: &Setup, mac: Mac, seed: u64) -> Adapter {
     let Mac([_, _, serial @ ..]) = mac;
     Adapter::new(AdapterConfig {
-        description: &SKILL_ROBOT,
+        description: &ETHERNET_IP_ROBOT,
         serial_number: u32::from_be_bytes(serial),
         address: setup.bus.robot_address,
         mask: setup.bus.subnet_mask,

@@ -169,12 +169,12 @@ impl<B: Fieldbus> RobotNode<B> {
         // Every scan changes the head, but the slots only change with the motions.
         let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
             let slots = self.command.slots;
-            Command::parse_head::<B::Order>(image).map(|head| Command { slots, ..head })
+            Command::parse_head::<B::Order>(&image).map(|head| Command { slots, ..head })
         } else {
-            Command::parse::<B::Order>(image)
+            Command::parse::<B::Order>(&image)
         };
         if let Ok(command) = command {
-            (self.command, self.image, self.connected) = (command, *image, true);
+            (self.command, self.image, self.connected) = (command, image, true);
         }
     }
 
@@ -227,8 +227,8 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
         self.bus.dscp(port)
     }
 
-    fn group(&self, port: Port) -> Option<Ipv4Addr> {
-        self.bus.group(port)
+    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
+        self.bus.group(port, index)
     }
 
     fn handle_timeout(&mut self, now: Instant) {

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use ethernet_ip::connection::TimeoutMultiplier;
-use ethernet_ip::description::SKILL_ROBOT;
 use protocol::image::SLOTS;
+use protocol::stations::ETHERNET_IP_ROBOT;
 
 use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, ProfinetDevice, Setup, Sourced};
 
@@ -127,7 +127,7 @@ fn bus(setup: &Setup) -> Check {
 
 fn ethernet_ip(setup: &Setup) -> Check {
     let bus = &setup.bus;
-    let (shortest, longest) = (SKILL_ROBOT.min_rpi_us, SKILL_ROBOT.max_rpi_us);
+    let (shortest, longest) = (ETHERNET_IP_ROBOT.min_rpi_us, ETHERNET_IP_ROBOT.max_rpi_us);
     let adapter = bus.ethernet_ip.as_ref().and_then(|ethernet_ip| ethernet_ip.adapter.as_ref());
     // What another adapter serves, its refusal tells.
     if adapter.is_none() && !(shortest..=longest).contains(&bus.cycle_us.value) {

@@ -110,7 +110,7 @@ impl ScriptedRobot {
         }
         self.feedback.clock_ns = now.as_nanos();
         let Some(image) = self.bus.input() else { return };
-        let command = Command::parse::<BigEndian>(image).unwrap();
+        let command = Command::parse::<BigEndian>(&image).unwrap();
         self.feedback.life_echo = command.life;
         if self.outputs.last().map_or(0, |(_, _, outputs)| *outputs) != command.outputs {
             self.outputs.push((self.executed_in_all, now, command.outputs));

@@ -1,7 +1,7 @@
 //! What a real PLC imports to talk to the robot node: an EDS file for EtherNet/IP, a GSDML file for PROFINET.
 //!
 //! Both are made from the descriptions that the adapter and the IO-Device themselves run by
-//! ([`ethernet_ip::description`], [`profinet::description`]), so that they cannot say anything else.
+//! ([`protocol::stations`]), so that they cannot say anything else.
 //! The files stand beside this crate, where a person looks for them; a test makes them anew and compares, and writes
 //! them where `INSTA_UPDATE=always` asks for it. Other tests read the files back and hold them against running
 //! machines: what a file promises is opened, connected and read.
@@ -11,6 +11,8 @@
 
 pub mod eds;
 pub mod gsdml;
+
+use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 
 /// Year, month and day of the last change to what the files say.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -30,10 +32,7 @@ pub const CHANGED: Date = Date { year: 2026, month: 11, day: 21 };
 #[must_use]
 pub fn files() -> [(String, String); 2] {
     [
-        ("skillbench-robot.eds".to_owned(), eds::write(&ethernet_ip::description::SKILL_ROBOT, CHANGED)),
-        (
-            gsdml::file_name(&profinet::description::ROBOT, CHANGED),
-            gsdml::write(&profinet::description::ROBOT),
-        ),
+        ("skillbench-robot.eds".to_owned(), eds::write(&ETHERNET_IP_ROBOT, CHANGED)),
+        (gsdml::file_name(&PROFINET_ROBOT, CHANGED), gsdml::write(&PROFINET_ROBOT)),
     ]
 }

@@ -8,11 +8,12 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use ethernet_ip::cip::{General, Path, Reply};
 use ethernet_ip::connection::{ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad};
 use ethernet_ip::cpf::{Item, Packet, kind, write_item};
-use ethernet_ip::description::{Role, SKILL_ROBOT};
+use ethernet_ip::description::Role;
 use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
 use machine::{Instant, Machine, Port, Source, StreamChange, StreamId};
+use protocol::stations::ETHERNET_IP_ROBOT;
 
 /// Sections, their entries, and the fields of those, without quotation marks.
 struct Eds(BTreeMap<String, BTreeMap<String, Vec<String>>>);
@@ -94,7 +95,7 @@ const STREAM: StreamId = StreamId(1);
 impl Asked {
     fn new() -> Self {
         let mut adapter = Adapter::new(AdapterConfig {
-            description: &SKILL_ROBOT,
+            description: &ETHERNET_IP_ROBOT,
             serial_number: 1,
             address: Ipv4Addr::new(192, 168, 64, 2),
             mask: Ipv4Addr::new(255, 255, 255, 0),
@@ -103,7 +104,7 @@ impl Asked {
             first_id: 1,
         });
         let peer = SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, 1), 50_000);
-        adapter.handle_stream(Instant::ZERO, STREAM, StreamChange::Opened(peer));
+        adapter.handle_stream(Instant::ZERO, STREAM, StreamChange::Accepted(peer));
         let mut asked = Self { adapter, session: 0, serial: 0 };
         let (registered, _) = asked.say(Command::RegisterSession, &[1, 0, 0, 0]);
         asked.session = registered.session;
@@ -168,7 +169,7 @@ fn the_device_is_who_the_adapter_says_it_is() {
     assert_eq!(revision, adapter.attribute(1, 1, 4));
     let name = adapter.request(&[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 7]).unwrap();
     assert_eq!(eds.text("Device", "ProdName").as_bytes(), &name[1..]);
-    assert_eq!(eds.text("Device", "VendName"), SKILL_ROBOT.vendor_name);
+    assert_eq!(eds.text("Device", "VendName"), ETHERNET_IP_ROBOT.vendor_name);
     assert_eq!(eds.text("Device Classification", "Class1"), "EtherNetIP");
 }
 
@@ -187,11 +188,11 @@ fn every_assembly_is_there_with_its_path_and_size() {
         assert_eq!(data.len(), size as usize, "the data of assembly {instance}");
         let bits: u32 = fields[6..].iter().filter(|field| !field.is_empty()).map(|field| number(field)).sum();
         assert_eq!(bits, 8 * size, "the members of assembly {instance}");
-        let described = SKILL_ROBOT.assembly(instance).unwrap();
+        let described = ETHERNET_IP_ROBOT.assembly(instance).unwrap();
         assert_eq!((described.name, u32::from(described.size)), (&*fields[0], size));
         instances.push(instance);
     }
-    assert_eq!(instances.len(), SKILL_ROBOT.assemblies.len());
+    assert_eq!(instances.len(), ETHERNET_IP_ROBOT.assemblies.len());
 }
 
 /// Connection N of the file as a Forward_Open: what a scanner makes of it.
@@ -242,8 +243,8 @@ fn every_connection_is_opened_as_the_file_describes_it() {
         );
         assert_eq!(number(&fields[0]) >> 24, 1 << (2 - index), "{role:?}");
         let path = path(&fields[14]);
-        let produced = SKILL_ROBOT.role(Role::Produced).unwrap();
-        let consumed = SKILL_ROBOT.role(role).unwrap();
+        let produced = ETHERNET_IP_ROBOT.role(Role::Produced).unwrap();
+        let consumed = ETHERNET_IP_ROBOT.role(role).unwrap();
         assert_eq!((&*fields[2], &*fields[5]), ("Param1", "Param1"));
         assert_eq!(fields[4], format!("Assem{}", consumed.instance));
         assert_eq!(fields[7], format!("Assem{}", produced.instance));

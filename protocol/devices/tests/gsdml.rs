@@ -10,11 +10,12 @@ use std::time::Duration;
 
 use machine::Instant;
 use machine::ethernet::Mac;
-use profinet::description::{Description, Identity, ROBOT};
+use profinet::description::{Description, Identity};
 use profinet::rt::{Transport, UDP_PORT};
-use profinet::{Controller, ControllerConfig, Device, DeviceConfig, Parameter};
+use profinet::{ArConfig, ControllerConfig, Device, DeviceConfig, Parameter};
+use protocol::buses::ProfinetController;
 use protocol::fieldbus::LinkEvent;
-use protocol::image::IMAGE_LEN;
+use protocol::stations::{PROFINET_PLC, PROFINET_ROBOT as ROBOT};
 use roxmltree::{Document, Node};
 use virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
 
@@ -126,7 +127,7 @@ fn every_text_that_is_referred_to_is_there_once_and_every_identifier_too() {
     assert_eq!(known, used.collect());
 }
 
-type Bus = Pair<Controller, Device>;
+type Bus = Pair<ProfinetController, Device>;
 
 /// Our controller and our device at this cycle.
 fn bus(cycle: Duration, description: Description) -> Bus {
@@ -138,14 +139,17 @@ fn bus(cycle: Duration, description: Description) -> Bus {
         station_name: "plc".into(),
         address: plc,
         mask,
-        device_station_name: "robot".into(),
-        device_address: robot,
+        description: PROFINET_PLC,
+        seed: 1,
+    };
+    let wanted = ArConfig {
+        station_name: "robot".into(),
+        address: robot,
         description,
         parameters: vec![Parameter::interface_adjust()],
         transport: Transport::Rt1,
         cycle,
         watchdog_cycles: 3,
-        seed: 1,
     };
     let device = DeviceConfig {
         mac: Mac([2, 0, 0, 0, 0, 2]),
@@ -157,9 +161,9 @@ fn bus(cycle: Duration, description: Description) -> Bus {
     let links = [Impairment { delay: Duration::from_micros(5), ..Impairment::default() }; 2];
     let addresses = [Some(plc), Some(robot)];
     let mut device = Device::new(device, start);
-    device.set_output(&[7; IMAGE_LEN]);
+    device.set_inputs(|_, _, data| data.fill(7));
     let pair = PairConfig { seed: 1, clocks: [Clock::default(); 2], links, addresses };
-    Bus::new(Controller::new(controller, start).unwrap(), device, pair)
+    Bus::new(ProfinetController::new(controller, wanted, start).unwrap(), device, pair)
 }
 
 fn comes_up(bus: &mut Bus) -> bool {

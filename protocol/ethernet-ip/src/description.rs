@@ -4,7 +4,6 @@ use core::fmt;
 
 use super::cip::{ElectronicKey, Revision};
 use super::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
-use crate::IO_DATA_LEN;
 
 /// What an assembly is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -91,32 +90,6 @@ pub struct Description {
     /// TCP connections at a time.
     pub sessions: u8,
 }
-
-/// The robot node.
-///
-/// The vendor number is the last one, which ODVA has not given to anybody: a product needs one of its own.
-pub const SKILL_ROBOT: Description = Description {
-    vendor: 0xFFFF,
-    vendor_name: "skillbench",
-    device_type: 0x2B,
-    product_code: 1,
-    revision: Revision { major: 1, minor: 1 },
-    product_name: "skillbench robot",
-    assemblies: &[
-        Assembly { instance: 100, role: Role::Produced, size: IO_DATA_LEN as u16, name: "Feedback" },
-        Assembly { instance: 150, role: Role::Consumed, size: IO_DATA_LEN as u16, name: "Command" },
-        Assembly { instance: 151, role: Role::Configuration, size: 0, name: "Configuration" },
-        Assembly { instance: 152, role: Role::InputOnlyHeartbeat, size: 0, name: "Input-only heartbeat" },
-        Assembly { instance: 153, role: Role::ListenOnlyHeartbeat, size: 0, name: "Listen-only heartbeat" },
-    ],
-    min_rpi_us: 500,
-    max_rpi_us: 10_000_000,
-    exclusive_owners: 1,
-    input_only: 4,
-    listen_only: 4,
-    explicit: 8,
-    sessions: 16,
-};
 
 impl Description {
     /// The assembly of this instance.

@@ -80,9 +80,9 @@ impl<'a> Found<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::description::SKILL_ROBOT;
     use super::super::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
     use super::*;
+    use crate::samples::DEVICE;
     use core::net::Ipv4Addr;
     use machine::{Instant, Machine, Port, Source};
 
@@ -90,7 +90,7 @@ mod tests {
     fn a_device_that_is_asked_tells_where_and_who_it_is() {
         let address = Ipv4Addr::new(192, 168, 64, 2);
         let mut adapter = Adapter::new(AdapterConfig {
-            description: &SKILL_ROBOT,
+            description: &DEVICE,
             serial_number: 0x1234_5678,
             address,
             mask: Ipv4Addr::new(255, 255, 255, 0),
@@ -107,8 +107,8 @@ mod tests {
         assert_eq!(answer.to, peer);
         let found = Found::parse(&buf[..answer.len]).unwrap();
         assert_eq!(found.address, SocketAddrV4::new(address, ENCAPSULATION_PORT));
-        assert_eq!(found.identity, Identity { key: SKILL_ROBOT.key(), serial_number: 0x1234_5678 });
-        assert_eq!((found.product_name, found.state), (SKILL_ROBOT.product_name.as_bytes(), 3));
+        assert_eq!(found.identity, Identity { key: DEVICE.key(), serial_number: 0x1234_5678 });
+        assert_eq!((found.product_name, found.state), (DEVICE.product_name.as_bytes(), 3));
         assert!((0..answer.len).all(|cut| Found::parse(&buf[..cut]).is_none()));
     }
 }

@@ -17,6 +17,7 @@ pub mod cip;
 pub mod class1;
 pub mod connection;
 pub mod cpf;
+mod data;
 pub mod description;
 pub mod discovery;
 pub mod encapsulation;
@@ -24,20 +25,15 @@ mod objects;
 pub mod scanner;
 
 pub use adapter::{Adapter, AdapterConfig};
+pub use data::DataError;
 pub use objects::{CLASSES, PORT_NUMBER};
-pub use scanner::{Scanner, ScannerConfig};
+pub use scanner::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
 
 use machine::PortRequest;
 use machine::wire::{self, LittleEndian};
 
 /// The UDP ports of both roles: cyclic data, then explicit messages.
 pub const PORTS: &[PortRequest] = &[PortRequest::Udp(IO_PORT), PortRequest::Udp(ENCAPSULATION_PORT)];
-
-/// Bytes of process data each way, at most.
-pub const IO_DATA_LEN: usize = 256;
-
-/// Process data of one direction.
-pub type IoData = [u8; IO_DATA_LEN];
 
 /// TCP and UDP port of the encapsulation (volume 2, 2-2).
 pub const ENCAPSULATION_PORT: u16 = 0xAF12;
@@ -90,3 +86,9 @@ macro_rules! codes {
     };
 }
 use codes;
+
+#[cfg(test)]
+extern crate self as ethernet_ip;
+#[cfg(test)]
+#[path = "../tests/ethernet_ip/samples.rs"]
+mod samples;

@@ -201,7 +201,10 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             deadline = self.machine.poll_timeout();
             let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
             self.streams.follow(self.machine.dscp(Streams::UNNUMBERED));
-            self.ports.iter().for_each(|port| port.follow_group(self.machine.group(port.port())));
+            for port in self.ports {
+                let groups = (0..).map_while(|index| self.machine.group(port.port(), index));
+                port.follow_groups(groups);
+            }
             self.streams.await_in(waits, 1 + self.ports.len());
             let early = wake.map(|wake| wake.since(clock::now()).saturating_sub(EARLY));
             match waits.wait(early) {
@@ -304,8 +307,8 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             }
             while let Some(request) = self.machine.poll_stream() {
                 match request {
-                    StreamRequest::Connect { to } => {
-                        self.streams.connect(to, |id| self.machine.dscp(Port::Stream(id)));
+                    StreamRequest::Connect { to, attempt } => {
+                        self.streams.connect(to, attempt, |id| self.machine.dscp(Port::Stream(id)));
                     }
                     StreamRequest::Close(id) => self.streams.close(now, id),
                 }

@@ -165,10 +165,10 @@ impl OpenPort {
         }
     }
 
-    /// Joins this multicast group and leaves the one before.
-    pub(crate) fn follow_group(&self, group: Option<Ipv4Addr>) {
+    /// Joins these multicast groups and leaves all others.
+    pub(crate) fn follow_groups(&self, groups: impl Iterator<Item = Ipv4Addr> + Clone) {
         if let Kind::Udp(udp) = &self.kind {
-            udp.follow_group(group);
+            udp.follow_groups(groups);
         }
     }
 

@@ -1,6 +1,6 @@
 //! UDP over IPv4 on one interface.
 
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::os::fd::{AsFd, BorrowedFd};
 
@@ -18,8 +18,8 @@ pub(crate) struct UdpPort {
     port: u16,
     socket: UdpSocket,
     interface: u32,
-    /// The multicast group that it belongs to.
-    group: Cell<Option<Ipv4Addr>>,
+    /// The multicast groups that it belongs to.
+    groups: RefCell<Vec<Ipv4Addr>>,
 }
 
 /// Receive buffer in bytes: what arrives in a host stall of 40 ms at a flood of full frames.
@@ -41,7 +41,7 @@ impl UdpPort {
             Ok(socket.into())
         };
         let socket = open().map_err(|reason| PortError::udp(interface.name(), port, reason))?;
-        Ok(Self { port, socket, interface: interface.index(), group: Cell::new(None) })
+        Ok(Self { port, socket, interface: interface.index(), groups: RefCell::default() })
     }
 
     /// Returns the requested port: 0 if the kernel chose one.
@@ -53,21 +53,23 @@ impl UdpPort {
         self.socket.as_fd()
     }
 
-    /// Joins this multicast group and leaves the previous one, if they differ.
-    pub(crate) fn follow_group(&self, group: Option<Ipv4Addr>) {
-        let before = self.group.replace(group);
-        if before == group {
+    /// Joins these multicast groups and leaves the previous ones that are not among them.
+    pub(crate) fn follow_groups(&self, wanted: impl Iterator<Item = Ipv4Addr> + Clone) {
+        let mut groups = self.groups.borrow_mut();
+        if groups.iter().copied().eq(wanted.clone()) {
             return;
         }
         let socket = SockRef::from(&self.socket);
         let interface = InterfaceIndexOrAddress::Index(self.interface);
         // Leaving fails only if the interface is gone, which ends the driver, or the kernel is out of memory.
-        if let Some(before) = before {
-            let _ = socket.leave_multicast_v4_n(&before, &interface);
+        for left in groups.iter().filter(|group| !wanted.clone().any(|wanted| wanted == **group)) {
+            let _ = socket.leave_multicast_v4_n(left, &interface);
         }
-        if let Some(group) = group {
-            let _ = socket.join_multicast_v4_n(&group, &interface);
+        for joined in wanted.clone().filter(|group| !groups.contains(group)) {
+            let _ = socket.join_multicast_v4_n(&joined, &interface);
         }
+        groups.clear();
+        groups.extend(wanted);
     }
 
     pub(crate) fn send(&self, frame: &[u8], to: SocketAddrV4) -> Result<(), Errno> {

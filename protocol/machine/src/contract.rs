@@ -54,24 +54,33 @@ pub struct Transmit {
     pub len: usize,
 }
 
+/// A machine's own number for a TCP connection that it makes, to tell it from others that it makes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct Attempt(pub u16);
+
 /// A change of a TCP connection's state.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StreamChange {
-    /// The connection is open: accepted from this peer, or made to it.
-    Opened(SocketAddrV4),
-    /// The connection is closed, or could not be made.
+    /// This peer connected at [`Machine::listen_port`].
+    Accepted(SocketAddrV4),
+    /// The requested connection is open.
+    Connected(Attempt),
+    /// The requested connection could not be made.
+    NotConnected(Attempt),
+    /// An open connection was closed.
     Closed,
 }
 
 /// A machine's request about TCP connections.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StreamRequest {
-    /// Make a connection. The driver numbers it and reports `Opened`, or `Closed` if it cannot be made, by
-    /// [`Machine::handle_stream`]. A machine requests one connection at a time to a peer: a new request replaces one
-    /// that is not open yet.
+    /// Make a connection. The driver numbers it and reports `Connected` or `NotConnected` by [`Machine::handle_stream`].
+    /// A new request with the same attempt replaces one that is not open yet.
     Connect {
         /// The peer to connect to.
         to: SocketAddrV4,
+        /// The machine's own number for it.
+        attempt: Attempt,
     },
     /// Close this connection once the bytes handed out for it are sent. The driver reports nothing more about it.
     Close(StreamId),
@@ -127,9 +136,10 @@ pub trait Machine {
         0
     }
 
-    /// Returns the multicast group whose datagrams the machine receives at this UDP port, besides those for its own
-    /// address. The driver asks after each wake, and joins and leaves groups accordingly.
-    fn group(&self, _port: Port) -> Option<Ipv4Addr> {
+    /// Returns a multicast group whose datagrams the machine receives at this UDP port, besides those for its own
+    /// address: the first group at index 0, and `None` behind the last one. The driver asks after each wake, and joins
+    /// and leaves groups accordingly.
+    fn group(&self, _port: Port, _index: usize) -> Option<Ipv4Addr> {
         None
     }
 

@@ -14,7 +14,9 @@ mod link;
 mod time;
 pub mod wire;
 
-pub use contract::{Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
+pub use contract::{
+    Attempt, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
 pub use cycle::{Cycle, Tick};
 pub use lateness::Lateness;
 pub use link::{Counters, Down, DownCause, LinkEvent};

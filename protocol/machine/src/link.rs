@@ -86,3 +86,19 @@ pub struct Counters {
     /// Well-formed frames of another connection.
     pub foreign: u64,
 }
+
+impl core::ops::Add for Counters {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            sent: self.sent + other.sent,
+            received: self.received + other.received,
+            skipped: self.skipped + other.skipped,
+            lost: self.lost + other.lost,
+            late: self.late + other.late,
+            malformed: self.malformed + other.malformed,
+            foreign: self.foreign + other.foreign,
+        }
+    }
+}

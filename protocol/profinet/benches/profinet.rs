@@ -13,8 +13,8 @@ use profinet::tag;
 /// 256 bytes of data, their IOPS and those of the other modules.
 const C_SDU: [u8; 260] = [0x5A; 260];
 
-/// A Siemens controller's Connect; where it was captured stands in `src/vectors/README.md`.
-const CONNECT: &str = include_str!("../src/vectors/connect_req.hex");
+/// A Siemens controller's Connect; where it was captured stands in `vectors/README.md`.
+const CONNECT: &str = include_str!("../vectors/connect_req.hex");
 
 /// Ethernet, IPv4 and UDP headers before the request.
 const HEADERS: usize = 42;

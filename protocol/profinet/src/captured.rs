@@ -16,7 +16,7 @@ pub(crate) fn datagram(text: &str) -> Vec<u8> {
 
 macro_rules! captured {
     ($($name:ident: $file:literal,)*) => {
-        $(pub(crate) const $name: &str = include_str!(concat!("vectors/", $file, ".hex"));)*
+        $(pub(crate) const $name: &str = include_str!(concat!("../vectors/", $file, ".hex"));)*
 
         /// Every captured frame.
         pub(crate) const ALL: &[(&str, &str)] = &[$(($file, $name),)*];

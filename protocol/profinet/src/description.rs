@@ -63,64 +63,6 @@ pub const INTERFACE_SUBSLOT: u16 = 0x8000;
 /// Subslot of the first port of the first interface.
 pub const PORT_SUBSLOT: u16 = 0x8001;
 
-/// The robot node: a device access point in slot 0 and the process image in slot 1.
-pub const ROBOT: Description = Description {
-    // No vendor stands behind a test bench, and 0xFFFF belongs to none.
-    identity: Identity { vendor: 0xFFFF, device: 0x0001 },
-    station_type: "skillbench robot",
-    order_id: "skillbench-robot",
-    serial_number: "1",
-    hardware_revision: 1,
-    software_revision: [0, 1, 0],
-    min_device_interval: 32,
-    modules: &[
-        Module {
-            slot: 0,
-            ident: 0x0000_0001,
-            submodules: &[
-                Submodule { subslot: 1, ident: 0x0000_0001, input_len: 0, output_len: 0, parameters: &[] },
-                Submodule {
-                    subslot: INTERFACE_SUBSLOT,
-                    ident: 0x0000_8000,
-                    input_len: 0,
-                    output_len: 0,
-                    parameters: &[],
-                },
-                Submodule {
-                    subslot: PORT_SUBSLOT,
-                    ident: 0x0000_8001,
-                    input_len: 0,
-                    output_len: 0,
-                    parameters: &[],
-                },
-            ],
-        },
-        Module {
-            slot: 1,
-            ident: 0x0000_0100,
-            submodules: &[Submodule {
-                subslot: 1,
-                ident: 0x0000_0101,
-                input_len: 256,
-                output_len: 256,
-                parameters: &[],
-            }],
-        },
-    ],
-};
-
-/// The PLC node, as DCP and the device see it. It has no modules.
-pub const PLC: Description = Description {
-    identity: Identity { vendor: 0xFFFF, device: 0x0002 },
-    station_type: "skillbench PLC",
-    order_id: "skillbench-plc",
-    serial_number: "1",
-    hardware_revision: 1,
-    software_revision: [0, 1, 0],
-    min_device_interval: 32,
-    modules: &[],
-};
-
 impl Description {
     /// The module in a slot.
     #[must_use]
@@ -147,22 +89,5 @@ impl Module {
     #[must_use]
     pub fn submodule(&self, subslot: u16) -> Option<&'static Submodule> {
         self.submodules.iter().find(|submodule| submodule.subslot == subslot)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::IO_DATA_LEN;
-
-    #[test]
-    fn the_robot_carries_one_image_each_way_and_its_texts_fit_their_fields() {
-        let (inputs, outputs) = ROBOT.submodules().fold((0, 0), |(inputs, outputs), (_, submodule)| {
-            (inputs + usize::from(submodule.input_len), outputs + usize::from(submodule.output_len))
-        });
-        assert_eq!((inputs, outputs), (IO_DATA_LEN, IO_DATA_LEN));
-        assert!(ROBOT.station_type.len() <= 25);
-        assert!(ROBOT.order_id.len() <= 20 && ROBOT.serial_number.len() <= 16);
-        assert_eq!(ROBOT.submodule(0, PORT_SUBSLOT).map(|submodule| submodule.ident), Some(0x8001));
     }
 }

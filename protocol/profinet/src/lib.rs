@@ -30,6 +30,7 @@ mod controller;
 pub mod dcp;
 pub mod description;
 pub mod device;
+mod provided;
 pub mod record;
 pub mod rpc;
 pub mod rt;
@@ -38,19 +39,14 @@ pub mod status;
 pub mod tag;
 mod uuid;
 
-pub use controller::{ConfigError, Controller, ControllerConfig, Parameter};
+pub use controller::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Parameter};
 pub use device::{Device, DeviceConfig};
+pub use provided::DataError;
 pub use station::is_station_name;
 pub use uuid::Uuid;
 
 use machine::PortRequest;
 use machine::ethernet::Mac;
-
-/// Bytes of process data each way, at most.
-pub const IO_DATA_LEN: usize = 256;
-
-/// Process data of one direction.
-pub type IoData = [u8; IO_DATA_LEN];
 
 /// EtherType of PROFINET (IEC 61158-6-10, 4.1).
 pub const ETHER_TYPE: u16 = 0x8892;
@@ -78,4 +74,9 @@ pub const RPC_PORT: u16 = 34964;
 pub const LT_UDP: u16 = 0x0800;
 
 #[cfg(test)]
+extern crate self as profinet;
+#[cfg(test)]
 mod captured;
+#[cfg(test)]
+#[path = "../tests/profinet/samples.rs"]
+mod samples;

@@ -293,7 +293,7 @@ fn padded(text: &str, length: usize, writer: &mut BlockWriter<'_>) {
 mod tests {
     use super::*;
     use crate::rpc::{Header, RequestArgs, ResponseArgs};
-    use crate::{captured, description};
+    use crate::{captured, samples};
 
     fn request(text: &str) -> Vec<u8> {
         let datagram = captured::datagram(text);
@@ -364,17 +364,17 @@ mod tests {
     fn im0_has_the_same_layout_as_the_captured_one() {
         let blocks = response(captured::IM0_READ_RES);
         let captured = ReadResponse::parse(&mut BlockReader::new(&blocks)).unwrap().record;
-        let ours = emitted(|w| emit_im0(&description::ROBOT, w));
+        let ours = emitted(|w| emit_im0(&samples::DEVICE, w));
         assert_eq!(ours[..6], captured[..6]);
         assert_eq!(ours.len(), captured.len());
-        assert_eq!(&ours[8..28], b"skillbench-robot    ");
+        assert_eq!(&ours[8..28], b"sample-device       ");
     }
 
     #[test]
     fn real_identification_lists_the_modules_asked_for() {
-        let whole = emitted(|w| emit_real_identification(&description::ROBOT, |_, _| true, w));
+        let whole = emitted(|w| emit_real_identification(&samples::DEVICE, |_, _| true, w));
         assert_eq!(whole.len(), 6 + 8 + (8 + 3 * 6) + (8 + 6));
-        let one = emitted(|w| emit_real_identification(&description::ROBOT, |slot, _| slot == 1, w));
+        let one = emitted(|w| emit_real_identification(&samples::DEVICE, |slot, _| slot == 1, w));
         assert_eq!(one[6..], [0, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1, 1]);
     }
 

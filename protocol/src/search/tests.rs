@@ -4,12 +4,12 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::fieldbus::LinkEvent;
-use ethernet_ip::description::SKILL_ROBOT;
+use crate::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
 use machine::ethernet::{EthernetHeader, Mac};
 use profinet::ETHER_TYPE;
 use profinet::dcp::{self, Block, Content, Pdu, Service};
-use profinet::{Device, DeviceConfig, description};
+use profinet::{Device, DeviceConfig};
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
 const ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
@@ -51,13 +51,13 @@ impl Segment {
                 station_name: format!("robot-{number}").into_bytes(),
                 address: Some(address(number)),
                 mask: MASK,
-                description: description::ROBOT,
+                description: PROFINET_ROBOT,
             };
             (address(number), Box::new(Device::new(config, Instant::ZERO)))
         };
         let adapter = |number: u8| -> (Ipv4Addr, Box<dyn Machine<Event = LinkEvent>>) {
             let config = AdapterConfig {
-                description: &SKILL_ROBOT,
+                description: &ETHERNET_IP_ROBOT,
                 serial_number: number.into(),
                 address: address(number),
                 mask: MASK,
@@ -190,7 +190,7 @@ fn every_device_of_a_cable_is_found_once_however_often_it_answers() {
     assert_eq!(macs, (0..40).map(|number| Mac([2, 0, 0, 0, 1, number])).collect::<Vec<_>>());
     let station = &found.profinet_stations()[0];
     assert_eq!(station.name, format!("robot-{}", station.mac.0[5]).into_bytes().into());
-    let identity = description::ROBOT.identity;
+    let identity = PROFINET_ROBOT.identity;
     assert_eq!((station.identity, station.roles), (Some((identity.vendor, identity.device)), 1));
     assert_eq!(found.profinet_tally(), Tally { repeated: 80, ..Tally::default() });
 

@@ -26,6 +26,7 @@ pub(super) enum Delivery {
         buf: Box<[u8]>,
         len: usize,
     },
+    /// To the side that connects: its connection is up. To the other one: this peer connected.
     Opened(StreamId, SocketAddrV4),
     Closed(StreamId),
     /// Both ends give up a stream whose bytes did not get through.

@@ -305,11 +305,11 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     /// Returns whether a datagram is for this side; a multicast is if the side joined its group.
     fn belongs(&self, side: Side, port: Port, to: Option<Ipv4Addr>) -> bool {
         let Some(group) = to.filter(Ipv4Addr::is_multicast) else { return true };
-        let joined = match side {
-            Side::A => self.a.group(port),
-            Side::B => self.b.group(port),
+        let joined = |index| match side {
+            Side::A => self.a.group(port, index),
+            Side::B => self.b.group(port, index),
         };
-        joined == Some(group)
+        (0..).map_while(joined).any(|joined| joined == group)
     }
 
     /// Fulfils the contract after a change: drains frames and events, then reads the timeout. `local` is what the

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64Mcg;
 use super::in_flight::{Delivery, InFlight};
 use super::tap::Label;
 use super::{Carrier, Fate, Pair, Segment, Side, holding};
-use machine::{Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
+use machine::{Attempt, Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
 /// Additional delay of a piece for each time that it is lost: the smallest retransmission timeout of Linux.
 const RETRANSMISSION: Duration = Duration::from_millis(200);
@@ -24,6 +24,10 @@ const EPHEMERAL_PORTS: u32 = 10_000;
 #[derive(Debug)]
 struct Stream {
     id: StreamId,
+    /// The side that connects, and what for.
+    asked: (Side, Attempt),
+    /// Whether that side knows that it is connected.
+    connected: bool,
     /// The connecting side, its address and its peer's; `None` if nobody could answer.
     between: Option<(Side, SocketAddrV4, SocketAddrV4)>,
     /// Bytes sent by A and by B.
@@ -39,10 +43,12 @@ struct Stream {
 }
 
 impl Stream {
-    const fn new(id: StreamId) -> Self {
+    const fn new(id: StreamId, asked: (Side, Attempt)) -> Self {
         let never = Instant::ZERO;
         Self {
             id,
+            asked,
+            connected: false,
             between: None,
             sent: [0; 2],
             last_arrival: [never; 2],
@@ -122,7 +128,7 @@ impl Streams {
 impl<A: Machine, B: Machine> Pair<A, B> {
     pub(super) fn request_stream(&mut self, from: Side, request: StreamRequest) {
         match request {
-            StreamRequest::Connect { to } => self.connect(from, to),
+            StreamRequest::Connect { to, attempt } => self.connect(from, to, attempt),
             StreamRequest::Close(id) => {
                 if let Some(stream) = self.streams.get(id) {
                     *stream.ended(from) = true;
@@ -132,7 +138,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    fn connect(&mut self, from: Side, to: SocketAddrV4) {
+    fn connect(&mut self, from: Side, to: SocketAddrV4, attempt: Attempt) {
         let id = StreamId(self.streams.next_id);
         self.streams.next_id = self.streams.next_id.wrapping_add(1);
         let listens = match from {
@@ -141,7 +147,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         };
         let source = self.station(from).address;
         let answers = self.station(from.other()).address == Some(*to.ip());
-        self.streams.open.push(Stream::new(id));
+        self.streams.open.push(Stream::new(id, (from, attempt)));
         let Some(source) = source.filter(|_| answers) else {
             // There is nobody to refuse it, so the attempt times out.
             return self.in_flight.push(self.now + TIMEOUT, from, Delivery::Closed(id));
@@ -312,33 +318,47 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         match delivery {
             Delivery::Frame { .. } => {}
             Delivery::Opened(id, peer) => {
-                let connector = self.streams.get(id).and_then(|stream| stream.between).map(|(side, ..)| side);
-                if connector == Some(side) {
+                let Some(stream) = self.streams.get(id) else { return };
+                let (connector, attempt) = stream.asked;
+                if connector == side {
+                    stream.connected = true;
                     self.tap_stream_arrival(side, id, Segment::Accept);
+                    self.change_stream(side, id, StreamChange::Connected(attempt));
                 } else {
                     self.tap_stream_arrival(side, id, Segment::Connect);
                     self.tap_stream(self.now, side, id, Segment::Accept, Fate::default(), &[]);
+                    self.change_stream(side, id, StreamChange::Accepted(peer));
                 }
-                self.change_stream(side, id, StreamChange::Opened(peer));
             }
             Delivery::Closed(id) => {
                 self.tap_end(side, id);
-                self.change_stream(side, id, StreamChange::Closed);
+                self.change_stream(side, id, self.end_of(side, id));
                 self.streams.open.retain(|stream| stream.id != id);
             }
             Delivery::StreamTimeout(id) => {
                 let waited = |stream: &mut Stream| stream.held_since + TIMEOUT;
                 let due = self.streams.get(id).filter(|stream| !stream.held.is_empty()).map(waited);
                 if due.is_some_and(|due| due <= self.now) {
-                    self.change_stream(Side::A, id, StreamChange::Closed);
-                    self.change_stream(Side::B, id, StreamChange::Closed);
+                    for side in [Side::A, Side::B] {
+                        self.change_stream(side, id, self.end_of(side, id));
+                    }
                     self.streams.open.retain(|stream| stream.id != id);
                 }
             }
         }
     }
 
-    /// Shows the tap the end of a stream, or the refusal to open it, where it arrives.
+    /// What the end of a stream is to this side.
+    fn end_of(&self, side: Side, id: StreamId) -> StreamChange {
+        match self.streams.open.iter().find(|stream| stream.id == id) {
+            Some(Stream { asked: (connector, attempt), connected: false, .. }) if *connector == side => {
+                StreamChange::NotConnected(*attempt)
+            }
+            _ => StreamChange::Closed,
+        }
+    }
+
+    /// Shows the end of a stream as it arrives, or the refusal to open it.
     fn tap_end(&mut self, side: Side, id: StreamId) {
         let from = side.other();
         let Some(stream) = self.streams.get(id) else { return };
@@ -356,13 +376,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if !self.station(side).alive || !self.wants(side, Port::Stream(id)) {
             return;
         }
+        let is_end = matches!(change, StreamChange::Closed | StreamChange::NotConnected(_));
         let local = self.local_time(side);
         match side {
             Side::A => self.a.handle_stream(local, id, change),
             Side::B => self.b.handle_stream(local, id, change),
         }
-        // What the machine still sends on a closed connection is dropped.
-        if let Some(stream) = self.streams.get(id).filter(|_| change == StreamChange::Closed) {
+        // What the machine still says to a connection that is gone, goes nowhere.
+        if let Some(stream) = self.streams.get(id).filter(|_| is_end) {
             *stream.ended(side) = true;
         }
         self.settle(side, local);

@@ -1,7 +1,7 @@
 use super::*;
 use alloc::string::String;
 use core::fmt::Write;
-use machine::{Duration, PortRequest, StreamChange, StreamId, StreamRequest};
+use machine::{Attempt, Duration, PortRequest, StreamChange, StreamId, StreamRequest};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
@@ -147,7 +147,8 @@ impl Machine for Talker {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.changes.push((now, change));
-        self.stream = matches!(change, StreamChange::Opened(_)).then_some(stream);
+        self.stream =
+            matches!(change, StreamChange::Accepted(_) | StreamChange::Connected(_)).then_some(stream);
     }
 
     fn listen_port(&self) -> Option<u16> {
@@ -158,7 +159,7 @@ impl Machine for Talker {
         if core::mem::take(&mut self.close) {
             return self.stream.take().map(StreamRequest::Close);
         }
-        self.connect.take().map(|to| StreamRequest::Connect { to })
+        self.connect.take().map(|to| StreamRequest::Connect { to, attempt: Attempt(0) })
     }
 
     fn handle_timeout(&mut self, _now: Instant) {}
@@ -207,10 +208,10 @@ fn a_stream_arrives_in_pieces_complete_and_in_order_even_over_a_lossy_cable() {
 fn a_connection_that_nobody_accepts_is_reported_closed() {
     let mut pair = talk(SocketAddrV4::new(*LISTENER.ip(), 8), b"", Impairment::default());
     pair.next_event(Instant::from_millis(10));
-    assert_eq!(pair.a().changes, [(Instant::ZERO, StreamChange::Closed)]);
+    assert_eq!(pair.a().changes, [(Instant::ZERO, StreamChange::NotConnected(Attempt(0)))]);
     let mut pair = talk(SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 3), 7), b"", Impairment::default());
     pair.next_event(Instant::from_millis(10_000));
-    assert_eq!(pair.a().changes, [(Instant::from_millis(3_000), StreamChange::Closed)]);
+    assert_eq!(pair.a().changes, [(Instant::from_millis(3_000), StreamChange::NotConnected(Attempt(0)))]);
 }
 
 #[test]

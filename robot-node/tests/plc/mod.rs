@@ -46,7 +46,7 @@ impl Plc {
 
     fn scan(&mut self) {
         if let Some(image) = self.bus.input() {
-            self.feedback = Feedback::parse::<BigEndian>(image).unwrap();
+            self.feedback = Feedback::parse::<BigEndian>(&image).unwrap();
         }
         self.write_motions();
         self.command.life = self.command.life.wrapping_add(1);

@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 
 use anyhow::bail;
 use ethernet_ip::connection::TimeoutMultiplier;
-use ethernet_ip::description::SKILL_ROBOT;
-use ethernet_ip::{self, AdapterConfig, Scanner, ScannerConfig};
+use ethernet_ip::{AdapterConfig, ConnectionConfig, ScannerConfig};
 use machine::{Duration, Instant, Machine};
-use protocol::fieldbus::{Down, DownCause, LinkEvent};
+use protocol::buses::EthernetIpScanner;
+use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
 use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, clock};
 
 use super::cable::{Cable, MASK, ROBOT};
@@ -35,7 +36,7 @@ impl Adapter {
     pub(super) fn start(cable: &Cable) -> anyhow::Result<Self> {
         let adapter = |interface: &Interface| {
             ethernet_ip::Adapter::new(AdapterConfig {
-                description: &SKILL_ROBOT,
+                description: &ETHERNET_IP_ROBOT,
                 serial_number: 1,
                 address: ROBOT,
                 mask: MASK,
@@ -59,18 +60,19 @@ impl Adapter {
 
 /// Connects, exchanges data for a turn, and ends the connection. Returns when it was up.
 pub(super) fn exchange(cable: &Cable, peer: Peer, turn: u32) -> anyhow::Result<Instant> {
-    let own = ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, INTERVAL.as_micros() as u32);
-    let config = ScannerConfig {
+    let own = ConnectionConfig::exclusive_owner(ROBOT, &ETHERNET_IP_ROBOT, INTERVAL.as_micros() as u32);
+    let connection = ConnectionConfig {
         key: own.key.filter(|_| peer == Peer::Ours),
         retry_after: Duration::from_millis(100),
         // A stall of the host is to be measured, not to end the connection.
         multiplier: TimeoutMultiplier::covering(512).unwrap_or(own.multiplier),
-        first_id: turn << 8,
         ..own
     };
+    let config = ScannerConfig { vendor: ETHERNET_IP_VENDOR, serial_number: 1, first_id: turn << 8 };
     let now = clock::now();
     let task = Turn { deadline: now + PATIENCE, up_at: None, down: None };
-    let thread = cable.plc.run(|interface| start(Scanner::new(config, now), interface, task))?;
+    let scanner = EthernetIpScanner::new(config, connection, now);
+    let thread = cable.plc.run(|interface| start(scanner, interface, task))?;
     let turn = finish(thread)?;
     match (turn.up_at, turn.down) {
         (Some(up_at), Some(Down { cause: DownCause::ClosedHere, .. })) => Ok(up_at),
@@ -124,14 +126,14 @@ struct Turn {
     down: Option<Down>,
 }
 
-impl Task<Scanner> for Turn {
+impl Task<EthernetIpScanner> for Turn {
     type Command = ();
     type News = ();
 
     fn event(
         &mut self,
         now: Instant,
-        _: &mut Scanner,
+        _: &mut EthernetIpScanner,
         event: LinkEvent,
         _: &mut Outbox<()>,
     ) -> ControlFlow<()> {
@@ -152,7 +154,7 @@ impl Task<Scanner> for Turn {
         ControlFlow::Continue(())
     }
 
-    fn expired(&mut self, now: Instant, scanner: &mut Scanner) -> ControlFlow<()> {
+    fn expired(&mut self, now: Instant, scanner: &mut EthernetIpScanner) -> ControlFlow<()> {
         if self.up_at.is_none() {
             return ControlFlow::Break(());
         }

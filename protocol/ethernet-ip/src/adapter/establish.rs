@@ -126,7 +126,7 @@ impl State {
             ),
             parameters: t_o,
             dscp: self.device.qos.cyclic(t_o.priority),
-            data_len: points.produced.size,
+            assembly: points.produced.instance,
             cycle: Cycle::new(context.now + micros(t_o_rpi_us), micros(t_o_rpi_us)),
             trigger,
             inhibit: Inhibit::new(inhibit, context.now),
@@ -220,6 +220,9 @@ impl State {
             return Err(Violation::OffSubnetMulticast);
         }
         if let Some(running) = self.io.multicast() {
+            if running.assembly != producer.assembly {
+                return Err(Violation::ProducingPath);
+            }
             if running.parameters.size != producer.parameters.size {
                 return Err(Violation::MulticastSize);
             }

@@ -3,10 +3,10 @@
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::IoData;
 use crate::class1::{Frame, RUN_IDLE_LEN};
 use crate::connection::{Inhibit, Parameters, SequenceCheck, Triad, Trigger, Watchdog};
 use crate::description::Description;
+use crate::objects::AssemblyData;
 use machine::{Cycle, Instant};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
@@ -48,8 +48,8 @@ pub(super) struct Producer {
     pub(super) parameters: Parameters,
     /// What the QoS object said of this priority when the connection was opened.
     pub(super) dscp: u8,
-    /// Bytes of data in a frame.
-    pub(super) data_len: u16,
+    /// The assembly that it sends.
+    pub(super) assembly: u32,
     pub(super) cycle: Cycle,
     pub(super) trigger: Trigger,
     pub(super) inhibit: Inhibit,
@@ -67,7 +67,7 @@ pub(super) struct Due {
     pub(super) to: SocketAddrV4,
     pub(super) sequence: u32,
     pub(super) count: u16,
-    pub(super) size: u16,
+    pub(super) assembly: u32,
     pub(super) dscp: u8,
 }
 
@@ -115,8 +115,8 @@ impl Producer {
         self.inhibit.produced(now);
         self.sequence = self.sequence.wrapping_add(1);
         self.count = self.count.wrapping_add(1);
-        let Self { id, to, sequence, count, data_len: size, dscp, .. } = *self;
-        Some(Due { id, to, sequence, count, size, dscp })
+        let Self { id, to, sequence, count, assembly, dscp, .. } = *self;
+        Some(Due { id, to, sequence, count, assembly, dscp })
     }
 }
 
@@ -163,8 +163,11 @@ impl IoConnections {
         self.open.clear();
     }
 
-    pub(super) fn data_changed(&mut self) {
-        self.open.iter_mut().for_each(|connection| connection.producer.changed = true);
+    pub(super) fn data_changed(&mut self, assembly: u32) {
+        let producers = self.open.iter_mut().map(|connection| &mut connection.producer);
+        producers
+            .filter(|producer| producer.assembly == assembly)
+            .for_each(|producer| producer.changed = true);
     }
 
     /// Whether the outputs have an owner, and then whether it runs.
@@ -173,13 +176,13 @@ impl IoConnections {
         owner.map(|owner| owner.run)
     }
 
-    /// Takes a frame; the owner's data goes into `consumed`.
+    /// Takes a frame; the owner's data go into the assembly that it consumes.
     pub(super) fn take(
         &mut self,
         now: Instant,
         peer: Ipv4Addr,
         frame: &Frame<'_>,
-        consumed: &mut IoData,
+        assemblies: &mut AssemblyData,
     ) -> Taken {
         let is_its = |connection: &&mut IoConnection| {
             connection.o_t_id == frame.connection && connection.originator == peer
@@ -196,9 +199,9 @@ impl IoConnections {
             connection.run = run;
             // The same count is the same data.
             if connection.count.replace(frame.count) != Some(frame.count)
-                && let Some(place) = consumed.get_mut(..data.len())
+                && let [_, Some(consumed), _] = connection.points
             {
-                place.copy_from_slice(data);
+                assemblies.consume(consumed, data);
             }
         }
         Taken::Fresh { missing }

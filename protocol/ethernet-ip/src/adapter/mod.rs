@@ -21,11 +21,11 @@ use self::delayed::Delayed;
 use self::encapsulated::{Answer, answer_datagram, list_identity};
 use self::sessions::Sessions;
 use self::state::State;
-use super::description::Description;
+use super::data::DataError;
+use super::description::{Assembly, Description, Role};
 use super::encapsulation::{Command, HEADER_LEN, Header, MAX_MESSAGE_LEN};
 use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
-use crate::IoData;
 use machine::{Counters, DownCause, LinkEvent};
 use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
@@ -127,8 +127,9 @@ impl Machine for Adapter {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         match change {
-            StreamChange::Opened(peer) => self.sessions.open(now, stream, peer),
+            StreamChange::Accepted(peer) => self.sessions.open(now, stream, peer),
             StreamChange::Closed => self.sessions.closed(stream),
+            StreamChange::Connected(_) | StreamChange::NotConnected(_) => {}
         }
         self.drop_orphans();
     }
@@ -202,18 +203,22 @@ impl Adapter {
 }
 
 impl Adapter {
-    /// Sets the data that go out with the next cyclic frame and with every one after it.
-    pub fn set_output(&mut self, image: &IoData) {
-        if self.state.device.produced != *image {
-            self.state.device.produced = *image;
-            self.state.io.data_changed();
+    /// Sets the data of an assembly of the role [`Role::Produced`](super::description::Role::Produced), for the next
+    /// cyclic frame and every one after it. Until then they are zeros.
+    pub fn set_produced(&mut self, instance: u32, data: &[u8]) -> Result<(), DataError> {
+        if self.state.device.assemblies.set(instance, data)? {
+            self.state.io.data_changed(instance);
         }
+        Ok(())
     }
 
-    /// The last data that the peer sent and marked as good; none before the first and after the connection is lost.
+    /// The newest data of an assembly of the role [`Role::Consumed`](super::description::Role::Consumed); none while no
+    /// owner of the outputs sends data and says that it runs.
     #[must_use]
-    pub fn input(&self) -> Option<&IoData> {
-        self.state.is_up().then_some(&self.state.device.consumed)
+    pub fn consumed(&self, instance: u32) -> Option<&[u8]> {
+        let is_consumed = |assembly: &&Assembly| assembly.role == Role::Consumed;
+        let assembly = self.state.device.description.assembly(instance).filter(is_consumed)?;
+        self.state.is_up().then(|| self.state.device.assemblies.get(assembly.instance))
     }
 
     /// Drops every connection and takes no new ones: a target has no message to end a connection with.

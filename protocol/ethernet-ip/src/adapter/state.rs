@@ -78,7 +78,7 @@ impl State {
         }
     }
 
-    /// Whether images are exchanged with an owner that runs.
+    /// Whether data are exchanged with an owner that runs.
     pub(super) const fn is_up(&self) -> bool {
         self.up
     }
@@ -89,7 +89,7 @@ impl State {
             self.counters.malformed += 1;
             return;
         };
-        match self.io.take(now, peer, &frame, &mut self.device.consumed) {
+        match self.io.take(now, peer, &frame, &mut self.device.assemblies) {
             Taken::Foreign => self.counters.foreign += 1,
             Taken::WrongSize => self.counters.malformed += 1,
             Taken::Late => self.counters.late += 1,
@@ -104,7 +104,7 @@ impl State {
     /// Writes the next cyclic frame that is due.
     pub(super) fn produce(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         let due = self.io.next_due(now)?;
-        let data = self.device.produced.get(..usize::from(due.size))?;
+        let data = self.device.assemblies.get(due.assembly);
         let len = class1::emit(buf, (due.id, due.sequence, due.count), None, data).ok()?;
         self.counters.sent += 1;
         self.cyclic_dscp = due.dscp;

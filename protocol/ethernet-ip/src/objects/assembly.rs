@@ -2,8 +2,65 @@
 
 use super::super::Writer;
 use super::super::cip::Violation;
-use super::super::description::Role;
+use super::super::data::DataError;
+use super::super::description::{Description, Role};
 use super::{Device, Object};
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// Data of the assemblies that connections carry.
+#[derive(Debug)]
+pub(in super::super) struct AssemblyData {
+    all: Vec<OneAssembly>,
+}
+
+#[derive(Debug)]
+struct OneAssembly {
+    instance: u32,
+    role: Role,
+    data: Box<[u8]>,
+}
+
+impl AssemblyData {
+    /// Zeros.
+    pub(super) fn new(description: &Description) -> Self {
+        let carried =
+            description.assemblies.iter().filter(|a| matches!(a.role, Role::Produced | Role::Consumed));
+        let zeros = |size: u16| vec![0; usize::from(size)].into_boxed_slice();
+        let one = |a: &super::super::description::Assembly| OneAssembly {
+            instance: a.instance,
+            role: a.role,
+            data: zeros(a.size),
+        };
+        Self { all: carried.map(one).collect() }
+    }
+
+    /// The data of an assembly; empty where it carries none.
+    pub(in super::super) fn get(&self, instance: u32) -> &[u8] {
+        self.all.iter().find(|one| one.instance == instance).map_or(&[], |one| &one.data)
+    }
+
+    /// Sets the data of an assembly that is sent. Returns whether they changed.
+    pub(in super::super) fn set(&mut self, instance: u32, data: &[u8]) -> Result<bool, DataError> {
+        let is_it = |one: &&mut OneAssembly| one.instance == instance && one.role == Role::Produced;
+        let one = self.all.iter_mut().find(is_it).ok_or(DataError::NotProduced { instance })?;
+        if one.data.len() != data.len() {
+            return Err(DataError::Length { expected: one.data.len(), found: data.len() });
+        }
+        let changed = *one.data != *data;
+        one.data.copy_from_slice(data);
+        Ok(changed)
+    }
+
+    /// Takes the data of an assembly from its owner; other lengths than its own are passed over.
+    pub(in super::super) fn consume(&mut self, instance: u32, data: &[u8]) {
+        let place = self.all.iter_mut().find(|one| one.instance == instance).map(|one| &mut one.data);
+        if let Some(place) = place.filter(|place| place.len() == data.len()) {
+            place.copy_from_slice(data);
+        }
+    }
+}
 
 pub(super) struct Assembly;
 
@@ -26,13 +83,8 @@ impl Object for Assembly {
 
     fn get(device: &Device, instance: u32, attribute: u16, writer: &mut Writer<'_>) -> Result<(), Violation> {
         let assembly = device.description.assembly(instance).ok_or(Violation::UnknownInstance)?;
-        let data: &[u8] = match assembly.role {
-            Role::Produced => &device.produced,
-            Role::Consumed => &device.consumed,
-            _ => &[],
-        };
         match attribute {
-            3 => writer.bytes(data.get(..usize::from(assembly.size)).unwrap_or_default()),
+            3 => writer.bytes(device.assemblies.get(instance)),
             4 => writer.u16(assembly.size),
             _ => return Err(Violation::UnknownAttribute),
         }

@@ -9,6 +9,7 @@ mod port;
 mod qos;
 mod tcp_ip;
 
+pub(super) use assembly::AssemblyData;
 pub(super) use connection_manager::ManagerCounters;
 pub(super) use identity::{IoState, write_identity_item};
 pub(super) use message_router::multiple_service;
@@ -19,7 +20,6 @@ pub(super) use tcp_ip::Network;
 use super::cip::{General, Target, Violation, class, service};
 use super::description::Description;
 use super::{Reader, Writer};
-use crate::{IO_DATA_LEN, IoData};
 
 /// Every class of objects that a device of ours has: its code, its revision and its name.
 pub const CLASSES: [(u32, u16, &str); 8] = [
@@ -42,10 +42,7 @@ pub(super) struct Device {
     pub(super) qos: Qos,
     pub(super) manager: ManagerCounters,
     pub(super) io: IoState,
-    /// Data of the produced assembly.
-    pub(super) produced: IoData,
-    /// Data of the consumed assembly.
-    pub(super) consumed: IoData,
+    pub(super) assemblies: AssemblyData,
 }
 
 impl Device {
@@ -57,8 +54,7 @@ impl Device {
             qos: Qos::default(),
             manager: ManagerCounters::default(),
             io: IoState::default(),
-            produced: [0; IO_DATA_LEN],
-            consumed: [0; IO_DATA_LEN],
+            assemblies: AssemblyData::new(description),
         }
     }
 }

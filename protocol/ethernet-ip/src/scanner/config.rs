@@ -1,4 +1,4 @@
-//! What a scanner must be told: which adapter, which assemblies, how often.
+//! What a scanner must be told: who it is, and of each connection which adapter, which assemblies, how often.
 
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
@@ -10,9 +10,21 @@ use crate::connection::{ConnectionType, Parameters, Priority, TimeoutMultiplier}
 use crate::description::{Description, Role};
 use machine::Duration;
 
-/// What a scanner must be told.
-#[derive(Clone, PartialEq, Eq, Debug)]
+/// What a scanner must be told of itself.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ScannerConfig {
+    /// Its own ODVA vendor number.
+    pub vendor: u16,
+    /// Its own serial number, which no other device of the vendor has.
+    pub serial_number: u32,
+    /// Where connection numbers begin; best another one at each start, so that frames of a connection from before are
+    /// not taken for those of a new one.
+    pub first_id: u32,
+}
+
+/// What a scanner must be told of a connection.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ConnectionConfig {
     /// The adapter's address.
     pub target: Ipv4Addr,
     /// Port segments to the adapter behind a bridge, as a padded path; empty where it is on this network.
@@ -47,15 +59,9 @@ pub struct ScannerConfig {
     pub request_timeout: Duration,
     /// How long to wait before the next attempt to connect.
     pub retry_after: Duration,
-    /// This scanner's own ODVA vendor number.
-    pub vendor: u16,
-    /// This scanner's own serial number.
-    pub serial_number: u32,
-    /// Where connection numbers begin; best another one at each start.
-    pub first_id: u32,
 }
 
-impl ScannerConfig {
+impl ConnectionConfig {
     /// The connection that owns the outputs of such a device, at this packet interval both ways.
     ///
     /// The timeout is 128 intervals (code 5), requests may take 1 s, and the next attempt comes after 1 s.
@@ -82,9 +88,6 @@ impl ScannerConfig {
             multiplier: TimeoutMultiplier::CODE_5,
             request_timeout: Duration::from_secs(1),
             retry_after: Duration::from_secs(1),
-            vendor: device.vendor,
-            serial_number: 1,
-            first_id: 0x5C00_0000,
         }
     }
 

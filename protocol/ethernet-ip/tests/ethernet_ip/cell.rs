@@ -2,9 +2,10 @@
 
 use std::net::Ipv4Addr;
 
-use ethernet_ip::IoData;
-use ethernet_ip::description::SKILL_ROBOT;
-use ethernet_ip::{Adapter, AdapterConfig, Scanner, ScannerConfig};
+use crate::one::One;
+use crate::samples::DEVICE;
+use crate::samples::LEN;
+use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig};
 use machine::LinkEvent;
 use machine::{Duration, Instant};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
@@ -12,12 +13,12 @@ use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 pub(crate) const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 pub(crate) const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
 
-pub(crate) type Bus = Pair<Scanner, Adapter>;
+pub(crate) type Bus = Pair<One, Adapter>;
 pub(crate) type News = Event<LinkEvent, LinkEvent>;
 
 pub(crate) fn adapter_config() -> AdapterConfig {
     AdapterConfig {
-        description: &SKILL_ROBOT,
+        description: &DEVICE,
         serial_number: 0x1234_5678,
         address: ROBOT,
         mask: Ipv4Addr::new(255, 255, 255, 0),
@@ -32,8 +33,8 @@ pub(crate) fn adapter() -> Adapter {
 }
 
 /// A scanner that wants the outputs of the robot, every millisecond.
-pub(crate) fn wanted() -> ScannerConfig {
-    ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, 1_000)
+pub(crate) fn wanted() -> ConnectionConfig {
+    ConnectionConfig::exclusive_owner(ROBOT, &DEVICE, 1_000)
 }
 
 /// 25 µs, and nothing is lost.
@@ -41,10 +42,10 @@ pub(crate) fn cable() -> Impairment {
     Impairment { delay: Duration::from_micros(25), ..Impairment::default() }
 }
 
-pub(crate) fn bus_of(config: ScannerConfig, link: Impairment, seed: u64) -> Bus {
+pub(crate) fn bus_of(config: ConnectionConfig, link: Impairment, seed: u64) -> Bus {
     let clocks = [Clock::default(), Clock { offset_ns: 123_456_789, drift_ppb: 30_000 }];
     let pair = PairConfig { seed, clocks, links: [link; 2], addresses: [Some(PLC), Some(ROBOT)] };
-    Pair::new(Scanner::new(config, Instant::from_millis(1)), adapter(), pair)
+    Pair::new(One::new(config, Instant::from_millis(1)), adapter(), pair)
 }
 
 /// Runs for a time and returns what happened, each with the true time in ms.
@@ -58,16 +59,16 @@ pub(crate) fn run(bus: &mut Bus, millis: u64) -> Vec<(u64, News)> {
 }
 
 /// A bus that is up, 50 ms after the start.
-pub(crate) fn up(config: ScannerConfig) -> Bus {
+pub(crate) fn up(config: ConnectionConfig) -> Bus {
     let mut bus = bus_of(config, cable(), 1);
     let events: Vec<_> = run(&mut bus, 50).into_iter().map(|(_, event)| event).collect();
-    let refusal = bus.a().refusal().map(ToString::to_string);
+    let refusal = bus.a().connection().refusal().map(ToString::to_string);
     assert!(events.contains(&Event::A(LinkEvent::Up)), "{events:?}, {refusal:?}");
     assert!(events.contains(&Event::B(LinkEvent::Up)), "{events:?}, {refusal:?}");
     bus
 }
 
-/// An image in which every byte tells its place.
-pub(crate) fn image(first: u8) -> IoData {
+/// Data in which every byte tells its place.
+pub(crate) fn data(first: u8) -> [u8; LEN] {
     core::array::from_fn(|index| first.wrapping_add(index as u8))
 }

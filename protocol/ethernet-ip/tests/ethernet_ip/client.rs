@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use crate::samples::CONSUMED;
 use ethernet_ip::cip::{General, Path, Reply};
 use ethernet_ip::connection::{
     CloseRequest, ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad,
@@ -256,7 +257,7 @@ impl Rig {
     pub(crate) fn connect_from(&mut self, ip: Ipv4Addr) -> StreamId {
         let stream = StreamId(self.next_stream);
         self.next_stream += 1;
-        self.adapter.handle_stream(self.now, stream, StreamChange::Opened(peer(ip, 50_000)));
+        self.adapter.handle_stream(self.now, stream, StreamChange::Accepted(peer(ip, 50_000)));
         self.settle();
         stream
     }
@@ -431,10 +432,10 @@ impl Rig {
             assert_eq!(sequence(&pair[1].3), sequence(&pair[0].3) + 1);
             assert_eq!((pair[1].3.len(), pair[1].2), (276, peer(PLC, IO_PORT)));
         }
-        let input = self.adapter.input().expect("the owner's data is taken");
+        let input = self.adapter.consumed(CONSUMED).expect("the owner's data is taken");
         let last = self.good.as_ref().unwrap().sequence as u8;
         assert_eq!(input, &[last; 256]);
         let name = self.request(client, &[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 7]);
-        assert_eq!(name.data, b"\x10skillbench robot");
+        assert_eq!(name.data, b"\x10sample device 01");
     }
 }

@@ -4,14 +4,16 @@ use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::rc::Rc;
 
+use crate::one::{One, SCANNER};
+use crate::samples::{CONSUMED, DEVICE, PRODUCED};
 use ethernet_ip::connection::TimeoutMultiplier;
-use ethernet_ip::description::{Assembly, Description, Role, SKILL_ROBOT};
-use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
+use ethernet_ip::description::{Assembly, Description, Role};
+use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ENCAPSULATION_PORT, IO_PORT, ScannerConfig};
 use machine::{Down, DownCause, LinkEvent};
 use machine::{Duration, Instant, Machine, Port, StreamChange, StreamId};
 use virtual_time::{Carrier, Clock, Event, Impairment, PairConfig, Side};
 
-use crate::cell::{Bus, News, PLC, ROBOT, adapter, adapter_config, bus_of, cable, image, run, up, wanted};
+use crate::cell::{Bus, News, PLC, ROBOT, adapter, adapter_config, bus_of, cable, data, run, up, wanted};
 
 fn cause(news: &News) -> (Side, Option<DownCause>) {
     let down = |event: &LinkEvent| match event {
@@ -44,17 +46,17 @@ fn tap_frames(bus: &mut Bus) -> Frames {
 }
 
 #[test]
-fn images_go_both_ways_within_10_ms_of_the_start() {
+fn data_go_both_ways_within_10_ms_of_the_start() {
     let mut bus = bus_of(wanted(), cable(), 1);
-    bus.command_a(|scanner, _| scanner.set_output(&image(1)));
-    bus.command_b(|adapter, _| adapter.set_output(&image(7)));
+    bus.command_a(|scanner, _| scanner.set_output(&data(1)));
+    bus.command_b(|adapter, _| adapter.set_produced(PRODUCED, &data(7)).unwrap());
     let events = run(&mut bus, 50);
     assert!(events.len() == 2 && events.iter().all(|(at, _)| *at < 10), "{events:?}");
-    assert_eq!((bus.b().input(), bus.a().input()), (Some(&image(1)), Some(&image(7))));
-    bus.command_a(|scanner, _| scanner.set_output(&image(2)));
-    bus.command_b(|adapter, _| adapter.set_output(&image(8)));
+    assert_eq!((bus.b().consumed(CONSUMED), bus.a().input()), (Some(&data(1)[..]), Some(&data(7)[..])));
+    bus.command_a(|scanner, _| scanner.set_output(&data(2)));
+    bus.command_b(|adapter, _| adapter.set_produced(PRODUCED, &data(8)).unwrap());
     run(&mut bus, 2);
-    assert_eq!((bus.b().input(), bus.a().input()), (Some(&image(2)), Some(&image(8))));
+    assert_eq!((bus.b().consumed(CONSUMED), bus.a().input()), (Some(&data(2)[..]), Some(&data(8)[..])));
 }
 
 #[test]
@@ -114,7 +116,7 @@ fn an_adapter_that_disconnects_is_missed_by_its_watchdog_and_refuses_new_connect
     let expected =
         [(Side::B, DownCause::ClosedHere), (Side::A, DownCause::Watchdog), (Side::A, DownCause::Refused)];
     assert_eq!(causes, expected.map(|(side, cause)| (side, Some(cause))));
-    assert!(bus.a().refusal().unwrap().to_string().contains("not configured for connections"));
+    assert!(bus.a().connection().refusal().unwrap().to_string().contains("not configured for connections"));
 }
 
 #[test]
@@ -129,11 +131,11 @@ fn a_cut_cable_is_noticed_after_the_timeout_and_the_connection_comes_back() {
         assert!((127..=128).contains(&missed) && event.2 == Some(DownCause::Watchdog), "{side:?} {event:?}");
     }
     assert_eq!(cause(&events[2].1), (Side::A, Some(DownCause::NoAnswer)), "told once, not at every attempt");
-    assert_eq!((bus.a().input(), bus.b().input()), (None, None));
+    assert_eq!((bus.a().input(), bus.b().consumed(CONSUMED)), (None, None));
     bus.set_cut(false);
     let events = run(&mut bus, 2_500);
     assert_eq!(events.iter().filter(|(_, news)| cause(news).1.is_none()).count(), 2, "{events:?}");
-    assert!(bus.a().input().is_some() && bus.b().input().is_some());
+    assert!(bus.a().input().is_some() && bus.b().consumed(CONSUMED).is_some());
 }
 
 #[test]
@@ -142,7 +144,7 @@ fn an_adapter_that_restarts_is_found_again() {
     bus.command_b(|robot, _| *robot = adapter());
     let events = run(&mut bus, 3_000);
     assert_eq!(cause(&events[0].1), (Side::A, Some(DownCause::Watchdog)));
-    assert!(bus.a().input().is_some() && bus.b().input().is_some(), "{events:?}");
+    assert!(bus.a().input().is_some() && bus.b().consumed(CONSUMED).is_some(), "{events:?}");
 }
 
 #[test]
@@ -156,7 +158,7 @@ fn an_adapter_that_starts_late_is_waited_for() {
     );
     bus.set_address(Side::B, Some(ROBOT));
     run(&mut bus, 2_500);
-    assert!(bus.a().input().is_some() && bus.b().input().is_some());
+    assert!(bus.a().input().is_some() && bus.b().consumed(CONSUMED).is_some());
 }
 
 #[test]
@@ -164,8 +166,9 @@ fn after_the_owner_died_another_scanner_waits_for_its_timeout_and_takes_over() {
     let mut bus = up(wanted());
     let died = bus.now();
     let retry_after = Duration::from_millis(20);
-    let heir = ScannerConfig { serial_number: 2, first_id: 0x7700_0000, retry_after, ..wanted() };
-    bus.command_a(|scanner, now| *scanner = Scanner::new(heir, now));
+    let heir = ScannerConfig { serial_number: 2, first_id: 0x7700_0000, ..SCANNER };
+    let config = ConnectionConfig { retry_after, ..wanted() };
+    bus.command_a(|scanner, now| *scanner = One::of(heir, config, now));
     let events = run(&mut bus, 400);
     let refusal = Some(DownCause::Refused);
     let told: Vec<_> = events.iter().map(|(_, news)| cause(news)).collect();
@@ -174,7 +177,7 @@ fn after_the_owner_died_another_scanner_waits_for_its_timeout_and_takes_over() {
     let after = events[timeout].0 - died.as_nanos() / 1_000_000;
     assert!((127..=128).contains(&after), "the owner's timeout is 128 × 1 ms, this was {after} ms");
     assert_eq!(told.iter().filter(|news| news.1.is_none()).count(), 2, "{events:?}");
-    assert!(bus.a().input().is_some() && bus.b().input().is_some());
+    assert!(bus.a().input().is_some() && bus.b().consumed(CONSUMED).is_some());
 }
 
 #[test]
@@ -182,7 +185,7 @@ fn both_sides_give_up_after_exactly_the_intervals_of_each_multiplier() {
     let mut table = String::new();
     for code in 0..=7 {
         let multiplier = TimeoutMultiplier::new(code).unwrap();
-        let mut bus = up(ScannerConfig { multiplier, ..wanted() });
+        let mut bus = up(ConnectionConfig { multiplier, ..wanted() });
         bus.set_cut(true);
         let at = bus.now();
         let mut gone = [None; 2];
@@ -210,14 +213,14 @@ fn both_sides_give_up_after_exactly_the_intervals_of_each_multiplier() {
 #[test]
 fn an_idle_plc_takes_its_outputs_back_and_a_running_one_gives_them_again() {
     let mut bus = up(wanted());
-    bus.command_a(|scanner, _| scanner.set_run(false));
+    bus.command_a(|scanner, _| scanner.connection_mut().set_run(false));
     let events = run(&mut bus, 10);
     assert_eq!(cause(&events[0].1), (Side::B, Some(DownCause::ClosedByPeer)));
-    assert_eq!(bus.b().input(), None);
-    bus.command_a(|scanner, _| scanner.set_run(true));
+    assert_eq!(bus.b().consumed(CONSUMED), None);
+    bus.command_a(|scanner, _| scanner.connection_mut().set_run(true));
     let events = run(&mut bus, 10);
     assert_eq!(cause(&events[0].1), (Side::B, None));
-    assert!(bus.b().input().is_some());
+    assert!(bus.b().consumed(CONSUMED).is_some());
 }
 
 #[test]
@@ -233,7 +236,7 @@ fn the_stream_may_be_cut_into_any_pieces() {
     for seed in 0..40 {
         let mut bus = bus_of(wanted(), cable(), seed);
         run(&mut bus, 50);
-        assert!(bus.a().input().is_some() && bus.b().input().is_some(), "seed {seed}");
+        assert!(bus.a().input().is_some() && bus.b().consumed(CONSUMED).is_some(), "seed {seed}");
     }
 }
 
@@ -259,7 +262,8 @@ fn loss_and_jitter_cost_frames_and_only_short_timeouts_cost_the_connection() {
                 let reorder_by = Duration::from_micros(jitter_us);
                 let reorder_ppm = if jitter_us > 1_000 { 10_000 } else { 0 };
                 let link = Impairment { loss_ppm, jitter, reorder_ppm, reorder_by, ..cable() };
-                let config = ScannerConfig { multiplier, retry_after: Duration::from_millis(50), ..wanted() };
+                let config =
+                    ConnectionConfig { multiplier, retry_after: Duration::from_millis(50), ..wanted() };
                 let mut bus = bus_of(config, link, 5);
                 let events = run(&mut bus, 10_000);
                 let down = |(_, news): &&(u64, News)| cause(news) == (Side::B, Some(DownCause::Watchdog));
@@ -352,9 +356,9 @@ fn a_disconnect_before_the_connection_is_up_gives_the_attempt_up() {
 #[test]
 fn a_scanner_that_asks_for_a_multicast_joins_the_group_that_the_adapter_names_and_leaves_it_at_the_end() {
     let group = Some(std::net::Ipv4Addr::new(239, 192, 1, 32));
-    let mut bus = up(ScannerConfig { multicast: true, ..wanted() });
-    assert_eq!(bus.a().group(Port::Udp(IO_PORT)), group);
-    assert_eq!(bus.a().group(Port::Udp(ENCAPSULATION_PORT)), None);
+    let mut bus = up(ConnectionConfig { multicast: true, ..wanted() });
+    assert_eq!(bus.a().group(Port::Udp(IO_PORT), 0), group);
+    assert_eq!(bus.a().group(Port::Udp(ENCAPSULATION_PORT), 0), None);
     let to = Rc::new(RefCell::new(Vec::new()));
     let tapped = Rc::clone(&to);
     bus.set_tap(move |tap| {
@@ -364,21 +368,21 @@ fn a_scanner_that_asks_for_a_multicast_joins_the_group_that_the_adapter_names_an
             tapped.borrow_mut().push(Some(*to.ip()));
         }
     });
-    bus.command_b(|robot, _| robot.set_output(&image(9)));
+    bus.command_b(|robot, _| robot.set_produced(PRODUCED, &data(9)).unwrap());
     run(&mut bus, 1_000);
-    assert_eq!(bus.a().input(), Some(&image(9)));
+    assert_eq!(bus.a().input(), Some(&data(9)[..]));
     assert!(to.borrow().len() >= 1_000 && to.borrow().iter().all(|to| *to == group));
     let counters = bus.a().counters();
     assert_eq!((counters.lost, counters.late, counters.foreign, counters.malformed), (0, 0, 0, 0));
     bus.command_a(|scanner, now| scanner.disconnect(now));
     run(&mut bus, 10);
-    assert_eq!((bus.a().group(Port::Udp(IO_PORT)), bus.b().connections()), (None, (0, 0)));
+    assert_eq!((bus.a().group(Port::Udp(IO_PORT), 0), bus.b().connections()), (None, (0, 0)));
 }
 
 #[test]
 fn a_scanner_that_asked_for_frames_to_itself_belongs_to_no_group() {
     let bus = up(wanted());
-    assert_eq!(bus.a().group(Port::Udp(IO_PORT)), None);
+    assert_eq!(bus.a().group(Port::Udp(IO_PORT), 0), None);
 }
 
 /// Another device than the robot: small assemblies, no configuration, numbers above 255.
@@ -388,25 +392,25 @@ static CONVEYOR: Description = Description {
         Assembly { instance: 0x301, role: Role::Produced, size: 16, name: "Position" },
         Assembly { instance: 0x302, role: Role::Consumed, size: 4, name: "Speed" },
     ],
-    ..SKILL_ROBOT
+    ..DEVICE
 };
 
 #[test]
 fn an_adapter_with_other_assemblies_sizes_and_intervals_is_driven_all_the_same() {
-    let config = ScannerConfig {
+    let config = ConnectionConfig {
         o_t_rpi_us: 4_000,
         t_o_rpi_us: 10_000,
         multiplier: TimeoutMultiplier::new(0).unwrap(),
-        ..ScannerConfig::exclusive_owner(ROBOT, &CONVEYOR, 1_000)
+        ..ConnectionConfig::exclusive_owner(ROBOT, &CONVEYOR, 1_000)
     };
     let device = AdapterConfig { description: &CONVEYOR, ..adapter_config() };
     let addresses = [Some(PLC), Some(ROBOT)];
     let pair = PairConfig { seed: 1, clocks: [Clock::default(); 2], links: [cable(); 2], addresses };
-    let mut bus = Bus::new(Scanner::new(config, Instant::from_millis(1)), Adapter::new(device), pair);
-    bus.command_a(|scanner, _| scanner.set_output(&image(1)));
-    bus.command_b(|robot, _| robot.set_output(&image(9)));
+    let mut bus = Bus::new(One::new(config, Instant::from_millis(1)), Adapter::new(device), pair);
+    bus.command_a(|scanner, _| scanner.set_output(&[1, 2, 3, 4]));
+    bus.command_b(|device, _| device.set_produced(0x301, &[9; 16]).unwrap());
     run(&mut bus, 1_000);
-    assert_eq!(bus.b().input().map(|input| input[..5].to_vec()), Some(vec![1, 2, 3, 4, 0]));
-    assert_eq!(bus.a().input().map(|input| input[15..17].to_vec()), Some(vec![24, 0]));
+    assert_eq!(bus.b().consumed(0x302), Some(&[1, 2, 3, 4][..]));
+    assert_eq!(bus.a().input(), Some(&[9; 16][..]));
     assert_eq!((bus.a().counters().sent, bus.b().counters().sent), (250, 99));
 }

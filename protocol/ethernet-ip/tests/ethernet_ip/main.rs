@@ -8,5 +8,7 @@ mod exchange;
 mod fuzz;
 mod hostile;
 mod objects;
+mod one;
 mod refusals;
+mod samples;
 mod scanner_hostile;

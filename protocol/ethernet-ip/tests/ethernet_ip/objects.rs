@@ -50,7 +50,7 @@ fn list_identity_tells_address_identity_and_state() {
     let mut rig = Rig::new();
     let [reply] = &rig.ask_udp(&message(Command::ListIdentity, 0, &[]))[..] else { panic!() };
     let expected = b"\x01\0\x0C\0\x32\0\x01\0\0\x02\xAF\x12\xC0\xA8\x40\x02\0\0\0\0\0\0\0\0\
-        \xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x10skillbench robot\x03";
+        \xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x10sample device 01\x03";
     assert_eq!(&reply[24..], expected);
 }
 
@@ -97,7 +97,7 @@ fn a_session_is_bound_to_its_connection() {
 fn the_identity_is_read_whole_one_by_one_and_by_list() {
     let (mut rig, client) = rig();
     let all = rig.request(client, &[1, 2, 0x20, 1, 0x24, 1]).data;
-    assert_eq!(&all, b"\xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x10skillbench robot\x03");
+    assert_eq!(&all, b"\xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x10sample device 01\x03");
     let one_by_one: Vec<u8> = (1..=8).flat_map(|id| get(&mut rig, client, 1, 1, id).1).collect();
     assert_eq!(all, one_by_one);
     let list = rig.request(client, b"\x03\x02\x20\x01\x24\x01\x03\0\x01\0\x63\0\x03\0");

@@ -2,10 +2,12 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use crate::one::{One, SCANNER};
+use crate::samples::{CONSUMED, DEVICE, PRODUCED};
 use ethernet_ip::cip::{ElectronicKey, General, Path, Revision};
 use ethernet_ip::connection::{ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport};
-use ethernet_ip::description::{Description, SKILL_ROBOT};
-use ethernet_ip::{IO_PORT, ScannerConfig};
+use ethernet_ip::description::Description;
+use ethernet_ip::{ConnectionConfig, IO_PORT, ScannerConfig};
 use machine::{DownCause, LinkEvent};
 use machine::{Duration, Machine};
 use virtual_time::Event;
@@ -195,7 +197,7 @@ fn a_null_forward_open_finds_the_device_and_opens_nothing() {
 #[test]
 fn input_only_and_listen_only_connections_get_the_inputs_beside_the_owner() {
     let mut rig = Rig::new();
-    rig.adapter.set_output(&[7; 256]);
+    rig.adapter.set_produced(PRODUCED, &[7; 256]).unwrap();
     let client = rig.client();
     rig.open(client, &owner(1));
     let viewer = rig.client_from(OTHER);
@@ -310,7 +312,7 @@ fn a_connection_that_follows_changes_sends_them_at_once_but_not_within_its_inhib
     let start = rig.now;
     for change in 1..=10 {
         rig.advance(Duration::from_micros(700));
-        rig.adapter.set_output(&[change; 256]);
+        rig.adapter.set_produced(PRODUCED, &[change; 256]).unwrap();
         rig.settle();
     }
     rig.advance(Duration::from_millis(30));
@@ -343,31 +345,31 @@ fn outputs_are_free_again_when_their_owner_timed_out() {
     assert!(matches!(rig.events[1], LinkEvent::Down(down) if down.cause == DownCause::Watchdog));
     let opened = rig.open(client, &owner(2));
     rig.io(PLC, opened.o_t_id, 1, Some(true), &[2; 256]);
-    assert_eq!(rig.adapter.input(), Some(&[2; 256]));
+    assert_eq!(rig.adapter.consumed(CONSUMED), Some(&[2; 256][..]));
 }
 
 /// What the scanner says of a refusal.
-fn words(config: ScannerConfig) -> String {
+fn words(config: ConnectionConfig) -> String {
     let mut bus = bus_of(config, cable(), 1);
     let events = run(&mut bus, 100);
     assert!(
         matches!(events[..], [(_, Event::A(LinkEvent::Down(down)))] if down.cause == DownCause::Refused),
         "{events:?}"
     );
-    bus.a().refusal().unwrap().to_string()
+    bus.a().connection().refusal().unwrap().to_string()
 }
 
 #[test]
 fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
-    let key = ElectronicKey { revision: Revision { major: 3, minor: 1 }, ..SKILL_ROBOT.key() };
+    let key = ElectronicKey { revision: Revision { major: 3, minor: 1 }, ..DEVICE.key() };
     let all = [
-        words(ScannerConfig { consumed: 99, ..wanted() }),
-        words(ScannerConfig { o_t_size: 100, ..wanted() }),
-        words(ScannerConfig { t_o_size: 600, ..wanted() }),
-        words(ScannerConfig { t_o_rpi_us: 100, ..wanted() }),
-        words(ScannerConfig { key: Some(key), ..wanted() }),
-        words(ScannerConfig { configuration: Some(3), key: None, ..wanted() }),
-        words(ScannerConfig { route: vec![1, 0], ..wanted() }),
+        words(ConnectionConfig { consumed: 99, ..wanted() }),
+        words(ConnectionConfig { o_t_size: 100, ..wanted() }),
+        words(ConnectionConfig { t_o_size: 600, ..wanted() }),
+        words(ConnectionConfig { t_o_rpi_us: 100, ..wanted() }),
+        words(ConnectionConfig { key: Some(key), ..wanted() }),
+        words(ConnectionConfig { configuration: Some(3), key: None, ..wanted() }),
+        words(ConnectionConfig { route: vec![1, 0], ..wanted() }),
     ];
     insta::assert_snapshot!(all.join("\n"), @r"
     the adapter 192.168.64.2 refused the connection: there is no such O to T assembly (general status 0x01, extended status 0x012A); asked for O→T assembly 99 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has the assemblies 100 for T→O (256 bytes), 150 for O→T (256 bytes), 151 for configuration, 152 for O→T of input-only connections, 153 for O→T of listen-only connections
@@ -382,20 +384,20 @@ fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
 
 #[test]
 fn a_device_without_an_eds_file_or_another_one_than_it_describes_is_not_said_to_have_what_it_says() {
-    let unknown = words(ScannerConfig { described: None, t_o_rpi_us: 100, ..wanted() });
+    let unknown = words(ConnectionConfig { described: None, t_o_rpi_us: 100, ..wanted() });
     assert!(unknown.ends_with("; the device's EDS file has its shortest and longest interval"), "{unknown}");
-    static OTHER: Description = Description { product_code: 9, ..SKILL_ROBOT };
-    let other = words(ScannerConfig { described: Some(&OTHER), key: None, consumed: 99, ..wanted() });
+    static OTHER: Description = Description { product_code: 9, ..DEVICE };
+    let other = words(ConnectionConfig { described: Some(&OTHER), key: None, consumed: 99, ..wanted() });
     assert!(other.ends_with("with configuration assembly 151"), "{other}");
 }
 
 #[test]
 fn a_second_scanner_is_told_that_the_outputs_are_owned() {
     let mut bus = up(wanted());
-    let second = ScannerConfig { serial_number: 9, ..wanted() };
-    bus.command_a(|scanner, now| *scanner = ethernet_ip::Scanner::new(second, now));
+    let second = ScannerConfig { serial_number: 9, ..SCANNER };
+    bus.command_a(|scanner, now| *scanner = One::of(second, wanted(), now));
     run(&mut bus, 20);
-    let words = bus.a().refusal().unwrap().to_string();
+    let words = bus.a().connection().refusal().unwrap().to_string();
     insta::assert_snapshot!(words, @"the adapter 192.168.64.2 refused the connection: another scanner owns the outputs (general status 0x01, extended status 0x0106); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has outputs for 1 owner: stop the other scanner, or wait for its timeout");
-    assert_eq!(bus.a().refusal().unwrap().down().code, 0x0001_0106);
+    assert_eq!(bus.a().connection().refusal().unwrap().down().code, 0x0001_0106);
 }

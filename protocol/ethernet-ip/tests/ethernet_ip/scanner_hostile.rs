@@ -4,14 +4,16 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use ethernet_ip::cpf::{kind, write_item};
 use ethernet_ip::encapsulation::{Command, Header, Status};
-use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT, Scanner, class1};
+use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT, class1};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
+use machine::{Attempt, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use machine::{DownCause, LinkEvent};
-use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use proptest::prelude::*;
 
 use crate::cell::{Bus, PLC, ROBOT, bus_of, cable, run, up, wanted};
 use crate::client::peer;
+use crate::one::One;
+use crate::samples::CONSUMED;
 
 fn datagram(bus: &mut Bus, port: u16, from: Ipv4Addr, bytes: &[u8]) {
     bus.command_a(|scanner, now| {
@@ -20,7 +22,7 @@ fn datagram(bus: &mut Bus, port: u16, from: Ipv4Addr, bytes: &[u8]) {
     });
 }
 
-/// Images go both ways: both sides took 100 frames in the last 100 ms.
+/// Data go both ways: both sides took 100 frames in the last 100 ms.
 fn assert_exchanging(bus: &mut Bus) {
     let before = [bus.a().counters().received, bus.b().counters().received];
     run(bus, 100);
@@ -28,7 +30,7 @@ fn assert_exchanging(bus: &mut Bus) {
     for (before, after) in before.into_iter().zip(after) {
         assert!((99..=101).contains(&(after - before)), "{} frames in 100 ms", after - before);
     }
-    assert!(bus.a().input().is_some() && bus.b().input().is_some());
+    assert!(bus.a().input().is_some() && bus.b().consumed(CONSUMED).is_some());
 }
 
 /// The number of the connection T→O: the scanner's first.
@@ -58,7 +60,7 @@ fn cyclic_frames_of_another_size_connection_or_source_change_nothing() {
     let len = class1::emit(&mut buf, (T_O_ID + 7, 1 << 20, 1), None, &[0xEE; 256]).unwrap();
     datagram(&mut bus, IO_PORT, ROBOT, &buf[..len]);
     assert_eq!(bus.a().counters().foreign, 2);
-    assert_ne!(bus.a().input(), Some(&[0xEE; 256]));
+    assert_ne!(bus.a().input(), Some(&[0xEE; 256][..]));
     assert_exchanging(&mut bus);
 }
 
@@ -77,14 +79,14 @@ fn bytes_over_tcp_that_make_no_sense_do_not_disturb_the_images() {
 
 #[test]
 fn a_connection_that_nobody_asked_for_is_closed() {
-    let mut scanner = Scanner::new(wanted(), Instant::from_millis(1));
-    scanner.handle_stream(Instant::ZERO, StreamId(9), StreamChange::Opened(peer(ROBOT, ENCAPSULATION_PORT)));
+    let mut scanner = One::new(wanted(), Instant::from_millis(1));
+    scanner.handle_stream(Instant::ZERO, StreamId(9), StreamChange::Connected(Attempt(0)));
     assert_eq!(scanner.poll_stream(), Some(StreamRequest::Close(StreamId(9))));
 }
 
 /// A scanner that talks to an adapter of the test's own making.
 struct Dialogue {
-    scanner: Scanner,
+    scanner: One,
     now: Instant,
     stream: StreamId,
     streams: u32,
@@ -93,7 +95,7 @@ struct Dialogue {
 impl Dialogue {
     fn new() -> Self {
         let mut dialogue = Self {
-            scanner: Scanner::new(wanted(), Instant::from_millis(1)),
+            scanner: One::new(wanted(), Instant::from_millis(1)),
             now: Instant::from_millis(1),
             stream: StreamId(0),
             streams: 0,
@@ -116,11 +118,11 @@ impl Dialogue {
             }
             while let Some(request) = self.scanner.poll_stream() {
                 rest = false;
-                if let StreamRequest::Connect { to } = request {
+                if let StreamRequest::Connect { to, attempt } = request {
                     assert_eq!(to, SocketAddrV4::new(ROBOT, ENCAPSULATION_PORT));
                     self.streams += 1;
                     self.stream = StreamId(self.streams);
-                    self.scanner.handle_stream(self.now, self.stream, StreamChange::Opened(to));
+                    self.scanner.handle_stream(self.now, self.stream, StreamChange::Connected(attempt));
                 }
             }
             while let Some(event) = self.scanner.poll_event() {
@@ -256,7 +258,7 @@ fn an_adapter_that_names_the_intervals_it_would_serve_is_quoted() {
     let reply = [0xD4, 0, 1, 6, 0x12, 1, 2, 2, 0xD0, 7, 0, 0, 0xA0, 0x0F, 0, 0];
     let request = said[0].clone();
     dialogue.reply_cip(&request, &reply);
-    let words = dialogue.scanner.refusal().unwrap().to_string();
+    let words = dialogue.scanner.connection().refusal().unwrap().to_string();
     assert!(words.ends_with("the device would take 2000 µs O→T and 4000 µs T→O"), "{words}");
 }
 

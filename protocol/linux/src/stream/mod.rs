@@ -13,7 +13,7 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use machine::{Instant, Port, StreamChange, StreamId};
+use machine::{Attempt, Instant, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use socket2::{Domain, Protocol, Socket, Type};
 
@@ -72,7 +72,7 @@ pub(crate) struct Streams {
     accepts: usize,
     next_id: u32,
     /// Connections that could not be started; the machine is not informed yet.
-    failed: VecDeque<(StreamId, SocketAddrV4)>,
+    failed: VecDeque<(StreamId, Attempt)>,
     statistics: StreamStatistics,
 }
 
@@ -143,8 +143,8 @@ impl Streams {
 
     /// Returns the next event of this round; received bytes are in `buf`.
     pub(crate) fn next_event(&mut self, now: Instant, buf: &mut [u8]) -> Option<StreamEvent> {
-        if let Some((id, _)) = self.failed.pop_front() {
-            return Some(StreamEvent::Change(id, StreamChange::Closed));
+        if let Some((id, attempt)) = self.failed.pop_front() {
+            return Some(StreamEvent::Change(id, StreamChange::NotConnected(attempt)));
         }
         let buf = match buf.len() {
             0..=PIECE => buf,
@@ -160,15 +160,13 @@ impl Streams {
         self.accept(now)
     }
 
-    /// Starts to connect, and gives up an attempt to the same peer that is still under way. `dscp` returns the DSCP
-    /// of its packets.
-    pub(crate) fn connect(&mut self, to: SocketAddrV4, dscp: impl FnOnce(StreamId) -> u8) {
-        let under_way =
-            |connection: &Connection| connection.peer == to && connection.state == State::Connecting;
+    /// Starts to connect, in place of the same attempt if it is still under way. `dscp` returns the DSCP of its packets.
+    pub(crate) fn connect(&mut self, to: SocketAddrV4, attempt: Attempt, dscp: impl FnOnce(StreamId) -> u8) {
+        let under_way = |connection: &Connection| connection.state == State::Connecting(attempt);
         for place in self.places.iter_mut().filter(|place| place.connection.as_ref().is_some_and(under_way)) {
             place.vacate();
         }
-        self.failed.retain(|(_, peer)| *peer != to);
+        self.failed.retain(|(_, other)| *other != attempt);
         let id = self.fresh_id();
         let begun = self.vacant_place().is_some_and(|index| {
             let marking = Marking::default();
@@ -185,11 +183,11 @@ impl Streams {
             };
             let socket = begin();
             let Some((place, socket)) = self.places.get_mut(index).zip(socket.ok()) else { return false };
-            place.occupy(Connection { id, socket, peer: to, state: State::Connecting, marking });
+            place.occupy(Connection { id, socket, state: State::Connecting(attempt), marking });
             true
         });
         if !begun && self.failed.len() < CONNECTIONS {
-            self.failed.push_back((id, to));
+            self.failed.push_back((id, attempt));
         }
     }
 
@@ -259,9 +257,9 @@ impl Streams {
             let Some(peer) = peer.filter(|_| prepare(&socket).is_ok()) else { continue };
             let id = self.fresh_id();
             let marking = self.marking.clone();
-            self.places.get_mut(index)?.occupy(Connection { id, socket, peer, state: State::Open, marking });
+            self.places.get_mut(index)?.occupy(Connection { id, socket, state: State::Open, marking });
             self.statistics.accepted += 1;
-            return Some(StreamEvent::Change(id, StreamChange::Opened(peer)));
+            return Some(StreamEvent::Change(id, StreamChange::Accepted(peer)));
         }
         None
     }

@@ -1,11 +1,11 @@
 //! One connection and its place: received bytes, bytes waiting to be sent, and how it is closed.
 
-use std::net::{Shutdown, SocketAddrV4};
+use std::net::Shutdown;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use machine::wire::FRAME_CAPACITY;
-use machine::{Instant, StreamChange, StreamId};
+use machine::{Attempt, Instant, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use rustix::net::{RecvFlags, SendFlags, recv, send};
@@ -32,7 +32,7 @@ pub(crate) enum StreamEvent {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum State {
     /// The peer has not answered yet.
-    Connecting,
+    Connecting(Attempt),
     Open,
     /// Failed while sending; the machine is not informed yet.
     Lost,
@@ -43,12 +43,11 @@ pub(super) enum State {
     },
 }
 
-/// A connection and its peer.
+/// A connection.
 #[derive(Debug)]
 pub(super) struct Connection {
     pub(super) id: StreamId,
     pub(super) socket: Socket,
-    pub(super) peer: SocketAddrV4,
     pub(super) state: State,
     pub(super) marking: Marking,
 }
@@ -88,7 +87,7 @@ impl Place {
         let connection = self.connection.as_ref()?;
         let to_send = if self.waiting > 0 { PollFlags::OUT } else { PollFlags::empty() };
         let events = match connection.state {
-            State::Connecting => PollFlags::OUT,
+            State::Connecting(_) => PollFlags::OUT,
             State::Open | State::Ending { peer_ended: false, .. } => PollFlags::IN | to_send,
             State::Ending { peer_ended: true, .. } => to_send,
             State::Lost => return None,
@@ -107,7 +106,7 @@ impl Place {
         match self.connection.as_ref()?.state {
             State::Lost => Some(Instant::ZERO),
             State::Ending { until, .. } => Some(until),
-            State::Connecting | State::Open => None,
+            State::Connecting(_) | State::Open => None,
         }
     }
 
@@ -121,7 +120,9 @@ impl Place {
                 self.vacate();
                 gone
             }
-            State::Connecting => (!ready.is_empty()).then(|| StreamEvent::Change(id, self.connected())),
+            State::Connecting(attempt) => {
+                (!ready.is_empty()).then(|| StreamEvent::Change(id, self.connected(attempt)))
+            }
             State::Open => {
                 if ready.contains(PollFlags::OUT) && self.flush().is_err() {
                     self.vacate();
@@ -155,15 +156,15 @@ impl Place {
     }
 
     /// Completes an attempt to connect.
-    fn connected(&mut self) -> StreamChange {
+    fn connected(&mut self, attempt: Attempt) -> StreamChange {
         match &mut self.connection {
             Some(connection) if matches!(connection.socket.take_error(), Ok(None)) => {
                 connection.state = State::Open;
-                StreamChange::Opened(connection.peer)
+                StreamChange::Connected(attempt)
             }
             _ => {
                 self.vacate();
-                StreamChange::Closed
+                StreamChange::NotConnected(attempt)
             }
         }
     }
@@ -171,7 +172,7 @@ impl Place {
     pub(super) fn close(&mut self, now: Instant) {
         match self.connection.as_ref().map(|connection| connection.state) {
             Some(State::Open) => self.end(now, false),
-            Some(State::Connecting | State::Lost) => self.vacate(),
+            Some(State::Connecting(_) | State::Lost) => self.vacate(),
             Some(State::Ending { .. }) | None => {}
         }
     }

@@ -7,11 +7,12 @@ use std::io::{BufReader, Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
-use ethernet_ip::description::SKILL_ROBOT;
-use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, Scanner, ScannerConfig};
+use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ENCAPSULATION_PORT, IO_PORT, ScannerConfig};
 use machine::{Machine, Port, PortRequest, Source, Transmit};
 use pcap_file::pcapng::{Block, PcapNgReader};
-use protocol::fieldbus::LinkEvent;
+use protocol::buses::EthernetIpScanner;
+use protocol::fieldbus::{Fieldbus as _, LinkEvent};
+use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
 use protocol_linux::capture::Keep;
 use protocol_linux::{CyclicThread, Interface, Recorder, clock};
 
@@ -28,7 +29,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 fn adapter(interface: &Interface) -> Adapter {
     Adapter::new(AdapterConfig {
-        description: &SKILL_ROBOT,
+        description: &ETHERNET_IP_ROBOT,
         serial_number: 7,
         address: ROBOT,
         mask: MASK,
@@ -42,8 +43,10 @@ fn adapter(interface: &Interface) -> Adapter {
 ///
 /// It ends without closing the connection, so the next scanner has to wait for the adapter's watchdog.
 fn exchange(bed: &Bed, multicast: bool) -> u64 {
-    let config = ScannerConfig { multicast, ..ScannerConfig::exclusive_owner(ROBOT, &SKILL_ROBOT, 2_000) };
-    let mut thread = bed.start(0, |_| Scanner::new(config, clock::now()));
+    let config = ScannerConfig { vendor: ETHERNET_IP_VENDOR, serial_number: 1, first_id: 0x5C00_0000 };
+    let connection = ConnectionConfig::exclusive_owner(ROBOT, &ETHERNET_IP_ROBOT, 2_000);
+    let connection = ConnectionConfig { multicast, ..connection };
+    let mut thread = bed.start(0, |_| EthernetIpScanner::new(config, connection, clock::now()));
     until_up(&mut thread);
     std::thread::sleep(Duration::from_millis(200));
     stop(thread).driver.machine().counters().received
@@ -189,8 +192,8 @@ impl Machine for DatagramLog {
         self.to_all.extend(frame);
     }
 
-    fn group(&self, _: Port) -> Option<Ipv4Addr> {
-        Some(GROUP)
+    fn group(&self, _: Port, index: usize) -> Option<Ipv4Addr> {
+        (index == 0).then_some(GROUP)
     }
 
     fn handle_timeout(&mut self, _: machine::Instant) {}

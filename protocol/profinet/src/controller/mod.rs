@@ -1,178 +1,114 @@
-//! An IO-Controller that drives one IO-Device.
+//! The IO-Controller: one station with many application relations (ARs), one for each IO-Device that it drives.
 //!
 //! ```text
-//! Pausing ──▶ Looking ──▶ Connecting ──▶ Writing ──▶ Ending ──▶ Readying ──▶ Exchanging
-//!    ▲        (DCP)       (Connect)      (records)   (PrmEnd)   (ApplicationReady)   │
-//!    └───────────────────────── any failure, after a pause ◀─────────────────────────┘
+//! Ethernet 0x8892 ─┬─ DCP requests ──────────── station
+//!                  ├─ DCP answers ───────────── each AR, until it is its own
+//!                  └─ cyclic data, alarms ───── the ARs with the sender's MAC address     (RT_CLASS_1)
+//! UDP 34962 ───────── cyclic data, alarms ───── the ARs with the sender's IP address      (RT_CLASS_UDP)
+//! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR
+//!                  └─ answers to calls ──────── the ARs with the sender's IP address
 //! ```
-//!
-//! It finds the device by its name, gives it its address, connects, writes its parameters and exchanges data; whatever
-//! goes wrong is told once by [`LinkEvent::Down`], and the whole begins anew. Outputs go out from the answer to Connect
-//! on, since a device may already watch for them; they are bad until there is an image.
 
-mod acyclic;
-mod alarms;
-mod call;
+mod ar;
 mod config;
-mod discovery;
-mod layout;
-mod link;
 mod responder;
-mod startup;
-#[cfg(test)]
-mod tests;
-mod words;
 
-pub use config::{ConfigError, ControllerConfig, Parameter};
+pub use ar::Ar;
+pub use config::{ArConfig, ConfigError, ControllerConfig, Parameter};
 
-use alloc::collections::VecDeque;
 use alloc::vec::Vec;
+use core::iter::Flatten;
 use core::net::SocketAddrV4;
+use core::slice::IterMut;
 
-use rand_core::{Rng, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-
-use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
-use super::connect::DiffModule;
-use super::dcp::{self, IpSuite, Pdu};
-use super::description::PLC;
-use super::rpc::{self, DEVICE_INTERFACE, Header, Kind};
-use super::rt::{Received, Transport, UDP_PORT};
-use super::station::{self, Station};
-use super::status::Status;
-use super::{RPC_PORT, Uuid};
-use crate::ETHER_TYPE;
-use crate::{IO_DATA_LEN, IoData};
-use acyclic::Acyclic;
-use alarms::{Outcome, Parting};
-use call::Caller;
-use config::Plan;
-use discovery::{Discovery, Wanted};
-use link::Link;
 use machine::ethernet::EthernetHeader;
-use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
-use responder::Responder;
+use machine::{Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
 
-/// How long no connection may be there before that is told.
-const SILENT_FOR: Duration = Duration::from_secs(3);
-/// Pause before the first new attempt; it doubles up to [`PAUSE_AT_MOST`].
-const PAUSE: Duration = Duration::from_millis(100);
-/// The longest pause between attempts.
-const PAUSE_AT_MOST: Duration = Duration::from_millis(1_600);
-/// How long the device may take from PrmEnd to ApplicationReady.
-const READY_WITHIN: Duration = Duration::from_secs(20);
-/// How long a Release is waited for.
-const RELEASED_WITHIN: Duration = Duration::from_secs(1);
+use super::dcp::{self, IpSuite, Pdu};
+use super::rpc::{Header, Kind};
+use super::rt::{Transport, UDP_PORT};
+use super::station::{self, Station};
+use super::{ETHER_TYPE, PORTS, RPC_PORT};
+use responder::{Called, Responder};
 
-/// Why a device cannot be driven: a status and what it says.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-struct Refusal {
-    code: u32,
-    text: &'static str,
-}
+/// ARs that a controller may have: each has two FrameIDs of its own, and there are 15,360 of RT_CLASS_1.
+const MOST_ARS: usize = 4096;
 
-/// What the controller is doing.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Phase {
-    /// Nothing, for good: the owner ended it.
-    Stopped,
-    /// It waits before it tries again.
-    Pausing { until: Instant },
-    /// It looks for the device.
-    Looking,
-    /// Connect is called.
-    Connecting,
-    /// The parameter record of this index is being written.
-    Writing { parameter: usize },
-    /// PrmEnd is called. ApplicationReady may be there already.
-    Ending { ready: bool },
-    /// The device prepares itself.
-    Readying { until: Instant },
-    /// Data go both ways.
-    Exchanging,
-    /// Release is called.
-    Releasing { until: Instant },
-}
+/// An AR of a [`Controller`], as long as it is not removed.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct ArId(u16);
 
-/// An IO-Controller with one IO-Device.
+/// An IO-Controller.
 #[derive(Debug)]
 pub struct Controller {
     config: ControllerConfig,
-    plan: Plan,
     station: Station,
-    random: Pcg64Mcg,
-    phase: Phase,
-    pause: Duration,
-    discovery: Discovery,
-    caller: Caller,
     responder: Responder,
-    link: Option<Link>,
-    parting: Option<Parting>,
-    output: Option<IoData>,
-    input: IoData,
-    input_good: bool,
-    up: bool,
-    /// When it is told that no connection came about, unless something else is told before.
-    silent_at: Option<Instant>,
-    /// What the last failure said.
-    words: &'static str,
-    /// What was told last since the connection was up.
-    told: Option<Down>,
-    diff: Vec<DiffModule>,
-    events: VecDeque<LinkEvent>,
-    /// What earlier ARs counted, and what belongs to none.
+    ars: Vec<Option<Ar>>,
+    /// Frames that belong to no AR.
     counters: Counters,
-    acyclic: Acyclic,
+    /// Whether the station or the responder may have something to send.
+    has_answers: bool,
 }
 
 impl Controller {
-    /// A controller that starts to look for its device at `start`.
-    pub fn new(config: ControllerConfig, start: Instant) -> Result<Self, ConfigError> {
-        let mut random = Pcg64Mcg::seed_from_u64(config.seed ^ start.as_nanos().rotate_left(32));
-        let plan = Plan::new(&config, random_uuid(&mut random))?;
-        let identity = config.description.identity;
-        let discovery = Discovery::new(Wanted {
-            own_mac: config.mac,
-            name: config.device_station_name.as_bytes().into(),
-            identity: (identity.vendor, identity.device),
-            address: IpSuite {
-                address: config.device_address,
-                mask: config.mask,
-                gateway: config.device_address,
-            },
-        });
-        let own = IpSuite { address: config.address, mask: config.mask, gateway: config.address };
+    /// A controller without ARs.
+    pub fn new(config: ControllerConfig) -> Result<Self, ConfigError> {
+        config::check_name(&config.station_name)?;
+        let ip = IpSuite { address: config.address, mask: config.mask, gateway: config.address };
         Ok(Self {
-            plan,
-            station: Station::controller(config.mac, PLC, config.station_name.as_bytes(), own),
-            random,
-            phase: Phase::Pausing { until: start },
-            pause: PAUSE,
-            discovery,
-            caller: Caller::new(rpc::object(1, identity), DEVICE_INTERFACE),
+            station: Station::controller(config.mac, config.description, config.station_name.as_bytes(), ip),
             responder: Responder::new(),
-            link: None,
-            parting: None,
-            output: None,
-            input: [0; IO_DATA_LEN],
-            input_good: false,
-            up: false,
-            silent_at: Some(start + SILENT_FOR),
-            words: words::NO_STATION,
-            told: None,
-            diff: Vec::new(),
-            events: VecDeque::with_capacity(8),
+            ars: Vec::new(),
             counters: Counters::default(),
-            acyclic: Acyclic::Active,
+            has_answers: false,
             config,
         })
     }
 
-    /// Where the device's modules are not those of the description, after the last Connect; empty if all are.
+    /// Adds an AR that starts to look for its device at `start`.
+    pub fn connect(&mut self, config: ArConfig, start: Instant) -> Result<ArId, ConfigError> {
+        let free = self.ars.iter().position(Option::is_none).unwrap_or(self.ars.len());
+        let number = u16::try_from(free).ok().filter(|_| free < MOST_ARS);
+        let number = number.ok_or(ConfigError::TooManyArs(MOST_ARS))?;
+        let ar = Ar::new(&self.config, config, number, start)?;
+        match self.ars.get_mut(free) {
+            Some(place) => *place = Some(ar),
+            None => self.ars.push(Some(ar)),
+        }
+        Ok(ArId(number))
+    }
+
+    /// An AR; none once it was removed.
     #[must_use]
-    pub fn module_diff(&self) -> &[DiffModule] {
-        &self.diff
+    pub fn ar(&self, ar: ArId) -> Option<&Ar> {
+        self.ars.get(usize::from(ar.0))?.as_ref()
+    }
+
+    /// An AR, for commands; none once it was removed. Poll the controller afterwards.
+    pub fn ar_mut(&mut self, ar: ArId) -> Option<&mut Ar> {
+        self.ars.get_mut(usize::from(ar.0))?.as_mut()
+    }
+
+    /// Every AR that was not removed.
+    pub fn ars(&self) -> impl Iterator<Item = (ArId, &Ar)> {
+        self.ars.iter().zip(0..).filter_map(|(ar, number)| Some((ArId(number), ar.as_ref()?)))
+    }
+
+    /// Forgets an AR at once. A device that is still connected learns it by its watchdog: [`Ar::disconnect`] first, and
+    /// wait for [`LinkEvent::Down`].
+    pub fn remove(&mut self, ar: ArId) -> Option<Ar> {
+        self.ars.get_mut(usize::from(ar.0))?.take()
+    }
+
+    /// Frames that belong to no AR, since the start.
+    #[must_use]
+    pub const fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn all(&mut self) -> Flatten<IterMut<'_, Option<Ar>>> {
+        self.ars.iter_mut().flatten()
     }
 
     fn handle_ethernet(&mut self, now: Instant, frame: &[u8]) {
@@ -185,246 +121,140 @@ impl Controller {
             self.counters.foreign += 1;
             return;
         }
-        let is_devices = self.link.as_ref().is_some_and(|link| link.device == header.source);
-        match payload.first_chunk().copied().map(u16::from_be_bytes) {
-            Some(frame_id) if dcp::FRAME_IDS.contains(&frame_id) => {
-                self.acyclic = Acyclic::Active;
-                match Pdu::parse(payload) {
-                    Ok(pdu) if pdu.service.is_request() => self.answer_dcp(now, &header, payload),
-                    Ok(pdu) => self.handle_dcp(now, header.source, &pdu),
-                    Err(_) => self.counters.malformed += 1,
-                }
-            }
-            Some(frame_id) if is_devices && self.config.transport == Transport::Rt1 => {
-                self.handle_rt(now, frame_id, payload);
-            }
-            Some(_) => self.counters.foreign += 1,
-            None => self.counters.malformed += 1,
+        let Some(frame_id) = payload.first_chunk().copied().map(u16::from_be_bytes) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        if dcp::FRAME_IDS.contains(&frame_id) {
+            return self.handle_dcp(now, &header, payload);
         }
-    }
-
-    /// Others look for this station, as an engineering system does.
-    fn answer_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
-        match self.station.handle_frame(now, header, payload) {
-            Ok(_) => {}
-            Err(station::Refusal::Malformed) => self.counters.malformed += 1,
-            Err(station::Refusal::Foreign) => self.counters.foreign += 1,
-        }
-    }
-
-    fn handle_rt(&mut self, now: Instant, frame_id: u16, payload: &[u8]) {
-        let Some(link) = &mut self.link else {
+        let mut ars =
+            self.all().filter(|ar| ar.transport() == Transport::Rt1 && ar.device() == Some(header.source));
+        if !ars.any(|ar| ar.handle_rt(now, frame_id, payload)) {
             self.counters.foreign += 1;
-            return;
-        };
-        if frame_id == link.receiver.frame_id() {
-            match link.receiver.handle_frame(now, payload) {
-                Received::New => {
-                    self.input_good = link.read_input(&self.plan, &mut self.input);
-                    if self.phase == Phase::Exchanging && !self.up {
-                        self.go_up();
-                    }
-                }
-                Received::Late => {}
-                Received::Ignored => self.counters.foreign += 1,
-                Received::Malformed => self.counters.malformed += 1,
-            }
-            return;
         }
-        self.acyclic = Acyclic::Active;
-        let pdu = payload.get(2..).unwrap_or_default();
-        let outcome = match frame_id {
-            FRAME_ID_HIGH | FRAME_ID_LOW => link.alarms.handle(now, frame_id, pdu),
-            _ => Outcome::Foreign,
-        };
-        match outcome {
-            Outcome::Taken => {}
-            Outcome::Foreign => self.counters.foreign += 1,
-            Outcome::Malformed => self.counters.malformed += 1,
-            Outcome::Aborted(status) => {
-                let down = Down { cause: DownCause::ClosedByPeer, code: status.0, text: status.text() };
-                self.fail(now, down, None);
+    }
+
+    fn handle_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
+        match Pdu::parse(payload) {
+            // Others look for this station, as an engineering system does.
+            Ok(pdu) if pdu.service.is_request() => {
+                self.has_answers = true;
+                match self.station.handle_frame(now, header, payload) {
+                    Ok(_) => {}
+                    Err(station::Refusal::Malformed) => self.counters.malformed += 1,
+                    Err(station::Refusal::Foreign) => self.counters.foreign += 1,
+                }
             }
+            Ok(pdu) => {
+                if !self.all().any(|ar| ar.handle_dcp(now, header.source, &pdu)) {
+                    self.counters.foreign += 1;
+                }
+            }
+            Err(_) => self.counters.malformed += 1,
+        }
+    }
+
+    fn handle_rt_datagram(&mut self, now: Instant, from: SocketAddrV4, payload: &[u8]) {
+        let mut ars = self
+            .ars
+            .iter_mut()
+            .flatten()
+            .filter(|ar| ar.transport() == Transport::Udp && ar.address() == *from.ip())
+            .peekable();
+        match payload.first_chunk().copied().map(u16::from_be_bytes) {
+            None if ars.peek().is_some() => self.counters.malformed += 1,
+            Some(frame_id) if ars.any(|ar| ar.handle_rt(now, frame_id, payload)) => {}
+            _ => self.counters.foreign += 1,
         }
     }
 
     fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
-        self.acyclic = Acyclic::Active;
+        let is_its = |ar: &&Ar| ar.address() == *from.ip();
+        if !self.ars.iter().flatten().any(|ar| is_its(&ar)) {
+            self.counters.foreign += 1;
+            return;
+        }
         let Ok((header, body)) = Header::parse(datagram) else {
             self.counters.malformed += 1;
             return;
         };
-        match header.kind {
-            Kind::Request | Kind::Ping => self.handle_call(now, from, &header, body),
-            _ => self.handle_answer(now, &header, body),
+        if !matches!(header.kind, Kind::Request | Kind::Ping) {
+            let mut ars = self.ars.iter_mut().flatten().filter(|ar| ar.address() == *from.ip());
+            if !ars.any(|ar| ar.handle_answer(now, &header, body)) {
+                self.counters.foreign += 1;
+            }
+            return;
         }
-    }
-
-    /// Puts an end to the attempt or the connection, and to its AR: with `status`, if the device does not know yet.
-    fn fail(&mut self, now: Instant, down: Down, status: Option<Status>) {
-        self.acyclic = Acyclic::Active;
-        if let (Some(link), Some(status)) = (&self.link, status) {
-            self.parting = Some(link.alarms.parting(status));
-        }
-        self.drop_link();
-        self.caller.cancel();
-        self.discovery.stop();
-        self.phase = Phase::Pausing { until: now + self.pause };
-        self.pause = self.pause.saturating_mul(2).min(PAUSE_AT_MOST);
-        let was_up = core::mem::take(&mut self.up);
-        let same = |told: Down| (told.cause, told.code) == (down.cause, down.code);
-        let nothing_new = match self.told {
-            Some(told) => down.cause == DownCause::NoAnswer || same(told),
-            // Silence is told when it has lasted.
-            None => down.cause == DownCause::NoAnswer,
+        self.has_answers = true;
+        let ars = &self.ars;
+        let session = |uuid| {
+            let expecting = ars.iter().flatten().filter(is_its).filter_map(Ar::expects_call);
+            expecting.into_iter().find_map(|(ar, session)| (ar == uuid).then_some(session))
         };
-        self.words = down.text;
-        if was_up || !nothing_new {
-            self.tell(down);
+        match self.responder.handle(from, &header, body, session) {
+            Called::Ready(uuid) => {
+                let is_it = |ar: &&mut Ar| ar.expects_call().is_some_and(|(ar, _)| ar == uuid);
+                if let Some(ar) = self.all().find(is_it) {
+                    ar.application_ready(now);
+                }
+            }
+            Called::Answered => {}
+            Called::Foreign => self.counters.foreign += 1,
+            Called::Malformed => self.counters.malformed += 1,
         }
     }
 
-    fn tell(&mut self, down: Down) {
-        self.told = Some(down);
-        self.silent_at = None;
-        self.events.push_back(LinkEvent::Down(down));
-    }
-
-    fn go_up(&mut self) {
-        self.acyclic = Acyclic::Active;
-        self.up = true;
-        self.pause = PAUSE;
-        self.silent_at = None;
-        self.told = None;
-        self.events.push_back(LinkEvent::Up);
-    }
-
-    fn drop_link(&mut self) {
-        if let Some(link) = self.link.take() {
-            link.count(&mut self.counters);
+    /// Writes the next answer to somebody who asked this station.
+    fn poll_answer(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if let Some((to, len)) = self.responder.poll_transmit(buf) {
+            return Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len });
         }
-        self.input_good = false;
-    }
-
-    /// What to look at if nothing comes any more in this phase.
-    const fn words_for_silence(&self) -> &'static str {
-        match self.phase {
-            Phase::Connecting | Phase::Writing { .. } | Phase::Ending { .. } => words::NO_RPC,
-            Phase::Readying { .. } => words::NOT_READY,
-            Phase::Exchanging => words::NO_CYCLIC,
-            Phase::Pausing { .. } => self.words,
-            _ if self.discovery.has_found() => words::NO_SET,
-            _ => words::NO_STATION,
-        }
+        let len = self.station.poll_transmit(now, buf)?;
+        Some(Transmit { port: Port::Ethernet, to: None, len })
     }
 }
 
 impl Machine for Controller {
-    type Event = LinkEvent;
+    type Event = (ArId, LinkEvent);
 
     fn ports(&self) -> &[PortRequest] {
-        super::PORTS
+        PORTS
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        let devices = from.peer.filter(|peer| *peer.ip() == self.config.device_address);
-        match (from.port, devices) {
+        match (from.port, from.peer) {
             (Port::Ethernet, _) => self.handle_ethernet(now, frame),
             (Port::Udp(RPC_PORT), Some(peer)) => self.handle_rpc(now, peer, frame),
-            (Port::Udp(UDP_PORT), Some(_)) if self.config.transport == Transport::Udp => {
-                match frame.first_chunk().copied().map(u16::from_be_bytes) {
-                    Some(frame_id) => self.handle_rt(now, frame_id, frame),
-                    None => self.counters.malformed += 1,
-                }
-            }
+            (Port::Udp(UDP_PORT), Some(peer)) => self.handle_rt_datagram(now, peer, frame),
             _ => self.counters.foreign += 1,
         }
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        let mut is_expired = false;
-        if let Some(link) = &mut self.link {
-            link.sender.handle_timeout(now);
-            is_expired = link.receiver.is_expired(now);
-        }
-        if let Acyclic::Quiet { until } = self.acyclic
-            && until.is_none_or(|until| now < until)
-            && !is_expired
-        {
-            return;
-        }
-        self.handle_acyclic_timeout(now);
+        self.has_answers |= self.station.poll_timeout().is_some_and(|due| due <= now);
+        self.all().for_each(|ar| ar.handle_timeout(now));
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if let Some(link) = &mut self.link
-            && let Some(transmit) = link.sender.poll_transmit(buf)
-        {
+        // The cyclic frames of all go before anything else of one.
+        if let Some(transmit) = self.all().find_map(|ar| ar.poll_cyclic(buf)) {
             return Some(transmit);
         }
-        if matches!(self.acyclic, Acyclic::Quiet { .. }) {
-            return None;
+        if let Some(transmit) = self.all().find_map(|ar| ar.poll_acyclic(now, buf)) {
+            return Some(transmit);
         }
-        let transmit = self.poll_acyclic(now, buf);
-        if transmit.is_none() {
-            self.acyclic = Acyclic::Quiet { until: self.acyclic_timeout() };
-        }
+        let transmit = if self.has_answers { self.poll_answer(now, buf) } else { None };
+        self.has_answers = transmit.is_some();
         transmit
     }
 
-    fn poll_event(&mut self) -> Option<LinkEvent> {
-        self.events.pop_front()
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        self.ars.iter_mut().zip(0..).find_map(|(ar, number)| Some((ArId(number), ar.as_mut()?.poll_event()?)))
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        let acyclic = match self.acyclic {
-            Acyclic::Active => self.acyclic_timeout(),
-            Acyclic::Quiet { until } => until,
-        };
-        let Some(link) = &self.link else { return acyclic };
-        let mut next = link.sender.poll_timeout();
-        if self.phase == Phase::Exchanging {
-            next = next.min(link.receiver.poll_timeout());
-        }
-        Instant::earlier(acyclic, Some(next))
+        let ars = self.ars.iter().flatten().map(Ar::poll_timeout);
+        ars.fold(self.station.poll_timeout(), Instant::earlier)
     }
-}
-
-impl Controller {
-    /// Sets the data that go out with the next cyclic frame and with every one after it.
-    pub fn set_output(&mut self, image: &IoData) {
-        if let Some(link) = &mut self.link {
-            link.write_output(&self.plan, Some(image));
-        }
-        self.output = Some(*image);
-    }
-
-    /// The last data that the peer sent and marked as good; none before the first and after the connection is lost.
-    #[must_use]
-    pub fn input(&self) -> Option<&IoData> {
-        (self.up && self.input_good).then_some(&self.input)
-    }
-
-    /// Ends the connection as the standard wants it, or gives up the attempt to connect.
-    pub fn disconnect(&mut self, now: Instant) {
-        self.acyclic = Acyclic::Active;
-        self.release(now);
-    }
-
-    /// What was sent, received and refused since the start.
-    #[must_use]
-    pub fn counters(&self) -> Counters {
-        let mut counters = self.counters;
-        if let Some(link) = &self.link {
-            link.count(&mut counters);
-        }
-        counters
-    }
-}
-
-/// A UUID of random numbers (RFC 9562, version 4).
-fn random_uuid(random: &mut Pcg64Mcg) -> Uuid {
-    let bits = u128::from(random.next_u64()) << 64 | u128::from(random.next_u64());
-    let version = bits & !(0xF << 76) | 4 << 76;
-    Uuid((version & !(3 << 62) | 2 << 62).to_be_bytes())
 }

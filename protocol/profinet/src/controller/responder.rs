@@ -14,8 +14,8 @@ use machine::wire::{BigEndian, Overflow, Writer};
 /// What a PDU from the device led to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Called {
-    /// The device is ready for cyclic data.
-    Ready,
+    /// The device of this AR is ready for cyclic data.
+    Ready(Uuid),
     /// It was answered, and means nothing more.
     Answered,
     /// It is not for a controller.
@@ -37,14 +37,14 @@ impl Responder {
         Self { answer: Message::new(), to: None }
     }
 
-    /// Takes a PDU that a client sent. `ar` is ARUUID and SessionKey of the AR that waits for ApplicationReady, or that
+    /// Takes a PDU that a client sent. `session` returns the SessionKey of an AR that waits for ApplicationReady, or that
     /// is past it.
     pub(super) fn handle(
         &mut self,
         from: SocketAddrV4,
         header: &Header,
         body: &[u8],
-        ar: Option<(Uuid, u16)>,
+        session: impl Fn(Uuid) -> Option<u16>,
     ) -> Called {
         match header.kind {
             Kind::Request if header.flags & (flags::FRAGMENT | flags::MAYBE) == 0 => {}
@@ -71,20 +71,16 @@ impl Responder {
             Ok(args) => (args.maximum, Control::parse_request(args.blocks)),
             Err(violation) => (0, Err(violation)),
         };
-        let (called, result) = match (control, ar) {
-            (Err(violation), _) => (Called::Malformed, Err(violation)),
-            (Ok(_), None) => (Called::Answered, Err(Violation::ArUuidUnknown)),
-            (Ok(control), Some((ar, session))) => {
-                if control.command != Command::ApplicationReady {
-                    (Called::Answered, Err(Violation::StateConflict))
-                } else if control.ar != ar {
-                    (Called::Answered, Err(Violation::ArUuidUnknown))
-                } else if control.session != session {
-                    (Called::Answered, Err(control.command.wrong_session()))
-                } else {
-                    (Called::Ready, Ok(control))
-                }
+        let (called, result) = match control.map(|control| (control, session(control.ar))) {
+            Err(violation) => (Called::Malformed, Err(violation)),
+            Ok((_, None)) => (Called::Answered, Err(Violation::ArUuidUnknown)),
+            Ok((control, _)) if control.command != Command::ApplicationReady => {
+                (Called::Answered, Err(Violation::StateConflict))
             }
+            Ok((control, Some(session))) if control.session != session => {
+                (Called::Answered, Err(control.command.wrong_session()))
+            }
+            Ok((control, Some(_))) => (Called::Ready(control.ar), Ok(control)),
         };
         let status =
             result.err().map_or_else(Default::default, |violation| violation.status(Service::Control));
@@ -133,6 +129,11 @@ mod tests {
         (datagram, Uuid(uuid))
     }
 
+    /// A controller with this AR and session.
+    fn of(uuid: Uuid, session: u16) -> impl Fn(Uuid) -> Option<u16> {
+        move |ar| (ar == uuid).then_some(session)
+    }
+
     fn answer(responder: &mut Responder) -> Option<(Header, Vec<u8>)> {
         let mut datagram = [0; 1500];
         let (to, len) = responder.poll_transmit(&mut datagram)?;
@@ -148,7 +149,7 @@ mod tests {
         let theirs = captured::datagram(captured::APPREADY_RES);
         let mut responder = Responder::new();
         for _ in 0..2 {
-            assert_eq!(responder.handle(P_NET, &header, body, Some((uuid, SESSION))), Called::Ready);
+            assert_eq!(responder.handle(P_NET, &header, body, of(uuid, SESSION)), Called::Ready(uuid));
             let (ours, body) = answer(&mut responder).unwrap();
             assert_eq!((ours.kind, ours.is_same_call(&header)), (Kind::Response, true));
             // The NDR numbers differ in byte order and in what the Siemens controller calls the maximum.
@@ -157,16 +158,15 @@ mod tests {
     }
 
     #[test]
-    fn another_ar_another_session_and_no_ar_are_refused_with_their_status() {
+    fn another_ar_and_another_session_are_refused_with_their_status() {
         let (datagram, uuid) = ready();
         let (header, body) = Header::parse(&datagram).unwrap();
         let mut responder = Responder::new();
         for (ar, status) in [
-            (Some((uuid, 3)), Status::new(0xDD, 0x81, 0x16, 0x06)),
-            (Some((Uuid([9; 16]), SESSION)), Status::new(0xDD, 0x81, 0x40, 0x05)),
-            (None, Status::new(0xDD, 0x81, 0x40, 0x05)),
+            ((uuid, 3), Status::new(0xDD, 0x81, 0x16, 0x06)),
+            ((Uuid([9; 16]), SESSION), Status::new(0xDD, 0x81, 0x40, 0x05)),
         ] {
-            assert_eq!(responder.handle(P_NET, &header, body, ar), Called::Answered);
+            assert_eq!(responder.handle(P_NET, &header, body, of(ar.0, ar.1)), Called::Answered);
             let (header, body) = answer(&mut responder).unwrap();
             assert_eq!(ResponseArgs::parse(&header, &body).unwrap().status, status);
         }
@@ -178,11 +178,11 @@ mod tests {
         let (header, body) = Header::parse(&datagram).unwrap();
         let ping = Header { kind: Kind::Ping, ..header };
         let mut responder = Responder::new();
-        responder.handle(P_NET, &ping, &[], None);
+        responder.handle(P_NET, &ping, &[], |_| None);
         assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::NoCall);
-        responder.handle(P_NET, &header, body, Some((uuid, SESSION)));
+        responder.handle(P_NET, &header, body, of(uuid, SESSION));
         answer(&mut responder);
-        responder.handle(P_NET, &ping, &[], None);
+        responder.handle(P_NET, &ping, &[], |_| None);
         assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::Response);
     }
 
@@ -192,7 +192,7 @@ mod tests {
         let (header, body) = Header::parse(&datagram).unwrap();
         let mut responder = Responder::new();
         for header in [Header { interface: Uuid::NIL, ..header }, Header { operation: 0, ..header }] {
-            responder.handle(P_NET, &header, body, Some((uuid, SESSION)));
+            responder.handle(P_NET, &header, body, of(uuid, SESSION));
             assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::Reject);
         }
     }

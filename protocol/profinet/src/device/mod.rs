@@ -31,12 +31,12 @@ use super::RPC_PORT;
 use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
 use super::dcp::{self, IpSuite};
 use super::description::Description;
+use super::provided::{DataError, Provided};
 use super::rpc::{Header, Kind, Message, Reassembly, Received as Fragment, flags, rpc_status};
 use super::rt::{Received, Transport, UDP_PORT};
 use super::station::{Effect, Refusal, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
-use crate::{IO_DATA_LEN, IoData};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
@@ -80,8 +80,7 @@ struct Core {
     calls: u32,
     relation: Option<Relation>,
     farewell: Option<Farewell>,
-    output: IoData,
-    input: IoData,
+    inputs: Provided,
     events: VecDeque<LinkEvent>,
     /// Without the cyclic frames of the present AR.
     counters: Counters,
@@ -107,6 +106,8 @@ impl Device {
     pub fn new(config: DeviceConfig, start: Instant) -> Self {
         let DeviceConfig { mac, station_name, address, mask, description } = config;
         let ip = address.map(|address| IpSuite { address, mask, gateway: address });
+        let inputs = description.submodules();
+        let inputs = inputs.map(|(slot, submodule)| (slot, submodule.subslot, submodule.input_len));
         let core = Core {
             mac,
             start,
@@ -119,8 +120,7 @@ impl Device {
             calls: 0,
             relation: None,
             farewell: None,
-            output: [0; IO_DATA_LEN],
-            input: [0; IO_DATA_LEN],
+            inputs: Provided::new(inputs),
             events: VecDeque::with_capacity(MOST_EVENTS),
             counters: Counters::default(),
             acyclic: false,
@@ -218,7 +218,7 @@ impl Core {
     fn handle_rt(&mut self, now: Instant, transport: Transport, frame_id: u16, payload: &[u8]) {
         let Some(relation) = &mut self.relation else { return };
         if relation.consumes(transport, frame_id) {
-            match relation.handle_cyclic(now, payload, &mut self.input) {
+            match relation.handle_cyclic(now, payload) {
                 Received::New => self.come_up(),
                 // The receiver counts those that are late.
                 Received::Late | Received::Ignored => {}
@@ -244,10 +244,16 @@ impl Core {
         }
     }
 
-    /// Tells the owner once that images are exchanged.
+    /// Tells the owner once that data are exchanged.
     fn come_up(&mut self) {
         if self.relation.as_mut().is_some_and(Relation::has_come_up) {
             self.tell(LinkEvent::Up);
+        }
+    }
+
+    fn write_inputs(&mut self) {
+        if let Some(relation) = &mut self.relation {
+            relation.set_inputs(&self.inputs);
         }
     }
 
@@ -400,22 +406,39 @@ impl Machine for Device {
 }
 
 impl Device {
-    /// Sets the data that go out with the next cyclic frame and with every one after it.
-    pub fn set_output(&mut self, image: &IoData) {
-        self.core.output = *image;
-        if let Some(relation) = &mut self.core.relation {
-            relation.set_output(image);
-        }
-    }
-
-    /// The last data that the peer sent and marked as good; none before the first and after the connection is lost.
+    /// Whether a controller has an AR with this device, whether or not data are exchanged yet.
     #[must_use]
-    pub fn input(&self) -> Option<&IoData> {
-        let relation = self.core.relation.as_ref()?;
-        (relation.is_up && relation.is_input_good()).then_some(&self.core.input)
+    pub const fn has_controller(&self) -> bool {
+        self.core.relation.is_some()
     }
 
-    /// Ends the connection as the standard wants it, or gives up the attempt to connect.
+    /// The newest output data of a submodule; none while the device is not up, and while the controller calls them bad.
+    #[must_use]
+    pub fn output(&self, slot: u16, subslot: u16) -> Option<&[u8]> {
+        self.outputs().find_map(|(place, data)| (place == (slot, subslot)).then_some(data)).flatten()
+    }
+
+    /// The newest output data of every submodule that has some, as ((slot, subslot), data) by ascending slot and subslot;
+    /// no data where the controller calls them bad. Nothing at all while the device is not up.
+    pub fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
+        self.core.relation.iter().flat_map(Relation::outputs)
+    }
+
+    /// Sets the input data of a submodule, for the next cyclic frame and every one after it. Until then they are zeros.
+    pub fn set_input(&mut self, slot: u16, subslot: u16, data: &[u8]) -> Result<(), DataError> {
+        self.core.inputs.set(slot, subslot, data)?;
+        self.core.write_inputs();
+        Ok(())
+    }
+
+    /// Sets the input data of all submodules: calls `write` with slot, subslot and place of each, by ascending slot and
+    /// subslot.
+    pub fn set_inputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
+        self.core.inputs.set_all(write);
+        self.core.write_inputs();
+    }
+
+    /// Ends the connection by an error PDU.
     pub fn disconnect(&mut self, _now: Instant) {
         self.core.abort(Violation::AbortRequested);
     }
@@ -434,6 +457,3 @@ impl Device {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,20 +1,19 @@
-//! Where the process image is in the cyclic frames, and which statuses go with it.
-//!
-//! The image of a direction is the data of all submodules in that direction, one after another by slot and subslot.
+//! Where the data of each submodule are in the cyclic frames, and which statuses go with them.
 
 use alloc::vec::Vec;
+use core::ops::Range;
 
-use crate::IoData;
 use crate::connect::{DiffModule, ExpectedModule, Iocr, Object};
 use crate::description::Description;
+use crate::provided::Provided;
 use crate::rt::IoxStatus;
 
-/// A submodule's data in a frame and in the image.
-#[derive(Clone, Copy, Debug)]
+/// A submodule's data in a frame; its status is the byte behind them.
+#[derive(Clone, Debug)]
 struct Part {
-    image: usize,
-    frame: usize,
-    len: usize,
+    slot: u16,
+    subslot: u16,
+    data: Range<usize>,
 }
 
 /// A status that this side writes.
@@ -25,7 +24,7 @@ struct StatusByte {
     usable: bool,
 }
 
-/// The mapping between image and C_SDU for one AR.
+/// The layout of both C_SDUs for one AR.
 #[derive(Debug)]
 pub(super) struct ProcessData {
     to_controller: Vec<Part>,
@@ -51,18 +50,16 @@ impl ProcessData {
         };
         let mut mapping =
             Self { to_controller: Vec::new(), from_controller: Vec::new(), statuses: Vec::new() };
-        let (mut input_at, mut output_at) = (0, 0);
         for (slot, submodule) in description.submodules() {
-            let place = |iocr: &Iocr, len: u16, image: usize| {
-                let here = |object: &&_| at(object) == (slot, submodule.subslot);
-                let object = iocr.objects.iter().find(here)?;
-                let part = Part { image, frame: usize::from(object.offset), len: usize::from(len) };
-                (part.len > 0 && usable(slot, submodule.subslot)).then_some(part)
+            let subslot = submodule.subslot;
+            let place = |iocr: &Iocr, len: u16| {
+                let object = iocr.objects.iter().find(|object| at(object) == (slot, subslot))?;
+                let start = usize::from(object.offset);
+                let part = Part { slot, subslot, data: start..start + usize::from(len) };
+                (len > 0 && usable(slot, subslot)).then_some(part)
             };
-            mapping.to_controller.extend(place(input, submodule.input_len, input_at));
-            mapping.from_controller.extend(place(output, submodule.output_len, output_at));
-            input_at += usize::from(submodule.input_len);
-            output_at += usize::from(submodule.output_len);
+            mapping.to_controller.extend(place(input, submodule.input_len));
+            mapping.from_controller.extend(place(output, submodule.output_len));
         }
         for object in &input.objects {
             let (slot, subslot) = at(object);
@@ -82,12 +79,14 @@ impl ProcessData {
         mapping
     }
 
-    /// Copies the image into the frame to the controller.
-    pub(super) fn write_image(&self, image: &IoData, c_sdu: &mut [u8]) {
-        for Part { image: image_at, frame, len } in &self.to_controller {
-            let from = image.get(*image_at..image_at + len);
-            let to = c_sdu.get_mut(*frame..frame + len);
-            if let (Some(from), Some(to)) = (from, to) {
+    /// Writes the data of every submodule into the frame to the controller.
+    pub(super) fn write_data(&self, provided: &Provided, c_sdu: &mut [u8]) {
+        for Part { slot, subslot, data } in &self.to_controller {
+            let from = provided.get(*slot, *subslot).map(|(from, _)| from);
+            let to = c_sdu.get_mut(data.clone());
+            if let (Some(from), Some(to)) = (from, to)
+                && from.len() == to.len()
+            {
                 to.copy_from_slice(from);
             }
         }
@@ -103,23 +102,21 @@ impl ProcessData {
         }
     }
 
-    /// Copies the frame from the controller into the image, if it marks every part of it as good.
-    pub(super) fn read_image(&self, c_sdu: &[u8], image: &mut IoData) -> bool {
-        let good = self
-            .from_controller
-            .iter()
-            .all(|part| c_sdu.get(part.frame + part.len).is_some_and(|status| IoxStatus(*status).is_good()));
-        if self.from_controller.is_empty() || !good {
-            return false;
-        }
-        for Part { image: image_at, frame, len } in &self.from_controller {
-            let from = c_sdu.get(*frame..frame + len);
-            let to = image.get_mut(*image_at..image_at + len);
-            if let (Some(from), Some(to)) = (from, to) {
-                to.copy_from_slice(from);
-            }
-        }
-        true
+    /// The data of every submodule in a frame from the controller, with slot and subslot; none where it marks them as
+    /// bad.
+    pub(super) fn all_data<'a>(
+        &self,
+        c_sdu: &'a [u8],
+    ) -> impl Iterator<Item = ((u16, u16), Option<&'a [u8]>)> {
+        self.from_controller.iter().map(move |Part { slot, subslot, data }| {
+            let good = c_sdu.get(data.end).is_some_and(|status| IoxStatus(*status).is_good());
+            ((*slot, *subslot), c_sdu.get(data.clone()).filter(|_| good))
+        })
+    }
+
+    /// Whether there are data in a frame from the controller, and it marks all of them as good.
+    pub(super) fn is_good(&self, c_sdu: &[u8]) -> bool {
+        !self.from_controller.is_empty() && self.all_data(c_sdu).all(|(_, data)| data.is_some())
     }
 }
 

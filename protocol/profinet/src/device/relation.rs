@@ -12,11 +12,11 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use super::admission::{Admission, transport};
 use super::alarms::AlarmEndpoint;
 use super::process_data::ProcessData;
-use crate::IoData;
 use crate::Uuid;
 use crate::connect::{AlarmCr, ConnectRequest, Iocr};
 use crate::control::{Command, Control};
 use crate::description::Description;
+use crate::provided::Provided;
 use crate::rt::{CycleTime, CyclicReceiver, CyclicSender, Received, Route, Transport};
 use crate::status::Violation;
 use machine::ethernet::Mac;
@@ -63,7 +63,7 @@ pub(super) struct Relation {
     pub(super) initiator_object: Uuid,
     pub(super) controller: Ipv4Addr,
     pub(super) phase: Phase,
-    /// Whether the owner knows that images are exchanged.
+    /// Whether the owner knows that data are exchanged.
     pub(super) is_up: bool,
     pub(super) sender: CyclicSender,
     pub(super) receiver: CyclicReceiver,
@@ -72,7 +72,7 @@ pub(super) struct Relation {
     step_deadline: Option<Instant>,
     consumes: Transport,
     process: ProcessData,
-    is_input_good: bool,
+    is_output_good: bool,
 }
 
 impl Relation {
@@ -131,7 +131,7 @@ impl Relation {
             step_deadline: Some(now + step_time),
             consumes: transport(output),
             process,
-            is_input_good: false,
+            is_output_good: false,
         }
     }
 
@@ -140,12 +140,11 @@ impl Relation {
         self.consumes == transport && self.receiver.frame_id() == frame_id
     }
 
-    /// Takes a cyclic frame, from the FrameID on, and its data into `image` if they are good.
-    pub(super) fn handle_cyclic(&mut self, now: Instant, payload: &[u8], image: &mut IoData) -> Received {
+    /// Takes a cyclic frame, from the FrameID on.
+    pub(super) fn handle_cyclic(&mut self, now: Instant, payload: &[u8]) -> Received {
         let received = self.receiver.handle_frame(now, payload);
         if received == Received::New {
-            let usable = self.receiver.usable();
-            self.is_input_good = usable.is_some_and(|c_sdu| self.process.read_image(c_sdu, image));
+            self.is_output_good = self.receiver.usable().is_some_and(|c_sdu| self.process.is_good(c_sdu));
             if self.phase == Phase::Data {
                 self.step_deadline = None;
             }
@@ -153,20 +152,21 @@ impl Relation {
         received
     }
 
-    /// Whether the last frame's data may be acted on.
-    pub(super) const fn is_input_good(&self) -> bool {
-        self.is_input_good
+    /// The newest data of every submodule that has outputs; nothing before the connection is up.
+    pub(super) fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
+        let c_sdu = self.receiver.usable().filter(|_| self.is_up);
+        c_sdu.into_iter().flat_map(|c_sdu| self.process.all_data(c_sdu))
     }
 
-    /// Whether images are exchanged since just now.
+    /// Whether data are exchanged since just now.
     pub(super) fn has_come_up(&mut self) -> bool {
-        let comes_up = !self.is_up && self.phase == Phase::Data && self.is_input_good;
+        let comes_up = !self.is_up && self.phase == Phase::Data && self.is_output_good;
         self.is_up |= comes_up;
         comes_up
     }
 
-    pub(super) fn set_output(&mut self, image: &IoData) {
-        self.process.write_image(image, self.sender.c_sdu_mut());
+    pub(super) fn set_inputs(&mut self, provided: &Provided) {
+        self.process.write_data(provided, self.sender.c_sdu_mut());
     }
 
     /// The controller goes on with the connection.

@@ -126,7 +126,7 @@ impl Core {
         }
         let ends = Ends { mac: self.mac, controller: *from.ip() };
         let mut relation = Relation::new(now, &ends, &self.description, &request, &admission);
-        relation.set_output(&self.output);
+        relation.set_inputs(&self.inputs);
         self.relation = Some(relation);
         let iocr_response = |iocr: &Iocr| IocrResponse {
             iocr_type: iocr.iocr_type,

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::net::SocketAddrV4;
 
 use machine::{
-    Cycle, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
+    Attempt, Cycle, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId,
+    StreamRequest, Transmit,
 };
 use protocol::fieldbus::LinkEvent;
 
@@ -66,10 +66,13 @@ impl Machine for EchoServer {
 
     fn handle_stream(&mut self, _: Instant, stream: StreamId, change: StreamChange) {
         match change {
-            StreamChange::Opened(_) => self.opened.push(stream),
+            StreamChange::Accepted(_) => self.opened.push(stream),
             StreamChange::Closed => {
                 self.closed.push(stream);
                 self.flooded = self.flooded.filter(|flooded| *flooded != stream);
+            }
+            StreamChange::Connected(_) | StreamChange::NotConnected(_) => {
+                unreachable!("it connects to nobody")
             }
         }
     }
@@ -151,20 +154,20 @@ impl Machine for Caller {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         match change {
-            StreamChange::Opened(peer) => {
-                assert_eq!(peer, self.to);
+            StreamChange::Connected(_) => {
                 self.opened.push(stream);
                 self.to_send = Some(stream);
             }
-            StreamChange::Closed => {
+            StreamChange::Closed | StreamChange::NotConnected(_) => {
                 self.closed.push(stream);
                 self.call_at = Some(now + Duration::from_millis(20));
             }
+            StreamChange::Accepted(_) => unreachable!("it lets nobody in"),
         }
     }
 
     fn poll_stream(&mut self) -> Option<StreamRequest> {
-        std::mem::take(&mut self.call).then_some(StreamRequest::Connect { to: self.to })
+        std::mem::take(&mut self.call).then_some(StreamRequest::Connect { to: self.to, attempt: Attempt(0) })
     }
 
     fn handle_timeout(&mut self, _: Instant) {

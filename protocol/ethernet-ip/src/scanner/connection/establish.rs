@@ -1,0 +1,160 @@
+//! From a TCP connection to a connection that carries data: what is said, and what follows from each answer.
+
+use super::dialogue::{self, Say, Sockets};
+use super::io::Io;
+use super::{Asked, Connection, KEEP_ALIVE, Numbers, Refusal, Step};
+use crate::cip::{General, KeyMismatch, Path, Reply, service};
+use crate::connection::{CloseRequest, OpenRequest, Opened, Transport};
+use crate::encapsulation::{Command, Header, Status};
+use machine::Instant;
+use machine::{Down, DownCause};
+
+/// The shortest interval at which an adapter may want its data: its word alone decides how often frames go out.
+const LEAST_INTERVAL_US: u32 = 100;
+
+impl Connection {
+    fn asked(&self) -> Asked {
+        let config = &self.config;
+        Asked {
+            target: config.target,
+            described: config.described,
+            key: config.key,
+            consumed: (config.consumed, config.o_t().size),
+            produced: (config.produced, config.t_o().size),
+            configuration: config.configuration,
+            rpi_us: (config.o_t_rpi_us, config.t_o_rpi_us),
+        }
+    }
+
+    fn refused(&mut self, now: Instant, reply: &Reply<'_>) {
+        let refusal = Refusal::of_reply(reply, self.asked(), self.found);
+        self.refusal = Some(refusal);
+        // There is nothing to close.
+        self.step = Step::Idle;
+        self.fail(now, refusal.down());
+    }
+
+    pub(super) fn hear(&mut self, now: Instant, header: &Header, data: &[u8], numbers: &mut Numbers) {
+        match (self.step, header.command) {
+            (Step::Registering, Command::RegisterSession) => {
+                if header.status == Status::Success {
+                    self.session = header.session;
+                    if self.leaving {
+                        self.enter(now, Step::Closing, Say::Close);
+                    } else {
+                        self.enter(now, Step::Identifying, Say::Identify);
+                    }
+                } else {
+                    let (code, text) = (header.status.into(), header.status.words());
+                    self.fail(now, Down { cause: DownCause::Refused, code, text });
+                }
+            }
+            (_, Command::SendRRData) if dialogue::number_of(header) == self.request => {
+                if header.status != Status::Success {
+                    let (code, text) = (header.status.into(), header.status.words());
+                    return self.fail(now, Down { cause: DownCause::Refused, code, text });
+                }
+                match dialogue::read_reply(data) {
+                    Some((reply, sockets)) => self.hear_reply(now, &reply, sockets, numbers),
+                    None => self.counters.malformed += 1,
+                }
+            }
+            _ => self.counters.foreign += 1,
+        }
+    }
+
+    fn hear_reply(&mut self, now: Instant, reply: &Reply<'_>, sockets: Sockets, numbers: &mut Numbers) {
+        match (self.step, reply.service) {
+            (Step::Identifying, service::GET_ATTRIBUTES_ALL) => {
+                // An adapter that does not tell all its attributes may still be the right one.
+                self.found = Some(reply.data)
+                    .filter(|_| reply.general == General::Success)
+                    .and_then(|data| dialogue::read_identity(data).ok());
+                match self.check_identity() {
+                    Ok(()) => self.open(now, numbers),
+                    Err(_) => {
+                        let mismatch = Reply { general: General::KeyFailure, additional: &[], ..*reply };
+                        self.refused(now, &mismatch);
+                    }
+                }
+            }
+            (Step::Opening, service::FORWARD_OPEN | service::LARGE_FORWARD_OPEN) => {
+                if reply.general != General::Success {
+                    return self.refused(now, reply);
+                }
+                match Opened::parse(reply.data) {
+                    Ok(opened) if opened.triad == self.numbers.triad => {
+                        if opened.o_t_api_us < LEAST_INTERVAL_US {
+                            let text = "the adapter wants its data more often than every 100 µs (the status is its \
+                                        interval, in µs): ask for another one, or look at its answer in a capture";
+                            let code = opened.o_t_api_us;
+                            return self.fail(now, Down { cause: DownCause::Refused, code, text });
+                        }
+                        let Some(io) = Io::new(now, &self.config, &opened, sockets) else {
+                            let text =
+                                "the adapter opened a multicast connection but named no multicast group";
+                            return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
+                        };
+                        self.refusal = None;
+                        self.step = Step::Running;
+                        self.deadline = None;
+                        self.keep_alive_at = Some(now + KEEP_ALIVE);
+                        self.io = Some(io);
+                    }
+                    _ => self.counters.malformed += 1,
+                }
+            }
+            (Step::Closing, service::FORWARD_CLOSE) => {
+                self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
+            }
+            _ => self.counters.foreign += 1,
+        }
+    }
+
+    /// Before anything is opened: whether the device is the one that is wanted.
+    fn check_identity(&self) -> Result<(), KeyMismatch> {
+        match (&self.config.key, &self.found) {
+            (Some(key), Some(found)) => key.check(&found.key),
+            _ => Ok(()),
+        }
+    }
+
+    fn open(&mut self, now: Instant, numbers: &mut Numbers) {
+        numbers.advance();
+        self.numbers = *numbers;
+        self.enter(now, Step::Opening, Say::Open);
+    }
+
+    pub(super) fn emit(&mut self, say: Say, buf: &mut [u8]) -> Option<usize> {
+        self.request = self.request.wrapping_add(1);
+        let numbers = (self.session, self.request);
+        let path = Path(&self.path);
+        let written = match say {
+            Say::Register | Say::Unregister | Say::Nop => dialogue::emit_plain(buf, say, self.session),
+            Say::Identify => dialogue::emit_identify(buf, numbers),
+            Say::Open => {
+                let config = &self.config;
+                let request = OpenRequest {
+                    o_t_id: 0,
+                    t_o_id: self.numbers.t_o_id,
+                    triad: self.numbers.triad,
+                    multiplier: config.multiplier.code(),
+                    o_t_rpi_us: config.o_t_rpi_us,
+                    o_t: config.o_t(),
+                    t_o_rpi_us: config.t_o_rpi_us,
+                    t_o: config.t_o(),
+                    transport: Transport::CYCLIC,
+                    path,
+                };
+                dialogue::emit_open(buf, numbers, &request, config.is_large())
+            }
+            Say::Close => {
+                dialogue::emit_close(buf, numbers, &CloseRequest { triad: self.numbers.triad, path })
+            }
+        };
+        if say == Say::Unregister {
+            self.session = 0;
+        }
+        written.ok()
+    }
+}

@@ -1,0 +1,133 @@
+//! The cyclic side of a scanner's connection.
+
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use super::super::config::ConnectionConfig;
+use super::dialogue::Sockets;
+use crate::IO_PORT;
+use crate::class1::{self, Frame};
+use crate::connection::{Opened, SequenceCheck, Watchdog};
+use machine::Counters;
+use machine::{Cycle, Duration, Instant};
+
+/// A connection that is open.
+#[derive(Debug)]
+pub(super) struct Io {
+    o_t_id: u32,
+    t_o_id: u32,
+    to: SocketAddrV4,
+    cycle: Cycle,
+    sequence: u32,
+    count: u16,
+    check: SequenceCheck,
+    watchdog: Watchdog,
+    /// Bytes behind the sequence count of a T→O frame.
+    t_o_len: usize,
+    t_o_run_idle: bool,
+    o_t_run_idle: bool,
+    /// The multicast group that T→O frames go to.
+    pub(super) group: Option<Ipv4Addr>,
+    /// The adapter's data is there and good.
+    pub(super) good: bool,
+}
+
+impl Io {
+    /// What follows from the adapter's reply; none where it should have named a multicast group and did not.
+    pub(super) fn new(
+        now: Instant,
+        config: &ConnectionConfig,
+        opened: &Opened,
+        sockets: Sockets,
+    ) -> Option<Self> {
+        let micros = |micros: u32| Duration::from_micros(micros.into());
+        let header = if config.t_o_run_idle { class1::RUN_IDLE_LEN } else { 0 };
+        // The adapter may want the data at another address or port than its own.
+        let own = SocketAddrV4::new(config.target, IO_PORT);
+        let to = sockets.o_t.map_or(own, |socket| {
+            let (ip, port) = (*socket.ip(), socket.port());
+            let known = |ip: &Ipv4Addr| !ip.is_unspecified();
+            SocketAddrV4::new(
+                Some(ip).filter(known).unwrap_or(config.target),
+                if port == 0 { IO_PORT } else { port },
+            )
+        });
+        let group = sockets.t_o.map(|socket| *socket.ip()).filter(Ipv4Addr::is_multicast);
+        if config.multicast && group.is_none() {
+            return None;
+        }
+        Some(Self {
+            o_t_id: opened.o_t_id,
+            t_o_id: opened.t_o_id,
+            to,
+            cycle: Cycle::new(now, micros(opened.o_t_api_us)),
+            sequence: 0,
+            count: 0,
+            check: SequenceCheck::default(),
+            watchdog: Watchdog::start(now, config.multiplier.timeout(micros(opened.t_o_api_us))),
+            t_o_len: usize::from(config.t_o_size) + usize::from(header),
+            t_o_run_idle: config.t_o_run_idle,
+            o_t_run_idle: config.o_t_run_idle,
+            group: group.filter(|_| config.multicast),
+            good: false,
+        })
+    }
+
+    /// The connection number of the frames that it takes.
+    pub(super) const fn t_o_id(&self) -> u32 {
+        self.t_o_id
+    }
+
+    pub(super) fn next_timeout(&self) -> Instant {
+        self.cycle.next().min(self.watchdog.deadline())
+    }
+
+    pub(super) fn expired(&self, now: Instant) -> bool {
+        self.watchdog.expired(now)
+    }
+
+    /// Takes a frame and puts its data into `input`.
+    pub(super) fn take(
+        &mut self,
+        now: Instant,
+        frame: &Frame<'_>,
+        input: &mut [u8],
+        counters: &mut Counters,
+    ) {
+        if frame.payload.len() != self.t_o_len {
+            counters.malformed += 1;
+            return;
+        }
+        let Some(missing) = self.check.accept(frame.sequence) else {
+            counters.late += 1;
+            return;
+        };
+        let split = if self.t_o_run_idle { frame.run_and_data() } else { Ok((true, frame.payload)) };
+        let Ok((run, data)) = split else {
+            counters.malformed += 1;
+            return;
+        };
+        self.watchdog.feed(now);
+        counters.received += 1;
+        counters.lost += u64::from(missing);
+        self.good = run;
+        if let Some(input) = input.get_mut(..data.len()) {
+            input.copy_from_slice(data);
+        }
+    }
+
+    /// Writes the frame that is due. Returns its receiver and length.
+    pub(super) fn produce(
+        &mut self,
+        now: Instant,
+        run: bool,
+        data: &[u8],
+        buf: &mut [u8],
+    ) -> Option<(SocketAddrV4, usize)> {
+        self.cycle.tick(now)?;
+        self.sequence = self.sequence.wrapping_add(1);
+        self.count = self.count.wrapping_add(1);
+        let numbers = (self.o_t_id, self.sequence, self.count);
+        let len = class1::emit(buf, numbers, self.o_t_run_idle.then_some(run), data).ok()?;
+        Some((self.to, len))
+    }
+}

@@ -1,0 +1,412 @@
+//! One connection of a scanner: its TCP connection and session, what opens it, and its cyclic data.
+
+mod dialogue;
+mod establish;
+mod io;
+mod refusal;
+
+pub use refusal::{Asked, Refusal};
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use machine::{
+    Attempt, Counters, Down, DownCause, Duration, Instant, LinkEvent, Port, StreamId, StreamRequest, Transmit,
+};
+
+use self::dialogue::Say;
+use self::io::Io;
+use super::config::ConnectionConfig;
+use crate::class1::Frame;
+use crate::connection::Triad;
+use crate::data::DataError;
+use crate::description::Identity;
+use crate::encapsulation::{Message, Reassembly};
+use crate::{ENCAPSULATION_PORT, IO_PORT};
+
+/// How often a session without requests shows that it is alive: adapters end silent ones after 120 s.
+const KEEP_ALIVE: Duration = Duration::from_secs(30);
+
+/// Numbers that no two connections of a scanner have at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers {
+    /// The last connection serial number, with the scanner's own numbers.
+    pub(super) triad: Triad,
+    /// The last connection number T→O.
+    pub(super) t_o_id: u32,
+}
+
+impl Numbers {
+    fn advance(&mut self) {
+        self.triad.connection_serial = self.triad.connection_serial.wrapping_add(1);
+        self.t_o_id = self.t_o_id.wrapping_add(1).max(1);
+    }
+}
+
+/// Where the connection stands. Each step but the first and the last waits for an answer.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Step {
+    /// Waits to begin anew, or for ever after a disconnect.
+    Idle,
+    Connecting,
+    Registering,
+    Identifying,
+    Opening,
+    Running,
+    Closing,
+}
+
+/// A connection to an adapter. After each failure it says why, and begins anew after a while.
+#[derive(Debug)]
+pub struct Connection {
+    config: ConnectionConfig,
+    attempt: Attempt,
+    path: Vec<u8>,
+    step: Step,
+    /// When the answer must be there, or the next attempt begins.
+    deadline: Option<Instant>,
+    stream: Option<StreamId>,
+    reassembly: Option<Reassembly>,
+    session: u32,
+    /// Number of the last request.
+    request: u32,
+    to_say: VecDeque<(StreamId, Say)>,
+    connect: bool,
+    to_close: VecDeque<StreamId>,
+    keep_alive_at: Option<Instant>,
+    /// Connects only to close what it left open.
+    leaving: bool,
+    /// Of the connection that was opened last.
+    numbers: Numbers,
+    io: Option<Io>,
+    run: bool,
+    output: Box<[u8]>,
+    input: Box<[u8]>,
+    found: Option<Identity>,
+    refusal: Option<Refusal>,
+    up: bool,
+    /// The last failure reported, which is not reported twice.
+    reported: Option<Down>,
+    events: VecDeque<LinkEvent>,
+    counters: Counters,
+}
+
+impl Connection {
+    pub(super) fn new(config: ConnectionConfig, attempt: Attempt, numbers: Numbers, start: Instant) -> Self {
+        let zeros = |len: u16| vec![0; usize::from(len)].into_boxed_slice();
+        Self {
+            path: config.path(),
+            attempt,
+            step: Step::Idle,
+            deadline: Some(start),
+            stream: None,
+            reassembly: Some(Reassembly::default()),
+            session: 0,
+            request: 0,
+            to_say: VecDeque::with_capacity(8),
+            connect: false,
+            to_close: VecDeque::with_capacity(8),
+            keep_alive_at: None,
+            leaving: false,
+            numbers,
+            io: None,
+            run: true,
+            output: zeros(config.o_t_size),
+            input: zeros(config.t_o_size),
+            found: None,
+            refusal: None,
+            up: false,
+            reported: None,
+            events: VecDeque::with_capacity(8),
+            counters: Counters::default(),
+            config,
+        }
+    }
+
+    /// Whether data go both ways.
+    #[must_use]
+    pub const fn is_up(&self) -> bool {
+        self.up
+    }
+
+    /// Why the adapter refused the last connection, with what it has instead.
+    #[must_use]
+    pub const fn refusal(&self) -> Option<&Refusal> {
+        self.refusal.as_ref()
+    }
+
+    /// Writes why the adapter refused the last connection and what it has instead, where that is more than [`Down`]
+    /// holds; otherwise nothing.
+    pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
+    }
+
+    /// Who the adapter says it is, once it was asked.
+    #[must_use]
+    pub const fn identity(&self) -> Option<&Identity> {
+        self.found.as_ref()
+    }
+
+    /// Frames of this connection since its start.
+    #[must_use]
+    pub const fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// The newest data of the T→O assembly; none while the connection is not up.
+    #[must_use]
+    pub fn input(&self) -> Option<&[u8]> {
+        self.up.then_some(&self.input)
+    }
+
+    /// Sets the data of the O→T assembly, for the next cyclic frame and every one after it. Until then they are zeros.
+    pub fn set_output(&mut self, data: &[u8]) -> Result<(), DataError> {
+        if data.len() != self.output.len() {
+            return Err(DataError::Length { expected: self.output.len(), found: data.len() });
+        }
+        self.output.copy_from_slice(data);
+        Ok(())
+    }
+
+    /// The data of the O→T assembly, to be changed in place.
+    pub fn output_mut(&mut self) -> &mut [u8] {
+        &mut self.output
+    }
+
+    /// Whether the frames say that the owner's program runs (from the start they do) or that it is idle.
+    pub const fn set_run(&mut self, run: bool) {
+        self.run = run;
+    }
+
+    /// Closes the connection by a Forward_Close and the session behind it, over a new TCP connection where the old one
+    /// is gone. [`LinkEvent::Down`] tells when it is done.
+    pub fn disconnect(&mut self, now: Instant) {
+        if self.leaving {
+            return;
+        }
+        self.leaving = true;
+        self.up = false;
+        self.keep_alive_at = None;
+        match (self.step, self.stream) {
+            (Step::Running, Some(_)) => {
+                self.io = None;
+                self.enter(now, Step::Closing, Say::Close);
+            }
+            (Step::Running, None) => {
+                self.io = None;
+                self.connect(now);
+            }
+            _ => {
+                self.connect = false;
+                self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
+            }
+        }
+    }
+
+    fn enter(&mut self, now: Instant, step: Step, say: Say) {
+        self.step = step;
+        self.deadline = Some(now + self.config.request_timeout);
+        self.say(say);
+    }
+
+    fn say(&mut self, say: Say) {
+        if let Some(stream) = self.stream {
+            self.to_say.push_back((stream, say));
+        }
+    }
+
+    fn connect(&mut self, now: Instant) {
+        self.step = Step::Connecting;
+        self.deadline = Some(now + self.config.request_timeout);
+        self.connect = true;
+    }
+
+    /// Ends what there is without waiting for answers, so that the adapter does not have to run into its timeout.
+    fn abandon(&mut self) {
+        if matches!(self.step, Step::Opening | Step::Running) {
+            self.say(Say::Close);
+        }
+        if self.session != 0 {
+            self.say(Say::Unregister);
+        }
+        self.to_close.extend(self.stream.take());
+        self.io = None;
+        self.keep_alive_at = None;
+        self.step = Step::Idle;
+    }
+
+    /// The connection is lost or did not come about: begin anew later.
+    fn fail(&mut self, now: Instant, down: Down) {
+        let ended = self.leaving || self.step == Step::Closing;
+        self.abandon();
+        self.deadline = (!ended).then_some(now + self.config.retry_after);
+        let down = if ended { Down { cause: DownCause::ClosedHere, code: 0, text: "" } } else { down };
+        self.up = false;
+        if self.reported.replace(down) != Some(down) {
+            self.events.push_back(LinkEvent::Down(down));
+        }
+    }
+
+    fn no_answer(&mut self, now: Instant) {
+        let text = match self.step {
+            Step::Connecting => {
+                "TCP port 44818 of the adapter does not answer; is it on and on this network?"
+            }
+            Step::Registering => "the adapter did not answer RegisterSession",
+            Step::Identifying => "the adapter did not answer the question for its identity",
+            _ => "the adapter did not answer the Forward_Open",
+        };
+        self.fail(now, Down { cause: DownCause::NoAnswer, code: 0, text });
+    }
+
+    fn follow_io(&mut self) {
+        let good = self.io.as_ref().is_some_and(|io| io.good);
+        if good && !self.up {
+            self.up = true;
+            self.reported = None;
+            self.events.push_back(LinkEvent::Up);
+        } else if !good && self.up {
+            self.up = false;
+            let down =
+                Down { cause: DownCause::ClosedByPeer, code: 0, text: "the adapter says that it is idle" };
+            self.reported = Some(down);
+            self.events.push_back(LinkEvent::Down(down));
+        }
+    }
+
+    /// Whether cyclic frames with this connection number from this station are for this connection.
+    pub(super) fn consumes(&self, peer: Ipv4Addr, id: u32) -> bool {
+        self.config.target == peer && self.io.as_ref().is_some_and(|io| io.t_o_id() == id)
+    }
+
+    /// Takes a cyclic frame.
+    pub(super) fn handle_io(&mut self, now: Instant, frame: &Frame<'_>) {
+        if let Some(io) = &mut self.io {
+            io.take(now, frame, &mut self.input, &mut self.counters);
+            self.follow_io();
+        }
+    }
+
+    /// Its TCP connection, while it has one.
+    pub(super) const fn stream(&self) -> Option<StreamId> {
+        self.stream
+    }
+
+    /// Whether this is its TCP connection.
+    pub(super) fn has(&self, stream: StreamId) -> bool {
+        self.stream == Some(stream)
+    }
+
+    /// Takes bytes of its TCP connection.
+    pub(super) fn handle_bytes(&mut self, now: Instant, bytes: &[u8], numbers: &mut Numbers) {
+        // Lent out while messages are taken from it; always put back.
+        let Some(mut reassembly) = self.reassembly.take() else { return };
+        let taken = reassembly.push(bytes).is_ok();
+        while let Some(message) = reassembly.next_message() {
+            match message {
+                Message::Whole(header, data) => self.hear(now, &header, data, numbers),
+                Message::TooLong(_) => self.counters.malformed += 1,
+            }
+        }
+        self.reassembly = Some(reassembly);
+        if !taken {
+            let text = "the adapter sent more than a message over TCP that makes no sense";
+            self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text });
+        }
+    }
+
+    /// The TCP connection that it asked for is up. Returns whether it still wants it.
+    pub(super) fn handle_connected(&mut self, now: Instant, stream: StreamId) -> bool {
+        if self.step != Step::Connecting || self.stream.is_some() {
+            return false;
+        }
+        self.stream = Some(stream);
+        self.session = 0;
+        if let Some(reassembly) = &mut self.reassembly {
+            reassembly.clear();
+        }
+        self.enter(now, Step::Registering, Say::Register);
+        true
+    }
+
+    /// The TCP connection that it asked for could not be made.
+    pub(super) fn handle_not_connected(&mut self, now: Instant) {
+        if self.step == Step::Connecting && self.stream.is_none() {
+            self.no_answer(now);
+        }
+    }
+
+    /// Its TCP connection is gone.
+    pub(super) fn handle_closed(&mut self, now: Instant) {
+        self.stream = None;
+        self.session = 0;
+        match self.step {
+            // Cyclic data does not need the session: the watchdog tells whether the adapter is gone.
+            Step::Running => self.keep_alive_at = None,
+            _ => {
+                let text = "the adapter ended the TCP connection";
+                self.fail(now, Down { cause: DownCause::ClosedByPeer, code: 0, text });
+            }
+        }
+    }
+
+    pub(super) fn poll_stream(&mut self) -> Option<StreamRequest> {
+        if let Some(stream) = self.to_close.pop_front() {
+            return Some(StreamRequest::Close(stream));
+        }
+        let to = SocketAddrV4::new(self.config.target, ENCAPSULATION_PORT);
+        core::mem::take(&mut self.connect).then_some(StreamRequest::Connect { to, attempt: self.attempt })
+    }
+
+    /// The multicast group that its T→O frames go to.
+    pub(super) fn group(&self) -> Option<Ipv4Addr> {
+        self.io.as_ref()?.group
+    }
+
+    pub(super) fn handle_timeout(&mut self, now: Instant) {
+        if self.io.as_ref().is_some_and(|io| io.expired(now)) {
+            let text = "the adapter sent nothing for as long as the timeout allows";
+            self.fail(now, Down { cause: DownCause::Watchdog, code: 0, text });
+        }
+        if self.keep_alive_at.is_some_and(|at| now >= at) {
+            self.keep_alive_at = Some(now + KEEP_ALIVE);
+            self.say(Say::Nop);
+        }
+        if self.deadline.is_some_and(|deadline| now >= deadline) {
+            match self.step {
+                Step::Idle => self.connect(now),
+                _ => self.no_answer(now),
+            }
+        }
+    }
+
+    /// Writes the cyclic frame that is due, if one is.
+    pub(super) fn poll_io(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let (to, len) = self.io.as_mut()?.produce(now, self.run, &self.output, buf)?;
+        self.counters.sent += 1;
+        Some(Transmit { port: Port::Udp(IO_PORT), to: Some(to), len })
+    }
+
+    /// Writes the next message over TCP.
+    pub(super) fn poll_message(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        while let Some((stream, say)) = self.to_say.pop_front() {
+            if let Some(len) = self.emit(say, buf) {
+                return Some(Transmit { port: Port::Stream(stream), to: None, len });
+            }
+        }
+        None
+    }
+
+    pub(super) fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.events.pop_front()
+    }
+
+    pub(super) fn poll_timeout(&self) -> Option<Instant> {
+        let io = self.io.as_ref().map(Io::next_timeout);
+        Instant::earlier(Instant::earlier(self.deadline, self.keep_alive_at), io)
+    }
+}

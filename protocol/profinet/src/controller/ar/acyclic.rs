@@ -1,0 +1,95 @@
+//! All that is not cyclic data: discovery, calls, alarms, and what has not come in time.
+
+use core::net::SocketAddrV4;
+
+use super::{Ar, Phase, words};
+use crate::RPC_PORT;
+use crate::status::{Service, Violation};
+use machine::{Down, DownCause};
+use machine::{Instant, Port, Transmit};
+
+/// All but cyclic data. While they go both ways nothing else happens from one second to the next, and is not asked for
+/// with every frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Acyclic {
+    /// Something happened: there may be something to send, and another deadline.
+    Active,
+    /// All of it is sent, and nothing is due before.
+    Quiet { until: Option<Instant> },
+}
+
+impl Ar {
+    /// Writes the next frame that is no cyclic one.
+    pub(in super::super) fn poll_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if matches!(self.acyclic, Acyclic::Quiet { .. }) {
+            return None;
+        }
+        let transmit = self.poll_any_acyclic(now, buf);
+        if transmit.is_none() {
+            self.acyclic = Acyclic::Quiet { until: self.acyclic_timeout() };
+        }
+        transmit
+    }
+
+    fn poll_any_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if let Some(transmit) = self.link.as_mut().and_then(|link| link.alarms.poll_transmit(now, buf)) {
+            return Some(transmit);
+        }
+        if let Some(transmit) = self.parting.take().and_then(|parting| parting.emit(buf)) {
+            return Some(transmit);
+        }
+        if let Some(len) = self.caller.poll_transmit(buf) {
+            let to = Some(SocketAddrV4::new(self.config.address, RPC_PORT));
+            return Some(Transmit { port: Port::Udp(RPC_PORT), to, len });
+        }
+        let len = self.discovery.poll_transmit(buf)?;
+        Some(Transmit { port: Port::Ethernet, to: None, len })
+    }
+
+    /// When something is due besides cyclic frames, either way.
+    pub(super) fn acyclic_timeout(&self) -> Option<Instant> {
+        let of_phase = match self.phase {
+            Phase::Pausing { until } | Phase::Readying { until } | Phase::Releasing { until } => Some(until),
+            _ => None,
+        };
+        let of_alarms = self.link.as_ref().and_then(|link| link.alarms.poll_timeout());
+        [of_phase, self.silent_at, of_alarms, self.discovery.poll_timeout(), self.caller.poll_timeout()]
+            .into_iter()
+            .fold(None, Instant::earlier)
+    }
+
+    /// Something besides a cyclic frame may be due.
+    pub(super) fn handle_acyclic_timeout(&mut self, now: Instant) {
+        self.acyclic = Acyclic::Active;
+        self.handle_link_timeout(now);
+        self.discovery.handle_timeout(now);
+        if self.caller.handle_timeout(now) {
+            self.give_up_call(now);
+        }
+        match self.phase {
+            Phase::Pausing { until } if now >= until => self.look(now),
+            Phase::Readying { until } if now >= until => {
+                let status = Violation::ApplicationReadyTimeout.status(Service::Abort);
+                let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NOT_READY };
+                self.fail(now, down, Some(status));
+            }
+            Phase::Releasing { until } if now >= until => self.stop(),
+            _ => {}
+        }
+        if self.silent_at.is_some_and(|at| now >= at) {
+            self.report(Down { cause: DownCause::NoAnswer, code: 0, text: self.words_for_silence() });
+        }
+    }
+
+    fn handle_link_timeout(&mut self, now: Instant) {
+        let Some(link) = &mut self.link else { return };
+        if link.alarms.handle_timeout(now) {
+            let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NO_ALARM_ACK };
+            self.fail(now, down, Some(Violation::Abort.status(Service::Abort)));
+        } else if self.phase == Phase::Exchanging && link.receiver.is_expired(now) {
+            let status = Violation::ConsumerExpired.status(Service::Abort);
+            let text = if self.up { words::WATCHDOG } else { words::NO_CYCLIC };
+            self.fail(now, Down { cause: DownCause::Watchdog, code: status.0, text }, Some(status));
+        }
+    }
+}

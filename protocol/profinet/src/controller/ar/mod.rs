@@ -1,0 +1,373 @@
+//! An application relation (AR): one device, from the first look for it to its end, and again after each failure.
+//!
+//! ```text
+//! Pausing ──▶ Looking ──▶ Connecting ──▶ Writing ──▶ Ending ──▶ Readying ──▶ Exchanging
+//!    ▲        (DCP)       (Connect)      (records)   (PrmEnd)   (ApplicationReady)   │
+//!    └───────────────────────── any failure, after a pause ◀─────────────────────────┘
+//! ```
+//!
+//! It finds the device by its name, gives it its address, connects, writes its parameters and exchanges data. Any failure
+//! is reported once by [`LinkEvent::Down`]; then the AR starts over. Outputs go out from the answer to Connect on, since
+//! a device may already watch for them; they are bad until the owner sets them.
+
+mod acyclic;
+mod alarms;
+mod call;
+mod discovery;
+mod layout;
+mod link;
+mod plan;
+mod startup;
+mod words;
+
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+use core::net::Ipv4Addr;
+
+use machine::ethernet::Mac;
+use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent, Transmit};
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::config::{ArConfig, ConfigError, ControllerConfig};
+use crate::Uuid;
+use crate::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
+use crate::connect::DiffModule;
+use crate::dcp::IpSuite;
+use crate::provided::{DataError, Provided};
+use crate::rpc::{self, DEVICE_INTERFACE};
+use crate::rt::{Received, Transport};
+use crate::status::Status;
+use acyclic::Acyclic;
+use alarms::{Outcome, Parting};
+use call::Caller;
+use discovery::{Discovery, Wanted};
+use link::Link;
+use plan::Plan;
+
+/// Time without a connection after which we report it.
+const SILENT_FOR: Duration = Duration::from_secs(3);
+/// Pause before the first new attempt; it doubles up to [`PAUSE_AT_MOST`].
+const PAUSE: Duration = Duration::from_millis(100);
+/// The longest pause between attempts.
+const PAUSE_AT_MOST: Duration = Duration::from_millis(1_600);
+/// How long the device may take from PrmEnd to ApplicationReady.
+const READY_WITHIN: Duration = Duration::from_secs(20);
+/// How long we wait for the answer to a Release.
+const RELEASED_WITHIN: Duration = Duration::from_secs(1);
+
+/// Why a device cannot be driven: a status and what it says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Refusal {
+    code: u32,
+    text: &'static str,
+}
+
+/// What the AR is doing.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Phase {
+    /// Nothing, for good: the owner ended it.
+    Stopped,
+    /// It waits before it tries again.
+    Pausing { until: Instant },
+    /// It looks for the device.
+    Looking,
+    /// Connect is called.
+    Connecting,
+    /// The parameter record of this index is being written.
+    Writing { parameter: usize },
+    /// PrmEnd is called. ApplicationReady may be there already.
+    Ending { ready: bool },
+    /// The device prepares itself.
+    Readying { until: Instant },
+    /// Data go both ways.
+    Exchanging,
+    /// Release is called.
+    Releasing { until: Instant },
+}
+
+/// A controller's end of an application relation with one device.
+#[derive(Debug)]
+pub struct Ar {
+    /// MAC address of the controller.
+    own: Mac,
+    config: ArConfig,
+    plan: Plan,
+    random: Pcg64Mcg,
+    phase: Phase,
+    pause: Duration,
+    discovery: Discovery,
+    caller: Caller,
+    link: Option<Link>,
+    parting: Option<Parting>,
+    output: Provided,
+    up: bool,
+    /// When we report that no connection came about, unless something else is reported before.
+    silent_at: Option<Instant>,
+    /// What the last failure said.
+    words: &'static str,
+    /// Last failure reported since the connection was up.
+    reported: Option<Down>,
+    diff: Vec<DiffModule>,
+    events: VecDeque<LinkEvent>,
+    /// What earlier connections counted, and what belongs to none.
+    counters: Counters,
+    acyclic: Acyclic,
+}
+
+impl Ar {
+    /// An AR that starts to look for its device at `start`. `number` tells the ARs of one controller apart, from 0.
+    pub(super) fn new(
+        own: &ControllerConfig,
+        config: ArConfig,
+        number: u16,
+        start: Instant,
+    ) -> Result<Self, ConfigError> {
+        let seed = own.seed ^ start.as_nanos().rotate_left(32) ^ u64::from(number) << 48;
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let plan = Plan::new(own, &config, number, random_uuid(&mut random))?;
+        let identity = config.description.identity;
+        let discovery = Discovery::new(Wanted {
+            own_mac: own.mac,
+            name: config.station_name.as_bytes().into(),
+            identity: (identity.vendor, identity.device),
+            address: IpSuite { address: config.address, mask: own.mask, gateway: config.address },
+        });
+        let outputs = config.description.submodules();
+        let output =
+            Provided::new(outputs.map(|(slot, submodule)| (slot, submodule.subslot, submodule.output_len)));
+        Ok(Self {
+            own: own.mac,
+            plan,
+            random,
+            phase: Phase::Pausing { until: start },
+            pause: PAUSE,
+            discovery,
+            caller: Caller::new(rpc::object(1, identity), DEVICE_INTERFACE),
+            link: None,
+            parting: None,
+            output,
+            up: false,
+            silent_at: Some(start + SILENT_FOR),
+            words: words::NO_STATION,
+            reported: None,
+            diff: Vec::new(),
+            events: VecDeque::with_capacity(8),
+            counters: Counters::default(),
+            acyclic: Acyclic::Active,
+            config,
+        })
+    }
+
+    /// Whether data go both ways.
+    #[must_use]
+    pub const fn is_up(&self) -> bool {
+        self.up
+    }
+
+    /// Where the device's modules are not those of the description, after the last Connect; empty if all are.
+    #[must_use]
+    pub fn module_diff(&self) -> &[DiffModule] {
+        &self.diff
+    }
+
+    /// Frames of this AR since its start.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        let mut counters = self.counters;
+        if let Some(link) = &self.link {
+            link.count(&mut counters);
+        }
+        counters
+    }
+
+    /// The newest input data of a submodule; none while the AR is not up, and while the device calls them bad.
+    #[must_use]
+    pub fn input(&self, slot: u16, subslot: u16) -> Option<&[u8]> {
+        self.plan.layout.input.data(self.c_sdu()?, slot, subslot)
+    }
+
+    /// The newest input data of every submodule that has some, as ((slot, subslot), data) by ascending slot and subslot;
+    /// no data where the device calls them bad. Nothing at all while the AR is not up.
+    pub fn inputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
+        self.c_sdu().into_iter().flat_map(|c_sdu| self.plan.layout.input.all_data(c_sdu))
+    }
+
+    fn c_sdu(&self) -> Option<&[u8]> {
+        self.link.as_ref().filter(|_| self.up)?.receiver.usable()
+    }
+
+    /// Sets the output data of a submodule, for the next cyclic frame and every one after it. Until then they are zeros,
+    /// and bad.
+    pub fn set_output(&mut self, slot: u16, subslot: u16, data: &[u8]) -> Result<(), DataError> {
+        self.output.set(slot, subslot, data)?;
+        self.write_output();
+        Ok(())
+    }
+
+    /// Sets the output data of all submodules: calls `write` with slot, subslot and place of each, by ascending slot and
+    /// subslot.
+    pub fn set_outputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
+        self.output.set_all(write);
+        self.write_output();
+    }
+
+    fn write_output(&mut self) {
+        if let Some(link) = &mut self.link {
+            link.write_output(&self.plan, &self.output);
+        }
+    }
+
+    /// Releases the AR as the standard wants it, or gives up the attempt to connect. [`LinkEvent::Down`] tells when it is
+    /// done; nothing is sent afterwards.
+    pub fn disconnect(&mut self, now: Instant) {
+        self.acyclic = Acyclic::Active;
+        self.release(now);
+    }
+
+    /// The device's IP address.
+    pub(super) const fn address(&self) -> Ipv4Addr {
+        self.config.address
+    }
+
+    /// What carries the cyclic frames.
+    pub(super) const fn transport(&self) -> Transport {
+        self.config.transport
+    }
+
+    /// The device's MAC address, while there is a connection.
+    pub(super) fn device(&self) -> Option<Mac> {
+        self.link.as_ref().map(|link| link.device)
+    }
+
+    /// Takes a cyclic frame or an alarm, from the FrameID on. Returns whether it belongs to this AR.
+    pub(super) fn handle_rt(&mut self, now: Instant, frame_id: u16, payload: &[u8]) -> bool {
+        let Some(link) = &mut self.link else { return false };
+        if frame_id == link.receiver.frame_id() {
+            match link.receiver.handle_frame(now, payload) {
+                Received::New if self.phase == Phase::Exchanging && !self.up => self.go_up(),
+                Received::New | Received::Late => {}
+                Received::Ignored => return false,
+                Received::Malformed => self.counters.malformed += 1,
+            }
+            return true;
+        }
+        self.acyclic = Acyclic::Active;
+        let pdu = payload.get(2..).unwrap_or_default();
+        let outcome = match frame_id {
+            FRAME_ID_HIGH | FRAME_ID_LOW => link.alarms.handle(now, frame_id, pdu),
+            _ => Outcome::Foreign,
+        };
+        match outcome {
+            Outcome::Taken => {}
+            Outcome::Foreign => return false,
+            Outcome::Malformed => self.counters.malformed += 1,
+            Outcome::Aborted(status) => {
+                let down = Down { cause: DownCause::ClosedByPeer, code: status.0, text: status.text() };
+                self.fail(now, down, None);
+            }
+        }
+        true
+    }
+
+    /// Puts an end to the attempt or the connection: tells the device by `status`, if it does not know yet.
+    fn fail(&mut self, now: Instant, down: Down, status: Option<Status>) {
+        self.acyclic = Acyclic::Active;
+        if let (Some(link), Some(status)) = (&self.link, status) {
+            self.parting = Some(link.alarms.parting(status));
+        }
+        self.drop_link();
+        self.caller.cancel();
+        self.discovery.stop();
+        self.phase = Phase::Pausing { until: now + self.pause };
+        self.pause = self.pause.saturating_mul(2).min(PAUSE_AT_MOST);
+        let was_up = core::mem::take(&mut self.up);
+        let same = |reported: Down| (reported.cause, reported.code) == (down.cause, down.code);
+        let nothing_new = match self.reported {
+            Some(reported) => down.cause == DownCause::NoAnswer || same(reported),
+            // Silence is reported when it has lasted.
+            None => down.cause == DownCause::NoAnswer,
+        };
+        self.words = down.text;
+        if was_up || !nothing_new {
+            self.report(down);
+        }
+    }
+
+    fn report(&mut self, down: Down) {
+        self.reported = Some(down);
+        self.silent_at = None;
+        self.events.push_back(LinkEvent::Down(down));
+    }
+
+    fn go_up(&mut self) {
+        self.acyclic = Acyclic::Active;
+        self.up = true;
+        self.pause = PAUSE;
+        self.silent_at = None;
+        self.reported = None;
+        self.events.push_back(LinkEvent::Up);
+    }
+
+    fn drop_link(&mut self) {
+        if let Some(link) = self.link.take() {
+            link.count(&mut self.counters);
+        }
+    }
+
+    /// What to look at if nothing comes any more in this phase.
+    const fn words_for_silence(&self) -> &'static str {
+        match self.phase {
+            Phase::Connecting | Phase::Writing { .. } | Phase::Ending { .. } => words::NO_RPC,
+            Phase::Readying { .. } => words::NOT_READY,
+            Phase::Exchanging => words::NO_CYCLIC,
+            Phase::Pausing { .. } => self.words,
+            _ if self.discovery.has_found() => words::NO_SET,
+            _ => words::NO_STATION,
+        }
+    }
+
+    pub(super) fn handle_timeout(&mut self, now: Instant) {
+        let mut is_expired = false;
+        if let Some(link) = &mut self.link {
+            link.sender.handle_timeout(now);
+            is_expired = link.receiver.is_expired(now);
+        }
+        if let Acyclic::Quiet { until } = self.acyclic
+            && until.is_none_or(|until| now < until)
+            && !is_expired
+        {
+            return;
+        }
+        self.handle_acyclic_timeout(now);
+    }
+
+    /// Writes the cyclic frame that is due, if one is.
+    pub(super) fn poll_cyclic(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        self.link.as_mut()?.sender.poll_transmit(buf)
+    }
+
+    pub(super) fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.events.pop_front()
+    }
+
+    pub(super) fn poll_timeout(&self) -> Option<Instant> {
+        let acyclic = match self.acyclic {
+            Acyclic::Active => self.acyclic_timeout(),
+            Acyclic::Quiet { until } => until,
+        };
+        let Some(link) = &self.link else { return acyclic };
+        let mut next = link.sender.poll_timeout();
+        if self.phase == Phase::Exchanging {
+            next = next.min(link.receiver.poll_timeout());
+        }
+        Instant::earlier(acyclic, Some(next))
+    }
+}
+
+/// A UUID of random numbers (RFC 9562, version 4).
+fn random_uuid(random: &mut Pcg64Mcg) -> Uuid {
+    let bits = u128::from(random.next_u64()) << 64 | u128::from(random.next_u64());
+    let version = bits & !(0xF << 76) | 4 << 76;
+    Uuid((version & !(3 << 62) | 2 << 62).to_be_bytes())
+}

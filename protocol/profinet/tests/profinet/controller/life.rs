@@ -1,0 +1,123 @@
+//! A connection that data go over, and its end.
+
+use machine::wire::{BigEndian, Writer};
+use profinet::alarm::{Alarm, AlarmHead, FRAME_ID_LOW, Notification, PduType, Priority, Rta};
+use profinet::connect::ConnectRequest;
+use profinet::status::{Service, Status, Violation};
+
+use super::*;
+#[test]
+fn the_watchdog_ends_the_ar_tells_the_device_and_the_controller_reconnects() {
+    let mut cell = Cell::new(Transport::Rt1, Script::default());
+    assert_eq!(cell.run(50), [LinkEvent::Up]);
+    let first = cell.peer.connect.clone().unwrap();
+    cell.peer.script.no_cyclic = true;
+    cell.goes_down(30, &[(DownCause::Watchdog, 0xCF81_FD05, "no cyclic frame came within")]);
+    assert_eq!(cell.input(), None);
+    assert_eq!(cell.peer.partings, [Status(0xCF81_FD05)]);
+    cell.peer.script.no_cyclic = false;
+    assert_eq!(cell.run(200), [LinkEvent::Up]);
+    let second = cell.peer.connect.as_ref().unwrap();
+    assert_eq!((first.ar.session, second.ar.session), (1, 2), "another connection ...");
+    assert_eq!(first.ar.uuid, second.ar.uuid, "... of the same AR ...");
+    let endpoint = |request: &ConnectRequest| request.alarm_cr.map(|alarm_cr| alarm_cr.local_reference);
+    assert_eq!(endpoint(&first), endpoint(second), "... which keeps its alarm endpoint");
+}
+
+#[test]
+fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
+    for transport in [Transport::Rt1, Transport::Udp] {
+        let mut cell = Cell::new(transport, Script::default());
+        cell.run(50);
+        let rta = Rta {
+            destination: 0,
+            source: 9,
+            pdu_type: PduType::Error,
+            flags: Rta::WINDOW_1,
+            send_sequence: 0xFFFE,
+            ack_sequence: 0xFFFE,
+        };
+        let status = Violation::ConsumerExpired.status(Service::Abort);
+        let pdu = |w: &mut Writer<'_, BigEndian>, rta: Rta| {
+            w.u16(FRAME_ID_LOW);
+            rta.emit_error(status, w);
+        };
+        let stale = cell.peer.rt(|w| pdu(w, Rta { destination: 1, ..rta }));
+        cell.deliver(stale);
+        assert_eq!(cell.events, [], "an error PDU for another endpoint ends nothing");
+        let frame = cell.peer.rt(|w| pdu(w, rta));
+        cell.deliver(frame);
+        cell.goes_down(0, &[(DownCause::ClosedByPeer, status.0, status.text())]);
+        assert_eq!(cell.run(200), [LinkEvent::Up]);
+    }
+}
+
+#[test]
+fn an_alarm_is_acknowledged_and_data_go_on() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    let rta = Rta {
+        destination: 0,
+        source: 9,
+        pdu_type: PduType::Data,
+        flags: Rta::WINDOW_1_TACK,
+        send_sequence: 0xFFFF,
+        ack_sequence: 0xFFFE,
+    };
+    let notification = Alarm::Notification(Notification {
+        priority: Priority::Low,
+        head: AlarmHead { alarm_type: 1, api: 0, slot: 1, subslot: 1 },
+        module_ident: 0x100,
+        submodule_ident: 0x101,
+        specifier: 0,
+        items: &[],
+    });
+    let alarm = cell.peer.rt(|w| {
+        w.u16(FRAME_ID_LOW);
+        rta.emit(w, |w| notification.emit(w));
+    });
+    cell.deliver(alarm);
+    assert_eq!(cell.peer.alarm_pdus, [PduType::Ack, PduType::Data]);
+    let ack = Rta { pdu_type: PduType::Ack, ack_sequence: 0xFFFF, ..rta };
+    let ack = cell.peer.rt(|w| {
+        w.u16(FRAME_ID_LOW);
+        ack.emit(w, |_| {});
+    });
+    cell.deliver(ack);
+    assert_eq!(cell.run(1_000), []);
+}
+
+#[test]
+fn a_repeated_application_ready_is_answered_again_while_data_go() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    let again = cell.peer.application_ready();
+    cell.deliver(again);
+    assert_eq!(cell.peer.answered_ready, 2);
+    assert_eq!(cell.run(50), []);
+}
+
+#[test]
+fn disconnect_releases_the_ar_and_nothing_is_sent_afterwards() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    let now = cell.now;
+    cell.ar().disconnect(now);
+    cell.drain();
+    assert!(cell.peer.released);
+    cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
+    let frames = cell.frames;
+    assert_eq!(cell.run(10_000), []);
+    assert_eq!((cell.frames, cell.controller.poll_timeout()), (frames, None));
+}
+
+#[test]
+fn disconnect_ends_within_a_second_without_an_answer() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    cell.peer.script.silent = true;
+    let now = cell.now;
+    cell.ar().disconnect(now);
+    cell.goes_down(1_000, &[(DownCause::ClosedHere, 0, "")]);
+    assert_eq!(cell.controller.poll_timeout(), None);
+}

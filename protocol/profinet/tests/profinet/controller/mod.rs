@@ -1,0 +1,124 @@
+//! The controller against a scripted peer: one that does what a device does, or leaves out what the script says.
+
+mod life;
+mod peer;
+mod startup;
+mod strangers;
+
+use std::net::Ipv4Addr;
+
+use machine::ethernet::Mac;
+use machine::wire::FRAME_CAPACITY;
+use machine::{DownCause, Duration, Instant, LinkEvent, Machine, Source};
+use profinet::rt::Transport;
+use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter};
+
+use crate::samples;
+use peer::{Peer, Script};
+
+const CONTROLLER: Mac = Mac([2, 0, 0, 0, 0, 1]);
+const DEVICE: Mac = Mac([2, 0, 0, 0, 0, 2]);
+const CONTROLLER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
+const DEVICE_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
+
+fn controller() -> Controller {
+    let config = ControllerConfig {
+        mac: CONTROLLER,
+        station_name: "controller".into(),
+        address: CONTROLLER_ADDRESS,
+        mask: Ipv4Addr::new(255, 255, 255, 0),
+        description: samples::CONTROLLER,
+        seed: 1,
+    };
+    Controller::new(config).unwrap()
+}
+
+fn ar(transport: Transport) -> ArConfig {
+    ArConfig {
+        station_name: "device".into(),
+        address: DEVICE_ADDRESS,
+        description: samples::DEVICE,
+        parameters: vec![Parameter { slot: 1, subslot: 1, index: 1, data: vec![1, 2, 3, 4] }],
+        transport,
+        cycle: Duration::from_millis(1),
+        watchdog_cycles: 20,
+    }
+}
+
+/// Controller and peer on a cable without delay.
+struct Cell {
+    controller: Controller,
+    ar: ArId,
+    peer: Peer,
+    now: Instant,
+    events: Vec<LinkEvent>,
+    frames: usize,
+}
+
+impl Cell {
+    fn new(transport: Transport, script: Script) -> Self {
+        let mut controller = controller();
+        let ar = controller.connect(ar(transport), Instant::ZERO).unwrap();
+        Self { controller, ar, peer: Peer::new(script), now: Instant::ZERO, events: Vec::new(), frames: 0 }
+    }
+
+    fn ar(&mut self) -> &mut Ar {
+        self.controller.ar_mut(self.ar).unwrap()
+    }
+
+    /// The first byte of the input data, if they are good.
+    fn input(&mut self) -> Option<u8> {
+        self.ar().input(1, 1).map(|data| data[0])
+    }
+
+    fn deliver(&mut self, (source, frame): (Source, Vec<u8>)) {
+        self.controller.handle_frame(self.now, source, &frame);
+        self.drain();
+    }
+
+    fn drain(&mut self) {
+        let mut buf = [0; FRAME_CAPACITY];
+        for round in 0.. {
+            assert!(round < 100, "the controller sends without end");
+            let Some(transmit) = self.controller.poll_transmit(self.now, &mut buf) else { break };
+            self.frames += 1;
+            for answer in self.peer.hear(self.now, &transmit, &buf[..transmit.len]) {
+                self.controller.handle_frame(self.now, answer.0, &answer.1);
+            }
+        }
+        while let Some((ar, event)) = self.controller.poll_event() {
+            assert_eq!(ar, self.ar);
+            self.events.push(event);
+        }
+    }
+
+    fn run_until(&mut self, until: Instant) {
+        self.drain();
+        while let Some(at) = self.controller.poll_timeout().filter(|at| *at <= until) {
+            assert!(at > self.now || self.now == Instant::ZERO, "{at:?} is not after {:?}", self.now);
+            self.now = at;
+            self.controller.handle_timeout(at);
+            self.drain();
+        }
+        self.now = until;
+    }
+
+    /// Runs for so many ms and returns the events of that time.
+    fn run(&mut self, millis: u64) -> Vec<LinkEvent> {
+        self.run_until(self.now + Duration::from_millis(millis));
+        core::mem::take(&mut self.events)
+    }
+
+    /// Runs for so many ms and compares what is reported meanwhile: cause, status, and how the words begin.
+    fn goes_down(&mut self, millis: u64, expected: &[(DownCause, u32, &str)]) {
+        let events = self.run(millis);
+        let is_it = |(event, (cause, code, words)): (&LinkEvent, &(DownCause, u32, &str))| match event {
+            LinkEvent::Down(down) => {
+                (down.cause, down.code) == (*cause, *code) && down.text.starts_with(words)
+            }
+            _ => false,
+        };
+        let same = events.len() == expected.len() && events.iter().zip(expected).all(is_it);
+        assert!(same, "{events:?} instead of {expected:?}");
+    }
+}

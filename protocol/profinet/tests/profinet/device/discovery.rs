@@ -1,0 +1,174 @@
+//! DCP: finding, naming and addressing the device.
+
+use profinet::dcp::{
+    self, Block, BlockError, Code, Content, IpSuite, Pdu, Service as Dcp, emit, emit_get_request,
+};
+
+use super::*;
+
+fn request(destination: Mac, write: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
+    let mut buf = [0; 1500];
+    let header = EthernetHeader { destination, ..ethernet_header() };
+    let len = header.emit(&mut buf, write).unwrap();
+    buf[..len].to_vec()
+}
+
+fn identify<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
+    let blocks: Vec<Block<'_>> = blocks.into_iter().map(Block::from).collect();
+    request(dcp::IDENTIFY_MULTICAST, |w| emit(w, Dcp::IdentifyRequest, 7, 1, blocks))
+}
+
+fn set<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
+    let blocks: Vec<Block<'_>> = blocks.into_iter().map(Block::from).collect();
+    request(MAC, |w| emit(w, Dcp::SetRequest, 8, 0, blocks))
+}
+
+fn results(sent: &[(Transmit, Vec<u8>)]) -> Vec<(Code, BlockError)> {
+    let [(_, frame)] = sent else { panic!("one answer: {sent:?}") };
+    let (_, payload) = EthernetHeader::parse(frame).unwrap();
+    let result = |block: Result<Block<'_>, _>| match block.unwrap().content {
+        Content::Response { code, error } => (code, error),
+        other => panic!("{other:?}"),
+    };
+    Pdu::parse(payload).unwrap().blocks().map(result).collect()
+}
+
+#[test]
+fn it_answers_who_asks_for_it_and_nobody_else() {
+    let identity = samples::DEVICE.identity;
+    let ours = Content::DeviceId { vendor: identity.vendor, device: identity.device };
+    for (blocks, answers) in [
+        (vec![Content::All], true),
+        (vec![Content::NameOfStation(b"device")], true),
+        (vec![Content::NameOfStation(b"robot2")], false),
+        (vec![Content::NameOfStation(b"device"), ours], true),
+        (vec![Content::NameOfStation(b"device"), Content::DeviceId { vendor: 1, device: 1 }], false),
+        (vec![Content::DeviceRole(1)], true),
+        (vec![Content::DeviceRole(2)], false),
+        (vec![Content::AliasName(b"port-001.plc")], false),
+    ] {
+        let mut rig = Rig::new();
+        let sent = rig.receive(Port::Ethernet, &identify(blocks.iter().copied()));
+        assert_eq!(!sent.is_empty(), answers, "{blocks:?}");
+        if let [(_, frame)] = &sent[..] {
+            let (header, payload) = EthernetHeader::parse(frame).unwrap();
+            assert_eq!((header.destination, header.source), (CONTROLLER_MAC, MAC));
+            let pdu = Pdu::parse(payload).unwrap();
+            let station = dcp::Station::from_pdu(&pdu).unwrap();
+            assert_eq!((pdu.xid, station.name), (7, &b"device"[..]));
+            assert_eq!(station.ip.map(|ip| ip.address), Some(ADDRESS));
+        }
+    }
+}
+
+#[test]
+fn answers_to_many_stations_are_spread_by_the_delay_factor() {
+    let mut rig = Rig::new();
+    let blocks = [Content::All.into()];
+    let request = request(dcp::IDENTIFY_MULTICAST, |w| emit(w, Dcp::IdentifyRequest, 7, 100, blocks));
+    assert!(rig.receive(Port::Ethernet, &request).is_empty());
+    assert!(rig.advance(Duration::from_millis(19)).is_empty());
+    assert_eq!(rig.advance(Duration::from_millis(1)).len(), 1);
+}
+
+#[test]
+fn get_tells_values_and_what_is_not_there() {
+    let mut rig = Rig::new();
+    let wanted = [Code::NAME_OF_STATION, Code::ALIAS_NAME, Code(0x8001)];
+    let sent = rig.receive(Port::Ethernet, &request(MAC, |w| emit_get_request(w, 9, &wanted)));
+    let (_, payload) = EthernetHeader::parse(&sent[0].1).unwrap();
+    let blocks: Vec<_> = Pdu::parse(payload).unwrap().blocks().map(|block| block.unwrap().content).collect();
+    assert_eq!(
+        blocks,
+        [
+            Content::NameOfStation(b"device"),
+            Content::Response { code: Code::ALIAS_NAME, error: BlockError::SuboptionNotSupported },
+            Content::Response { code: Code(0x8001), error: BlockError::OptionNotSupported },
+        ]
+    );
+}
+
+#[test]
+fn a_name_is_set_if_it_is_one() {
+    let mut rig = Rig::new();
+    for (name, error) in [
+        (&b"cell-1.robot"[..], BlockError::None),
+        (b"Robot", BlockError::SuboptionNotSet),
+        (b"-robot", BlockError::SuboptionNotSet),
+        (b"a..b", BlockError::SuboptionNotSet),
+        (&[b'a'; 64], BlockError::SuboptionNotSet),
+        (b"", BlockError::None),
+    ] {
+        let sent = rig.receive(Port::Ethernet, &set([Content::NameOfStation(name)]));
+        assert_eq!(results(&sent), [(Code::NAME_OF_STATION, error)], "{name:?}");
+        if error == BlockError::None {
+            assert_eq!(rig.device.station_name(), name);
+        }
+    }
+}
+
+#[test]
+fn a_new_name_or_address_ends_the_connection_and_the_same_one_does_not() {
+    let suite = |last| IpSuite { address: Ipv4Addr::new(192, 168, 64, last), mask: MASK, gateway: ADDRESS };
+    let mut rig = Rig::connected(RtClass::Class1);
+    let sent = rig.receive(Port::Ethernet, &set([Content::NameOfStation(b"device"), Content::Ip(suite(2))]));
+    assert_eq!(results(&sent).len(), 2);
+    assert_eq!(rig.events(), []);
+    rig.receive(Port::Ethernet, &set([Content::Ip(suite(3))]));
+    assert_eq!(rig.events().len(), 1, "the owner is asked first");
+    rig.device.address_set(rig.now, true);
+    let [LinkEvent::Down(down)] = rig.events()[..] else { panic!("the connection is over") };
+    assert_eq!(down.code, 0xCF81_FD25);
+
+    let mut rig = Rig::connected(RtClass::Class1);
+    rig.receive(Port::Ethernet, &set([Content::NameOfStation(b"other")]));
+    let [LinkEvent::Down(down)] = rig.events()[..] else { panic!("the connection is over") };
+    assert_eq!(down.code, 0xCF81_FD1F);
+}
+
+#[test]
+fn an_address_that_no_host_has_or_that_the_owner_cannot_set_is_refused() {
+    let mut rig = Rig::new();
+    let ip = |address: [u8; 4], mask: [u8; 4]| {
+        Content::Ip(IpSuite { address: address.into(), mask: mask.into(), gateway: address.into() })
+    };
+    let mask = [255, 255, 255, 0];
+    for (content, error) in [
+        (ip([224, 0, 0, 1], mask), BlockError::SuboptionNotSet),
+        (ip([127, 0, 0, 1], mask), BlockError::SuboptionNotSet),
+        (ip([10, 0, 0, 1], [255, 0, 255, 0]), BlockError::SuboptionNotSet),
+    ] {
+        assert_eq!(results(&rig.receive(Port::Ethernet, &set([content]))), [(Code::IP, error)]);
+    }
+    assert!(rig.receive(Port::Ethernet, &set([ip([10, 0, 0, 1], mask)])).is_empty());
+    rig.device.address_set(rig.now, false);
+    assert_eq!(results(&rig.drain()), [(Code::IP, BlockError::NotPossible)]);
+}
+
+#[test]
+fn signal_and_reset_are_answered_and_unknown_options_refused_one_by_one() {
+    let mut rig = Rig::new();
+    let blocks = [
+        Content::Start,
+        Content::Signal(0x0100),
+        Content::ResetToFactory,
+        Content::AliasName(b"x"),
+        Content::Unknown(Code(0x8001), &[]),
+        Content::End,
+    ];
+    let errors: Vec<_> =
+        results(&rig.receive(Port::Ethernet, &set(blocks))).iter().map(|(_, error)| *error).collect();
+    use BlockError::{None, OptionNotSupported, SuboptionNotSupported};
+    assert_eq!(errors, [None, None, None, SuboptionNotSupported, OptionNotSupported, None]);
+}
+
+#[test]
+fn a_flood_of_requests_fills_the_queue_and_no_more() {
+    let mut rig = Rig::new();
+    let source = Source { port: Port::Ethernet, peer: None };
+    for _ in 0..1_000 {
+        rig.device.handle_frame(rig.now, source, &identify([Content::All]));
+    }
+    assert_eq!(rig.drain().len(), 8);
+    assert_eq!(rig.device.counters().foreign, 992);
+}

@@ -1,0 +1,17 @@
+//! The behaviour of IO-Controller and IO-Device: each alone against scripted peers, and both on one cable.
+#![expect(
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "helpers of tests may fail as loudly as tests"
+)]
+
+#[expect(dead_code, reason = "the tests of the codecs use the others")]
+#[path = "../../src/captured.rs"]
+mod captured;
+mod controller;
+mod device;
+mod loss;
+mod pair;
+mod samples;

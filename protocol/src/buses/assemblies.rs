@@ -1,0 +1,101 @@
+//! EtherNet/IP: the image is the data of one assembly in its direction.
+
+use core::fmt;
+
+use ethernet_ip::{Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
+use machine::wire::LittleEndian;
+use machine::{Counters, Instant};
+
+use super::machine_with_one_connection;
+use crate::fieldbus::Fieldbus;
+use crate::image::{IMAGE_LEN, Image};
+use crate::stations::{COMMAND, FEEDBACK};
+
+/// A scanner with one connection.
+#[derive(Debug)]
+pub struct EthernetIpScanner {
+    scanner: Scanner,
+    connection: Option<ConnectionId>,
+}
+
+impl EthernetIpScanner {
+    /// A scanner that begins to connect at `start`.
+    #[must_use]
+    pub fn new(config: ScannerConfig, connection: ConnectionConfig, start: Instant) -> Self {
+        let mut scanner = Scanner::new(config);
+        // A scanner without connections has room for one.
+        let connection = scanner.connect(connection, start).ok();
+        Self { scanner, connection }
+    }
+
+    /// The connection to the adapter.
+    #[must_use]
+    pub fn connection(&self) -> Option<&Connection> {
+        self.scanner.connection(self.connection?)
+    }
+
+    fn connection_mut(&mut self) -> Option<&mut Connection> {
+        self.scanner.connection_mut(self.connection?)
+    }
+}
+
+machine_with_one_connection!(EthernetIpScanner, scanner);
+
+impl Fieldbus for EthernetIpScanner {
+    type Order = LittleEndian;
+
+    /// The assembly may be shorter or longer than the image.
+    fn set_output(&mut self, image: &Image) {
+        if let Some(connection) = self.connection_mut() {
+            for (place, byte) in connection.output_mut().iter_mut().zip(image) {
+                *place = *byte;
+            }
+        }
+    }
+
+    /// The assembly may be shorter or longer than the image.
+    fn input(&self) -> Option<Image> {
+        let mut image = [0; IMAGE_LEN];
+        let data = self.connection()?.input()?;
+        for (place, byte) in image.iter_mut().zip(data) {
+            *place = *byte;
+        }
+        Some(image)
+    }
+
+    fn disconnect(&mut self, now: Instant) {
+        if let Some(connection) = self.connection_mut() {
+            connection.disconnect(now);
+        }
+    }
+
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.connection().map_or(Ok(()), |connection| connection.explain(words))
+    }
+
+    fn counters(&self) -> Counters {
+        self.connection().map(Connection::counters).unwrap_or_default() + self.scanner.counters()
+    }
+}
+
+/// An adapter that is described by [`ETHERNET_IP_ROBOT`](crate::stations::ETHERNET_IP_ROBOT).
+impl Fieldbus for Adapter {
+    type Order = LittleEndian;
+
+    fn set_output(&mut self, image: &Image) {
+        let taken = self.set_produced(FEEDBACK, image);
+        debug_assert!(taken.is_ok(), "an adapter with another description: {taken:?}");
+    }
+
+    fn input(&self) -> Option<Image> {
+        self.consumed(COMMAND)?.try_into().ok()
+    }
+
+    fn disconnect(&mut self, now: Instant) {
+        self.disconnect(now);
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters()
+    }
+}

@@ -1,0 +1,70 @@
+//! The stacks' endpoints as [`Fieldbus`](crate::fieldbus::Fieldbus): what carries the image on each bus.
+
+mod assemblies;
+mod submodules;
+
+pub use assemblies::EthernetIpScanner;
+pub use submodules::ProfinetController;
+
+/// Implements [`machine::Machine`] for an endpoint with one connection: all of its methods but that for events.
+macro_rules! machine_with_one_connection {
+    ($endpoint:ident, $machine:ident) => {
+        impl machine::Machine for $endpoint {
+            type Event = machine::LinkEvent;
+
+            fn ports(&self) -> &[machine::PortRequest] {
+                self.$machine.ports()
+            }
+
+            fn handle_frame(&mut self, now: machine::Instant, from: machine::Source, frame: &[u8]) {
+                self.$machine.handle_frame(now, from, frame);
+            }
+
+            fn handle_broadcast(&mut self, now: machine::Instant, from: machine::Source, frame: &[u8]) {
+                self.$machine.handle_broadcast(now, from, frame);
+            }
+
+            fn handle_stream(
+                &mut self,
+                now: machine::Instant,
+                stream: machine::StreamId,
+                change: machine::StreamChange,
+            ) {
+                self.$machine.handle_stream(now, stream, change);
+            }
+
+            fn listen_port(&self) -> Option<u16> {
+                self.$machine.listen_port()
+            }
+
+            fn poll_stream(&mut self) -> Option<machine::StreamRequest> {
+                self.$machine.poll_stream()
+            }
+
+            fn dscp(&self, port: machine::Port) -> u8 {
+                self.$machine.dscp(port)
+            }
+
+            fn group(&self, port: machine::Port, index: usize) -> Option<core::net::Ipv4Addr> {
+                self.$machine.group(port, index)
+            }
+
+            fn handle_timeout(&mut self, now: machine::Instant) {
+                self.$machine.handle_timeout(now);
+            }
+
+            fn poll_transmit(&mut self, now: machine::Instant, buf: &mut [u8]) -> Option<machine::Transmit> {
+                self.$machine.poll_transmit(now, buf)
+            }
+
+            fn poll_event(&mut self) -> Option<machine::LinkEvent> {
+                self.$machine.poll_event().map(|(_, event)| event)
+            }
+
+            fn poll_timeout(&self) -> Option<machine::Instant> {
+                self.$machine.poll_timeout()
+            }
+        }
+    };
+}
+use machine_with_one_connection;

@@ -1,0 +1,130 @@
+//! PROFINET: the image is the data of all submodules in its direction, one after another by slot and subslot.
+
+use machine::wire::BigEndian;
+use machine::{Counters, Instant};
+use profinet::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Device};
+
+use super::machine_with_one_connection;
+use crate::fieldbus::Fieldbus;
+use crate::image::{IMAGE_LEN, Image};
+
+/// An IO-Controller that drives one IO-Device.
+#[derive(Debug)]
+pub struct ProfinetController {
+    controller: Controller,
+    ar: ArId,
+}
+
+impl ProfinetController {
+    /// A controller that starts to look for its device at `start`.
+    pub fn new(config: ControllerConfig, device: ArConfig, start: Instant) -> Result<Self, ConfigError> {
+        let mut controller = Controller::new(config)?;
+        let ar = controller.connect(device, start)?;
+        Ok(Self { controller, ar })
+    }
+
+    /// The AR with the device.
+    #[must_use]
+    pub fn ar(&self) -> Option<&Ar> {
+        self.controller.ar(self.ar)
+    }
+}
+
+machine_with_one_connection!(ProfinetController, controller);
+
+impl Fieldbus for ProfinetController {
+    type Order = BigEndian;
+
+    fn set_output(&mut self, image: &Image) {
+        if let Some(ar) = self.controller.ar_mut(self.ar) {
+            ar.set_outputs(split(image));
+        }
+    }
+
+    fn input(&self) -> Option<Image> {
+        joined(self.ar()?.inputs())
+    }
+
+    fn disconnect(&mut self, now: Instant) {
+        if let Some(ar) = self.controller.ar_mut(self.ar) {
+            ar.disconnect(now);
+        }
+    }
+
+    fn counters(&self) -> Counters {
+        self.ar().map(Ar::counters).unwrap_or_default() + self.controller.counters()
+    }
+}
+
+impl Fieldbus for Device {
+    type Order = BigEndian;
+
+    fn set_output(&mut self, image: &Image) {
+        self.set_inputs(split(image));
+    }
+
+    fn input(&self) -> Option<Image> {
+        joined(self.outputs())
+    }
+
+    fn disconnect(&mut self, now: Instant) {
+        self.disconnect(now);
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters()
+    }
+
+    fn address_set(&mut self, now: Instant, done: bool) {
+        self.address_set(now, done);
+    }
+}
+
+/// Writes the next part of the image with each call, and zeros behind its end.
+fn split(image: &Image) -> impl FnMut(u16, u16, &mut [u8]) {
+    let mut rest = &image[..];
+    move |_, _, place| {
+        let (part, later) = rest.split_at(place.len().min(rest.len()));
+        rest = later;
+        if let Some((data, beyond)) = place.split_at_mut_checked(part.len()) {
+            data.copy_from_slice(part);
+            beyond.fill(0);
+        }
+    }
+}
+
+/// The image in these data, with zeros behind their end; none where there are none, or one of them is bad.
+fn joined<'a>(all: impl Iterator<Item = ((u16, u16), Option<&'a [u8]>)>) -> Option<Image> {
+    let mut all = all.peekable();
+    all.peek()?;
+    let mut image = [0; IMAGE_LEN];
+    let mut rest = &mut image[..];
+    for (_, data) in all {
+        let data = data?;
+        let (part, later) = rest.split_at_mut(data.len().min(rest.len()));
+        part.copy_from_slice(data.get(..part.len()).unwrap_or_default());
+        rest = later;
+    }
+    Some(image)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_is_split_over_submodules_and_joined_again() {
+        let image: Image = core::array::from_fn(|index| index as u8);
+        let mut parts = [vec![0xFF; 10], vec![0xFF; 240], vec![0xFF; 10]];
+        let mut write = split(&image);
+        parts.iter_mut().for_each(|part| write(0, 0, part));
+        assert_eq!(parts[0], image[..10]);
+        assert_eq!(parts[2], [250, 251, 252, 253, 254, 255, 0, 0, 0, 0]);
+        let all = || parts.iter().map(|part| ((0, 0), Some(&part[..])));
+        assert_eq!(joined(all()), Some(image));
+        assert_eq!(joined(all().chain([((0, 0), None)])), None, "one of them is bad");
+        assert_eq!(joined(core::iter::empty()), None);
+        let short = joined(all().take(1)).unwrap();
+        assert_eq!((&short[..10], &short[10..]), (&image[..10], &[0; IMAGE_LEN - 10][..]));
+    }
+}
