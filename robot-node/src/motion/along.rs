@@ -6,15 +6,16 @@
 //! q'·ṡ        q'·s̈ + q''·ṡ²        q'·s⃛ + 3·q''·ṡ·s̈ + q'''·ṡ³
 //! ```
 //!
-//! and so are the tool's, with its place x(s). Acceleration and jerk along the curve get at most half of what an axis
-//! has, whatever the speed; the speed then gets all that is left. So a higher programmed speed never makes a motion
-//! slower.
+//! and so are the tool's, with its place x(s). Limits that surely hold come first: acceleration and jerk along the curve get
+//! at most half of what an axis has, whatever the speed, and the speed all that is left. Where they are below the programmed
+//! ones, a better [`Split`] of the same limits is sought for the length of the curve.
 
 use arrayvec::ArrayVec;
 
 use super::curve::Curve;
 use super::derivatives::{Channel, Derivatives, NODES, PLACES, SHARES, Samples, largest, most};
 use super::profile::Limits;
+use super::split::{Bend, Split, Stretch};
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve for what the samples do not show. Where they leave out more, the curve is cut.
@@ -67,10 +68,13 @@ pub(super) fn along(
     curve: &Curve,
     from: &Joints,
     programmed: Limits,
+    way: f64,
     arm: &Arm,
 ) -> Result<Followed, Violation> {
     let mut trail = Trail::new();
-    let mut found = Found { limits: programmed, slowest_axis: 1 };
+    let mut found = Found { limits: programmed, slowest_axis: 1, bend: Bend::default() };
+    let mut pieces = [Derivatives::NONE; PIECES as usize];
+    let mut count = 0;
     let is_cut = matches!(curve, Curve::Arc(arc) if arc.opening_deg() > RESOLVED_ARC_DEG);
     let (mut joints, mut done, mut size) = (*from, 0, if is_cut { 1 } else { PIECES });
     while done < PIECES {
@@ -87,23 +91,31 @@ pub(super) fn along(
         }
         // By the way, the tool's first derivative is 1.
         let tool_from = (!matches!(curve, Curve::Line(_))).then_some(1);
-        let mut derivatives = Derivatives::NONE;
+        let derivatives = &mut pieces[count];
         derivatives.find(&samples, width, arm.axes(), tool_from);
         let mut next = found;
-        next.keep(curve, &derivatives, programmed, size == 1, arm);
+        next.keep(curve, derivatives, programmed, size == 1, arm);
         let is_resolved = next.limits.speed >= programmed.speed * SINGULAR_SHARE
-            && next.holds_with_what_is_left_out(curve, &derivatives, arm);
+            && holds_with_what_is_left_out(&next.limits, curve, derivatives, arm);
         if size > 1 && !is_resolved {
             size /= 2;
             continue;
         }
         derivatives.within_range(width, arm)?;
         (0..NODES).for_each(|node| trail.push((start + SHARES[node] * width, samples.joints(node))));
-        (found, joints, done) = (next, end, done + size);
+        (found, joints, done, count) = (next, end, done + size, count + 1);
     }
-    let Found { limits, slowest_axis } = found;
+    let Found { mut limits, slowest_axis, bend } = found;
     if limits.speed < programmed.speed * SINGULAR_SHARE {
         return Err(Violation::Singular { axis: slowest_axis, share: limits.speed / programmed.speed });
+    }
+    if limits != programmed {
+        let off = if count == 1 { 0.0 } else { 1.0 };
+        let stretches = pieces.each_ref().map(|derivatives| Stretch { derivatives, off });
+        let split = Split { stretches: &stretches[..count], bend, programmed, arm, reserve: RESERVE };
+        let is_known =
+            |limits: &Limits| count > 1 || holds_with_what_is_left_out(limits, curve, &pieces[0], arm);
+        limits = split.fastest(way, limits, is_known);
     }
     let length = curve.length();
     let from_start = unambiguous(from, trail.iter().map(|(way, joints)| (*way, joints)), length / 2.0, arm);
@@ -171,6 +183,7 @@ fn sampled(
 struct Found {
     limits: Limits,
     slowest_axis: u8,
+    bend: Bend,
 }
 
 impl Found {
@@ -180,13 +193,14 @@ impl Found {
         if !matches!(curve, Curve::Line(_)) {
             let (mut bends, mut changes) = ([0.0; PLACES], [0.0; PLACES]);
             for (at, (bend, change)) in bends.iter_mut().zip(&mut changes).enumerate() {
-                *bend = piece.tool_square(1, at);
+                *bend = piece.tool_product(1, 1, at);
                 // By the way, the third derivative is -curvature² along the path. The rest of it is across.
-                *change = (piece.tool_square(2, at) - *bend * *bend).max(0.0);
+                *change = (piece.tool_product(2, 2, at) - *bend * *bend).max(0.0);
             }
             let (mut curvature, mut change) = (largest(&bends).sqrt(), largest(&changes).sqrt());
             curvature += scale * length(piece.tool_off(1));
             change += scale * length(piece.tool_off(2));
+            self.bend = self.bend.max(Bend { curvature, change });
             self.keep_tool(curvature, change, programmed);
         }
         let rated = arm.limits();
@@ -227,24 +241,24 @@ impl Found {
         let across = changing + 3.0 * curvature * *speed * *acceleration;
         *jerk = jerk.min(along(programmed.jerk, across) - curvature * curvature * cube(*speed));
     }
+}
 
-    /// Whether these limits keep what the arm allows even if the derivatives are off by as much as they may be.
-    fn holds_with_what_is_left_out(&self, curve: &Curve, piece: &Derivatives, arm: &Arm) -> bool {
-        let Limits { speed, acceleration, jerk } = self.limits;
-        let reserve = 1.0 - RESERVE;
-        let rated = arm.limits();
-        let of_joints = piece.joints().iter().enumerate().take(arm.axes()).all(|(axis, joint)| {
-            let [slope, bend, twist] = joint.off;
-            slope * speed <= reserve * rated.speed[axis]
-                && slope * acceleration + bend * speed * speed <= reserve * rated.acceleration[axis]
-                && slope * jerk + 3.0 * bend * speed * acceleration + twist * cube(speed)
-                    <= reserve * rated.jerk[axis]
-        });
-        let (bend, twist) = (length(piece.tool_off(1)), length(piece.tool_off(2)));
-        let of_tool = bend * speed * speed <= 1e-3 * acceleration
-            && 3.0 * bend * speed * acceleration + twist * cube(speed) <= 1e-3 * jerk;
-        of_joints && (of_tool || matches!(curve, Curve::Line(_)))
-    }
+/// Whether these limits keep what the arm allows even if the derivatives are off by as much as they may be.
+fn holds_with_what_is_left_out(limits: &Limits, curve: &Curve, piece: &Derivatives, arm: &Arm) -> bool {
+    let Limits { speed, acceleration, jerk } = *limits;
+    let reserve = 1.0 - RESERVE;
+    let rated = arm.limits();
+    let of_joints = piece.joints().iter().enumerate().take(arm.axes()).all(|(axis, joint)| {
+        let [slope, bend, twist] = joint.off;
+        slope * speed <= reserve * rated.speed[axis]
+            && slope * acceleration + bend * speed * speed <= reserve * rated.acceleration[axis]
+            && slope * jerk + 3.0 * bend * speed * acceleration + twist * cube(speed)
+                <= reserve * rated.jerk[axis]
+    });
+    let (bend, twist) = (length(piece.tool_off(1)), length(piece.tool_off(2)));
+    let of_tool = bend * speed * speed <= 1e-3 * acceleration
+        && 3.0 * bend * speed * acceleration + twist * cube(speed) <= 1e-3 * jerk;
+    of_joints && (of_tool || matches!(curve, Curve::Line(_)))
 }
 
 fn cube(value: f64) -> f64 {

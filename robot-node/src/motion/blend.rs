@@ -13,25 +13,22 @@
 //! of its ends and the corner point, and so never farther from the corner than its zone. That sum is taken over the tool's place
 //! and orientation where both motions lead the same tool, and over the joints where one goes point to point.
 //!
-//! A corner is passed at one rate as a rule. Its limits leave room to brake in it and to start again, for a stop on
-//! the path may come at any moment.
+//! Its speed passes from that of the first motion to that of the second. [`Load`] leaves some room to change it in the corner,
+//! for a stop on the path may come at any moment.
 
 use super::curve::Curve;
-use super::derivatives::{Channel, Derivatives, NODES, SHARES, Samples, most};
+use super::derivatives::{Derivatives, NODES, SHARES, Samples};
 use super::flange::Flange;
+use super::load::Load;
 use super::profile::Limits;
 use super::segment::Segment;
-use crate::arm::{AXES, Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
+use crate::arm::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 
 /// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of h at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
 
-/// What joint limits keep in reserve for what lies between the samples.
-const RESERVE: f64 = 0.97;
-
-/// The shares of accelerations and of jerks that a corner takes at its highest rate. The rest is for braking in it.
-const BENDING: f64 = 0.9;
-const TWISTING: f64 = 0.8;
+/// Zones whose motions would take times that are this near to each other, as a share, are left as they are.
+const MATCHED: f64 = 0.95;
 
 /// A zone is found to this share of itself; it errs to the smaller side.
 const ZONE_ACCURACY: f64 = 1e-3;
@@ -89,12 +86,33 @@ impl Blend {
                 limits: Limits { speed: 0.0, acceleration: 0.0, jerk: 0.0 },
             };
             match blend.find_limits(first, second, arm) {
-                Ok(()) => return Some(blend),
+                Ok(rate) => return Some(blend.with_matched_zones(rate, first, second, arm)),
                 Err(Unfit::Arm) => return None,
                 Err(Unfit::TooFar) => distance_mm *= 0.9,
             }
         }
         None
+    }
+
+    /// The same with a smaller zone of the slower motion, if that takes less time. Else both motions would share its whole
+    /// zone, and the faster one be as slow there. At `rate` the corner could be passed if only the arm counted.
+    fn with_matched_zones(self, rate: f64, first: &Segment, second: &Segment, arm: &Arm) -> Self {
+        let speeds = [first.limits.speed, second.limits.speed];
+        let [one, other] =
+            [self.from_zone / speeds[0], self.to_zone / speeds[1]].map(|time| BORDER_SLOPE * time);
+        let share = one.min(other).max(1.0 / rate) / one.max(other);
+        if share > MATCHED {
+            return self;
+        }
+        let mut matched = self;
+        *if one > other { &mut matched.from_zone } else { &mut matched.to_zone } *= share;
+        let duration = |blend: &Self| {
+            let left_out = [self.from_zone - blend.from_zone, self.to_zone - blend.to_zone];
+            1.0 / blend.limits.speed + left_out[0] / speeds[0] + left_out[1] / speeds[1]
+        };
+        let is_better =
+            matched.find_limits(first, second, arm).is_ok() && duration(&matched) < duration(&self);
+        if is_better { matched } else { self }
     }
 
     /// The joints at share `w` of the corner's time.
@@ -140,8 +158,9 @@ impl Blend {
         Some((core::array::from_fn(|i| sum(&one[i], corner, &two[i])), flange))
     }
 
-    /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows.
-    fn find_limits(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
+    /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows. Returns the
+    /// highest rate at which it would if the motions' speeds did not count.
+    fn find_limits(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<f64, Unfit> {
         let mut samples = Samples::default();
         let corner =
             first.curve.end_tool().map_or_else(|| first.tool_at(&first.end, arm), |tool| tool.position);
@@ -174,99 +193,28 @@ impl Blend {
         if tools.is_some() && arm.largest_turn(&first.end, &near).1 > 180.0 {
             return Err(Unfit::Arm);
         }
-        let has_tool = first.tool_acceleration.min(second.tool_acceleration).is_finite();
+        let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
         let mut corner = Derivatives::NONE;
-        corner.find(&samples, 1.0, arm.axes(), has_tool.then_some(0));
+        corner.find(&samples, 1.0, arm.axes(), tool_acceleration.is_finite().then_some(0));
         corner.within_range(1.0, arm).map_err(|_| Unfit::Arm)?;
-        let load = Load::of(first, second, corner.with_tool_lengths(), arm);
+        let load = Load {
+            corner: &corner,
+            arm,
+            axis_share: first.axis_share.min(second.axis_share),
+            tool_acceleration,
+            tool_jerk: first.tool_jerk.min(second.tool_jerk),
+        };
         self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
             .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
-        self.limits = load.limits(self.programmed_rate);
-        if self.limits.speed > 0.0 { Ok(()) } else { Err(Unfit::Arm) }
+        let rate = load.highest_rate();
+        self.limits = load.limits(rate.min(self.programmed_rate));
+        if self.limits.speed > 0.0 { Ok(rate) } else { Err(Unfit::Arm) }
     }
 }
 
 /// How far the eased share of a zone has come: 2·w³ − w⁴.
 fn eased(w: f64) -> f64 {
     w * w * w * (2.0 - w)
-}
-
-/// What a corner asks of each joint, and last of the tool: the derivatives by the corner's share, and one over the
-/// limits that they are held against.
-struct Load<'a> {
-    channels: &'a [Channel; AXES + 1],
-    of_speed: [f64; AXES + 1],
-    of_acceleration: [f64; AXES + 1],
-    of_jerk: [f64; AXES + 1],
-}
-
-impl<'a> Load<'a> {
-    fn of(first: &Segment, second: &Segment, channels: &'a [Channel; AXES + 1], arm: &Arm) -> Self {
-        let share = first.axis_share.min(second.axis_share);
-        let rated = arm.limits();
-        let one_over = |joints: &Joints, share: f64, tool: f64| {
-            let joints = joints.map(|limit| 1.0 / (RESERVE * share * limit));
-            core::array::from_fn(|axis| joints.get(axis).copied().unwrap_or(1.0 / tool))
-        };
-        let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
-        Self {
-            channels,
-            of_speed: one_over(&rated.speed, 1.0, f64::INFINITY),
-            of_acceleration: one_over(&rated.acceleration, share, tool_acceleration),
-            of_jerk: one_over(&rated.jerk, share, first.tool_jerk.min(second.tool_jerk)),
-        }
-    }
-
-    /// The highest rate up to `speed`, and how it may change.
-    fn limits(&self, speed: f64) -> Limits {
-        let highest = |order: usize, by: &[f64; AXES + 1]| {
-            let channels = self.channels.iter().zip(by).filter(|(_, by)| **by > 0.0);
-            channels.map(|(channel, by)| by * channel.largest(order, 1.0)).fold(0.0, f64::max)
-        };
-        let rate = speed
-            .min(1.0 / highest(0, &self.of_speed))
-            .min((BENDING / highest(1, &self.of_acceleration)).sqrt())
-            .min(libm::cbrt(TWISTING / highest(2, &self.of_jerk)));
-        let (square, cube) = (rate * rate, rate * rate * rate);
-        let (mut acceleration, mut jerk) = (f64::MAX, f64::MAX);
-        let limited = || {
-            let limits = self.of_acceleration.iter().zip(&self.of_jerk);
-            self.channels.iter().zip(limits).filter(|(_, (_, of_jerk))| **of_jerk > 0.0)
-        };
-        for (channel, (of_acceleration, of_jerk)) in limited() {
-            let size = |order: usize, at: usize| channel.size(order, at, 1.0);
-            least(&mut acceleration, |at| {
-                (1.0 - size(1, at) * of_acceleration * square, size(0, at) * of_acceleration)
-            });
-            least(&mut acceleration, |at| {
-                (1.0 - size(2, at) * of_jerk * cube, size(1, at) * 6.0 * of_jerk * rate)
-            });
-        }
-        for (channel, (_, of_jerk)) in limited() {
-            let size = |order: usize, at: usize| channel.size(order, at, 1.0);
-            least(&mut jerk, |at| {
-                let taken = size(2, at) * cube + 3.0 * size(1, at) * rate * acceleration;
-                (1.0 - taken * of_jerk, size(0, at) * of_jerk)
-            });
-        }
-        Limits { speed: rate, acceleration, jerk }
-    }
-}
-
-/// Reduces a limit to what is left at each point divided by what it counts there.
-#[inline]
-fn least(limit: &mut f64, left_and_count: impl Fn(usize) -> (f64, f64)) {
-    // As a rule there is more at every point, and nothing to divide.
-    let missing = most(0.0, |at| {
-        let (left, count) = left_and_count(at);
-        *limit * count - left
-    });
-    if missing > 0.0 {
-        *limit = -most(-*limit, |at| {
-            let (left, count) = left_and_count(at);
-            -(left / count)
-        });
-    }
 }
 
 /// Why a corner cannot be rounded as tried.

@@ -196,23 +196,12 @@ impl Derivatives {
         within(Channel::bounds).or_else(|_| within(Channel::range))
     }
 
-    /// The square of the length of the tool's derivative (order 0: the first) at one of the places.
-    pub(super) fn tool_square(&self, order: usize, at: usize) -> f64 {
+    /// The product of two of the tool's derivatives (order 0: the first) at one of the places: the square of one's length if
+    /// both are the same.
+    pub(super) fn tool_product(&self, one: usize, other: usize, at: usize) -> f64 {
         let [.., x, y, z] = &self.0;
-        let [x, y, z] = [x, y, z].map(|coordinate| coordinate.at[order][at]);
-        x * x + y * y + z * z
-    }
-
-    /// Those of each joint, and in place of the tool's coordinates the lengths of its derivatives.
-    pub(super) fn with_tool_lengths(&mut self) -> &[Channel; AXES + 1] {
-        for order in 0..3 {
-            for at in 0..PLACES {
-                self.0[AXES].at[order][at] = self.tool_square(order, at).sqrt();
-            }
-        }
-        self.0[AXES].off = [0.0; 3];
-        let [joints_and_tool @ .., _, _] = &self.0;
-        joints_and_tool
+        let [x, y, z] = [x, y, z].map(|coordinate| coordinate.at[one][at] * coordinate.at[other][at]);
+        x + y + z
     }
 
     /// What the tool's derivative of an order may be off.

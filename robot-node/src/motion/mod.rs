@@ -14,12 +14,14 @@ mod curve;
 mod derivatives;
 mod flange;
 mod interpolator;
+mod load;
 mod path;
 mod plan;
 mod profile;
 mod segment;
 mod settle;
 mod spline;
+mod split;
 
 pub use append::Appended;
 pub use arc::Arc;

@@ -298,7 +298,6 @@ impl Path {
                     limits,
                     programmed: limits.speed,
                     ratio,
-                    is_corner: false,
                     profile: straight.profile,
                     time: straight.entry + time,
                 };
@@ -312,7 +311,6 @@ impl Path {
                     limits: blend.limits,
                     programmed: blend.programmed_rate,
                     ratio: BORDER_SLOPE * blend.to_zone,
-                    is_corner: true,
                     profile: law.profile,
                     time: law.entry + if in_blend { time } else { 0.0 },
                 };

@@ -25,7 +25,6 @@ pub(super) struct Part {
     pub(super) programmed: f64,
     /// The speed in the next part's unit for each unit of speed in this one; 0 where the arm stops.
     pub(super) ratio: f64,
-    pub(super) is_corner: bool,
     pub(super) profile: Profile,
     /// When in that law the arm is where the part starts, in s.
     pub(super) time: f64,
@@ -108,16 +107,14 @@ impl Part {
     }
 }
 
-/// The highest speeds at the ends of all parts, backward over them. A corner is not slowed down in, as long as nothing
-/// unforeseen happens.
+/// The highest speeds at the ends of all parts, backward over them.
 fn highest(parts: &[Part], factor: f64) -> [f64; PARTS] {
     let mut exits = [0.0; PARTS];
     let mut next_entry = 0.0_f64;
     for (part, exit) in parts.iter().zip(&mut exits).rev() {
         let speed = part.speed(factor);
         *exit = if part.ratio > 0.0 { speed.min(next_entry / part.ratio) } else { 0.0 };
-        let reachable = reachable_speed(*exit, part.length, &part.limits).min(speed);
-        next_entry = if part.is_corner { *exit } else { reachable };
+        next_entry = reachable_speed(*exit, part.length, &part.limits).min(speed);
     }
     exits
 }

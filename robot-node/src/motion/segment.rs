@@ -11,6 +11,10 @@ use super::spline::Spline;
 use crate::RobotConfig;
 use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
 
+/// How long the way is on which an approximated motion speeds up and slows down, by its own length: it begins or ends in
+/// motion.
+const PASSED: f64 = 3.0;
+
 /// One motion, ready to run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Segment {
@@ -103,13 +107,15 @@ impl Segment {
                     Curve::Line(line)
                 }
             };
+            // Where it goes on into another motion, that one's way counts too.
+            let way = |curve: &Curve| curve.length() * if approximation_mm > 0.0 { PASSED } else { 1.0 };
             let (curve, Followed { end, limits, zones }) = match going_on(before, &curve) {
                 // Where the arm cannot follow the bend, the line that it may stop before is what counts.
-                Some(bent) => match along(&bent, from, programmed, arm) {
+                Some(bent) => match along(&bent, from, programmed, way(&bent), arm) {
                     Ok(found) => (bent, found),
-                    Err(_) => (curve, along(&curve, from, programmed, arm)?),
+                    Err(_) => (curve, along(&curve, from, programmed, way(&curve), arm)?),
                 },
-                None => (curve, along(&curve, from, programmed, arm)?),
+                None => (curve, along(&curve, from, programmed, way(&curve), arm)?),
             };
             let (tool_acceleration, tool_jerk) = (programmed.acceleration, programmed.jerk);
             Ok(Self {
@@ -158,7 +164,8 @@ impl Segment {
     #[must_use]
     pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
         let curve = Curve::Spline(spline);
-        let Followed { end, limits, zones } = along(&curve, from, spline.programmed(), arm).ok()?;
+        let Followed { end, limits, zones } =
+            along(&curve, from, spline.programmed(), PASSED * curve.length(), arm).ok()?;
         let same_turns = end.iter().zip(&self.end).all(|(one, other)| (one - other).abs() < 1e-3);
         same_turns.then_some(Self { curve, end, limits, zones, ..*self })
     }

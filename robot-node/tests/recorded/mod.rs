@@ -138,11 +138,15 @@ impl Section {
     }
 }
 
-/// What both limits allow.
+/// What both limits allow in a corner, where the speed passes from that of one motion to that of the other.
 fn both(one: Bounds, other: Bounds) -> Bounds {
-    let least = |one: &Joints, other: &Joints| core::array::from_fn(|axis| one[axis].min(other[axis]));
+    let of = |order: usize, one: f64, other: f64| if order == 0 { one.max(other) } else { one.min(other) };
+    let joints = |order: usize| {
+        let (one, other) = (&one.joints[order], &other.joints[order]);
+        core::array::from_fn(|axis| of(order, one[axis], other[axis]))
+    };
     Bounds {
-        joints: core::array::from_fn(|order| least(&one.joints[order], &other.joints[order])),
-        tool: core::array::from_fn(|order| one.tool[order].min(other.tool[order])),
+        joints: core::array::from_fn(joints),
+        tool: core::array::from_fn(|order| of(order, one.tool[order], other.tool[order])),
     }
 }
