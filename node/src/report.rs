@@ -67,56 +67,6 @@ fn micros(duration: Duration) -> f64 {
     duration.as_nanos() as f64 / 1_000.0
 }
 
-/// Counters of a bus endpoint's cyclic frames: [`Counters`].
-#[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
-pub struct BusReport {
-    /// Cyclic frames sent.
-    pub sent: u64,
-    /// Cyclic frames received and accepted.
-    pub received: u64,
-    /// Own cycles without a frame, because the node woke too late to send it.
-    pub skipped: u64,
-    /// Cycles of the peer whose frame did not arrive, by the peer's cycle counter; cycles that the peer skipped
-    /// included.
-    pub lost: u64,
-    /// Cyclic frames dropped because they were out of order or duplicates.
-    pub late: u64,
-    /// Malformed frames.
-    pub malformed: u64,
-    /// Well-formed frames of another connection.
-    pub foreign: u64,
-}
-
-impl BusReport {
-    /// Returns the counts since an earlier report of the same endpoint.
-    #[must_use]
-    pub const fn since(&self, before: &Self) -> Self {
-        Self {
-            sent: self.sent.saturating_sub(before.sent),
-            received: self.received.saturating_sub(before.received),
-            skipped: self.skipped.saturating_sub(before.skipped),
-            lost: self.lost.saturating_sub(before.lost),
-            late: self.late.saturating_sub(before.late),
-            malformed: self.malformed.saturating_sub(before.malformed),
-            foreign: self.foreign.saturating_sub(before.foreign),
-        }
-    }
-}
-
-impl From<Counters> for BusReport {
-    fn from(counters: Counters) -> Self {
-        let Counters { sent, received, skipped, lost, late, malformed, foreign } = counters;
-        Self { sent, received, skipped, lost, late, malformed, foreign }
-    }
-}
-
-impl From<BusReport> for Counters {
-    fn from(report: BusReport) -> Self {
-        let BusReport { sent, received, skipped, lost, late, malformed, foreign } = report;
-        Self { sent, received, skipped, lost, late, malformed, foreign }
-    }
-}
-
 /// Figures of a node.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
 pub struct NodeReport {
@@ -125,7 +75,7 @@ pub struct NodeReport {
     /// Lateness of the thread at all deadlines of the machine.
     pub wake: LatenessReport,
     /// Counters of the bus endpoint's frames.
-    pub bus: BusReport,
+    pub bus: Counters,
     /// Allocations of the cyclic thread before and after the connection was first up; `None` if they are not counted.
     pub allocations: Option<Allocations>,
     /// Frames of any kind that the kernel refused.
@@ -167,7 +117,7 @@ impl From<&Snapshot> for NodeReport {
         Self {
             cycle: (&snapshot.cycle).into(),
             wake: (&snapshot.wake).into(),
-            bus: snapshot.bus.into(),
+            bus: snapshot.bus,
             allocations: snapshot
                 .allocations
                 .map(|(while_connecting, while_cyclic)| Allocations { while_connecting, while_cyclic }),
@@ -180,7 +130,7 @@ impl From<&Snapshot> for NodeReport {
 impl fmt::Display for NodeReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let LatenessReport { runs, missed, p50_us, p99_us, max_us, .. } = &self.cycle;
-        let BusReport { sent, received, skipped, lost, late, malformed, foreign } = &self.bus;
+        let Counters { sent, received, skipped, lost, late, malformed, foreign } = &self.bus;
         writeln!(
             f,
             "cycle: {runs} runs, late by {p50_us:.0} µs (p50), {p99_us:.0} µs (p99), {max_us:.0} µs (max); {missed} missed"

@@ -6,6 +6,7 @@ use core::str::FromStr;
 use machine::Instant;
 use protocol::fieldbus::{Counters, Down, LinkEvent};
 use protocol::image::{ErrorNumber, Finding, State};
+use serde::{Deserialize, Serialize};
 
 use crate::function_blocks::BlockError;
 
@@ -83,7 +84,7 @@ pub enum PlcEvent {
 /// points that they stand for: where the host delays a scan, the edge is set or the end is seen later, and a grid
 /// point would hide it. A PLC program that reads its clock at the top of the scan measures the same. What the first
 /// scan costs until its outputs are written is part of the time; what the last one costs is not.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Execution {
     /// How the sequence was run.
     pub execution_type: ExecutionType,

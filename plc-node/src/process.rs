@@ -11,7 +11,6 @@ use std::process::ExitCode;
 use clap::Parser;
 use machine::{Duration, Instant, Lateness};
 use node::Node;
-use node::report::BusReport;
 use node::run::{Prepared, RunOptions};
 use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
@@ -22,8 +21,8 @@ use setup::BusKind;
 use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
 use crate::{
-    ExecutionType, Override, OverrideError, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample,
-    StartError, bus,
+    Execution, ExecutionType, Override, OverrideError, OverrideSchedule, PlcConfig, PlcEvent, PlcNode,
+    Sample, StartError, bus,
 };
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
@@ -82,7 +81,7 @@ pub enum PlcMessage {
         at_ns: u64,
     },
     /// The run ended as wanted.
-    Finished(FinishedRun),
+    Finished(Execution),
     /// The run ended otherwise, or was not started.
     Failed {
         /// How the sequence was to be run.
@@ -97,25 +96,6 @@ pub enum PlcMessage {
     },
 }
 
-/// A finished run: [`crate::Execution`].
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-pub struct FinishedRun {
-    /// How the sequence was run.
-    pub execution_type: ExecutionType,
-    /// From the start edge to the end seen, on the PLC, in ns.
-    pub execution_time_ns: u64,
-    /// The robot's own measure, in ns.
-    pub robot_execution_ns: u64,
-    /// Motions that the robot counted as executed.
-    pub motions: u32,
-    /// Motions that were run to a stop because the next one was not there in time.
-    pub blends_suppressed: u32,
-    /// Scans from the one with the start edge to the one that saw the end.
-    pub scans: u64,
-    /// Frames of the bus during the run.
-    pub frames: BusReport,
-}
-
 impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -124,7 +104,7 @@ impl fmt::Display for PlcMessage {
             Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
-                let FinishedRun { execution_type, motions, blends_suppressed, frames, .. } = run;
+                let Execution { execution_type, motions, blends_suppressed, frames, .. } = run;
                 write!(
                     f,
                     "{execution_type} {:9.3} ms, by the robot's clock {:9.3} ms; {motions} motions, \
@@ -331,15 +311,7 @@ fn message(event: &PlcEvent) -> Option<PlcMessage> {
         PlcEvent::Started { execution_type, at } => {
             PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
         }
-        PlcEvent::Finished(run) => PlcMessage::Finished(FinishedRun {
-            execution_type: run.execution_type,
-            execution_time_ns: run.execution_time_ns,
-            robot_execution_ns: run.robot_execution_ns,
-            motions: run.motions,
-            blends_suppressed: run.blends_suppressed,
-            scans: run.scans,
-            frames: run.frames.into(),
-        }),
+        PlcEvent::Finished(run) => PlcMessage::Finished(*run),
         PlcEvent::Failed(failure) => {
             PlcMessage::Failed { execution_type: failure.execution_type, reason: failure.cause.to_string() }
         }

@@ -233,13 +233,8 @@ mod tests {
         let plan = Plan::new(&[ExecutionType::Rc, ExecutionType::Cm], 3, 7);
         let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &plan);
         for (repetition, micros) in [(1, 3_722_000), (2, 3_728_500)] {
-            let execution = Duration::from_micros(micros);
-            let measured = Measured {
-                execution,
-                robot_execution: execution,
-                blends_suppressed: repetition,
-                quality: None,
-            };
+            let mut measured = Measured::lasting(Duration::from_micros(micros));
+            measured.execution.blends_suppressed = repetition;
             results.record(ExecutionType::Rc, &measured);
         }
         results.record_failure(

@@ -208,7 +208,7 @@ mod tests {
 
     fn run(micros: u64) -> Measured {
         let execution = Duration::from_micros(micros);
-        Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None }
+        Measured::lasting(execution)
     }
 
     #[test]

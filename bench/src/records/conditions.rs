@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use plc_node::Execution;
 use protocol::fieldbus::Counters;
 use robot_node::Quality;
 
@@ -11,14 +12,28 @@ use crate::records::lateness::CycleLateness;
 /// One finished run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Measured {
-    /// From the start edge to the end seen, on the PLC.
-    pub execution: Duration,
-    /// The robot's own measure; for SM the sum over its skills.
-    pub robot_execution: Duration,
-    /// Motions that were run to a stop because the next one was not there in time.
-    pub blends_suppressed: u32,
+    /// What the PLC says of it.
+    pub execution: Execution,
     /// How well the arm moved, by the robot; none where it did not say so of every motion.
     pub quality: Option<Quality>,
+}
+
+#[cfg(test)]
+impl Measured {
+    /// A run that took this long, by both clocks.
+    pub fn lasting(time: Duration) -> Self {
+        let nanos = u64::try_from(time.as_nanos()).unwrap();
+        let execution = Execution {
+            execution_type: plc_node::ExecutionType::Cm,
+            execution_time_ns: nanos,
+            robot_execution_ns: nanos,
+            motions: 1,
+            blends_suppressed: 0,
+            scans: 1,
+            frames: Counters::default(),
+        };
+        Self { execution, quality: None }
+    }
 }
 
 /// The conditions that runs were measured under.

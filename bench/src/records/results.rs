@@ -275,10 +275,10 @@ impl Results {
     /// Takes up a finished run.
     pub fn record(&mut self, of: ExecutionType, measured: &Measured) {
         let result = self.results.entry(of).get_or_insert_default();
-        let millis = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e6;
-        result.samples_ms.push(millis(measured.execution));
-        result.robot_samples_ms.push(millis(measured.robot_execution));
-        result.blends_suppressed.push(measured.blends_suppressed);
+        let millis = |nanos: u64| nanos as f64 / 1e6;
+        result.samples_ms.push(millis(measured.execution.execution_time_ns));
+        result.robot_samples_ms.push(millis(measured.execution.robot_execution_ns));
+        result.blends_suppressed.push(measured.execution.blends_suppressed);
         if let Some(quality) = &measured.quality {
             result.quality.get_or_insert_default().record(quality);
         }

@@ -234,12 +234,12 @@ fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
     let Step { execution_type, repetition, .. } = step;
     match outcome {
         Ok(measured) => {
-            let millis = |duration: std::time::Duration| duration.as_nanos() as f64 / 1e6;
+            let millis = |nanos: u64| nanos as f64 / 1e6;
             format!(
                 "{execution_type},{repetition},{},{},{},\n",
-                millis(measured.execution),
-                millis(measured.robot_execution),
-                measured.blends_suppressed
+                millis(measured.execution.execution_time_ns),
+                millis(measured.execution.robot_execution_ns),
+                measured.execution.blends_suppressed
             )
         }
         Err(error) => {
@@ -262,12 +262,8 @@ mod tests {
 
     #[test]
     fn a_repetition_is_a_line_whether_it_went_well_or_not() {
-        let measured = Measured {
-            execution: Duration::from_nanos(6_477_123_456),
-            robot_execution: Duration::from_millis(6_470),
-            blends_suppressed: 0,
-            quality: None,
-        };
+        let mut measured = Measured::lasting(Duration::from_nanos(6_477_123_456));
+        measured.execution.robot_execution_ns = 6_470_000_000;
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
         let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];
         insta::assert_snapshot!(lines.concat(), @r#"

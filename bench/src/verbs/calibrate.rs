@@ -284,8 +284,7 @@ mod tests {
             let mut results = Results::new(setup, "of a test", Mode::Virtual, &plan);
             let mad = Duration::from_nanos(setup.robot.interpreter_quantum_us.value.into());
             for execution in [Duration::from_secs(1) - mad, Duration::from_secs(1) + mad] {
-                let measured =
-                    Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None };
+                let measured = Measured::lasting(execution);
                 results.record(ExecutionType::Sm, &measured);
             }
             Ok(results)

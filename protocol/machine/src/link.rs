@@ -69,6 +69,7 @@ impl fmt::Display for Down {
 
 /// Frame counters of a bus endpoint since its start.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Counters {
     /// Cyclic frames sent.
     pub sent: u64,
@@ -99,6 +100,22 @@ impl core::ops::Add for Counters {
             late: self.late + other.late,
             malformed: self.malformed + other.malformed,
             foreign: self.foreign + other.foreign,
+        }
+    }
+}
+
+impl Counters {
+    /// Returns what was counted since `before`, an earlier state of the same endpoint.
+    #[must_use]
+    pub const fn since(&self, before: &Self) -> Self {
+        Self {
+            sent: self.sent.saturating_sub(before.sent),
+            received: self.received.saturating_sub(before.received),
+            skipped: self.skipped.saturating_sub(before.skipped),
+            lost: self.lost.saturating_sub(before.lost),
+            late: self.late.saturating_sub(before.late),
+            malformed: self.malformed.saturating_sub(before.malformed),
+            foreign: self.foreign.saturating_sub(before.foreign),
         }
     }
 }

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use ::node::message::Instruction;
-use plc_node::process::{FinishedRun, PlcInstruction, PlcMessage};
-use plc_node::{ExecutionType, OverrideSchedule};
+use plc_node::process::{PlcInstruction, PlcMessage};
+use plc_node::{Execution, ExecutionType, OverrideSchedule};
 use robot_node::Quality;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
@@ -33,7 +33,7 @@ impl Rig {
         &mut self,
         execution_type: ExecutionType,
         overrides: Option<OverrideSchedule>,
-    ) -> Result<FinishedRun, RigError> {
+    ) -> Result<Execution, RigError> {
         self.start_run(execution_type, overrides).await;
         let result = match timeout(LONGEST_RUN, self.finished()).await {
             Ok(result) => result,
@@ -87,7 +87,7 @@ impl Rig {
     }
 
     /// The end of the run. Whoever stops waiting for it may ask again.
-    async fn finished(&mut self) -> Result<FinishedRun, RigError> {
+    async fn finished(&mut self) -> Result<Execution, RigError> {
         loop {
             match self.next_plc_message().await? {
                 PlcMessage::Finished(run) => return Ok(run),

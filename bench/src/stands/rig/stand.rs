@@ -1,7 +1,6 @@
 //! The rig as a stand: started, run and ended as every other.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use ::node::report::NodeReport;
 
@@ -55,12 +54,7 @@ impl Stand for Rig {
                 run => break run?,
             }
         };
-        Ok(Measured {
-            execution: Duration::from_nanos(run.execution_time_ns),
-            robot_execution: Duration::from_nanos(run.robot_execution_ns),
-            blends_suppressed: run.blends_suppressed,
-            quality: self.quality_of(run.motions),
-        })
+        Ok(Measured { execution: run, quality: self.quality_of(run.motions) })
     }
 
     fn health(&self) -> Health {
@@ -101,8 +95,8 @@ impl Reports {
         Health {
             plc: (&self.plc.cycle).into(),
             robot: (&self.robot.cycle).into(),
-            bus: self.plc.bus.into(),
-            robot_bus: self.robot.bus.into(),
+            bus: self.plc.bus,
+            robot_bus: self.robot.bus,
             connected_after: None,
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,

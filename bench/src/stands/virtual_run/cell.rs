@@ -216,12 +216,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         } {
             match event {
                 PlcEvent::Finished(execution) => {
-                    return Ok(Measured {
-                        execution: Duration::from_nanos(execution.execution_time_ns),
-                        robot_execution: Duration::from_nanos(execution.robot_execution_ns),
-                        blends_suppressed: execution.blends_suppressed,
-                        quality: Some(self.quality),
-                    });
+                    return Ok(Measured { execution, quality: Some(self.quality) });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
                 PlcEvent::Link(_) | PlcEvent::MovingToStart | PlcEvent::Ready | PlcEvent::Started { .. } => {}

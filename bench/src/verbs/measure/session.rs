@@ -181,7 +181,7 @@ mod tests {
                 anyhow::bail!("the connection to the robot was lost");
             }
             let execution = Duration::from_millis(self.runs);
-            Ok(Measured { execution, robot_execution: execution, blends_suppressed: 0, quality: None })
+            Ok(Measured::lasting(execution))
         }
 
         fn health(&self) -> Health {
