@@ -44,7 +44,8 @@ Examples:
   bench --setup my-cell.toml --mode virtual  a setup of your own; start from cell/setups/A.toml
 
 Exit codes:
-  0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable   130 interrupted";
+  0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable
+  6 rating exceeded   130 interrupted";
 
 /// Everything but a measured run.
 #[derive(Subcommand, Debug)]

@@ -264,6 +264,8 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.cm.quality.joint_acceleration.rms
     .results.cm.quality.joint_jerk.peak
     .results.cm.quality.joint_jerk.rms
+    .results.cm.quality.joint_speed.peak
+    .results.cm.quality.joint_speed.rms
     .results.cm.quality.path_deviation_mm
     .results.cm.quality.repetitions
     .results.cm.quality.stops
@@ -282,6 +284,8 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.rc.quality.joint_acceleration.rms
     .results.rc.quality.joint_jerk.peak
     .results.rc.quality.joint_jerk.rms
+    .results.rc.quality.joint_speed.peak
+    .results.rc.quality.joint_speed.rms
     .results.rc.quality.path_deviation_mm
     .results.rc.quality.repetitions
     .results.rc.quality.stops
@@ -300,6 +304,8 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     .results.sm.quality.joint_acceleration.rms
     .results.sm.quality.joint_jerk.peak
     .results.sm.quality.joint_jerk.rms
+    .results.sm.quality.joint_speed.peak
+    .results.sm.quality.joint_speed.rms
     .results.sm.quality.path_deviation_mm
     .results.sm.quality.repetitions
     .results.sm.quality.stops

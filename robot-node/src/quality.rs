@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::arm::{AXES, Arm, Frame, Joints, distance, dot, length};
+use crate::arm::{AXES, Arm, Frame, Joints, Rated, distance, dot, length};
 use crate::motion::{Curve, Interpolator, Segment};
 
 /// A cycle is the one in which the arm came to rest and left again, if its speed is at most this share of the mean of
@@ -27,6 +27,19 @@ const APPROACHES: usize = 4;
 /// The share of a curve over which its slope is taken.
 const SLOPE_STEP: f64 = 1e-4;
 
+/// What rounding may add to a share of a rated value.
+const ROUNDING: f64 = 1e-3;
+
+/// A joint did more than it is rated for, as nothing but an error of the controller makes it.
+#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
+#[error("a joint had {rated} of {:.1} % of its rating, by the differences from one robot cycle to the next", share * 100.0)]
+pub struct RatingExceeded {
+    /// The quantity that exceeded its rating by the largest share.
+    pub rated: Rated,
+    /// Its share of the rated value, above 1.
+    pub share: f64,
+}
+
 /// How well the arm moved during one skill, or several after each other.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Quality {
@@ -40,6 +53,9 @@ pub struct Quality {
     pub tool_acceleration: Load,
     /// Jerk of the tool, in mm/s³.
     pub tool_jerk: Load,
+    /// Speed of the joint that is nearest to its limit, as a share of its rated speed.
+    #[serde(default)]
+    pub joint_speed: Load,
     /// Acceleration of the joint that is nearest to its limit, as a share of its rated acceleration.
     pub joint_acceleration: Load,
     /// Jerk of the joint that is nearest to its limit, as a share of its rated jerk.
@@ -81,6 +97,7 @@ impl Quality {
             path_deviation_mm: self.path_deviation_mm.max(other.path_deviation_mm),
             tool_acceleration: self.tool_acceleration.plus(other.tool_acceleration),
             tool_jerk: self.tool_jerk.plus(other.tool_jerk),
+            joint_speed: self.joint_speed.plus(other.joint_speed),
             joint_acceleration: self.joint_acceleration.plus(other.joint_acceleration),
             joint_jerk: self.joint_jerk.plus(other.joint_jerk),
             energy_proxy_s: self.energy_proxy_s + other.energy_proxy_s,
@@ -91,6 +108,24 @@ impl Quality {
     #[must_use]
     pub const fn stops(&self) -> u32 {
         self.rests.saturating_sub(1)
+    }
+
+    /// Checks that each joint kept what it is rated for.
+    ///
+    /// # Errors
+    ///
+    /// The quantity that exceeded its rating by the largest share, rounding aside.
+    pub fn check_ratings(&self) -> Result<(), RatingExceeded> {
+        let peaks = [
+            (Rated::Speed, self.joint_speed.peak),
+            (Rated::Acceleration, self.joint_acceleration.peak),
+            (Rated::Jerk, self.joint_jerk.peak),
+        ];
+        let worst = peaks.into_iter().max_by(|(_, one), (_, other)| one.total_cmp(other));
+        match worst {
+            Some((rated, share)) if share > 1.0 + ROUNDING => Err(RatingExceeded { rated, share }),
+            _ => Ok(()),
+        }
     }
 
     /// Root mean square of one of its loads over the time in which the arm moved; 0 if it never did.
@@ -189,6 +224,7 @@ impl Observer {
         }
 
         let (newest, [newer, oldest]) = (limits.speed_load(&velocity).share, self.speed);
+        quality.joint_speed.add(newest, tick_s);
         let arrived = newest < STILL && newer >= STILL;
         let passed = newer >= STILL
             && newest >= STILL
@@ -233,4 +269,23 @@ fn off_curve(segment: &Segment, way: f64, tool: [f64; 3], arm: &Arm) -> f64 {
         nearest = nearest.min(distance(here, tool));
     }
     nearest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_exceeds_its_rating_by_the_largest_share_is_named_and_rounding_is_forgiven() {
+        let load = |peak| Load { peak, square_s: 0.0 };
+        let of = |speed, acceleration, jerk| Quality {
+            joint_speed: load(speed),
+            joint_acceleration: load(acceleration),
+            joint_jerk: load(jerk),
+            ..Quality::default()
+        };
+        assert_eq!(of(1.0, 1.000_9, 0.5).check_ratings(), Ok(()));
+        let exceeded = of(1.1, 1.2, 0.5).check_ratings().unwrap_err();
+        assert_eq!(exceeded, RatingExceeded { rated: Rated::Acceleration, share: 1.2 });
+    }
 }

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use robot_node::quality::RatingExceeded;
+
 /// How the program ends. The numbers are part of its interface: scripts and CI read them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Exit {
@@ -17,8 +19,24 @@ pub enum Exit {
     RunFailed = 4,
     /// This machine or this user lacks what real mode needs.
     EnvironmentUnusable = 5,
+    /// A joint exceeded its rated speed, acceleration or jerk; the repetitions before it are saved.
+    RatingExceeded = 6,
     /// Ctrl-C or SIGTERM; the results so far are saved.
     Interrupted = 130,
+}
+
+impl Exit {
+    /// How the program ends where a repetition failed for this reason.
+    #[must_use]
+    pub fn of_run(error: &anyhow::Error) -> Self {
+        if error.is::<RatingExceeded>() { Self::RatingExceeded } else { Self::RunFailed }
+    }
+
+    /// Whether a repetition failed.
+    #[must_use]
+    pub const fn is_failed_run(self) -> bool {
+        matches!(self, Self::RunFailed | Self::RatingExceeded)
+    }
 }
 
 impl From<Exit> for ExitCode {
@@ -60,6 +78,7 @@ impl From<planning::Error> for Failure {
 /// Whatever has no code of its own is internal.
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
-        Self::new(Exit::Internal, error)
+        let exit = if error.is::<RatingExceeded>() { Exit::RatingExceeded } else { Exit::Internal };
+        Self::new(exit, error)
     }
 }

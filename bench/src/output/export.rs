@@ -235,7 +235,7 @@ mod tests {
         for (repetition, micros) in [(1, 3_722_000), (2, 3_728_500)] {
             let mut measured = Measured::lasting(Duration::from_micros(micros));
             measured.execution.blends_suppressed = repetition;
-            results.record(ExecutionType::Rc, &measured);
+            results.record(ExecutionType::Rc, &measured).unwrap();
         }
         results.record_failure(
             ExecutionType::Cm,

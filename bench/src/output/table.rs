@@ -217,11 +217,11 @@ mod tests {
         for (of, micros) in
             [(ExecutionType::Rc, 3_725_500), (ExecutionType::Sm, 6_480_000), (ExecutionType::Cm, 3_730_000)]
         {
-            results.record(of, &run(micros - 3_000));
-            results.record(of, &run(micros + 3_000));
+            results.record(of, &run(micros - 3_000)).unwrap();
+            results.record(of, &run(micros + 3_000)).unwrap();
         }
         let mut without = results.clone();
-        without.record(ExecutionType::Sm, &run(4_900_000));
+        without.record(ExecutionType::Sm, &run(4_900_000)).unwrap();
         results.without_skill_overhead = Some(without.as_without_overhead());
         insta::assert_snapshot!(render(&results), @"
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)

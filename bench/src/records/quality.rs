@@ -17,6 +17,9 @@ pub struct MotionQuality {
     pub tool_acceleration_mm_s2: Load,
     /// Jerk of the tool, in mm/s³.
     pub tool_jerk_mm_s3: Load,
+    /// Speed of the joint that is nearest to its limit, as a share of its rated speed; 0 in a run of an older version.
+    #[serde(default)]
+    pub joint_speed: Load,
     /// Acceleration of the joint that is nearest to its limit, as a share of its rated acceleration.
     pub joint_acceleration: Load,
     /// Jerk of the joint that is nearest to its limit, as a share of its rated jerk.
@@ -47,6 +50,7 @@ impl MotionQuality {
         };
         load(&mut self.tool_acceleration_mm_s2, of.tool_acceleration);
         load(&mut self.tool_jerk_mm_s3, of.tool_jerk);
+        load(&mut self.joint_speed, of.joint_speed);
         load(&mut self.joint_acceleration, of.joint_acceleration);
         load(&mut self.joint_jerk, of.joint_jerk);
         self.path_deviation_mm = self.path_deviation_mm.max(of.path_deviation_mm);

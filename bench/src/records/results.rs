@@ -4,6 +4,7 @@
 //! the run ran on stands in `host.json`.
 
 use plc_node::ExecutionType;
+use robot_node::quality::RatingExceeded;
 use serde::{Deserialize, Serialize};
 use setup::{Provenance, Setup, Sourced};
 
@@ -273,21 +274,27 @@ impl Results {
     }
 
     /// Takes up a finished run.
-    pub fn record(&mut self, of: ExecutionType, measured: &Measured) {
+    ///
+    /// # Errors
+    ///
+    /// A joint exceeded what it is rated for. How the arm moved is taken up then, but not the time: no real arm takes it.
+    pub fn record(&mut self, of: ExecutionType, measured: &Measured) -> Result<(), RatingExceeded> {
         let result = self.results.entry(of).get_or_insert_default();
+        if let Some(quality) = &measured.quality {
+            result.quality.get_or_insert_default().record(quality);
+            quality.check_ratings()?;
+        }
         let millis = |nanos: u64| nanos as f64 / 1e6;
         result.samples_ms.push(millis(measured.execution.execution_time_ns));
         result.robot_samples_ms.push(millis(measured.execution.robot_execution_ns));
         result.blends_suppressed.push(measured.execution.blends_suppressed);
-        if let Some(quality) = &measured.quality {
-            result.quality.get_or_insert_default().record(quality);
-        }
         if let Some(figure) = figure(&result.samples_ms) {
             (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
         }
         let aet = |of| self.results.get(of).and_then(|result| result.aet_ms);
         self.aet_improvement =
             aet(ExecutionType::Sm).zip(aet(ExecutionType::Cm)).map(|(sm, cm)| aet_improvement(sm, cm));
+        Ok(())
     }
 
     /// Takes up a repetition that failed.

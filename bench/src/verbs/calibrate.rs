@@ -285,7 +285,7 @@ mod tests {
             let mad = Duration::from_nanos(setup.robot.interpreter_quantum_us.value.into());
             for execution in [Duration::from_secs(1) - mad, Duration::from_secs(1) + mad] {
                 let measured = Measured::lasting(execution);
-                results.record(ExecutionType::Sm, &measured);
+                results.record(ExecutionType::Sm, &measured).unwrap();
             }
             Ok(results)
         };

@@ -250,7 +250,7 @@ mod tests {
         let mut results = Results::new(&setup, &found.application.name, mode, &plan);
         for (of, more) in ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]) {
             let execution = Duration::from_micros(micros + more);
-            results.record(of, &Measured::lasting(execution));
+            results.record(of, &Measured::lasting(execution)).unwrap();
         }
         results.status = if micros > 4_000_000 { Status::Interrupted } else { Status::Complete };
         directory.save_results(&results).unwrap();

@@ -255,7 +255,7 @@ fn run_whole(setup: &Setup, name: &str, work: Work, plan: &Plan) -> anyhow::Resu
     let mut run = VirtualRun::start_on(setup, work, plan.seed, VirtualBus::OfSetup, &Extras::default())?;
     for step in plan.steps() {
         let measured = run.cell.execute(step, None)?;
-        results.record(step.execution_type, &measured);
+        results.record(step.execution_type, &measured)?;
     }
     results.status = Status::Complete;
     results.set_health(&run.cell.health());

@@ -101,7 +101,7 @@ fn virtual_results(
 ) -> Result<Results, Failure> {
     virtual_run::whole(setup, application, &Plan::new(&ExecutionType::ALL, reps, seed))
         .context("the virtual run for the gate failed")
-        .map_err(|error| Failure::new(Exit::RunFailed, error))
+        .map_err(|error| Failure::new(Exit::of_run(&error), error))
 }
 
 fn update(

@@ -136,7 +136,7 @@ mod tests {
             for repetition in 0..10 {
                 let ms = mean + spread_ms * (f64::from(repetition) / 4.5 - 1.0);
                 let execution = Duration::from_secs_f64(ms / 1e3);
-                results.record(of, &Measured::lasting(execution));
+                results.record(of, &Measured::lasting(execution)).unwrap();
             }
         }
         results

@@ -151,7 +151,7 @@ mod tests {
         {
             for millis in [millis - 3, millis + 3] {
                 let execution = Duration::from_millis(millis);
-                results.record(of, &Measured::lasting(execution));
+                results.record(of, &Measured::lasting(execution)).unwrap();
             }
         }
         results.bus = Frames { frames_sent: 6 * sm_ms, frames_received: 6 * sm_ms, ..Frames::default() };

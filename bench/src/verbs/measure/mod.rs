@@ -257,7 +257,7 @@ impl Measurement<'_> {
             // What both nodes counted at their end belongs together; on the way their reports come one by one.
             Ok(Some(health)) if ended.failures.is_empty() => ended.results.set_health(&health),
             // A run that failed has said why; its nodes then have little to add.
-            Err(Failure { exit, error }) if ended.exit != Exit::RunFailed => {
+            Err(Failure { exit, error }) if !ended.exit.is_failed_run() => {
                 // No repetition failed, so it is no such code.
                 let exit = if exit == Exit::RunFailed { Exit::Internal } else { exit };
                 ended.failures.push(error);
@@ -295,7 +295,7 @@ impl Measurement<'_> {
 
     /// Whether the captures of a run that ended so are to be written.
     fn wants_capture(&self, exit: Exit) -> bool {
-        self.options.capture == Capture::Always || exit == Exit::RunFailed
+        self.options.capture == Capture::Always || exit.is_failed_run()
     }
 }
 

@@ -80,8 +80,8 @@ impl Session {
         // A file that cannot be written is to be known before the first repetition, not after it.
         self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
-        let end = |status| match status {
-            Status::Failed => Exit::RunFailed,
+        let end = |status, failures: &[anyhow::Error]| match status {
+            Status::Failed => failures.first().map_or(Exit::RunFailed, Exit::of_run),
             Status::Interrupted => Exit::Interrupted,
             Status::Running | Status::Complete => Exit::Pass,
         };
@@ -97,11 +97,12 @@ impl Session {
                 }
                 outcome = stand.execute(step) => outcome,
             };
-            match &outcome {
-                Ok(measured) => results.record(step.execution_type, measured),
-                Err(error) => {
-                    results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
-                }
+            let outcome = outcome.and_then(|measured| {
+                results.record(step.execution_type, &measured)?;
+                Ok(measured)
+            });
+            if let Err(error) = &outcome {
+                results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
             }
             let health = stand.health();
             for lost in health.repeated.iter().skip(results.repeated as usize) {
@@ -131,7 +132,7 @@ impl Session {
         }
         self.progress.end();
         let saved = self.finish(&results);
-        Ok(Ended { exit: end(results.status), results, failures }.and_saved(saved))
+        Ok(Ended { exit: end(results.status, &failures), results, failures }.and_saved(saved))
     }
 
     /// Writes the results for good.
@@ -158,12 +159,15 @@ mod tests {
     use crate::records::schedule::Step;
     use crate::stands::{Finished, StandConfig};
     use plc_node::ExecutionType;
+    use robot_node::Quality;
     use std::time::Duration;
 
-    /// Takes as many milliseconds as it has run before, and fails at run `fails_at`.
+    /// Takes as many milliseconds as it has run before, fails at run `fails_at` and exceeds a rating at run `exceeds_at`.
+    #[derive(Default)]
     struct Scripted {
         runs: u64,
         fails_at: u64,
+        exceeds_at: u64,
     }
 
     impl Stand for Scripted {
@@ -181,7 +185,10 @@ mod tests {
                 anyhow::bail!("the connection to the robot was lost");
             }
             let execution = Duration::from_millis(self.runs);
-            Ok(Measured::lasting(execution))
+            let peak = if self.runs == self.exceeds_at { 2250.0 } else { 1.0 };
+            let joint_jerk = robot_node::quality::Load { peak, ..Default::default() };
+            let quality = Some(Quality { joint_jerk, ..Quality::default() });
+            Ok(Measured { quality, ..Measured::lasting(execution) })
         }
 
         fn health(&self) -> Health {
@@ -195,7 +202,7 @@ mod tests {
         saved: Results,
     }
 
-    fn run(fails_at: u64, interrupt: impl Future<Output = ()>) -> Outcome {
+    fn run(mut stand: Scripted, interrupt: impl Future<Output = ()>) -> Outcome {
         let place = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
         let plan = Plan::new(&ExecutionType::ALL, 2, 1);
@@ -205,7 +212,6 @@ mod tests {
             exports: Exports::json(place.path().join("exported.json")),
             progress: Progress::start(&plan, true),
         };
-        let mut stand = Scripted { runs: 0, fails_at };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let ended = runtime.block_on(session.run(&mut stand, &plan, results, interrupt)).unwrap();
         let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
@@ -219,7 +225,7 @@ mod tests {
 
     #[test]
     fn a_run_that_goes_well_saves_every_repetition() {
-        let outcome = run(0, std::future::pending());
+        let outcome = run(Scripted::default(), std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Pass, Status::Complete));
         assert_eq!(outcome.saved, outcome.ended.results);
         insta::assert_snapshot!(outcome.samples, @"
@@ -235,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_repetition_that_fails_is_marked_and_those_before_it_stay() {
-        let outcome = run(5, std::future::pending());
+        let outcome = run(Scripted { fails_at: 5, ..Scripted::default() }, std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
         insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
         insta::assert_snapshot!(outcome.samples, @r#"
@@ -249,13 +255,24 @@ mod tests {
     }
 
     #[test]
+    fn a_joint_beyond_its_rating_fails_the_run_and_is_no_sample_but_stays_among_the_figures() {
+        let outcome = run(Scripted { exceeds_at: 5, ..Scripted::default() }, std::future::pending());
+        assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RatingExceeded, Status::Failed));
+        insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: a joint had a jerk of 225000.0 % of its rating, by the differences from one robot cycle to the next");
+        let sm = outcome.saved.results.sm.unwrap();
+        assert_eq!((sm.samples_ms, sm.failed.len()), (vec![2.0], 1));
+        assert_eq!(sm.quality.unwrap().joint_jerk.peak, 2250.0);
+        assert!(outcome.samples.contains("\nsm,2,,,,\"a joint had"), "{}", outcome.samples);
+    }
+
+    #[test]
     fn an_interrupt_keeps_what_is_done() {
         let mut turns = 0;
         let after_three = std::future::poll_fn(move |_| {
             turns += 1;
             if turns > 3 { std::task::Poll::Ready(()) } else { std::task::Poll::Pending }
         });
-        let outcome = run(0, after_three);
+        let outcome = run(Scripted::default(), after_three);
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Interrupted, Status::Interrupted));
         assert_eq!(outcome.samples.lines().count(), 1 + 3);
     }
