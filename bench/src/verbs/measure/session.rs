@@ -172,7 +172,7 @@ mod tests {
 
     impl Stand for Scripted {
         async fn start(_config: &StandConfig<'_>) -> Result<Self, Failure> {
-            Ok(Self { runs: 0, fails_at: 0 })
+            Ok(Self::default())
         }
 
         async fn finish(self, _keeps_capture: bool) -> Finished {
