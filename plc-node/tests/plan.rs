@@ -45,11 +45,11 @@ fn changed(from: &str, to: &str) -> Said {
 }
 
 #[test]
-fn every_application_that_is_built_in_is_planned_without_a_warning() {
-    for (name, _) in planning::APPLICATIONS {
-        let said = plan(&[name, "--setup", "A"]);
-        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{name}");
-        assert!(said.stdout.starts_with(&format!("{name} on setup A: ")), "{}", said.stdout);
+fn every_application_that_is_built_in_is_planned_on_both_setups_without_a_warning() {
+    for ((name, _), setup) in planning::APPLICATIONS.iter().flat_map(|it| [(it, "A"), (it, "B")]) {
+        let said = plan(&[name, "--setup", setup]);
+        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{name} on {setup}");
+        assert!(said.stdout.starts_with(&format!("{name} on setup {setup}: ")), "{}", said.stdout);
     }
 }
 

@@ -212,7 +212,8 @@ impl fmt::Display for Refusal {
                 match needs_mm {
                     Some(needs) => write!(
                         f,
-                        "it needs a height of {needs:.1} mm, {:.1} mm above ceiling_mm = {ceiling_mm}",
+                        "it needs a height of {needs:.1} mm, {:.1} mm above ceiling_mm = {ceiling_mm}: raise that, or \
+                         move the frames or the obstacle",
                         needs - ceiling_mm
                     ),
                     None => write!(

@@ -185,13 +185,7 @@ impl Cuboid {
     /// The same box with every face moved outwards by `margin` mm.
     #[must_use]
     pub fn grown(self, margin: f64) -> Self {
-        self.widened(margin, margin)
-    }
-
-    /// The same box with its upright faces moved outwards by `sideways` mm, top and bottom by `upright` mm.
-    #[must_use]
-    pub fn widened(self, sideways: f64, upright: f64) -> Self {
-        let by = Point::new(sideways, sideways, upright);
+        let by = Point::new(margin, margin, margin);
         Self { lower: self.lower - by, upper: self.upper + by }
     }
 

@@ -17,6 +17,7 @@
 //! step, the motion, the quantity and its limit.
 
 mod application;
+mod clearance;
 mod display;
 mod error;
 mod file;
