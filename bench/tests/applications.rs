@@ -15,7 +15,7 @@ fn run_on(setup: &str, application: &str, reps: u32) -> Results {
     let found = planning::application(application, None).unwrap();
     let setup = setup::setup(setup).unwrap();
     let plan = Plan::new(&ExecutionType::ALL, reps, 1);
-    whole(&setup, &found.application, &plan).unwrap_or_else(|error| panic!("{application}: {error:#}"))
+    whole(&setup, &found.application, &plan).unwrap()
 }
 
 fn aet(results: &Results, of: ExecutionType) -> f64 {

@@ -104,7 +104,7 @@ fn where_the_end_is_not_the_start_the_plan_shows_the_way_back_over_the_obstacles
     let way_back = said.stdout.split("stops exactly\n").nth(1);
     insta::assert_snapshot!(way_back.unwrap_or(&said.stdout), @r"
     the end is not the start: the PLC moves the arm back before a repetition, not measured
-            PTP over the wall    300.0     0.0   140.0     0.0    0.0  180.0
+            PTP over the wall    300.0     0.0   130.0     0.0    0.0  180.0
             PTP to the start     300.0     0.0    30.0     0.0    0.0  180.0
 
     15 motions in 1 continuous motion

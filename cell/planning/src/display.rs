@@ -12,10 +12,20 @@ use crate::zone::Why;
 /// Width of the longest label.
 const LABEL: usize = "accurate path, accurate stop".len();
 
+/// By which of the paper's planning steps (section 4) something in the plan was made.
+const STEPS: [(&str, &str); 4] = [
+    ("I", "paths of the process"),
+    ("II", "linear pre- and post-movements"),
+    ("III", "secondary motions"),
+    ("IV", "continuous motions and their zones"),
+];
+
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} on setup {}: {}", self.name, self.setup, self.title)?;
         self.show_labels(f)?;
+        writeln!(f, "\nplanning steps")?;
+        STEPS.iter().try_for_each(|(step, makes)| writeln!(f, "  {step:3}  {makes}"))?;
         let shown = if f.alternate() { self.cycles.len() } else { 1 };
         for (cycle, range) in self.ranges().enumerate().take(shown) {
             self.show_cycle(f, cycle, range)?;
@@ -71,14 +81,14 @@ impl Plan {
         for (number, continuous) in inside {
             writeln!(
                 f,
-                "\ncontinuous motion {}, {}",
+                "\nstep IV: continuous motion {}, {}",
                 number + 1,
                 counted(continuous.motions.len(), "motion")
             )?;
             writeln!(
                 f,
-                "  {:>4}  {:name$}  {:>23}  {:>20}  {:>9}  {:LABEL$}  zone mm  why",
-                "no", "motion", "x, y, z mm", "a, b, c °", "speed", "label"
+                "  {:>4}  {:4}  {:name$}  {:>23}  {:>20}  {:>9}  {:LABEL$}  zone mm  why",
+                "no", "step", "motion", "x, y, z mm", "a, b, c °", "speed", "label"
             )?;
             for index in continuous.motions.clone() {
                 if let Some(motion) = self.motions.get(index) {
@@ -133,13 +143,14 @@ impl Plan {
         let label = if stops && !motion.accurate_path { "accurate stop".into() } else { label.to_string() };
         writeln!(
             f,
-            "  {:>4}  {:width$}  {x:>7.1} {y:>7.1} {z:>7.1}  {a:>6.1} {b:>6.1} {c:>6.1}  {speed:>9}  {label:LABEL$}  {:>7.2}  {}",
+            "  {:>4}  {:4}  {:width$}  {x:>7.1} {y:>7.1} {z:>7.1}  {a:>6.1} {b:>6.1} {c:>6.1}  {speed:>9}  {label:LABEL$}  {:>7.2}  {}",
             index + 1,
+            motion.role.step(),
             motion.name,
             motion.zone_mm,
             zone.map(Why::to_string).unwrap_or_default(),
         )?;
-        let indent = 2 + 4 + 2 + width + 2 + 23 + 2 + 20 + 2 + 9 + 2 + LABEL + 2 + 7 + 2;
+        let indent = 2 + 4 + 2 + 4 + 2 + width + 2 + 23 + 2 + 20 + 2 + 9 + 2 + LABEL + 2 + 7 + 2;
         let [x, y, z] = motion.auxiliary.map(no_minus_zero);
         match kind_name(motion.kind) {
             "CIRC" => writeln!(f, "{:indent$}through {x:.1}, {y:.1}, {z:.1} mm", "")?,

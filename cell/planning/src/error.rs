@@ -126,6 +126,15 @@ pub enum Refusal {
         /// How much of the path lies inside it, in mm.
         inside_mm: f64,
     },
+    /// A path comes nearer to an obstacle than the clearance.
+    PathTooNear {
+        /// The obstacle.
+        obstacle: String,
+        /// How much of the path is nearer, in mm.
+        near_mm: f64,
+        /// The clearance of the application, in mm.
+        clearance_mm: f64,
+    },
     /// No way over the obstacles is free below the ceiling.
     NoWay {
         /// The obstacle in the way.
@@ -206,6 +215,12 @@ impl fmt::Display for Refusal {
                 f,
                 "the path runs through obstacle `{obstacle}` for {inside_mm:.1} mm; 0 mm are allowed: correct the \
                  frames or the obstacle"
+            ),
+            Self::PathTooNear { obstacle, near_mm, clearance_mm } => write!(
+                f,
+                "the path comes nearer to obstacle `{obstacle}` than clearance_mm = {clearance_mm} for {near_mm:.1} mm \
+                 (at a blend, half the approximation distance more): correct the frames or the obstacle, or lower \
+                 clearance_mm"
             ),
             Self::NoWay { obstacle, top_mm, needs_mm, inside_mm, ceiling_mm } => {
                 write!(f, "no way over obstacle `{obstacle}`, {top_mm:.1} mm high, is free: ")?;

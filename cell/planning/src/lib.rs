@@ -17,7 +17,9 @@
 //! step, the motion, the quantity and its limit.
 
 mod application;
+mod check;
 mod clearance;
+mod course;
 mod display;
 mod error;
 mod file;

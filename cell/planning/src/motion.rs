@@ -23,6 +23,17 @@ pub enum Role {
 }
 
 impl Role {
+    /// The step of the paper's section 4 that makes such motions; empty of what is no part of the sequence.
+    #[must_use]
+    pub const fn step(self) -> &'static str {
+        match self {
+            Self::Path => "I",
+            Self::PreMovement | Self::PostMovement => "II",
+            Self::Way | Self::Crossing => "III",
+            Self::ToStart => "",
+        }
+    }
+
     /// Whether it is a secondary motion, which may take any way that is free.
     #[must_use]
     pub const fn is_secondary(self) -> bool {
@@ -51,6 +62,8 @@ pub struct Motion {
     pub joints_deg: Option<[f64; 6]>,
     /// The intermediate point in mm of a circle, or the force in N; zero otherwise.
     pub auxiliary: [f64; 3],
+    /// The points before its start and after its target that a spline bends by, where it goes on through them.
+    pub spline_neighbours: [Option<Point>; 2],
     /// How long its path is in mm; of a PTP and a spline the straight line.
     pub length_mm: f64,
     /// How far the tool turns, in degrees.
@@ -87,6 +100,7 @@ impl Motion {
             target,
             joints_deg: None,
             auxiliary: [0.0; 3],
+            spline_neighbours: [None; 2],
             length_mm: way.length(),
             turn_deg: start.turn_deg(target),
             leaves: direction,
@@ -155,32 +169,6 @@ impl Motion {
     pub(crate) fn last_direction(&self) -> Option<Point> {
         self.arrives.or_else(|| (self.target.point - self.start.point).direction())
     }
-
-    /// Points of the path from start to target, near enough to find obstacles in it.
-    pub(crate) fn course(&self) -> impl Iterator<Item = Point> + '_ {
-        /// Pieces of a circle: its chords are off it by at most 2 % of the radius.
-        const PIECES: u32 = 16;
-        let arc = self.leaves.filter(|_| self.kind == MotionKind::Circular).and_then(|leaves| {
-            let through = Point::from(self.auxiliary);
-            let normal = (through - self.start.point).cross(self.target.point - self.start.point);
-            let inwards = normal.direction()?.cross(leaves);
-            // A chord over the angle φ is 2·r²·(1 − cos φ) in square and reaches r·(1 − cos φ) inwards.
-            let chord = self.target.point - self.start.point;
-            let radius = chord.dot(chord) / (2.0 * chord.dot(inwards));
-            Some((leaves, inwards, radius))
-        });
-        let pieces = if arc.is_some() { PIECES } else { 1 };
-        (0..=pieces).map(move |piece| {
-            let share = f64::from(piece) / f64::from(pieces);
-            match arc {
-                Some((leaves, inwards, radius)) => {
-                    let (sine, cosine) = libm::sincos(self.length_mm * share / radius);
-                    self.start.point + leaves * (radius * sine) + inwards * (radius * (1.0 - cosine))
-                }
-                None => self.start.point.toward(self.target.point, share),
-            }
-        })
-    }
 }
 
 #[cfg(test)]
@@ -210,7 +198,7 @@ mod tests {
                 Motion::circle(Role::Path, at(0.0, 0.0), at(through.0, through.1).point, at(to.0, to.1))
                     .unwrap();
             let centre = at(10.0, 0.0).point;
-            let course: Vec<Point> = circle.course().collect();
+            let course: Vec<Point> = circle.course();
             assert!(
                 course.iter().all(|point| ((*point - centre).length() - 10.0).abs() < 1e-6),
                 "{course:?}"

@@ -33,6 +33,11 @@ impl Path {
             motion.accurate_path = step.labels.accurate_path;
             motion.speed_mm_s = step.speed_mm_s;
         }
+        for index in 1..motions.len() {
+            if let Ok([one, next]) = motions.get_disjoint_mut([index - 1, index]) {
+                one.bend_into(next);
+            }
+        }
         Self { motions, refusal }
     }
 

@@ -127,6 +127,9 @@ impl Plan {
                     called(neighbour)
                 )
             }
+            Why::SwallowsPoint { circle, .. } if *circle != reason.motion => {
+                format!("{this}, before {}: {}", called(*circle), reason.why)
+            }
             why => format!("{this}: {why}"),
         }
     }

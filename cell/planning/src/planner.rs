@@ -10,7 +10,7 @@ use crate::motion::{Motion, Role};
 use crate::path::Path;
 use crate::plan::{Continuous, Plan, Reason, ToStart};
 use crate::way::{Space, Way};
-use crate::zone::{Sizes, Why};
+use crate::zone::{LEAST_ZONE_MM, Sizes, Why, swallowed_point};
 
 /// Plans all cycles of an application on a setup: the paper's steps I to IV.
 ///
@@ -29,9 +29,9 @@ pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
 /// Plans cycle after cycle. It remembers where the tool is and nothing else, so its memory does not grow.
 #[derive(Debug)]
 pub(crate) struct Planner<'a> {
-    application: &'a Application,
-    setup: &'a Setup,
-    sizes: Sizes,
+    pub(crate) application: &'a Application,
+    pub(crate) setup: &'a Setup,
+    pub(crate) sizes: Sizes,
     /// Where the tool is, and which.
     here: (Pose, &'a Tool),
     /// Intermediate positions of this cycle so far.
@@ -88,19 +88,26 @@ impl<'a> Planner<'a> {
         let mut stops = plan.continuous.iter().filter(|it| it.motions.start >= first).peekable();
         for index in first..end {
             let stop = stops.next_if(|it| it.motions.end == index + 1);
+            let mut swallowed = None;
             let (zone, why) = match (stop, plan.motions.get(index), plan.motions.get(index + 1)) {
                 (Some(_), ..) if refused && index + 1 == end => (0.0, Why::LastGood),
                 (Some(stop), ..) => {
                     let then = stop.then.as_ref().map(|then| then.name.clone());
                     (0.0, Why::AccurateStop { then })
                 }
-                (None, Some(motion), Some(next)) => self.sizes.zone(index, motion, next),
+                (None, Some(motion), Some(next)) => {
+                    let (zone, why) = self.sizes.zone(index, motion, next);
+                    swallowed = swallowed_point(index, motion, next, zone);
+                    (zone, why)
+                }
                 (None, ..) => (0.0, Why::LastGood),
             };
             if let Some(motion) = plan.motions.get_mut(index) {
                 motion.zone_mm = zone;
             }
-            plan.reasons.push(Reason { motion: index, why });
+            plan.reasons.extend(
+                [Some(why), swallowed].into_iter().flatten().map(|why| Reason { motion: index, why }),
+            );
             while let Some(reason) = ways.next_if(|reason| reason.motion <= index) {
                 plan.reasons.push(reason);
             }
@@ -271,7 +278,7 @@ impl<'a> Planner<'a> {
 
     /// Appends a motion, if nothing in it is beyond a limit.
     fn push(&mut self, motion: Motion, name: &str, into: &mut Destination<'_>) -> Result<(), Error> {
-        let motion = Motion {
+        let mut motion = Motion {
             name: name.to_owned(),
             step: into.index,
             speed_percent: into.step.speed_percent,
@@ -279,6 +286,12 @@ impl<'a> Planner<'a> {
             base: self.application.base,
             ..motion
         };
+        let before = into.last_if_blended(&motion).filter(|_| self.sizes.approximation_mm >= LEAST_ZONE_MM);
+        if let Some(before) = before {
+            before.bend_into(&mut motion);
+            // It was straight at its end so far.
+            self.check_obstacles(before).map_err(|refusal| self.refused(into.step, 0, refusal))?;
+        }
         self.check(&motion).map_err(|refusal| self.refused(into.step, 0, refusal))?;
         let programmed = self.setup.motions.velocity_percent.value / 100.0 * motion.speed_percent / 100.0
             * self.setup.robot.path_velocity_mm_s.value;
@@ -289,69 +302,6 @@ impl<'a> Planner<'a> {
         self.here.0 = motion.target;
         self.planned += 1;
         into.plan.motions.push(motion);
-        Ok(())
-    }
-
-    fn check(&self, motion: &Motion) -> Result<(), Refusal> {
-        if motion.length_mm < LEAST_MM && motion.turn_deg < LEAST_TURN_DEG && motion.joints_deg.is_none() {
-            return Err(Refusal::ZeroLength { length_mm: motion.length_mm });
-        }
-        self.check_speed(motion)?;
-        self.not_enclosed(motion.target.point, &format!("the target of `{}`", motion.name))?;
-        if motion.role.is_secondary() {
-            return Ok(());
-        }
-        for obstacle in &self.application.obstacles {
-            let mut inside_mm = 0.0;
-            let mut last = motion.start.point;
-            for point in motion.course() {
-                if let Some((enters, leaves)) = obstacle.space.inside(last, point) {
-                    inside_mm += (leaves - enters) * (point - last).length();
-                }
-                last = point;
-            }
-            if inside_mm > LEAST_MM {
-                return Err(Refusal::Through { obstacle: obstacle.name.clone(), inside_mm });
-            }
-        }
-        Ok(())
-    }
-
-    fn check_speed(&self, motion: &Motion) -> Result<(), Refusal> {
-        let within = |quantity, value: f64, highest: f64, unit| {
-            let fits = value > 0.0 && value <= highest;
-            if fits { Ok(()) } else { Err(Refusal::OutOfRange { quantity, value, highest, unit }) }
-        };
-        within("speed", motion.speed_percent, 100.0, "%")?;
-        let robot = &self.setup.robot;
-        if let Some(speed) = motion.speed_mm_s {
-            within("speed", speed, robot.path_velocity_mm_s.value, "mm/s")?;
-        }
-        // What the wire rounds to nothing is nothing.
-        let wire = motion.wire(self.setup);
-        let programmed = &self.setup.motions;
-        if wire.velocity == 0 {
-            within("setup's velocity_percent, in steps of the wire,", 0.0, 100.0, "%")?;
-        }
-        if wire.acceleration == 0 {
-            within(
-                "setup's acceleration_percent",
-                programmed.acceleration_percent.value.min(0.0),
-                100.0,
-                "%",
-            )?;
-        }
-        Ok(())
-    }
-
-    fn not_enclosed(&self, point: Point, target: &str) -> Result<(), Refusal> {
-        for obstacle in &self.application.obstacles {
-            let depth_mm = obstacle.space.depth_mm(point);
-            if depth_mm > 0.0 {
-                let obstacle = obstacle.name.clone();
-                return Err(Refusal::Enclosed { target: target.to_owned(), obstacle, depth_mm });
-            }
-        }
         Ok(())
     }
 
@@ -368,6 +318,16 @@ struct Destination<'p> {
     reasons: &'p mut Vec<Reason>,
     index: usize,
     step: &'p Step,
+}
+
+impl Destination<'_> {
+    /// The last motion, if the next one of another step is blended with it.
+    fn last_if_blended(&mut self, next: &Motion) -> Option<&mut Motion> {
+        let end = self.plan.motions.len();
+        let stops = self.plan.continuous.last().is_some_and(|it| it.motions.end == end);
+        let last = self.plan.motions.last_mut()?;
+        (!stops && last.step != next.step && !last.accurate_path && !next.accurate_path).then_some(last)
+    }
 }
 
 /// Whether it takes a motion from one pose to the other.

@@ -4,6 +4,7 @@ use std::fmt;
 
 use protocol::image::MotionKind;
 
+use crate::geometry::Point;
 use crate::motion::{Motion, Role};
 
 /// Directions that differ by less, in degrees, are one: over a zone of 100 mm the path moves by less than the wire's
@@ -70,6 +71,13 @@ pub enum Why {
         /// Whether another way of the cycle has it too.
         again: bool,
     },
+    /// The zone reaches beyond the intermediate point of a circle, so that the tool does not pass it. A warning.
+    SwallowsPoint {
+        /// Index of the circle.
+        circle: usize,
+        /// How far the intermediate point is from the corner, in mm.
+        distance_mm: f64,
+    },
     /// The setup's programmed speed is below what the step allows. A warning.
     Slower {
         /// What the step names, in mm/s.
@@ -83,13 +91,16 @@ impl Why {
     /// Whether a person should look at it.
     #[must_use]
     pub const fn is_warning(&self) -> bool {
-        matches!(self, Self::Shrunk { .. } | Self::PathCorner { .. } | Self::Slower { .. })
+        matches!(
+            self,
+            Self::Shrunk { .. } | Self::PathCorner { .. } | Self::SwallowsPoint { .. } | Self::Slower { .. }
+        )
     }
 
     /// Whether it is the reason of a zone's size; every motion has one such.
     #[must_use]
     pub const fn is_of_zone(&self) -> bool {
-        !matches!(self, Self::Over { .. } | Self::Slower { .. })
+        !matches!(self, Self::Over { .. } | Self::SwallowsPoint { .. } | Self::Slower { .. })
     }
 }
 
@@ -135,11 +146,26 @@ impl fmt::Display for Why {
                     "over `{obstacle}`, {top_mm:.0} mm high: the lowest free height in steps of {step_mm} mm"
                 )
             }
+            Self::SwallowsPoint { distance_mm, .. } => write!(
+                f,
+                "the zone reaches beyond the intermediate point of the circle, {distance_mm:.2} mm away, so that the \
+                 tool does not pass it: lower approximation_mm or move the point"
+            ),
             Self::Slower { wanted_mm_s, programmed_mm_s } => {
                 write!(f, "the step allows {wanted_mm_s} mm/s, the setup programs {programmed_mm_s} mm/s")
             }
         }
     }
+}
+
+/// Which circle of a junction, the motion number `index` or the next one, has its intermediate point within the zone.
+pub(crate) fn swallowed_point(index: usize, motion: &Motion, next: &Motion, zone_mm: f64) -> Option<Why> {
+    [(index, motion), (index + 1, next)].into_iter().find_map(|(circle, of)| {
+        let corner = motion.target.point;
+        let distance_mm = (Point::from(of.auxiliary) - corner).length();
+        let is_swallowed = of.kind == MotionKind::Circular && distance_mm <= zone_mm;
+        is_swallowed.then_some(Why::SwallowsPoint { circle, distance_mm })
+    })
 }
 
 /// What sizes the zones of an application on a setup.

@@ -35,6 +35,21 @@ fn setup_a() -> Setup {
 
 const MEASURED: &str = "pick-and-place";
 
+/// The chord from `wave-start` to `wave-1` passes it by 0.6 mm; the spline bends 2 mm to that side.
+const BESIDE_THE_WAVE: &str = "[ways]
+clearance_mm = 0.0
+ceiling_mm = 200.0
+height_step_mm = 10.0
+ptp_radius_mm = 200.0
+detour_percent = 5.0
+
+[[obstacle]]
+name = \"post\"
+lower_mm = [-31.0, 35.0, 15.0]
+upper_mm = [-29.0, 50.0, 25.0]
+
+[[step]]";
+
 #[test]
 fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
     let wall = "upper_mm = [180.0, 200.0, 125.0]";
@@ -76,6 +91,13 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
             "[[step]]",
             "[[obstacle]]\nname = \"lid\"\nlower_mm = [-5.0, -5.0, 10.0]\nupper_mm = [5.0, 5.0, 12.0]\n[[step]]",
         ),
+        (
+            "path nearer to an obstacle than the clearance",
+            MEASURED,
+            "[[step]]",
+            "[[obstacle]]\nname = \"fixture\"\nlower_mm = [6.0, -5.0, 0.0]\nupper_mm = [16.0, 5.0, 12.0]\n[[step]]",
+        ),
+        ("spline through an obstacle that its chord passes", "gluing", "[[step]]", BESIDE_THE_WAVE),
         ("no way below the ceiling", MEASURED, wall, "upper_mm = [180.0, 200.0, 185.0]"),
         (
             "no way at any height",
@@ -190,6 +212,26 @@ fn without_a_path_tolerance_a_seam_stops_between_line_and_arc_with_a_warning() {
     let application = Application::parse("strict", &strict).expect("reads");
     let plan = plan(&application, &setup_a()).expect("plans");
     assert_eq!(plan.warnings().count(), 8);
+}
+
+#[test]
+fn a_zone_beyond_the_intermediate_point_of_a_circle_is_warned_of() {
+    // An arc of 23.6 mm whose intermediate point is 4 mm from its start.
+    let blended = text("gluing")
+        .replacen(
+            "labels = [\"accurate-path\", \"accurate-stop\"]",
+            "labels = [\"blending\", \"accurate-stop\"]",
+            1,
+        )
+        .replacen(
+            "right-bottom-arc = { on = \"seam-start\", shift_mm = [55.607, 4.393, 0.0] }",
+            "right-bottom-arc = { on = \"seam-start\", shift_mm = [48.967, 0.536, 0.0] }",
+            1,
+        );
+    let application = Application::parse("blended", &blended).expect("reads");
+    let plan = plan(&application, &setup_a()).expect("plans");
+    let warnings: Vec<String> = plan.warnings().collect();
+    insta::assert_snapshot!(warnings.join("\n"), @"motion 3 `LIN rectangle 1/9`, before motion 4 `CIRC rectangle 2/9`: the zone reaches beyond the intermediate point of the circle, 4.00 mm away, so that the tool does not pass it: lower approximation_mm or move the point");
 }
 
 #[test]
