@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
-use bench::records::schedule::Plan;
+use bench::records::schedule::Schedule;
 use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType;
 
@@ -10,13 +10,18 @@ fn main() {
     hot_path::main(|paths| {
         for setup in ["A", "B"] {
             let input = move || planning::setup_with_application(setup).unwrap();
-            for of in ExecutionType::ALL {
-                paths.add("virtual run", format!("one {of}, Setup {setup}"), input, move |(setup, found)| {
-                    whole(&setup, &found.application, &Plan::new(&[of], 1, 1)).unwrap()
-                });
+            for execution_type in ExecutionType::ALL {
+                paths.add(
+                    "virtual run",
+                    format!("one {execution_type}, Setup {setup}"),
+                    input,
+                    move |(setup, found)| {
+                        whole(&setup, &found.application, &Schedule::new(&[execution_type], 1, 1)).unwrap()
+                    },
+                );
             }
             paths.add_timed("virtual run", format!("all 75 runs, Setup {setup}"), input, |(setup, found)| {
-                whole(&setup, &found.application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap()
+                whole(&setup, &found.application, &Schedule::new(&ExecutionType::ALL, 25, 1)).unwrap()
             });
         }
     });

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
 use bench::records::results::Results;
-use bench::records::schedule::Plan;
+use bench::records::schedule::Schedule;
 use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 
@@ -14,21 +14,21 @@ fn run(application: &str) -> Results {
 fn run_on(setup: &str, application: &str, reps: u32) -> Results {
     let found = planning::application(application, None).unwrap();
     let setup = setup::setup(setup).unwrap();
-    let plan = Plan::new(&ExecutionType::ALL, reps, 1);
-    whole(&setup, &found.application, &plan).unwrap()
+    let schedule = Schedule::new(&ExecutionType::ALL, reps, 1);
+    whole(&setup, &found.application, &schedule).unwrap()
 }
 
-fn aet(results: &Results, of: ExecutionType) -> f64 {
-    results.figure(of).map_or(f64::NAN, |figure| figure.aet_ms)
+fn aet(results: &Results, execution_type: ExecutionType) -> f64 {
+    results.figure(execution_type).map_or(f64::NAN, |figure| figure.aet_ms)
 }
 
 #[test]
-fn each_runs_on_both_setups_and_is_fastest_as_a_program_and_slowest_as_single_motions() {
+fn each_application_runs_on_both_setups_and_is_fastest_as_a_program_and_slowest_as_single_motions() {
     for (setup, (name, _)) in
-        ["A", "B"].into_iter().flat_map(|it| planning::APPLICATIONS.iter().map(move |of| (it, of)))
+        ["A", "B"].into_iter().flat_map(|it| planning::APPLICATIONS.iter().map(move |application| (it, application)))
     {
         let results = run_on(setup, name, 1);
-        let [rc, sm, cm] = [Rc, Sm, Cm].map(|of| aet(&results, of));
+        let [rc, sm, cm] = [Rc, Sm, Cm].map(|execution_type| aet(&results, execution_type));
         // One continuous motion costs one call, as a program does, so that the phase decides between them.
         let phase_ms = 80.0;
         assert!(rc < cm + phase_ms && cm < sm, "{name} on {setup}: RC {rc}, CM {cm}, SM {sm} ms");
@@ -47,7 +47,7 @@ fn the_first_repetition_takes_as_long_as_those_after_it() {
         let phase_ms = f64::from(robot.interpreter_quantum_us.value + start_us) / 1e3;
         for name in ["gluing", "engraving", "insertion-with-force"] {
             let application = planning::application(name, None).unwrap().application;
-            let results = whole(&setup, &application, &Plan::new(&[Rc], 3, 1)).unwrap();
+            let results = whole(&setup, &application, &Schedule::new(&[Rc], 3, 1)).unwrap();
             let samples = &results.results.rc.as_ref().unwrap().samples_ms;
             let (least, most) = samples
                 .iter()
@@ -68,7 +68,7 @@ fn an_application_that_starts_elsewhere_than_it_ends_begins_each_repetition_ther
     );
     let samples = |text: &str| {
         let application = planning::Application::parse("test", text).unwrap();
-        let results = whole(&setup, &application, &Plan::new(&[Rc], 3, 1)).unwrap();
+        let results = whole(&setup, &application, &Schedule::new(&[Rc], 3, 1)).unwrap();
         results.results.rc.as_ref().unwrap().samples_ms.clone()
     };
     let (home, elsewhere) = (samples(text), samples(&elsewhere));
@@ -89,14 +89,14 @@ fn a_start_that_the_arm_cannot_reach_is_refused_with_frame_finding_and_remedy() 
         1,
     );
     let application = planning::Application::parse("test", &far).unwrap();
-    let refused = whole(&setup, &application, &Plan::new(&[Rc], 1, 1)).unwrap_err();
+    let refused = whole(&setup, &application, &Schedule::new(&[Rc], 1, 1)).unwrap_err();
     insta::assert_snapshot!(refused, @"application pick-and-place: start: the arm cannot stand at frame `far`: the target is 626.498 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; move that frame, or base 1 in the setup");
 }
 
 #[test]
 fn gripping_and_releasing_takes_their_waits_and_for_cm_two_more_skill_calls() {
     let (measured, planned) = (run("pick-and-place"), run("pick-and-place-gripper"));
-    let more = |of| aet(&planned, of) - aet(&measured, of);
+    let more = |execution_type| aet(&planned, execution_type) - aet(&measured, execution_type);
     // 150 ms to grip and 100 ms to release, each on the robot's cycle; a junction is no faster for a stop.
     assert!((250.0..275.0).contains(&more(Rc)), "RC takes {} ms more", more(Rc));
     let (setup, _) = planning::setup_with_application("A").unwrap();

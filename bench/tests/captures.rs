@@ -5,7 +5,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use bench::records::schedule::Plan;
+use bench::records::schedule::Schedule;
 use bench::stands::Stand as _;
 use bench::stands::capture::{PLC_FILE, ROBOT_FILE};
 use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
@@ -57,7 +57,7 @@ fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::recor
     let mut run =
         VirtualRun::start_with(&setup, &found.application, 1, VirtualBus::OfSetup, &extras).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-    let step = Plan::new(&[ExecutionType::Cm], 1, 1).steps().next().unwrap();
+    let step = Schedule::new(&[ExecutionType::Cm], 1, 1).steps().next().unwrap();
     let _ = runtime.block_on(run.execute(step));
     run.end_capture(true).unwrap();
     ([PLC_FILE, ROBOT_FILE].map(|file| read(place.path(), file)), run.health().faults)

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use bench::records::schedule::Plan;
+use bench::records::schedule::Schedule;
 use bench::stands::virtual_run::whole;
 use bench::verbs::gate::{Baseline, judge};
 use planning::Application;
@@ -19,7 +19,7 @@ fn setup_a() -> (Setup, Application) {
 
 /// The baseline of the tree as it is; fewer repetitions than the committed one has.
 fn baseline(setup: &Setup, application: &Application) -> Baseline {
-    let results = whole(setup, application, &Plan::new(&ExecutionType::ALL, 5, 1)).unwrap();
+    let results = whole(setup, application, &Schedule::new(&ExecutionType::ALL, 5, 1)).unwrap();
     Baseline::of(&results, None)
 }
 

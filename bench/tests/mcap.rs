@@ -51,24 +51,24 @@ fn run(directory: &Path, mode: &str, setup: &str, types: &str) -> BTreeMap<Strin
 }
 
 /// The rows of the robot's table that are of this type, from the start edge on.
-fn rows(directory: &Path, of: &str) -> Vec<Vec<String>> {
+fn rows(directory: &Path, execution_type: &str) -> Vec<Vec<String>> {
     let table = fs::read_to_string(directory.join("run/trace-robot.csv")).unwrap();
     let rows = table.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
-    rows.filter(|row| row[0] == of && !row[1].starts_with('-')).collect()
+    rows.filter(|row| row[0] == execution_type && !row[1].starts_with('-')).collect()
 }
 
 fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
-    let of_all = types.iter().flat_map(|of| {
+    let of_all = types.iter().flat_map(|execution_type| {
         ["joint_states", "path", "path_points", "path_speed", "programmed_speed", "tool"]
-            .map(|topic| format!("/{of}/{topic}"))
+            .map(|topic| format!("/{execution_type}/{topic}"))
     });
     let mut wanted: Vec<_> = of_all.collect();
     wanted.sort();
     assert_eq!(topics.keys().cloned().collect::<Vec<_>>(), wanted);
-    for of in types {
-        let topic = |name: &str| &topics[&format!("/{of}/{name}")];
-        let rows = rows(directory, of);
-        assert!(rows.len() > 200, "{} cycles of {of}", rows.len());
+    for execution_type in types {
+        let topic = |name: &str| &topics[&format!("/{execution_type}/{name}")];
+        let rows = rows(directory, execution_type);
+        assert!(rows.len() > 200, "{} cycles of {execution_type}", rows.len());
         for (name, schema) in [
             ("joint_states", "sensor_msgs/msg/JointState"),
             ("tool", "geometry_msgs/msg/PoseStamped"),
@@ -76,11 +76,14 @@ fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
             ("programmed_speed", "std_msgs/msg/Float64"),
         ] {
             let Topic { schema: found, heard } = topic(name);
-            assert_eq!((found.as_str(), heard.len()), (schema, rows.len()), "/{of}/{name}");
+            assert_eq!((found.as_str(), heard.len()), (schema, rows.len()), "/{execution_type}/{name}");
             assert!(heard.iter().enumerate().all(|(index, heard)| heard.sequence as usize == index));
             for (heard, row) in heard.iter().zip(&rows) {
                 let at_ms: f64 = row[1].parse().unwrap();
-                assert!((heard.at_ns as f64 / 1e6 - at_ms).abs() < 0.001, "/{of}/{name} at {at_ms} ms");
+                assert!(
+                    (heard.at_ns as f64 / 1e6 - at_ms).abs() < 0.001,
+                    "/{execution_type}/{name} at {at_ms} ms"
+                );
             }
         }
         for (name, schema) in [("path", "nav_msgs/msg/Path"), ("path_points", "sensor_msgs/msg/PointCloud2")]
@@ -151,24 +154,28 @@ fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
 fn the_path_speed_stays_below_the_programmed_one() {
     let directory = tempfile::tempdir().unwrap();
     let topics = run(directory.path(), "virtual", "A", "rc,sm,cm");
-    for of in ["rc", "sm", "cm"] {
+    for execution_type in ["rc", "sm", "cm"] {
         let speeds = |name: &str| -> Vec<f64> {
-            topics[&format!("/{of}/{name}")].heard.iter().map(|heard| last_f64(&heard.data)).collect()
+            topics[&format!("/{execution_type}/{name}")]
+                .heard
+                .iter()
+                .map(|heard| last_f64(&heard.data))
+                .collect()
         };
         let (actual, programmed) = (speeds("path_speed"), speeds("programmed_speed"));
         let (lines, others): (Vec<_>, Vec<_>) =
             actual.iter().zip(&programmed).partition(|(_, programmed)| programmed.is_finite());
         assert!(
             lines.len() > 100 && others.len() > 100,
-            "{of}: {} cycles on lines, {} not",
+            "{execution_type}: {} cycles on lines, {} not",
             lines.len(),
             others.len()
         );
         let highest = lines.iter().map(|(actual, programmed)| *actual / *programmed).fold(0.0, f64::max);
-        assert!((0.3..1.0).contains(&highest), "{of} reaches {highest} of its programmed speed");
+        assert!((0.3..1.0).contains(&highest), "{execution_type} reaches {highest} of its programmed speed");
         // Between the lines the tool is faster than any line allows.
         let fastest = |cycles: &[(&f64, &f64)]| cycles.iter().map(|(actual, _)| **actual).fold(0.0, f64::max);
-        assert!(fastest(&others) > fastest(&lines), "{of}");
+        assert!(fastest(&others) > fastest(&lines), "{execution_type}");
     }
 }
 

@@ -95,11 +95,17 @@ fn the_traces_have_a_row_for_each_tick_of_each_type() {
     let read = |name: &str| std::fs::read_to_string(directory.path().join("run").join(name)).unwrap();
     let (robot, plc) = (read("trace-robot.csv"), read("trace-plc.csv"));
     let results: Results = serde_json::from_str(&read("results.json")).unwrap();
-    for of in plc_node::ExecutionType::ALL {
-        let rows = |table: &str| table.lines().filter(|line| line.starts_with(&format!("{of},"))).count();
-        let took_ms = results.results.get(of).unwrap().samples_ms[0];
-        assert!((rows(&robot) as f64 - took_ms / 4.0).abs() < 3.0, "{of}: {} of 4 ms", rows(&robot));
-        assert!((rows(&plc) as f64 - took_ms).abs() < 3.0, "{of}: {} of 1 ms", rows(&plc));
+    for execution_type in plc_node::ExecutionType::ALL {
+        let rows = |table: &str| {
+            table.lines().filter(|line| line.starts_with(&format!("{execution_type},"))).count()
+        };
+        let took_ms = results.results.get(execution_type).unwrap().samples_ms[0];
+        assert!(
+            (rows(&robot) as f64 - took_ms / 4.0).abs() < 3.0,
+            "{execution_type}: {} of 4 ms",
+            rows(&robot)
+        );
+        assert!((rows(&plc) as f64 - took_ms).abs() < 3.0, "{execution_type}: {} of 1 ms", rows(&plc));
     }
 }
 

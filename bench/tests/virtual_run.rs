@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
 use bench::records::results::{PerType, Results};
-use bench::records::schedule::Plan;
+use bench::records::schedule::Schedule;
 use bench::stands::virtual_run::whole;
 use planning::Application;
 use plc_node::ExecutionType;
@@ -16,7 +16,7 @@ fn setup_a() -> (Setup, Application) {
 
 fn run(seed: u64, reps: u32) -> Results {
     let (setup, application) = setup_a();
-    whole(&setup, &application, &Plan::new(&ExecutionType::ALL, reps, seed)).unwrap()
+    whole(&setup, &application, &Schedule::new(&ExecutionType::ALL, reps, seed)).unwrap()
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn two_runs_of_one_seed_give_the_same_bytes_and_of_another_seed_others() {
 #[test]
 fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
     let results = run(1, 25);
-    let aet = |of| results.figure(of).unwrap().aet_ms;
+    let aet = |execution_type| results.figure(execution_type).unwrap().aet_ms;
     let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
     assert!((rc / 3725.0 - 1.0).abs() < 0.01, "RC {rc} ms");
     assert!((sm / 6477.0 - 1.0).abs() < 0.03, "SM {sm} ms");
@@ -46,8 +46,8 @@ fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
 #[test]
 fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
     let (setup, found) = planning::setup_with_application("B").unwrap();
-    let results = whole(&setup, &found.application, &Plan::new(&ExecutionType::ALL, 25, 1)).unwrap();
-    let aet = |of| results.figure(of).unwrap().aet_ms;
+    let results = whole(&setup, &found.application, &Schedule::new(&ExecutionType::ALL, 25, 1)).unwrap();
+    let aet = |execution_type| results.figure(execution_type).unwrap().aet_ms;
     let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
     assert!((rc / 7617.0 - 1.0).abs() < 0.01, "RC {rc} ms");
     assert!((sm / 8971.0 - 1.0).abs() < 0.03, "SM {sm} ms");
@@ -55,7 +55,8 @@ fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
     assert!((improvement - 0.15).abs() <= 0.01, "AETi {improvement}, published 15 %");
     assert!((cm - rc).abs() <= 12.0, "CM − RC = {} ms", cm - rc);
     assert_eq!(results.bus.lost, 0);
-    let suppressed = ExecutionType::ALL.map(|of| results.results.get(of).unwrap().blends_suppressed.clone());
+    let suppressed = ExecutionType::ALL
+        .map(|execution_type| results.results.get(execution_type).unwrap().blends_suppressed.clone());
     assert!(suppressed.iter().flatten().all(|count| *count == 0), "{suppressed:?}");
 }
 
@@ -63,7 +64,7 @@ fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
 fn without_its_calibrated_overhead_a_single_skill_still_costs_more_than_a_blend() {
     let (mut setup, application) = setup_a();
     setup.robot.skill_overhead_us.value = 0;
-    let results = whole(&setup, &application, &Plan::new(&ExecutionType::ALL, 3, 1)).unwrap();
+    let results = whole(&setup, &application, &Schedule::new(&ExecutionType::ALL, 3, 1)).unwrap();
     let improvement = results.aet_improvement.unwrap();
     assert!((0.05..0.40).contains(&improvement), "AETi {improvement}");
 }
@@ -71,22 +72,23 @@ fn without_its_calibrated_overhead_a_single_skill_still_costs_more_than_a_blend(
 #[test]
 fn an_application_of_more_motions_than_slots_streams_without_a_suppressed_blend() {
     let results = run(3, 2);
-    let suppressed = ExecutionType::ALL.map(|of| results.results.get(of).unwrap().blends_suppressed.clone());
+    let suppressed = ExecutionType::ALL
+        .map(|execution_type| results.results.get(execution_type).unwrap().blends_suppressed.clone());
     assert_eq!(suppressed, [vec![0, 0], vec![0, 0], vec![0, 0]]);
 }
 
 #[test]
 fn over_ethernet_ip_the_same_cell_takes_as_long_as_over_profinet() {
     let (mut setup, application) = setup_a();
-    let plan = Plan::new(&ExecutionType::ALL, 3, 1);
-    let profinet = whole(&setup, &application, &plan).unwrap();
+    let schedule = Schedule::new(&ExecutionType::ALL, 3, 1);
+    let profinet = whole(&setup, &application, &schedule).unwrap();
     setup.bus.kind = BusKind::EthernetIp;
-    let ethernet_ip = whole(&setup, &application, &plan).unwrap();
-    for of in ExecutionType::ALL {
-        let aet = |results: &Results| results.figure(of).unwrap().aet_ms;
+    let ethernet_ip = whole(&setup, &application, &schedule).unwrap();
+    for execution_type in ExecutionType::ALL {
+        let aet = |results: &Results| results.figure(execution_type).unwrap().aet_ms;
         let apart = aet(&ethernet_ip) - aet(&profinet);
         // Within the robot's interpreter quantum: the cycles of the two buses lie elsewhere.
-        assert!(apart.abs() <= 12.0, "{of} differs by {apart} ms");
+        assert!(apart.abs() <= 12.0, "{execution_type} differs by {apart} ms");
     }
     assert_eq!(ethernet_ip.bus.lost, 0);
 }

@@ -6,6 +6,7 @@
 //! ├─ message  the messages and instructions, one JSON line each; report has their figures
 //! ├─ inbox    waits for instructions, signals and news at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP
+//! role        which of the two nodes
 //! node        a node on its cyclic thread; trace_file records its cycles, short_text is text without allocation
 //! output      printing to a reader that may be gone
 //! ```
@@ -19,6 +20,7 @@ pub mod message;
 mod node;
 pub mod output;
 pub mod report;
+pub mod role;
 pub mod run;
 mod short_text;
 pub mod supervise;

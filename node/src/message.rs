@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::output::to_stdout;
 use crate::report::NodeReport;
+use crate::role::NodeRole;
 
 /// What a node sends. `M` are the messages of only this kind of node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -50,8 +51,8 @@ pub enum Message<M> {
 /// A node's first message.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Hello {
-    /// The node's program, such as `plc-node`.
-    pub node: String,
+    /// Which node.
+    pub node: NodeRole,
     /// The setup's name.
     pub setup: String,
     /// The bus and its mode.

@@ -19,6 +19,7 @@ use protocol_linux::{Interface, StopSignals, capabilities, clock};
 use setup::{BusKind, Cyclic, Setup};
 
 use crate::message::{Console, Hello};
+use crate::role::NodeRole;
 use crate::supervise::{OperatingMode, Outcome, supervise};
 use crate::{Commands, ControlPort, Node, NodeProcess, errln};
 
@@ -125,14 +126,14 @@ impl Prepared {
     pub fn supervise<N: Node, C: OperatingMode<N>>(
         self,
         options: &RunOptions,
-        name: &str,
+        role: NodeRole,
         endpoint: &str,
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
         let Self { setup, interface, signals, .. } = self;
         let hello = Hello {
-            node: name.to_owned(),
+            node: role,
             setup: setup.name,
             bus: endpoint.to_owned(),
             interface: interface.name().to_owned(),

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use machine::{Duration, Instant, Lateness};
 use node::Node;
+use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
@@ -195,10 +196,10 @@ impl Run {
         node: PlcNode<B>,
     ) -> anyhow::Result<Outcome> {
         if self.options.takes_instructions() {
-            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut OnInstruction::default())
+            prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut OnInstruction::default())
         } else {
             let mut standalone = Standalone::new(&self.types, self.reps, self.overrides);
-            prepared.supervise(&self.options, "plc-node", endpoint, node, &mut standalone)
+            prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut standalone)
         }
     }
 }

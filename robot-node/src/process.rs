@@ -10,6 +10,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use machine::{Instant, Lateness};
 use node::Node;
+use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
@@ -135,7 +136,7 @@ impl Run {
         endpoint: &str,
         node: RobotNode<B>,
     ) -> anyhow::Result<Outcome> {
-        prepared.supervise(&self.options, "robot-node", endpoint, node, &mut OnInstruction)
+        prepared.supervise(&self.options, NodeRole::Robot, endpoint, node, &mut OnInstruction)
     }
 }
 

@@ -68,7 +68,9 @@ impl Exports {
 
 /// The types that were asked for, in the paper's order.
 fn types(results: &Results) -> impl Iterator<Item = (ExecutionType, &TypeResult)> {
-    ExecutionType::ALL.into_iter().filter_map(|of| Some((of, results.results.get(of)?)))
+    ExecutionType::ALL
+        .into_iter()
+        .filter_map(|execution_type| Some((execution_type, results.results.get(execution_type)?)))
 }
 
 /// A line a type. What there is not is empty.
@@ -76,15 +78,15 @@ fn csv(results: &Results) -> String {
     let mut text = String::from(
         "setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,paper_aet_ms,paper_mad_ms\n",
     );
-    for (of, result) in types(results) {
+    for (execution_type, result) in types(results) {
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-        let paper = results.paper.as_ref().and_then(|paper| paper.get(of));
+        let paper = results.paper.as_ref().and_then(|paper| paper.get(execution_type));
         let fields = [
             quoted(&results.setup),
             quoted(&results.application),
             results.mode.clone(),
             results.seed.to_string(),
-            of.to_string(),
+            execution_type.to_string(),
             result.samples_ms.len().to_string(),
             result.failed.len().to_string(),
             number(result.aet_ms),
@@ -123,13 +125,13 @@ fn markdown(results: &Results) -> String {
     lines.push(row("", ["AET in ms", "MAD in ms", "n"], has_paper.then_some(["paper AET", "paper MAD"])));
     lines.push(row("---", ["---:"; 3], has_paper.then_some(["---:"; 2])));
     let millis = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
-    for (of, result) in types(results) {
+    for (execution_type, result) in types(results) {
         let own = [millis(result.aet_ms), millis(result.mad_ms), result.samples_ms.len().to_string()];
         let paper = results.paper.as_ref().map(|paper| {
-            let paper = paper.get(of);
+            let paper = paper.get(execution_type);
             [millis(paper.map(|paper| paper.aet_ms)), millis(paper.map(|paper| paper.mad_ms))]
         });
-        lines.push(row(&label(of), own, paper));
+        lines.push(row(&label(execution_type), own, paper));
     }
     let percent =
         |share: Option<f64>| share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", share * 100.0));
@@ -161,10 +163,10 @@ fn junit(results: &Results) -> String {
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let (mut tests, mut failures, mut seconds) = (0, 0, 0.0);
     let mut suites = String::new();
-    for (of, result) in types(results) {
+    for (execution_type, result) in types(results) {
         let in_suite = result.samples_ms.len() + result.failed.len();
         let time = result.samples_ms.iter().fold(0.0, |sum, sample| sum + sample) / 1e3;
-        let name = format!("skillbench.{}.{}", results.setup, label(of));
+        let name = format!("skillbench.{}.{}", results.setup, label(execution_type));
         let _ = writeln!(
             suites,
             r#"  <testsuite name="{}" tests="{in_suite}" failures="{}" errors="0" skipped="0" time="{time:.6}">"#,
@@ -225,13 +227,13 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
-    use crate::records::schedule::Plan;
+    use crate::records::schedule::Schedule;
     use std::time::Duration;
 
     fn results() -> Results {
         let setup = setup::setup("A").unwrap();
-        let plan = Plan::new(&[ExecutionType::Rc, ExecutionType::Cm], 3, 7);
-        let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &plan);
+        let schedule = Schedule::new(&[ExecutionType::Rc, ExecutionType::Cm], 3, 7);
+        let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &schedule);
         for (repetition, micros) in [(1, 3_722_000), (2, 3_728_500)] {
             let mut measured = Measured::lasting(Duration::from_micros(micros));
             measured.execution.blends_suppressed = repetition;

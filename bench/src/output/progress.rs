@@ -9,7 +9,7 @@ use plc_node::ExecutionType;
 
 use crate::output::errln;
 use crate::records::results::Results;
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 
 /// At most one plain line in this time, but for a type's last one.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
@@ -34,21 +34,21 @@ enum View {
 impl Progress {
     /// The view that fits where stderr goes.
     #[must_use]
-    pub fn start(plan: &Plan, quiet: bool) -> Self {
+    pub fn start(schedule: &Schedule, quiet: bool) -> Self {
         let view = if quiet {
             View::Quiet
         } else if io::stderr().is_terminal() {
-            live(plan)
+            live(schedule)
         } else {
             View::Plain { last_line: None }
         };
-        let all = plan.reps.saturating_mul(u32::try_from(plan.types.len()).unwrap_or(u32::MAX));
-        Self { view, reps: plan.reps, started: Instant::now(), done: 0, all }
+        let all = schedule.reps.saturating_mul(u32::try_from(schedule.types.len()).unwrap_or(u32::MAX));
+        Self { view, reps: schedule.reps, started: Instant::now(), done: 0, all }
     }
 
     /// Shows that a run of this type is under way.
-    pub fn running(&self, of: ExecutionType, repetition: u32) {
-        if let Some(bar) = self.bar(of)
+    pub fn running(&self, execution_type: ExecutionType, repetition: u32) {
+        if let Some(bar) = self.bar(execution_type)
             && repetition == 1
         {
             bar.set_message("running");
@@ -56,15 +56,15 @@ impl Progress {
     }
 
     /// Shows a finished repetition.
-    pub fn finished(&mut self, of: ExecutionType, repetition: u32, results: &Results) {
+    pub fn finished(&mut self, execution_type: ExecutionType, repetition: u32, results: &Results) {
         self.done += 1;
-        let figure = results.figure(of).map_or_else(String::new, |figure| {
+        let figure = results.figure(execution_type).map_or_else(String::new, |figure| {
             format!("AET {:8.1} ms ± {:5.1} ms", figure.aet_ms, figure.mad_ms)
         });
         let left = self.time_left();
         let text = format!("{figure}{left}");
         let is_last = repetition == self.reps;
-        if let Some(bar) = self.bar(of) {
+        if let Some(bar) = self.bar(execution_type) {
             bar.set_position(u64::from(repetition));
             bar.set_message(text);
             if is_last {
@@ -74,7 +74,7 @@ impl Progress {
             && (is_last || last_line.is_none_or(|last| last.elapsed() >= PLAIN_LINE_EVERY))
         {
             *last_line = Some(Instant::now());
-            errln!("{:<3} {repetition:>3}/{}  {text}", label(of), self.reps);
+            errln!("{:<3} {repetition:>3}/{}  {text}", label(execution_type), self.reps);
         }
     }
 
@@ -103,9 +103,9 @@ impl Progress {
         }
     }
 
-    fn bar(&self, of: ExecutionType) -> Option<&ProgressBar> {
+    fn bar(&self, execution_type: ExecutionType) -> Option<&ProgressBar> {
         let View::Live { bars, .. } = &self.view else { return None };
-        bars.iter().find(|(bar, _)| *bar == of).map(|(_, bar)| bar)
+        bars.iter().find(|(bar, _)| *bar == execution_type).map(|(_, bar)| bar)
     }
 
     /// What the rest takes if it goes on like this; nothing where that is less than a second.
@@ -120,21 +120,21 @@ impl Progress {
     }
 }
 
-fn live(plan: &Plan) -> View {
+fn live(schedule: &Schedule) -> View {
     let screen = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
     let style = ProgressStyle::with_template("{prefix:<3} {bar:25} {pos:>3}/{len}  {msg}")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
-    let bar = |of: &ExecutionType| {
-        let bar = screen.add(ProgressBar::new(u64::from(plan.reps)).with_style(style.clone()));
-        bar.set_prefix(label(*of));
+    let bar = |execution_type: &ExecutionType| {
+        let bar = screen.add(ProgressBar::new(u64::from(schedule.reps)).with_style(style.clone()));
+        bar.set_prefix(label(*execution_type));
         bar.tick();
-        (*of, bar)
+        (*execution_type, bar)
     };
-    View::Live { bars: plan.types.iter().map(bar).collect(), _screen: screen }
+    View::Live { bars: schedule.types.iter().map(bar).collect(), _screen: screen }
 }
 
 /// The type as the paper writes it.
 #[must_use]
-pub fn label(of: ExecutionType) -> String {
-    of.to_string().to_uppercase()
+pub fn label(execution_type: ExecutionType) -> String {
+    execution_type.to_string().to_uppercase()
 }

@@ -47,7 +47,7 @@ pub const LEGEND: [&str; 3] = [
 /// What single skills cost more than one MoveContinuousSkill, in a sentence; none without both.
 #[must_use]
 pub fn summary(results: &Results) -> Option<String> {
-    let quality = |of| results.results.get(of).and_then(|result| result.quality);
+    let quality = |execution_type| results.results.get(execution_type).and_then(|result| result.quality);
     let (sm, cm) = (quality(ExecutionType::Sm)?, quality(ExecutionType::Cm)?);
     if cm.energy_proxy_s <= 0.0 {
         return None;
@@ -71,9 +71,11 @@ pub fn table(results: &Results) -> Option<String> {
         COLUMNS.map(|[name, unit]| if unit.is_empty() { name.to_owned() } else { format!("{name}\n{unit}") });
     table.set_header(std::iter::once("motion".to_owned()).chain(header));
     let mut is_empty = true;
-    for of in ExecutionType::ALL {
-        let Some(quality) = results.results.get(of).and_then(|result| result.quality) else { continue };
-        table.add_row(std::iter::once(label(of)).chain(cells(&quality)));
+    for execution_type in ExecutionType::ALL {
+        let Some(quality) = results.results.get(execution_type).and_then(|result| result.quality) else {
+            continue;
+        };
+        table.add_row(std::iter::once(label(execution_type)).chain(cells(&quality)));
         is_empty = false;
     }
     let sentences: Vec<String> = summary(results).into_iter().chain(LEGEND.map(str::to_owned)).collect();

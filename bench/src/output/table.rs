@@ -48,32 +48,32 @@ fn figures(results: &Results) -> String {
         header.extend(["paper AET", "paper MAD", "AET − paper"]);
     }
     table.set_header(header);
-    for of in ExecutionType::ALL {
-        let Some(result) = results.results.get(of) else { continue };
-        let found = results.figure(of);
+    for execution_type in ExecutionType::ALL {
+        let Some(result) = results.results.get(execution_type) else { continue };
+        let found = results.figure(execution_type);
         let mark = |key: Option<&str>| match key {
             Some(key) if results.is_calibrated(key) => CALIBRATED,
             _ => " ",
         };
-        let aet_key = match of {
+        let aet_key = match execution_type {
             ExecutionType::Rc => Some(VELOCITY),
             ExecutionType::Sm => Some(SKILL_OVERHEAD),
             ExecutionType::Cm => None,
         };
-        let mad_key = (of != ExecutionType::Cm).then_some(QUANTUM);
+        let mad_key = (execution_type != ExecutionType::Cm).then_some(QUANTUM);
         let mut row = vec![
-            label(of),
+            label(execution_type),
             found.map_or_else(none, |found| format!("{}{}", millis(found.aet_ms), mark(aet_key))),
             found.map_or_else(none, |found| format!("{}{}", millis(found.mad_ms), mark(mad_key))),
             result.samples_ms.len().to_string(),
         ];
         if let Some(without) = &results.without_skill_overhead {
-            let figure = without.results.get(of);
+            let figure = without.results.get(execution_type);
             row.push(figure.map_or_else(none, |figure| millis(figure.aet_ms)));
             row.push(figure.map_or_else(none, |figure| millis(figure.mad_ms)));
         }
         if let Some(paper) = &results.paper {
-            let paper = paper.get(of);
+            let paper = paper.get(execution_type);
             row.push(paper.map_or_else(none, |paper| format!("{:.0}", paper.aet_ms)));
             row.push(paper.map_or_else(none, |paper| millis(paper.mad_ms)));
             row.push(found.zip(paper.copied()).map_or_else(none, deviation));
@@ -108,14 +108,14 @@ fn legend(results: &Results) -> String {
     if !results.calibrated.is_empty() {
         lines.push(format!("{CALIBRATED} calibrated on the paper's figure beside it, so no prediction:"));
         for calibrated in &results.calibrated {
-            let of = match calibrated.key.as_str() {
+            let execution_type = match calibrated.key.as_str() {
                 VELOCITY => "RC's AET",
                 SKILL_OVERHEAD => "SM's AET",
                 START_QUANTUM => "RC's MAD",
                 QUANTUM if results.is_calibrated(START_QUANTUM) => "SM's MAD",
                 _ => "the MADs of RC and SM",
             };
-            lines.push(format!("    {} = {} from {of}", calibrated.key, calibrated.value));
+            lines.push(format!("    {} = {} from {execution_type}", calibrated.key, calibrated.value));
         }
         lines.push("  Predicted: CM, and with h = 0 all of SM − CM but for the speed.".to_owned());
     }
@@ -127,7 +127,7 @@ fn legend(results: &Results) -> String {
     }
     let suppressed: u32 = ExecutionType::ALL
         .iter()
-        .filter_map(|of| results.results.get(*of))
+        .filter_map(|execution_type| results.results.get(*execution_type))
         .flat_map(|result| &result.blends_suppressed)
         .sum();
     if suppressed > 0 {
@@ -194,12 +194,12 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
-    use crate::records::schedule::Plan;
+    use crate::records::schedule::Schedule;
     use std::time::Duration;
 
     fn results(mode: Mode, types: &[ExecutionType]) -> Results {
         let setup = setup::setup("A").unwrap();
-        let mut results = Results::new(&setup, "pick-and-place", mode, &Plan::new(types, 2, 7));
+        let mut results = Results::new(&setup, "pick-and-place", mode, &Schedule::new(types, 2, 7));
         for calibrated in &mut results.calibrated {
             calibrated.value = 1.0;
         }
@@ -214,11 +214,11 @@ mod tests {
     #[test]
     fn figures_stand_beside_the_papers_and_the_calibrated_ones_are_marked() {
         let mut results = results(Mode::Virtual, &ExecutionType::ALL);
-        for (of, micros) in
+        for (execution_type, micros) in
             [(ExecutionType::Rc, 3_725_500), (ExecutionType::Sm, 6_480_000), (ExecutionType::Cm, 3_730_000)]
         {
-            results.record(of, &run(micros - 3_000)).unwrap();
-            results.record(of, &run(micros + 3_000)).unwrap();
+            results.record(execution_type, &run(micros - 3_000)).unwrap();
+            results.record(execution_type, &run(micros + 3_000)).unwrap();
         }
         let mut without = results.clone();
         without.record(ExecutionType::Sm, &run(4_900_000)).unwrap();

@@ -80,10 +80,10 @@ struct Timeline {
 pub fn json(trace: &Trace) -> serde_json::Result<String> {
     let mut events = names();
     let mut start = 0.0;
-    for of in ExecutionType::ALL {
-        let Some(recording) = trace.types.get(of) else { continue };
+    for execution_type in ExecutionType::ALL {
+        let Some(recording) = trace.types.get(execution_type) else { continue };
         let length = length_us(recording);
-        let mut span = TraceEvent::new("X", of.to_string(), (RUN, REPETITIONS), start);
+        let mut span = TraceEvent::new("X", execution_type.to_string(), (RUN, REPETITIONS), start);
         span.dur = Some(length);
         events.push(span);
         plc(&mut events, recording, start, start + length);
@@ -220,7 +220,7 @@ mod tests {
 
     fn trace() -> Trace {
         let mut trace = Trace::default();
-        for of in [ExecutionType::Rc, ExecutionType::Cm] {
+        for execution_type in [ExecutionType::Rc, ExecutionType::Cm] {
             let mut recording = Recording::default();
             for number in 0..40_u16 {
                 let state = if number < 4 { State::Ready } else { State::Running };
@@ -244,7 +244,7 @@ mod tests {
                     in_slots: 5,
                 });
             }
-            *trace.types.entry(of) = Some(recording);
+            *trace.types.entry(execution_type) = Some(recording);
         }
         trace
     }

@@ -1,4 +1,4 @@
-//! What a stand says of a run, and of the conditions that it was measured under.
+//! Result of one run on a stand, and the conditions of the measurement.
 
 use std::time::Duration;
 
@@ -12,15 +12,15 @@ use crate::records::lateness::CycleLateness;
 /// One finished run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Measured {
-    /// What the PLC says of it.
+    /// The PLC's report of the run.
     pub execution: Execution,
-    /// How well the arm moved, by the robot; none where it did not say so of every motion.
+    /// Quality of the arm's motion, measured by the robot; `None` if it did not report every motion.
     pub quality: Option<Quality>,
 }
 
 #[cfg(test)]
 impl Measured {
-    /// A run that took this long, by both clocks.
+    /// Returns a run that took this long, by both clocks.
     pub fn lasting(time: Duration) -> Self {
         let nanos = u64::try_from(time.as_nanos()).unwrap();
         let execution = Execution {
@@ -36,31 +36,32 @@ impl Measured {
     }
 }
 
-/// The conditions that runs were measured under.
+/// Conditions of a measurement.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Health {
     /// Lateness of the PLC's scans.
     pub plc: CycleLateness,
     /// Lateness of the robot's interpolation cycles.
     pub robot: CycleLateness,
-    /// Cyclic frames as the PLC counts them.
+    /// Cyclic frames counted by the PLC.
     pub bus: Counters,
-    /// Cyclic frames as the robot counts them.
+    /// Cyclic frames counted by the robot.
     pub robot_bus: Counters,
-    /// From the start of the nodes until the robot was ready; none in virtual mode and where the nodes ran already.
+    /// Time from the start of the nodes until the robot was ready; `None` in virtual mode and if the nodes already
+    /// ran.
     pub connected_after: Option<Duration>,
-    /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; none where they are
-    /// not counted.
+    /// Allocations of the PLC's and of the robot's cyclic thread since the connection was up; `None` if they are not
+    /// counted.
     pub allocations: Option<[u64; 2]>,
-    /// Repetitions that were run again because a host that held a node up took the connection from them: which, and why.
+    /// Repetitions that were run again because the host stalled a node until the connection was lost: which, and why.
     pub repeated: Vec<String>,
-    /// What came of the faults that were put in, where some were.
+    /// Result of the injected faults, if any.
     pub faults: Option<FaultReport>,
 }
 
 impl Health {
-    /// Frames that were sent, either way, and never came. A side sees that a cycle brought no frame; what the other
-    /// side says that it skipped was not lost.
+    /// Returns how many frames of either direction were sent and not received. A side counts cycles without a frame;
+    /// those that the other side skipped were not lost.
     #[must_use]
     pub const fn frames_lost(&self) -> u64 {
         let towards_plc = self.bus.lost.saturating_sub(self.robot_bus.skipped);

@@ -1,19 +1,20 @@
-//! Faults that the user puts into the cable: `--fault`, and what came of them; in both modes the same.
+//! Faults that the user injects with `--fault`, and their result; the same in both modes.
 
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
+use node::role::NodeRole;
 use protocol_linux::impaired::ImpairmentPlan;
 use serde::{Deserialize, Serialize};
 use virtual_time::{Impairment, LinkCounters, Side};
 
-/// One fault, as it is written: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
+/// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Fault {
-    /// As the user wrote it.
+    /// The user's text.
     text: String,
-    /// The sender whose frames it concerns; none for both.
+    /// The sender whose frames it affects; `None` for both.
     from: Option<Side>,
     kind: Kind,
 }
@@ -27,22 +28,22 @@ enum Kind {
     Reorder(u32, Duration),
     Corrupt(u32),
     Cut(Duration, Duration),
-    Kill(Side, Duration),
+    Kill(NodeRole, Duration),
 }
 
-/// Why a fault is none.
+/// Why a text is not a fault.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum FaultError {
-    /// It has no such form.
+    /// It has none of the forms of a fault.
     #[error(
         "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, delay=100us, jitter=50us, \
          cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first six also for one direction, as to-robot:loss=0.001"
     )]
     Form(String),
-    /// A share is none.
+    /// It is not a share of the frames.
     #[error("`{0}` is no share of the frames; write a number from 0 to 1, such as 0.001, or 0.1%")]
     Share(String),
-    /// A time is none.
+    /// It is not a time.
     #[error("`{0}` is no time; write a number with its unit, such as 100us, 2.5ms or 2s")]
     Time(String),
     /// A cut ends before it begins.
@@ -86,15 +87,15 @@ impl FromStr for Fault {
                 }
                 Kind::Cut(start, end)
             }
-            "kill-robot-at" if from.is_none() => Kind::Kill(Side::B, time(value)?),
-            "kill-plc-at" if from.is_none() => Kind::Kill(Side::A, time(value)?),
+            "kill-robot-at" if from.is_none() => Kind::Kill(NodeRole::Robot, time(value)?),
+            "kill-plc-at" if from.is_none() => Kind::Kill(NodeRole::Plc, time(value)?),
             _ => return Err(form()),
         };
         Ok(Self { text: text.to_owned(), from, kind })
     }
 }
 
-/// A share of the frames in parts per million.
+/// Parses a share of the frames and returns it in parts per million.
 fn share(text: &str) -> Result<u32, FaultError> {
     let (number, scale) = text.strip_suffix('%').map_or((text, 1e6), |number| (number, 1e4));
     let share = number.trim().parse::<f64>().ok().map(|share| share * scale);
@@ -106,7 +107,7 @@ fn time(text: &str) -> Result<Duration, FaultError> {
     node::run::parse_duration(text).ok_or_else(|| FaultError::Time(text.to_owned()))
 }
 
-/// A change of the cable or of a node at a moment of the run.
+/// A change of the cable or of a node at some moment of the run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Change {
     /// The cable is cut.
@@ -114,10 +115,10 @@ pub enum Change {
     /// It is mended.
     Mend,
     /// A node is killed.
-    Kill(Side),
+    Kill(NodeRole),
 }
 
-/// What the faults make of the cable's links, towards the robot and towards the PLC.
+/// Adds the faults to the cable's impairments, towards the robot and towards the PLC.
 #[must_use]
 pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
     let mut links = [cable; 2];
@@ -139,14 +140,14 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
     links
 }
 
-/// What changes when, counted from the moment that the PLC found the robot ready; in order.
+/// Returns the changes and their times, in order; times count from when the PLC found the robot ready.
 #[must_use]
-pub fn schedule(faults: &[Fault]) -> Vec<(Duration, Change)> {
+pub fn changes(faults: &[Fault]) -> Vec<(Duration, Change)> {
     let mut changes: Vec<_> = faults
         .iter()
         .flat_map(|fault| match fault.kind {
             Kind::Cut(start, end) => vec![(start, Change::Cut), (end, Change::Mend)],
-            Kind::Kill(side, at) => vec![(at, Change::Kill(side))],
+            Kind::Kill(role, at) => vec![(at, Change::Kill(role))],
             _ => Vec::new(),
         })
         .collect();
@@ -154,28 +155,28 @@ pub fn schedule(faults: &[Fault]) -> Vec<(Duration, Change)> {
     changes
 }
 
-/// What a capture says of the faults as a whole; nothing where there are none.
+/// Returns a capture's comment on the faults; empty without faults.
 #[must_use]
 pub fn about(faults: &[Fault]) -> String {
     let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
     if asked.is_empty() { String::new() } else { format!("faults put in: {}", asked.join(", ")) }
 }
 
-/// Longer than this a cable between two processes holds no frame back: what is under way has its place in memory.
+/// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
 
-/// Whether faults can be done to a cable between two processes.
+/// Checks whether a cable between two processes can do these faults.
 ///
 /// # Errors
 ///
-/// What they ask for, and what there is.
+/// They hold frames for longer than it can.
 pub fn check_real(faults: &[Fault]) -> Result<(), HeldTooLong> {
     let hold = |link: &Impairment| link.delay + link.jitter + link.reorder_by;
     let longest = links(faults, Impairment::default()).iter().map(hold).max().unwrap_or_default();
     if longest > LONGEST_HOLD { Err(HeldTooLong { longest }) } else { Ok(()) }
 }
 
-/// Frames would be held for longer than there is room for them.
+/// Frames would be held for longer than their memory allows.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
     "these faults hold frames for up to {longest:?}, and a cable between two processes for {LONGEST_HOLD:?} at most: ask \
@@ -185,7 +186,8 @@ pub struct HeldTooLong {
     longest: Duration,
 }
 
-/// What the faults ask of a cable between two processes. Its own delay is what the host makes of it.
+/// Converts the faults to the impairments of a cable between two processes. The host determines that cable's own
+/// delay.
 #[must_use]
 pub fn impairment_plan(faults: &[Fault], seed: u64) -> ImpairmentPlan {
     let cut = |(at, change)| match change {
@@ -195,28 +197,37 @@ pub fn impairment_plan(faults: &[Fault], seed: u64) -> ImpairmentPlan {
     };
     ImpairmentPlan {
         links: links(faults, Impairment::default()),
-        cuts: schedule(faults).into_iter().filter_map(cut).collect(),
+        cuts: changes(faults).into_iter().filter_map(cut).collect(),
         seed,
     }
 }
 
-/// Which nodes the faults kill, and when; in order, counted as in [`schedule`].
+/// Returns the nodes that the faults kill, and when; in order, with times as in [`changes`].
 #[must_use]
-pub fn kills(faults: &[Fault]) -> Vec<(Duration, Side)> {
+pub fn kills(faults: &[Fault]) -> Vec<(Duration, NodeRole)> {
     let kill = |(at, change)| match change {
-        Change::Kill(side) => Some((at, side)),
+        Change::Kill(role) => Some((at, role)),
         Change::Cut | Change::Mend => None,
     };
-    schedule(faults).into_iter().filter_map(kill).collect()
+    changes(faults).into_iter().filter_map(kill).collect()
 }
 
-/// What was asked for, and what the cable did, both directions together.
+/// Returns the end of the cable at which a node is.
+#[must_use]
+pub const fn end_of(node: NodeRole) -> Side {
+    match node {
+        NodeRole::Plc => Side::A,
+        NodeRole::Robot => Side::B,
+    }
+}
+
+/// The requested faults, and what the cable did in both directions together.
 #[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FaultReport {
-    /// Each `--fault` as it was written.
+    /// Each `--fault`, as the user wrote it.
     pub asked: Vec<String>,
-    /// Frames that vanished, by loss or a cut; of TCP, segments that were sent again.
+    /// Frames lost, by chance or a cut; for TCP, segments that were retransmitted.
     pub lost: u64,
     /// Frames that arrived twice.
     pub duplicated: u64,
@@ -227,7 +238,7 @@ pub struct FaultReport {
 }
 
 impl FaultReport {
-    /// What `links` did so far.
+    /// Creates the report of what `links` did so far.
     #[must_use]
     pub fn new(faults: &[Fault], links: [LinkCounters; 2]) -> Self {
         let mut report = Self { asked: faults.iter().map(ToString::to_string).collect(), ..Self::default() };
@@ -261,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_add_up_and_may_be_for_one_direction() {
+    fn faults_are_combined_and_can_be_limited_to_one_direction() {
         let cable = Impairment { delay: Duration::from_micros(2), ..Impairment::default() };
         let [to_robot, to_plc] =
             links(&faults(&["loss=0.1%", "to-robot:delay=0.1ms", "to-plc:reorder=0.5@2ms"]), cable);
@@ -273,11 +284,11 @@ mod tests {
 
     #[test]
     fn cuts_and_kills_come_in_order() {
-        let changes = schedule(&faults(&["kill-robot-at=5s", "cut-at=2s..2.1s", "loss=0.1"]));
+        let changes = changes(&faults(&["kill-robot-at=5s", "cut-at=2s..2.1s", "loss=0.1"]));
         let ms = Duration::from_millis;
         assert_eq!(
             changes,
-            [(ms(2_000), Change::Cut), (ms(2_100), Change::Mend), (ms(5_000), Change::Kill(Side::B))]
+            [(ms(2_000), Change::Cut), (ms(2_100), Change::Mend), (ms(5_000), Change::Kill(NodeRole::Robot))]
         );
     }
 
@@ -292,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_fault_is_told_with_what_would_be_one() {
+    fn the_error_for_a_wrong_fault_shows_correct_ones() {
         let said = |text: &str| text.parse::<Fault>().unwrap_err().to_string();
         assert!(said("lag=2ms").starts_with("`lag=2ms` is no fault; write loss=0.001"));
         assert!(said("to-robot:cut-at=1s..2s").contains("is no fault"));

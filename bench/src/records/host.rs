@@ -1,4 +1,4 @@
-//! The machine that a run ran on, for `host.json`.
+//! Description of the computer of a run, for `host.json`.
 
 use std::fs;
 use std::process::{Command, Stdio};
@@ -6,14 +6,14 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
-/// What a figure of a real run depends on besides the program.
+/// What the figures of a real run depend on besides the program.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Host {
     /// Start of the run, UTC, ISO 8601.
     pub date: String,
     /// This program's version.
     pub version: &'static str,
-    /// Commit that it was built from, with `-dirty` where the tree had changes; null outside a repository.
+    /// Commit that it was built from, with `-dirty` if the tree had changes; null outside a repository.
     pub commit: Option<String>,
     /// Whether it was built with debug assertions.
     pub debug_assertions: bool,
@@ -27,12 +27,12 @@ pub struct Host {
     pub clock_source: Option<String>,
     /// The first core's frequency governor; null on a virtual machine.
     pub governor: Option<String>,
-    /// Scheduling class that the nodes' cyclic threads got; null in virtual mode.
+    /// Scheduling class of the nodes' cyclic threads; null in virtual mode.
     pub scheduling: Option<String>,
 }
 
 impl Host {
-    /// Looks at this machine. What cannot be read is null.
+    /// Reads the description of this computer. What cannot be read is null.
     #[must_use]
     pub fn look(now: SystemTime) -> Self {
         let line = |path| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
@@ -54,13 +54,13 @@ impl Host {
         }
     }
 
-    /// The description as JSON, with a newline at the end.
+    /// Returns the description as JSON, with a newline at the end.
     pub fn to_json(&self) -> serde_json::Result<String> {
         serde_json::to_string_pretty(self).map(|json| json + "\n")
     }
 }
 
-/// The repository that the program was built in, if it is still there.
+/// Returns the commit of the repository that the program was built in, if it still exists.
 fn commit() -> Option<String> {
     let output = Command::new("git")
         .args(["-C", env!("CARGO_MANIFEST_DIR"), "describe", "--always", "--dirty", "--abbrev=12"])
@@ -72,7 +72,7 @@ fn commit() -> Option<String> {
     Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
 }
 
-/// ISO 8601 to the second, UTC: `2026-11-21T03:17:00Z`.
+/// Formats a time in ISO 8601, UTC, in seconds: `2026-11-21T03:17:00Z`.
 #[must_use]
 pub fn date(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
@@ -81,7 +81,7 @@ pub fn date(time: SystemTime) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// Year, month and day of a day counted from 1970-01-01, in the Gregorian calendar.
+/// Converts days since 1970-01-01 to year, month and day in the Gregorian calendar.
 const fn civil(mut day: u64) -> (u64, u64, u64) {
     let mut year = 1970;
     while day >= days_in_year(year) {
@@ -113,22 +113,22 @@ const fn days_in_month(year: u64, month: u64) -> u64 {
     }
 }
 
-/// Processor time of all cores since the machine started, in ticks of the kernel's clock.
+/// Processor time of all cores since the computer started, in ticks of the kernel's clock.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct ProcessorTime {
-    /// Taken by other virtual machines.
+    /// Time taken by other virtual machines.
     pub(crate) stolen: u64,
-    /// All of it.
+    /// Total time.
     pub(crate) all: u64,
 }
 
 impl ProcessorTime {
-    /// None where the kernel does not say.
+    /// Reads the current values; `None` if the kernel does not provide them.
     pub(crate) fn now() -> Option<Self> {
         Self::parse(&fs::read_to_string("/proc/stat").ok()?)
     }
 
-    /// From the first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal (proc(5)).
+    /// Parses the first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal (proc(5)).
     pub(crate) fn parse(stat: &str) -> Option<Self> {
         let line = stat.lines().next()?.strip_prefix("cpu ")?;
         let ticks: Vec<u64> = line.split_whitespace().take(8).map_while(|field| field.parse().ok()).collect();

@@ -1,9 +1,9 @@
-//! How late a cyclic task ran, as results.json has it.
+//! Lateness of a cyclic task, as in results.json.
 
 use ::node::report::LatenessReport;
 use serde::{Deserialize, Serialize};
 
-/// How late a cyclic task ran.
+/// Lateness of a cyclic task.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CycleLateness {
@@ -11,11 +11,11 @@ pub struct CycleLateness {
     pub p50_us: f64,
     /// 99th percentile, in µs.
     pub p99_us: f64,
-    /// Latest, in µs.
+    /// Largest lateness, in µs.
     pub max_us: f64,
     /// Cycles that passed without a run.
     pub missed: u64,
-    /// Each bucket that holds runs: its upper end in µs, and how many runs are in it.
+    /// Histogram: for each bucket with runs, its upper bound in µs and its number of runs.
     #[serde(default)]
     pub buckets: Vec<(f64, u32)>,
 }

@@ -1,16 +1,17 @@
-//! What is measured and kept, without a word of how it came about or how it is shown.
+//! What is measured and kept. How it is measured or shown is not in here.
 //!
 //! ```text
-//! schedule       which run follows which
-//! mode           on which clock a run runs
-//! lateness       how late a cyclic task ran
-//! conditions     what a stand says of a run and of the conditions it was measured under
-//! results        what a run found out, as results.json has it; statistics has the formulas, quality how well the arm moved
+//! schedule       the order of the runs
+//! mode           real or virtual time
+//! lateness       lateness of a cyclic task
+//! conditions     the result of one run, and the conditions of the measurement
+//! results        the results of a measurement, as in results.json; statistics has the formulas, quality the arm's
+//! motion
 //! trace          both nodes tick by tick
-//! ratio          two means of a real run as a ratio, with how sure it is
-//! faults         what the user puts into the cable, and what came of it
-//! host           the machine that a run ran on
-//! run_directory  the files of a run
+//! ratio          the ratio of two means of a real run, with its confidence interval
+//! faults         the faults that the user injects, and their result
+//! host           the computer of a run
+//! run_directory  the files of a measurement
 //! ```
 
 pub mod conditions;

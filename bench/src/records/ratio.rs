@@ -1,25 +1,25 @@
-//! Two means of one real run as a ratio, with how sure it is.
+//! The ratio of two means of one real run, with its confidence interval.
 //!
-//! On a shared host absolute times say as much about the neighbours as about the program. Types that are interleaved
-//! in one run share whatever the host does to them, so their ratio can be judged; and where the samples do not allow
-//! a judgement, that is the answer.
+//! On a shared host, absolute times depend on the neighbours as much as on the program. But the types of one run are
+//! interleaved, so the host affects all of them alike, and their ratio can be judged. If the samples do not suffice
+//! for a verdict, the verdict says so.
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Resamples of an interval; the limits of a 95 % interval are then known to about a hundredth of its width.
+/// Number of resamples; the limits of a 95 % interval are then accurate to about a hundredth of its width.
 const RESAMPLES: usize = 10_000;
 
-/// Share of the resamples that lies beyond each end of the interval.
+/// Share of the resamples beyond each end of the interval.
 const TAIL: f64 = 0.025;
 
-/// Fewer samples of a type say nothing about how much they spread.
+/// Fewest samples of a type: fewer do not show their spread.
 pub const FEWEST: usize = 5;
 
 /// The ratio of two means, with its 95 % interval (percentile bootstrap).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Ratio {
-    /// Mean of the numerator by mean of the denominator.
+    /// Mean of the numerator divided by mean of the denominator.
     pub ratio: f64,
     /// Lower end of the interval.
     pub low: f64,
@@ -27,20 +27,20 @@ pub struct Ratio {
     pub high: f64,
 }
 
-/// Whether a ratio keeps a limit.
+/// Whether a ratio is within a limit.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum RatioVerdict {
     /// The whole interval is at or below the limit.
     Within,
     /// The whole interval is above the limit.
     Beyond,
-    /// The limit lies in the interval: the run has too few or too scattered samples to tell.
+    /// The limit is inside the interval: the samples are too few or too scattered for a verdict.
     Inconclusive,
 }
 
 impl Ratio {
-    /// The ratio of the means of two types of one run, CM by RC for example; the same seed gives the same interval.
-    /// None with fewer than five samples of either, and for times that are not above zero.
+    /// Returns the ratio of the means of two types of one run, for example CM by RC. The same seed gives the same
+    /// interval. `None` with fewer than five samples of either, or with times that are not positive.
     #[must_use]
     pub fn of(numerator_ms: &[f64], denominator_ms: &[f64], seed: u64) -> Option<Self> {
         let usable = |times: &[f64]| times.len() >= FEWEST && times.iter().all(|time| *time > 0.0);
@@ -60,8 +60,8 @@ impl Ratio {
         Self::with_interval(all(numerator_ms) / all(denominator_ms), RESAMPLES, resample)
     }
 
-    /// The ratio of a statistic of samples, which may be whole series, that were taken in pairs: whatever befell the
-    /// host befell both of a pair, so they are drawn together. None with fewer than five pairs.
+    /// Returns the ratio of a statistic of paired samples, each of which may be a whole series. Both samples of a
+    /// pair met the same state of the host, so they are resampled together. `None` with fewer than five pairs.
     #[must_use]
     pub fn of_pairs<T>(
         pairs: &[(T, T)],
@@ -84,9 +84,9 @@ impl Ratio {
         Self::with_interval(ratio(&pairs.iter().collect::<Vec<_>>()), resamples, resample)
     }
 
-    /// The median of the ratios of samples that were taken in pairs, pairs with a sample that is not above zero left
-    /// out. What befalls the host for longer than a pair takes is no part of a ratio, and what befalls one of a pair
-    /// moves the median no further than any other outlier. None with fewer than five pairs.
+    /// Returns the median of the ratios of paired samples, without pairs in which a sample is not positive. Anything
+    /// that affects the host for longer than a pair takes cancels out; an effect on one sample of a pair moves the
+    /// median no further than any other outlier. `None` with fewer than five pairs.
     #[must_use]
     pub fn median_of_pairs(pairs: &[(f64, f64)], seed: u64) -> Option<Self> {
         let usable = pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0);
@@ -108,7 +108,7 @@ impl Ratio {
         Some(Self { ratio, low: at(TAIL)?, high: at(1.0 - TAIL)? })
     }
 
-    /// Whether the ratio keeps a limit.
+    /// Compares the ratio with a limit.
     #[must_use]
     pub fn against(&self, limit: f64) -> RatioVerdict {
         if self.high <= limit {
@@ -121,7 +121,7 @@ impl Ratio {
     }
 }
 
-/// The middle one of some figures, the higher of two; not a number if there is none.
+/// Returns the median, the higher one of two middle values; not a number if there are no figures.
 pub(crate) fn median(figures: impl Iterator<Item = f64>) -> f64 {
     let mut figures: Vec<f64> = figures.collect();
     let middle = figures.len() / 2;
@@ -131,7 +131,7 @@ pub(crate) fn median(figures: impl Iterator<Item = f64>) -> f64 {
     *figures.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// As many indices as there are samples, each drawn from all of them.
+/// Draws as many indices as there are samples, each from all of them.
 fn draws(count: usize, random: &mut Pcg64Mcg) -> impl Iterator<Item = usize> {
     (0..count).map(move |_| ((u128::from(random.next_u64()) * count as u128) >> 64) as usize)
 }
@@ -140,24 +140,25 @@ fn draws(count: usize, random: &mut Pcg64Mcg) -> impl Iterator<Item = usize> {
 mod tests {
     use super::*;
 
-    /// Evenly spread over ± `spread` about `mean`.
+    /// Returns times evenly distributed over ± `spread` about `mean`.
     fn times(mean: f64, spread: f64) -> Vec<f64> {
         (0..25).map(|index| mean + spread * (f64::from(index) / 12.0 - 1.0)).collect()
     }
 
     #[test]
-    fn the_interval_holds_the_ratio_and_is_as_wide_as_the_spread_over_the_root_of_the_count() {
+    fn the_interval_contains_the_ratio_and_its_width_is_the_spread_over_the_root_of_the_count() {
         let found = Ratio::of(&times(3730.0, 12.0), &times(3725.0, 12.0), 1).unwrap();
         assert!((found.ratio - 3730.0 / 3725.0).abs() < 1e-12);
         assert!(found.low < found.ratio && found.ratio < found.high);
-        // Standard deviation 7.2 ms; of a mean of 25, 1.44 ms; of the ratio √2 of that; 95 % is ± 1.96 of it.
+        // Standard deviation 7.2 ms; of a mean of 25 samples, 1.44 ms; of the ratio √2 times that; 95 % is ± 1.96
+        // times that.
         let expected = 2.0 * 1.96 * 1.44 * 2_f64.sqrt() / 3725.0;
         let width = found.high - found.low;
         assert!((width / expected - 1.0).abs() < 0.1, "{width} instead of {expected}");
     }
 
     #[test]
-    fn a_limit_outside_the_interval_is_decided_and_one_inside_it_is_not() {
+    fn a_limit_outside_the_interval_gives_a_verdict_and_one_inside_it_gives_none() {
         let found = Ratio::of(&times(3730.0, 12.0), &times(3725.0, 12.0), 1).unwrap();
         assert_eq!(found.against(1.01), RatioVerdict::Within);
         assert_eq!(found.against(0.99), RatioVerdict::Beyond);
@@ -165,8 +166,8 @@ mod tests {
     }
 
     #[test]
-    fn pairs_are_compared_one_by_one_so_that_a_drift_and_a_stall_of_the_host_do_not_count() {
-        // The host gets eleven times slower meanwhile, and every seventh sample of either is a stall.
+    fn pairs_are_compared_one_by_one_so_that_drift_and_stalls_of_the_host_cancel_out() {
+        // The host becomes eleven times slower, and every seventh sample of either is a stall.
         let sample = |index: u32, factor: f64, phase| {
             let stall = if index % 7 == phase { 300.0 } else { 1.0 };
             (1.0 + f64::from(index) / 10.0) * factor * stall * (1.0 + f64::from(index % (phase + 3)) / 100.0)

@@ -1,7 +1,7 @@
-//! The results of a run as JSON. `schema_version` counts changes that break a reader.
+//! The results of a measurement as JSON. `schema_version` counts changes that break a reader.
 //!
-//! There is no time, host or path in here: a virtual run of one seed gives the same bytes on every machine. What
-//! the run ran on stands in `host.json`.
+//! They contain no time, host or path: a virtual run with one seed gives the same bytes on every computer. The host
+//! is described in `host.json`.
 
 use plc_node::ExecutionType;
 use robot_node::quality::RatingExceeded;
@@ -13,13 +13,13 @@ use crate::records::faults::FaultReport;
 use crate::records::lateness::CycleLateness;
 use crate::records::mode::Mode;
 use crate::records::quality::MotionQuality;
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 use crate::records::statistics::{Figure, aet_improvement};
 
 /// Version of the format.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// Everything that a run found out.
+/// All results of a measurement.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Results {
@@ -35,59 +35,59 @@ pub struct Results {
     pub mode: String,
     /// Seed of pauses, and in virtual mode of clocks and phases.
     pub seed: u64,
-    /// Repetitions of each type that were asked for.
+    /// Requested repetitions of each type.
     pub reps: u32,
     /// What became of the override in each repetition, as `--override` says it; absent where it stayed at 100 %.
     #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
     pub overrides: Option<String>,
-    /// How far the run is, or how it ended.
+    /// Progress of the run, or how it ended.
     pub status: Status,
-    /// What each type took; types that were not asked for are absent.
+    /// Results of each type; types that were not requested are absent.
     pub results: PerType<TypeResult>,
-    /// AETi, (SM − CM) / SM, 0…1; null without both.
+    /// AETi, (SM − CM) / SM, 0…1; null if either is missing.
     pub aet_improvement: Option<f64>,
-    /// The same in virtual time without the calibrated skill overhead; null where it was not run.
+    /// The same in virtual time without the calibrated skill overhead; null if it was not run.
     pub without_skill_overhead: Option<WithoutOverhead>,
-    /// What the paper found; null for a setup that it does not have, and with an override, which it did not use.
+    /// The paper's figures; null for a setup that is not in the paper, and with an override, which the paper did not use.
     pub paper: Option<PerType<PaperFigure>>,
-    /// Numbers of the setup that were chosen so that the paper's figures come out; none with an override, since the figures
-    /// are others then.
+    /// Numbers of the setup that were chosen to reproduce the paper's figures; none with an override, which changes the
+    /// figures.
     pub calibrated: Vec<Calibrated>,
-    /// How late the cycles ran.
+    /// Lateness of the cycles.
     pub cycle: Cycles,
-    /// Cyclic frames as the PLC counts them.
+    /// Cyclic frames counted by the PLC.
     pub bus: Frames,
-    /// From the start of the nodes until the robot was ready; null in virtual mode and where the nodes ran already.
+    /// Time from the start of the nodes until the robot was ready; null in virtual mode and if the nodes already ran.
     #[serde(default)]
     pub connected_after_ms: Option<f64>,
-    /// Allocations of the cyclic threads once the connection was up; null where they are not counted.
+    /// Allocations of the cyclic threads once the connection was up; null if they are not counted.
     #[serde(default)]
     pub cyclic_allocations: Option<Allocations>,
-    /// Repetitions that were run again, because the host held a node up until the connection was lost. What was lost with it
-    /// is among no samples.
+    /// Repetitions that were run again because the host stalled a node until the connection was lost. The samples do
+    /// not contain the lost attempts.
     #[serde(default)]
     pub repeated: u32,
-    /// Faults that were put into the cable, and what came of them; absent without any.
+    /// Injected faults and their result; absent without faults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultReport>,
 }
 
-/// How far a run is, or how it ended.
+/// Progress of a run, or how it ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// Repetitions are still to come, or the program was killed before it could say otherwise.
+    /// Repetitions are still to come, or the program was killed before it could update the status.
     Running,
-    /// All repetitions are there.
+    /// All repetitions are done.
     Complete,
-    /// A repetition failed, which ended the run.
+    /// A repetition failed and ended the run.
     Failed,
     /// Ctrl-C or SIGTERM ended the run.
     Interrupted,
 }
 
-/// One value for each execution type that there is.
+/// One value per execution type.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PerType<T> {
@@ -109,18 +109,18 @@ impl<T> Default for PerType<T> {
 }
 
 impl<T> PerType<T> {
-    /// The value of a type.
-    pub const fn get(&self, of: ExecutionType) -> Option<&T> {
-        match of {
+    /// Returns the value of a type.
+    pub const fn get(&self, execution_type: ExecutionType) -> Option<&T> {
+        match execution_type {
             ExecutionType::Rc => self.rc.as_ref(),
             ExecutionType::Sm => self.sm.as_ref(),
             ExecutionType::Cm => self.cm.as_ref(),
         }
     }
 
-    /// The place of a type's value.
-    pub const fn entry(&mut self, of: ExecutionType) -> &mut Option<T> {
-        match of {
+    /// Returns the entry of a type, to set it.
+    pub const fn entry(&mut self, execution_type: ExecutionType) -> &mut Option<T> {
+        match execution_type {
             ExecutionType::Rc => &mut self.rc,
             ExecutionType::Sm => &mut self.sm,
             ExecutionType::Cm => &mut self.cm,
@@ -128,23 +128,23 @@ impl<T> PerType<T> {
     }
 }
 
-/// What one type took. The vectors have one entry a successful repetition.
+/// Results of one type. The lists have one entry per successful repetition.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct TypeResult {
-    /// Mean of the samples in ms; null without any.
+    /// Mean of the samples in ms; null without samples.
     pub aet_ms: Option<f64>,
-    /// Mean absolute deviation from that mean in ms; null without any sample.
+    /// Mean absolute deviation from the mean in ms; null without samples.
     pub mad_ms: Option<f64>,
-    /// Execution times in ms, taken on the PLC.
+    /// Execution times in ms, measured by the PLC.
     pub samples_ms: Vec<f64>,
-    /// The robot's own measure in ms.
+    /// Execution times in ms, measured by the robot.
     pub robot_samples_ms: Vec<f64>,
-    /// Motions run to a stop because the next one was not there in time.
+    /// Motions that ended in a stop because the next motion did not arrive in time.
     pub blends_suppressed: Vec<u32>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
-    /// How well the arm moved; null where no repetition says so.
+    /// Quality of the arm's motion; null if no repetition reported it.
     #[serde(default)]
     pub quality: Option<MotionQuality>,
 }
@@ -153,19 +153,19 @@ pub struct TypeResult {
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FailedRepetition {
-    /// Which one of its type, counted from 1.
+    /// Its number among the repetitions of its type, counted from 1.
     pub repetition: u32,
-    /// Why.
+    /// The error.
     pub error: String,
 }
 
-/// A virtual run in which a skill call costs nothing besides its motion: what the model alone predicts.
+/// Results of a virtual run in which a skill call costs no time besides its motion: the model's prediction.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WithoutOverhead {
     /// AET and MAD.
     pub results: PerType<PaperFigure>,
-    /// AETi, 0…1; null without both SM and CM.
+    /// AETi, 0…1; null if SM or CM is missing.
     pub aet_improvement: Option<f64>,
 }
 
@@ -191,7 +191,7 @@ impl From<setup::Figure> for PaperFigure {
     }
 }
 
-/// A number that was chosen so that a published figure comes out.
+/// A number that was chosen to reproduce a published figure.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Calibrated {
@@ -199,11 +199,11 @@ pub struct Calibrated {
     pub key: String,
     /// Its value, in the unit that the key names.
     pub value: f64,
-    /// From what.
+    /// The figure that it was calibrated to, and how.
     pub note: String,
 }
 
-/// How late the cycles ran. In virtual mode nothing is late.
+/// Lateness of the cycles. In virtual mode nothing is late.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Cycles {
@@ -213,15 +213,15 @@ pub struct Cycles {
     pub robot: CycleLateness,
 }
 
-/// Cyclic frames as the PLC counts them.
+/// Cyclic frames counted by the PLC.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Frames {
     /// Sent to the robot.
     pub frames_sent: u64,
-    /// Received from the robot and taken over.
+    /// Received from the robot and accepted.
     pub frames_received: u64,
-    /// Cycles in which either node sent nothing, because its host held it up.
+    /// Cycles in which either node sent nothing because its host stalled it.
     pub skipped: u64,
     /// Sent by either node and never received.
     pub lost: u64,
@@ -231,19 +231,19 @@ pub struct Frames {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Allocations {
-    /// Of the PLC.
+    /// Those of the PLC.
     pub plc: u64,
-    /// Of the robot.
+    /// Those of the robot.
     pub robot: u64,
 }
 
 impl Results {
-    /// The results of a run that is about to start.
+    /// Creates the results of a run that is about to start.
     #[must_use]
-    pub fn new(setup: &Setup, application: &str, mode: Mode, plan: &Plan) -> Self {
+    pub fn new(setup: &Setup, application: &str, mode: Mode, schedule: &Schedule) -> Self {
         let mut results = PerType::default();
-        for of in &plan.types {
-            *results.entry(*of) = Some(TypeResult::default());
+        for execution_type in &schedule.types {
+            *results.entry(*execution_type) = Some(TypeResult::default());
         }
         Self {
             schema_version: SCHEMA_VERSION,
@@ -251,9 +251,9 @@ impl Results {
             title: setup.title.clone(),
             application: application.to_owned(),
             mode: mode.name().to_owned(),
-            seed: plan.seed,
-            reps: plan.reps,
-            overrides: plan.overrides.map(|overrides| overrides.to_string()),
+            seed: schedule.seed,
+            reps: schedule.reps,
+            overrides: schedule.overrides.map(|overrides| overrides.to_string()),
             status: Status::Running,
             results,
             aet_improvement: None,
@@ -273,13 +273,13 @@ impl Results {
         }
     }
 
-    /// Takes up a finished run.
+    /// Adds a finished run.
     ///
     /// # Errors
     ///
-    /// A joint exceeded what it is rated for. How the arm moved is taken up then, but not the time: no real arm takes it.
-    pub fn record(&mut self, of: ExecutionType, measured: &Measured) -> Result<(), RatingExceeded> {
-        let result = self.results.entry(of).get_or_insert_default();
+    /// A joint exceeded its rating. Then the quality of the motion is added, but not the time: no real arm reaches it.
+    pub fn record(&mut self, execution_type: ExecutionType, measured: &Measured) -> Result<(), RatingExceeded> {
+        let result = self.results.entry(execution_type).get_or_insert_default();
         if let Some(quality) = &measured.quality {
             result.quality.get_or_insert_default().record(quality);
             quality.check_ratings()?;
@@ -291,18 +291,22 @@ impl Results {
         if let Some(figure) = figure(&result.samples_ms) {
             (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
         }
-        let aet = |of| self.results.get(of).and_then(|result| result.aet_ms);
+        let aet = |execution_type| self.results.get(execution_type).and_then(|result| result.aet_ms);
         self.aet_improvement =
             aet(ExecutionType::Sm).zip(aet(ExecutionType::Cm)).map(|(sm, cm)| aet_improvement(sm, cm));
         Ok(())
     }
 
-    /// Takes up a repetition that failed.
-    pub fn record_failure(&mut self, of: ExecutionType, repetition: u32, error: String) {
-        self.results.entry(of).get_or_insert_default().failed.push(FailedRepetition { repetition, error });
+    /// Adds a failed repetition.
+    pub fn record_failure(&mut self, execution_type: ExecutionType, repetition: u32, error: String) {
+        self.results
+            .entry(execution_type)
+            .get_or_insert_default()
+            .failed
+            .push(FailedRepetition { repetition, error });
     }
 
-    /// Takes up the conditions of the run so far.
+    /// Sets the conditions of the run so far.
     pub fn set_health(&mut self, health: &Health) {
         self.cycle = Cycles { plc: health.plc.clone(), robot: health.robot.clone() };
         self.bus = Frames {
@@ -317,57 +321,57 @@ impl Results {
         self.faults.clone_from(&health.faults);
     }
 
-    /// What stands beside this run as the one without the calibrated overhead.
+    /// Returns the part of these results that another run contains as its run without the calibrated overhead.
     #[must_use]
     pub fn as_without_overhead(&self) -> WithoutOverhead {
         let mut results = PerType::default();
-        for of in ExecutionType::ALL {
-            let figure = self.results.get(of).and_then(|result| result.aet_ms.zip(result.mad_ms));
-            *results.entry(of) = figure.map(|(aet_ms, mad_ms)| PaperFigure { aet_ms, mad_ms });
+        for execution_type in ExecutionType::ALL {
+            let figure = self.results.get(execution_type).and_then(|result| result.aet_ms.zip(result.mad_ms));
+            *results.entry(execution_type) = figure.map(|(aet_ms, mad_ms)| PaperFigure { aet_ms, mad_ms });
         }
         WithoutOverhead { results, aet_improvement: self.aet_improvement }
     }
 
-    /// AET and MAD of a type so far.
+    /// Returns AET and MAD of a type so far.
     #[must_use]
-    pub fn figure(&self, of: ExecutionType) -> Option<PaperFigure> {
-        let result = self.results.get(of)?;
+    pub fn figure(&self, execution_type: ExecutionType) -> Option<PaperFigure> {
+        let result = self.results.get(execution_type)?;
         result.aet_ms.zip(result.mad_ms).map(|(aet_ms, mad_ms)| PaperFigure { aet_ms, mad_ms })
     }
 
-    /// Whether a number of the setup was chosen so that a published figure comes out.
+    /// Returns whether a number of the setup was chosen to reproduce a published figure.
     #[must_use]
     pub fn is_calibrated(&self, key: &str) -> bool {
         self.calibrated.iter().any(|calibrated| calibrated.key == key)
     }
 
-    /// The seed, and the override where there is one: the end of the line that says what the run is.
+    /// Returns the seed and, if there is one, the override: the end of the line that describes the run.
     #[must_use]
     pub fn seed_and_override(&self, separator: &str) -> String {
         let seed = format!("seed {}", self.seed);
         self.overrides.iter().fold(seed, |text, overrides| format!("{text}{separator}override {overrides}"))
     }
 
-    /// The results as JSON, with a newline at the end.
+    /// Returns the results as JSON, with a newline at the end.
     pub fn to_json(&self) -> serde_json::Result<String> {
         serde_json::to_string_pretty(self).map(|json| json + "\n")
     }
 }
 
-/// Samples are whole nanoseconds, which a millisecond count carries exactly up to hours.
+/// Samples are whole nanoseconds, and a number in milliseconds represents them exactly up to hours.
 fn figure(samples_ms: &[f64]) -> Option<Figure> {
     let nanos = |millis: &f64| std::time::Duration::from_nanos((millis * 1e6).round() as u64);
     Figure::of(samples_ms.iter().map(nanos))
 }
 
-/// Key of the programmed speed, which RC's AET fixes.
+/// Key of the programmed speed, which is calibrated to RC's AET.
 pub const VELOCITY: &str = "motions.velocity_percent";
-/// Key of the cost of a skill call, which SM's AET fixes.
+/// Key of the cost of a skill call, which is calibrated to SM's AET.
 pub const SKILL_OVERHEAD: &str = "robot.skill_overhead_us";
-/// Key of the controller's time quantum, which the MADs fix.
+/// Key of the controller's time quantum, which is calibrated to the MADs.
 pub const QUANTUM: &str = "robot.interpreter_quantum_us";
 
-/// Key of the spread of a program's start, which RC's MAD fixes.
+/// Key of the spread of a program's start, which is calibrated to RC's MAD.
 pub const START_QUANTUM: &str = "robot.start_quantum_us";
 
 fn calibrated(setup: &Setup) -> Vec<Calibrated> {
@@ -391,9 +395,9 @@ fn calibrated(setup: &Setup) -> Vec<Calibrated> {
 mod tests {
     use super::*;
 
-    /// `INSTA_UPDATE=always` writes it anew, as it does with snapshots.
+    /// `INSTA_UPDATE=always` writes it again, as for snapshots.
     #[test]
-    fn the_committed_schema_is_that_of_the_results() {
+    fn the_committed_schema_matches_the_results() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas/results.schema.json");
         let schema = serde_json::to_string_pretty(&schemars::schema_for!(Results)).unwrap() + "\n";
         if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {

@@ -1,10 +1,10 @@
-//! The directory of a run: what was asked for, what it ran on, and every finished repetition.
+//! The directory of a measurement: what was to be run, on which computer, and every finished repetition.
 //!
 //! ```text
-//! setup.toml        the setup as it was used; runs again as `--setup DIR/setup.toml`
-//! application.toml  the text of the application as it was used
-//! host.json         the machine
-//! samples.csv       a line a repetition, written before the next one starts
+//! setup.toml        the setup; runs again as `--setup DIR/setup.toml`
+//! application.toml  the text of the application
+//! host.json         the computer
+//! samples.csv       a line per repetition, written before the next one starts
 //! results.json      the results so far, replaced as a whole
 //! trace-*.csv       both nodes tick by tick in the first repetition of each type
 //! report.html       the report
@@ -24,27 +24,28 @@ use crate::records::host::date;
 use crate::records::results::{Results, SCHEMA_VERSION};
 use crate::records::schedule::Step;
 
-/// How sure a repetition is on the disk before the next one starts.
+/// How safely a repetition is stored before the next one starts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Durability {
-    /// It survives a loss of power: what was measured cannot be measured again.
+    /// It survives a power failure, since a real measurement cannot be repeated.
     Synced,
-    /// It survives the end of this process; enough for a run that its seed repeats.
+    /// It survives the end of this process. This is enough for a run that its seed repeats.
     Written,
 }
 
-/// A run's directory.
+/// The directory of a measurement.
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
     samples: File,
-    /// Length of the samples that are saved whole, in bytes.
+    /// Length of the completely written samples, in bytes.
     samples_len: u64,
     durability: Durability,
 }
 
 impl RunDirectory {
-    /// Makes the directory and writes down what is to be run: the setup and the text of its application. One that holds a run already is left alone.
+    /// Creates the directory and writes what is to be run: the setup and the text of its application. A directory
+    /// that already contains a run is not changed.
     pub fn create(
         path: &Path,
         setup: &Setup,
@@ -71,19 +72,19 @@ impl RunDirectory {
         Ok(directory)
     }
 
-    /// Writes a file that is not written again.
+    /// Writes a file that is never replaced.
     fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
         replace(&self.path.join(name), text, Durability::Written)
     }
 
-    /// Adds a line to the samples, whole or not at all.
+    /// Appends a line to the samples, completely or not at all.
     fn append(&mut self, line: &str) -> anyhow::Result<()> {
         let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
             Durability::Synced => self.samples.sync_data(),
             Durability::Written => Ok(()),
         });
         if saved.is_err() {
-            // A disk that takes the first half of a line takes this too; if not, the line is seen to be broken.
+            // Remove a partly written line. If even that fails, readers see that the line is broken.
             let _ = self.samples.set_len(self.samples_len);
         } else {
             self.samples_len += line.len() as u64;
@@ -91,18 +92,18 @@ impl RunDirectory {
         saved.with_context(|| format!("cannot write {}", self.path.join("samples.csv").display()))
     }
 
-    /// Where it is.
+    /// Returns its path.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Writes the machine's description.
+    /// Writes the description of the computer.
     pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
         self.write("host.json", json)
     }
 
-    /// Writes down a finished repetition, good or failed, and the results so far.
+    /// Writes a finished or failed repetition and the results so far.
     pub fn save(
         &mut self,
         step: &Step,
@@ -119,11 +120,11 @@ impl RunDirectory {
     }
 }
 
-/// The results that a run directory holds.
+/// Reads the results of a run directory.
 ///
 /// # Errors
 ///
-/// There are none, or they are of another version.
+/// There are none, or they have another version.
 pub fn results(directory: &Path) -> anyhow::Result<Results> {
     let path = directory.join("results.json");
     let text = match fs::read_to_string(&path) {
@@ -157,15 +158,15 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
     serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
 }
 
-/// What a run directory says of the machine, key by key; none where it does not.
+/// Reads a run directory's description of the computer, key by key; `None` if there is none.
 #[must_use]
 pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Value>> {
     let text = fs::read_to_string(directory.join("host.json")).ok()?;
     serde_json::from_str(&text).ok()
 }
 
-/// Where a run goes that names no directory: below `runs`, by its start, its setup and what it is; the first such name
-/// that is free.
+/// Returns the directory of a run without `--out`: below `runs`, named by its start, its setup and its kind; the
+/// first such name that is free.
 #[must_use]
 pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
     let time = date(started).replace([':', '-'], "");
@@ -175,12 +176,12 @@ pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
     std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
 }
 
-/// Makes the directory of a study, which holds many virtual runs' figures and no run, and writes down what setup it
-/// varied.
+/// Creates the directory of a study, which contains figures of many virtual runs but no run, and writes the setup
+/// that it varies.
 ///
 /// # Errors
 ///
-/// It holds a run, or cannot be written.
+/// It contains a run, or cannot be written.
 pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
     if path.join("samples.csv").exists() {
         anyhow::bail!("{} holds a run; choose another directory by --out", path.display());
@@ -190,12 +191,12 @@ pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
     replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
 }
 
-/// Replaces a file as a whole: whoever reads it sees the old content or the new one, also where this process is killed or
-/// the disk is full, and where it is synced also after a loss of power.
+/// Replaces a file as a whole: a reader sees either the old or the new content, also if this process is killed or the
+/// disk is full, and with `Synced` also after a power failure.
 ///
 /// # Errors
 ///
-/// The disk does not take it. The old file is there as it was, and nothing else.
+/// Writing failed. The old file is unchanged and nothing else is left.
 pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -> anyhow::Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".new");
@@ -210,20 +211,20 @@ pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -
     };
     write()
         .inspect_err(|_| {
-            // Half a file would take the last bytes of a full disk.
+            // A partly written file would use the last bytes of a full disk.
             let _ = fs::remove_file(&new);
         })
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Gives `new` the name of the file that it replaces. Renamed over a file, ext4 sends its bytes to the disk at once, as
-/// though they had to survive a loss of power: more than a millisecond after each repetition, a seventh of a virtual run.
-/// Two names that are exchanged are as atomic and cost nothing.
+/// Gives `new` the name of the file that it replaces. If a file is renamed over another one, ext4 writes its data to
+/// disk at once, as if it had to survive a power failure: more than a millisecond after each repetition, a seventh of
+/// a virtual run. Exchanging two names is as atomic and costs nothing.
 fn put_in_place(new: &Path, path: &Path) -> std::io::Result<()> {
-    // An exchange would take a directory for a file.
+    // An exchange would also accept a directory in place of a file.
     let replaces_file = fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
     if replaces_file && renameat_with(CWD, new, CWD, path, RenameFlags::EXCHANGE).is_ok() {
-        // The old content. Left behind, the next one would take its place.
+        // This is the old content. If it stays, the next replacement overwrites it.
         let _ = fs::remove_file(new);
         return Ok(());
     }
@@ -261,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_repetition_is_a_line_whether_it_went_well_or_not() {
+    fn every_repetition_is_a_line_whether_it_succeeded_or_failed() {
         let mut measured = Measured::lasting(Duration::from_nanos(6_477_123_456));
         measured.execution.robot_execution_ns = 6_470_000_000;
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
@@ -273,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_that_holds_a_run_is_left_alone() {
+    fn a_directory_that_contains_a_run_is_not_changed() {
         let directory = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
         let create = || RunDirectory::create(directory.path(), &setup, &found.text, Durability::Written);
@@ -296,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_reads_while_a_file_is_replaced_finds_the_old_content_or_the_new_one() {
+    fn a_reader_of_a_file_that_is_being_replaced_sees_the_old_or_the_new_content() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("results.json");
         let contents = ["a".repeat(5_000), "b".repeat(4_000)];
@@ -317,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_in_the_place_of_a_file_is_left_alone() {
+    fn a_directory_in_place_of_a_file_is_not_replaced() {
         for durability in [Durability::Written, Durability::Synced] {
             let directory = tempfile::tempdir().unwrap();
             let path = directory.path().join("results.json");
@@ -329,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn the_setup_in_the_directory_runs_the_same_again() {
+    fn the_setup_in_the_directory_gives_the_same_run_again() {
         let directory = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
         RunDirectory::create(directory.path(), &setup, &found.text, Durability::Synced).unwrap();

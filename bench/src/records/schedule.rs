@@ -1,4 +1,4 @@
-//! Which run follows which: the types interleaved, with a pause of random length before each start.
+//! The order of the runs: the types are interleaved, with a random pause before each start.
 
 use std::time::Duration;
 
@@ -6,38 +6,38 @@ use plc_node::{ExecutionType, OverrideSchedule};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// The seed of runs that name none.
+/// Seed of runs without a given seed.
 pub(crate) const SEED: u64 = 1;
 
 /// Repetitions of each type in the paper (section 6.2).
 pub(crate) const REPETITIONS: u32 = 25;
 
-/// The shortest pause before a start edge: the arm has settled and every node has seen the end of the run before.
+/// Shortest pause before a start edge: the arm has settled and every node has seen the end of the previous run.
 pub(crate) const PAUSE: Duration = Duration::from_millis(40);
 
-/// Up to this much more, evenly spread: several of the longest cycle there is, so that start edges fall on every phase
-/// of every cycle alike.
+/// Largest random extension of the pause, evenly distributed: several times the longest cycle, so that start edges
+/// meet all phases of every cycle alike.
 const SPREAD: Duration = Duration::from_millis(60);
 
-/// One run of a plan.
+/// One run of a schedule.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Step {
-    /// How the sequence is run.
+    /// Its execution type.
     pub execution_type: ExecutionType,
-    /// Which repetition of its type, counted from 1.
+    /// Number of the repetition of its type, counted from 1.
     pub repetition: u32,
-    /// How long to wait before the start edge.
+    /// Pause before the start edge.
     pub pause: Duration,
     /// What becomes of the override meanwhile.
     pub overrides: Option<OverrideSchedule>,
 }
 
-/// All runs of a measurement, so that a drift of anything hits all types alike.
+/// All runs of a measurement, in an order in which a drift affects all types alike.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Plan {
+pub struct Schedule {
     /// Execution types in the order of each round, each once.
     pub types: Vec<ExecutionType>,
-    /// Repetitions of each.
+    /// Repetitions of each type.
     pub reps: u32,
     /// Seed of the pauses.
     pub seed: u64,
@@ -45,13 +45,13 @@ pub struct Plan {
     pub overrides: Option<OverrideSchedule>,
 }
 
-/// How many there are, in words.
+/// Formats a number of repetitions as text.
 pub(crate) fn repetitions(count: u32) -> String {
     format!("{count} repetition{}", if count == 1 { "" } else { "s" })
 }
 
-impl Plan {
-    /// A plan of `reps` rounds over `types`; a type that is named twice counts once.
+impl Schedule {
+    /// Creates a schedule of `reps` rounds over `types`; a type that is given twice counts once.
     #[must_use]
     pub fn new(types: &[ExecutionType], reps: u32, seed: u64) -> Self {
         let mut once = Vec::new();
@@ -63,21 +63,23 @@ impl Plan {
         Self { types: once, reps, seed, overrides: None }
     }
 
-    /// The runs in order.
+    /// Returns the runs in order.
     pub fn steps(&self) -> impl Iterator<Item = Step> + '_ {
         let mut random = Pcg64Mcg::seed_from_u64(self.seed);
-        (1..=self.reps).flat_map(move |repetition| self.types.iter().map(move |of| (*of, repetition))).map(
-            move |(execution_type, repetition)| Step {
+        (1..=self.reps)
+            .flat_map(move |repetition| {
+                self.types.iter().map(move |execution_type| (*execution_type, repetition))
+            })
+            .map(move |(execution_type, repetition)| Step {
                 execution_type,
                 repetition,
                 pause: PAUSE + below(&mut random, SPREAD),
                 overrides: self.overrides,
-            },
-        )
+            })
     }
 }
 
-/// A time from zero up to `bound`, which it does not reach.
+/// Draws a time from zero up to `bound`, exclusive.
 pub(crate) fn below(random: &mut Pcg64Mcg, bound: Duration) -> Duration {
     let share = u128::from(random.next_u64());
     let nanos = (share * bound.as_nanos()) >> 64;
@@ -91,15 +93,15 @@ mod tests {
 
     #[test]
     fn the_types_are_interleaved() {
-        let plan = Plan::new(&[Rc, Sm, Cm, Rc], 2, 1);
-        let order: Vec<_> = plan.steps().map(|step| (step.execution_type, step.repetition)).collect();
+        let schedule = Schedule::new(&[Rc, Sm, Cm, Rc], 2, 1);
+        let order: Vec<_> = schedule.steps().map(|step| (step.execution_type, step.repetition)).collect();
         assert_eq!(order, [(Rc, 1), (Sm, 1), (Cm, 1), (Rc, 2), (Sm, 2), (Cm, 2)]);
     }
 
     #[test]
-    fn the_pauses_come_from_the_seed_and_fill_their_range() {
+    fn the_pauses_depend_on_the_seed_and_cover_their_range() {
         let pauses =
-            |seed| -> Vec<_> { Plan::new(&[Rc], 1_000, seed).steps().map(|step| step.pause).collect() };
+            |seed| -> Vec<_> { Schedule::new(&[Rc], 1_000, seed).steps().map(|step| step.pause).collect() };
         assert_eq!(pauses(1), pauses(1));
         assert_ne!(pauses(1), pauses(2));
         let (shortest, longest) = (*pauses(1).iter().min().unwrap(), *pauses(1).iter().max().unwrap());

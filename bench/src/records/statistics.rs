@@ -7,14 +7,15 @@ use std::time::Duration;
 pub struct Figure {
     /// AET: the mean, in ms.
     pub aet_ms: f64,
-    /// MAD: the mean absolute deviation from the mean, in ms. Not the median one that many tools call MAD.
+    /// MAD: the mean absolute deviation from the mean, in ms. It is not the median absolute deviation, which many
+    /// tools call MAD.
     pub mad_ms: f64,
 }
 
 impl Figure {
-    /// The figure of these execution times; none of no times.
+    /// Computes the figure of these execution times; `None` without times.
     ///
-    /// The mean is taken over integer nanoseconds, so that it does not depend on the order.
+    /// The mean is computed from integer nanoseconds, so that it does not depend on the order.
     #[must_use]
     pub fn of(times: impl Iterator<Item = Duration> + Clone) -> Option<Self> {
         let count = times.clone().count();
@@ -29,7 +30,7 @@ impl Figure {
     }
 }
 
-/// AETi, the paper's formula (1): the share (0…1) of SM's execution time that CM saves.
+/// Computes AETi, the paper's formula (1): the share (0…1) of SM's execution time that CM saves.
 #[must_use]
 pub fn aet_improvement(sm_aet_ms: f64, cm_aet_ms: f64) -> f64 {
     (sm_aet_ms - cm_aet_ms) / sm_aet_ms
@@ -50,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn one_time_does_not_deviate_and_no_time_has_no_figure() {
+    fn one_time_has_no_deviation_and_no_times_have_no_figure() {
         assert_eq!(millis(&[3725]), Some(Figure { aet_ms: 3725.0, mad_ms: 0.0 }));
         assert_eq!(millis(&[]), None);
     }

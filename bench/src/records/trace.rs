@@ -1,6 +1,6 @@
-//! What both nodes did during one run of a type, tick by tick, wherever the ticks come from; [`tables`] keeps it in files.
+//! What both nodes did during one run of each type, tick by tick; [`tables`] stores it in files.
 //!
-//! Times count from the PLC's start edge, in true time in virtual mode.
+//! Times count from the PLC's start edge, in virtual mode in true time.
 
 pub mod tables;
 
@@ -11,56 +11,56 @@ use virtual_time::Side;
 
 use crate::records::results::PerType;
 
-/// When a run was, by the clock that both nodes of a real run share.
+/// Time of a run, by the clock that both nodes of a real run share.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Window {
-    /// How it was run.
-    pub of: ExecutionType,
-    /// The scan with the start edge, in ns.
+    /// Its execution type.
+    pub execution_type: ExecutionType,
+    /// Time of the scan with the start edge, in ns.
     pub start_ns: u64,
-    /// How long it took, in ns; none where it failed.
+    /// Its length in ns; `None` if it failed.
     pub length_ns: Option<u64>,
 }
 
 impl Window {
-    /// Whether an instant lies in it.
+    /// Returns whether an instant is in it.
     fn has(&self, at_ns: u64) -> bool {
         let since = at_ns.checked_sub(self.start_ns);
         since.is_some_and(|since| since <= self.length_ns.unwrap_or(u64::MAX))
     }
 }
 
-/// Room for a minute of each; what comes after it is not recorded.
+/// Capacity for a minute of each; what comes later is not recorded.
 const ROBOT_ROOM: usize = 15_000;
 const PLC_ROOM: usize = 60_000;
-/// Four a millisecond: each is seen at both ends, each way.
+/// Four frames a millisecond: one each way, each seen at both ends.
 pub(crate) const FRAME_ROOM: usize = 240_000;
 
 /// One interpolation cycle of the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct RobotTick {
-    /// Since the start edge, in ms.
+    /// Time since the start edge, in ms.
     pub at_ms: f64,
     /// State of the skill execution.
     pub state: State,
-    /// The last command number that the robot took up.
+    /// The last command number that the robot received.
     pub command: u16,
-    /// Motions of the skill that are executed.
+    /// Motions of the skill that the robot has executed.
     pub executed: u32,
-    /// Motions of the skill that are accepted.
+    /// Motions of the skill that the robot has accepted.
     pub accepted: u32,
-    /// Motions of the skill that ended in a stop because the next was not there in time.
+    /// Motions of the skill that ended in a stop because the next motion did not arrive in time.
     pub blends_suppressed: u16,
     /// Speed of the tool along its path in mm/s.
     pub path_speed_mm_s: f32,
-    /// Tool in base: x, y, z in mm; a, b, c in degrees.
+    /// Pose of the tool in the base frame: x, y, z in mm; a, b, c in degrees.
     pub pose: [f32; 6],
-    /// Joint values in degrees, mm on a linear axis.
+    /// Joint values in degrees; in mm for a linear axis.
     pub joints: [f32; 6],
 }
 
 impl RobotTick {
-    /// A sample of the robot node, taken `at_ms` after the start edge.
+    /// Converts a sample of the robot node, taken `at_ms` after the start edge.
     #[must_use]
     pub const fn new(at_ms: f64, sample: &robot_node::Sample) -> Self {
         Self {
@@ -76,7 +76,7 @@ impl RobotTick {
         }
     }
 
-    /// Motions that wait in the robot or are being executed.
+    /// Returns the motions that wait in the robot or are being executed.
     #[must_use]
     pub const fn queued(&self) -> u32 {
         self.accepted.saturating_sub(self.executed)
@@ -86,22 +86,22 @@ impl RobotTick {
 /// One scan of the PLC.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct PlcScan {
-    /// Since the scan with the start edge, in µs.
+    /// Time since the scan with the start edge, in µs.
     pub at_us: i64,
     /// Scans since the node started.
     pub scan: u64,
     /// Number of the last command.
     pub command: u16,
-    /// Motions of the skill in all: `totalNo`.
+    /// Total motions of the skill: `totalNo`.
     pub total: u32,
-    /// Motions of the skill that are written into the slots so far.
+    /// Motions of the skill written into the slots so far.
     pub written: u32,
     /// Motions in the slots that the robot has not executed yet.
     pub in_slots: u32,
 }
 
 impl PlcScan {
-    /// A sample of the PLC node, taken `at_us` after the start edge.
+    /// Converts a sample of the PLC node, taken `at_us` after the start edge.
     #[must_use]
     pub const fn new(at_us: i64, sample: &plc_node::Sample) -> Self {
         Self {
@@ -118,26 +118,26 @@ impl PlcScan {
 /// A frame at one end of the cable.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Frame {
-    /// Since the start edge, in µs.
+    /// Time since the start edge, in µs.
     pub at_us: f64,
-    /// At whose end: A is the PLC's.
+    /// The end of the cable; A is the PLC's.
     pub end: Side,
-    /// Whether it leaves there; otherwise it arrives.
+    /// Whether it was sent at this end; otherwise it was received.
     pub sent: bool,
-    /// What it travels in.
+    /// The protocol that carries it.
     pub carrier: &'static str,
     /// Length of the frame, without the headers around it, in bytes.
     pub bytes: usize,
-    /// Whether the cable did something to it.
+    /// Whether the cable impaired it.
     pub faulty: bool,
 }
 
-/// One run of a type. Its room is taken when it is made: recording a tick allocates nothing.
+/// Recording of one run. Its memory is allocated when it is created: recording a tick allocates nothing.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Recording {
     robot: Vec<RobotTick>,
     plc: Vec<PlcScan>,
-    /// In memory only, for a timeline.
+    /// Kept in memory only, for a timeline.
     frames: Vec<Frame>,
 }
 
@@ -148,47 +148,48 @@ impl Default for Recording {
 }
 
 impl Recording {
-    /// Takes up a tick, if there is room.
+    /// Adds a tick, if there is room.
     pub fn robot(&mut self, tick: RobotTick) {
         if self.robot.len() < self.robot.capacity() {
             self.robot.push(tick);
         }
     }
 
-    /// Takes up a scan, if there is room.
+    /// Adds a scan, if there is room.
     pub fn plc(&mut self, scan: PlcScan) {
         if self.plc.len() < self.plc.capacity() {
             self.plc.push(scan);
         }
     }
 
-    /// Takes up a frame, up to those of a minute.
+    /// Adds a frame, if there is room; a minute of frames fits.
     pub fn frame(&mut self, frame: Frame) {
         if self.frames.len() < FRAME_ROOM {
             self.frames.push(frame);
         }
     }
 
-    /// The frames at both ends in order; none where they were not asked for, or were read from the tables.
+    /// Returns the frames at both ends in order; none if they were not recorded, or if the recording was read from
+    /// the tables.
     #[must_use]
     pub fn frames(&self) -> &[Frame] {
         &self.frames
     }
 
-    /// The robot's ticks in order.
+    /// Returns the robot's ticks in order.
     #[must_use]
     pub fn robot_ticks(&self) -> &[RobotTick] {
         &self.robot
     }
 
-    /// The PLC's scans in order.
+    /// Returns the PLC's scans in order.
     #[must_use]
     pub fn plc_scans(&self) -> &[PlcScan] {
         &self.plc
     }
 }
 
-/// One recording of each type: of its first repetition.
+/// A recording per type: of its first repetition.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Trace {
     /// The recordings.
@@ -196,12 +197,12 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Puts frames to the runs that they were seen in, by the clock that both nodes of a real run share.
+    /// Assigns frames to the runs in which they passed, by the clock that both nodes of a real run share.
     pub fn add_frames(&mut self, windows: &[Window], frames: Vec<(Instant, Frame)>) {
         for (at, frame) in frames {
             let at_ns = at.as_nanos();
             let Some(window) = windows.iter().rev().find(|window| window.has(at_ns)) else { continue };
-            if let Some(recording) = self.types.entry(window.of) {
+            if let Some(recording) = self.types.entry(window.execution_type) {
                 recording.frame(Frame { at_us: (at_ns - window.start_ns) as f64 / 1e3, ..frame });
             }
         }
@@ -219,7 +220,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_recording_that_is_full_takes_no_more_and_does_not_grow() {
+    fn a_full_recording_drops_further_scans_and_does_not_grow() {
         let mut recording = Recording { robot: Vec::new(), plc: Vec::with_capacity(2), frames: Vec::new() };
         let room = recording.plc.capacity();
         for scan in 0..room as u64 + 3 {

@@ -1,10 +1,10 @@
-//! Captures of a virtual cable: what passes each end, as the packets that a network would carry.
+//! Captures of a virtual cable: what passes each end, as the packets that a real network would carry.
 //!
-//! A machine's frame is the payload of a datagram or a piece of a stream. Here it gets the headers that the kernel puts
-//! around it in real mode (RFC 791, 768, 9293), with right checksums and with sequence numbers that count, so that
-//! dissectors find the same conversation. TCP's acknowledgements without payload follow at once, take the cable's delay
-//! and no fault. There is no ARP: the stations know each other. Times count from 1970-01-01 in true time, so that a
-//! seed gives the same bytes everywhere.
+//! A machine's frame is the payload of a datagram or a piece of a stream. Here it gets the headers that the kernel
+//! adds in real mode (RFC 791, 768, 9293), with correct checksums and sequence numbers, so that dissectors see the
+//! same connections. TCP's acknowledgements without payload are added at once; they take the cable's delay and meet
+//! no fault. There is no ARP: the stations know each other's addresses. Times count from 1970-01-01 in true time, so
+//! that a seed gives the same bytes on every computer.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -22,23 +22,23 @@ use packet::{Ip, Tcp};
 
 mod packet;
 
-/// What passes the PLC's interface, in the run directory.
+/// Capture at the PLC's interface, in the run directory.
 pub const PLC_FILE: &str = "plc.pcapng";
-/// What passes the robot's interface, in the run directory.
+/// Capture at the robot's interface, in the run directory.
 pub const ROBOT_FILE: &str = "robot.pcapng";
 
-/// What a capture needs to know of a virtual cable.
+/// Properties of a virtual cable that its captures need.
 #[derive(Clone, Debug)]
 pub struct CableConfig {
     /// MAC addresses of the PLC and of the robot.
     pub macs: [Mac; 2],
-    /// What an acknowledgement takes from end to end.
+    /// Time that an acknowledgement takes from end to end.
     pub delay: Duration,
-    /// A comment on both interfaces: the faults that are put in.
+    /// Comment on both interfaces: the injected faults.
     pub about: String,
 }
 
-/// Both captures of a virtual cable.
+/// The captures of both ends of a virtual cable.
 #[derive(Debug)]
 pub struct VirtualCapture {
     config: CableConfig,
@@ -46,16 +46,16 @@ pub struct VirtualCapture {
     connections: BTreeMap<(SocketAddrV4, SocketAddrV4), Connection>,
     cut: bool,
     next_number: u64,
-    /// The first reason why a packet could not be written.
+    /// The first error in writing a packet.
     broken: Option<(PathBuf, io::Error)>,
 }
 
 #[derive(Debug)]
 struct End {
     file: CaptureFile,
-    /// What passed, or is going to, in order of time: a segment that is sent again is announced before.
+    /// Packets that passed or will pass, by time: a retransmitted segment is announced in advance.
     waiting: BinaryHeap<Reverse<Passed>>,
-    /// A comment for the next packet.
+    /// Comment for the next packet.
     note: Option<String>,
 }
 
@@ -71,20 +71,20 @@ struct Passed {
 /// One direction of a TCP connection, as its sender sees it.
 #[derive(Clone, Default, Debug)]
 struct Connection {
-    /// The sequence number of what it sends next, counted from its SYN.
+    /// Sequence number of its next byte, counted from its SYN.
     next: u32,
-    /// Bytes that the sender has from its peer.
+    /// Number of bytes that the sender has received from its peer.
     received: u32,
-    /// Whether it has the peer's SYN, and its FIN.
+    /// Whether it has received the peer's SYN.
     synchronised: bool,
     peer_closed: bool,
-    /// What the sender says at one instant leaves together, as far as a segment holds it.
+    /// Segment being filled: bytes sent at one instant leave together, as far as they fit.
     leaving: Option<Leaving>,
-    /// Segments under way, in the order in which they left.
+    /// Segments in flight, in the order in which they were sent.
     under_way: Vec<Sent>,
 }
 
-/// From where to where.
+/// Sender, receiver and DSCP of a segment.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     from: Side,
@@ -105,18 +105,18 @@ struct Leaving {
 
 #[derive(Clone, Debug)]
 struct Sent {
-    /// The sequence number behind its last byte.
+    /// Sequence number behind its last byte.
     end: u32,
     flags: u8,
     packet: Vec<u8>,
 }
 
 impl VirtualCapture {
-    /// Two new captures in `directory`.
+    /// Creates both captures in `directory`.
     ///
     /// # Errors
     ///
-    /// A file cannot be made.
+    /// A file cannot be created.
     pub fn create(directory: &Path, config: CableConfig, keep: Keep) -> io::Result<Self> {
         let end = |file, interface| {
             let file = CaptureFile::create(&directory.join(file), interface, &config.about, keep)?;
@@ -126,7 +126,7 @@ impl VirtualCapture {
         Ok(Self { config, ends, connections: BTreeMap::new(), cut: false, next_number: 0, broken: None })
     }
 
-    /// The cable or a node changes: said at both ends beside the next packet there.
+    /// Comments a change of the cable or of a node, at both ends beside the next packet there.
     pub fn note(&mut self, note: Note) {
         match note {
             Note::Cut { .. } => self.cut = true,
@@ -139,7 +139,7 @@ impl VirtualCapture {
         }
     }
 
-    /// Takes up what passes an end of the cable.
+    /// Records what passes an end of the cable.
     pub fn see(&mut self, tapped: &Tapped<'_>) {
         self.seal_before(tapped.at);
         let leaves = tapped.end == tapped.from;
@@ -161,11 +161,11 @@ impl VirtualCapture {
         }
     }
 
-    /// Writes all that passed. Nothing can be written any more afterwards but what follows.
+    /// Writes everything that passed. After this only what passes later can be written.
     ///
     /// # Errors
     ///
-    /// A file could not be written, now or before.
+    /// A file could not be written, now or earlier.
     pub fn finish(mut self) -> Result<(), (PathBuf, io::Error)> {
         let end = Instant::from_nanos(u64::MAX);
         self.seal_before(end);
@@ -221,7 +221,7 @@ impl VirtualCapture {
             let connection = self.connections.entry((source, to)).or_default();
             let takes_one = u32::from(flags & (packet::SYN | packet::FIN) != 0);
             let next = sequence.wrapping_add(tapped.frame.len() as u32).wrapping_add(takes_one);
-            // What is sent again takes nothing new.
+            // A retransmission does not advance the sequence number.
             if next.wrapping_sub(connection.next) < u32::MAX / 2 {
                 connection.next = next;
             }
@@ -230,7 +230,7 @@ impl VirtualCapture {
         self.seal((source, to));
         let reached = sequence.wrapping_add(tapped.frame.len() as u32);
         let connection = self.connections.entry((source, to)).or_default();
-        // A driver reads a segment in pieces; it is there with the last of them.
+        // A driver reads a segment in pieces; it has arrived with the last of them.
         let Some(index) =
             connection.under_way.iter().position(|sent| sent.end == reached && sent.flags == flags)
         else {
@@ -241,7 +241,7 @@ impl VirtualCapture {
         self.acknowledge(tapped, source, to, segment);
     }
 
-    /// The receiver's answer to a segment that is there.
+    /// Adds the receiver's acknowledgement of a segment that arrived.
     fn acknowledge(&mut self, tapped: &Tapped<'_>, source: SocketAddrV4, to: SocketAddrV4, segment: Segment) {
         let answering = self.connections.entry((to, source)).or_default();
         match segment {
@@ -265,7 +265,7 @@ impl VirtualCapture {
         }
     }
 
-    /// The segment that a sender was still filling leaves as it is.
+    /// Sends the segment that a sender was still filling.
     fn seal(&mut self, key: (SocketAddrV4, SocketAddrV4)) {
         let leaving = self.connections.get_mut(&key).and_then(|connection| connection.leaving.take());
         let Some(Leaving { at, way, tcp, gets_through, comment, bytes }) = leaving else { return };
@@ -277,7 +277,7 @@ impl VirtualCapture {
         self.pass(at, way.from, true, comment, packet);
     }
 
-    /// Seals what cannot grow any more.
+    /// Sends the segments that cannot grow any more.
     fn seal_before(&mut self, now: Instant) {
         let over: Vec<_> = self
             .connections
@@ -338,7 +338,7 @@ impl VirtualCapture {
 }
 
 impl Leaving {
-    /// Whether a piece leaves as a part of this segment.
+    /// Returns whether a piece belongs to this segment.
     fn goes_on(&self, piece: &Tapped<'_>, sequence: u32, flags: u8) -> bool {
         let clean = self.comment.is_none() && piece.fate.is_clean();
         let follows = sequence == self.tcp.sequence.wrapping_add(self.bytes.len() as u32);
@@ -348,7 +348,7 @@ impl Leaving {
 }
 
 impl Connection {
-    /// The next byte that it expects, counted from the peer's SYN.
+    /// Returns the sequence number that it expects next, counted from the peer's SYN.
     fn acknowledged(&self) -> u32 {
         u32::from(self.synchronised).wrapping_add(self.received).wrapping_add(u32::from(self.peer_closed))
     }

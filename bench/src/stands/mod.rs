@@ -1,7 +1,7 @@
-//! What a measurement runs on, whichever the mode: something that executes a sequence and says how long it took.
+//! Stands: what a measurement runs on in each mode. A stand executes a sequence and returns how long it took.
 //!
 //! ```text
-//! rig          two processes on a real network, or nodes that run already
+//! rig          two processes on a real network, or nodes that already run
 //! virtual_run  both nodes in virtual time
 //! capture      what passes a virtual cable, as the packets of a network
 //! ```
@@ -22,61 +22,64 @@ use crate::records::faults::Fault;
 use crate::records::schedule::Step;
 use crate::records::trace::Trace;
 
-/// A PLC and a robot, connected, on a real or on a virtual clock.
+/// A connected PLC and robot, in real or virtual time.
 pub trait Stand: Sized {
     /// Connects both nodes and waits until the robot is ready.
     ///
     /// # Errors
     ///
-    /// The setup describes no robot, this machine lacks what the stand needs, or no connection comes about.
+    /// The setup describes no robot, this computer lacks what the stand needs, or the connection cannot be
+    /// established.
     fn start(config: &StandConfig<'_>) -> impl Future<Output = Result<Self, Failure>>;
 
-    /// What the host refused the threads that run the nodes, in words; none where no thread has to keep time.
+    /// Returns what the host refused the threads that run the nodes; `None` if no thread has to keep time.
     fn refused(&self) -> Option<Vec<String>> {
         None
     }
 
-    /// Waits out the step's pause, runs the sequence once and says how it went. An error is a failed repetition.
+    /// Waits for the step's pause, runs the sequence once and returns its measurement. An error is a failed
+    /// repetition.
     fn execute(&mut self, step: Step) -> impl Future<Output = anyhow::Result<Measured>>;
 
-    /// How late the cycles ran and what went over the bus, since the start.
+    /// Returns the lateness of the cycles and the bus counters since the start.
     fn health(&self) -> Health;
 
-    /// Ends both nodes and the captures. Those that are in memory are written only where `keeps_capture`.
+    /// Ends both nodes and the captures. Captures held in memory are written only if `keeps_capture`.
     fn finish(self, keeps_capture: bool) -> impl Future<Output = Finished>;
 }
 
-/// What a stand is made of.
+/// Configuration of a stand.
 #[derive(Clone, Copy, Debug)]
 pub struct StandConfig<'a> {
     /// The cell.
     pub setup: &'a Setup,
-    /// What the robot does in it.
+    /// The robot's task in the cell.
     pub application: &'a Application,
     /// Seed of clocks, phases and faults.
     pub seed: u64,
-    /// The run directory: nodes that are processes read the setup there, captures and traces go there.
+    /// The run directory: node processes read the setup from it; captures and traces are written to it.
     pub directory: &'a Path,
-    /// How much of what passes both ends is captured; none where nothing is.
+    /// How much of a capture is kept; `None` for no captures.
     pub capture: Option<Keep>,
-    /// Whether the frames of the recorded repetitions are kept, for a timeline.
+    /// Whether the frames of recorded repetitions are kept, for a timeline.
     pub frames: bool,
     /// Faults of the cable and of the nodes.
     pub faults: &'a [Fault],
-    /// Nodes that run already.
+    /// Nodes that already run.
     pub attach: Option<&'a rig::Attach>,
 }
 
-/// What is left of a stand.
+/// What a stand returns when it ends.
 #[derive(Debug)]
 pub struct Finished {
-    /// What both nodes did in the recorded repetitions; none where nobody recorded, an error where it cannot be read.
+    /// What both nodes did in the recorded repetitions; `None` if nothing was recorded, an error if it cannot be
+    /// read.
     pub trace: anyhow::Result<Option<Trace>>,
-    /// The conditions up to the end; none where the last ones that the stand gave are final. An error where a node did
-    /// not end in order.
+    /// The conditions up to the end; `None` if the last ones that the stand returned are final. An error if a node
+    /// did not end in order.
     pub health: Result<Option<Health>, Failure>,
-    /// Whether the captures were written.
+    /// Whether writing the captures succeeded.
     pub capture: anyhow::Result<()>,
-    /// A sentence for whoever watches.
+    /// A sentence to print.
     pub remark: Option<String>,
 }

@@ -19,7 +19,7 @@ use crate::out;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY};
-use crate::records::schedule::{Plan, REPETITIONS, SEED};
+use crate::records::schedule::{REPETITIONS, SEED, Schedule};
 use crate::stands::virtual_run;
 use crate::verbs::setup_option::SetupOption;
 
@@ -91,11 +91,15 @@ pub fn calibrate(
     };
     let mut setup = setup.clone();
     // All types, as in the table: the phases of one type's repetitions depend on what ran between them.
-    let run =
-        |setup: &Setup| virtual_run::whole(setup, application, &Plan::new(&ExecutionType::ALL, reps, seed));
+    let run = |setup: &Setup| {
+        virtual_run::whole(setup, application, &Schedule::new(&ExecutionType::ALL, reps, seed))
+    };
     let mads = |setup: &Setup| {
-        let plan =
-            Plan::new(&[ExecutionType::Rc, ExecutionType::Sm], reps.saturating_mul(MAD_REPETITIONS), seed);
+        let plan = Schedule::new(
+            &[ExecutionType::Rc, ExecutionType::Sm],
+            reps.saturating_mul(MAD_REPETITIONS),
+            seed,
+        );
         virtual_run::whole(setup, application, &plan)
     };
     if setup.robot.start_quantum_us.is_some() {
@@ -280,7 +284,7 @@ mod tests {
         let setup = setup::setup("A").unwrap();
         // A MAD of a thousandth of the quantum.
         let run = |setup: &Setup| {
-            let plan = Plan::new(&[ExecutionType::Sm], 2, 1);
+            let plan = Schedule::new(&[ExecutionType::Sm], 2, 1);
             let mut results = Results::new(setup, "of a test", Mode::Virtual, &plan);
             let mad = Duration::from_nanos(setup.robot.interpreter_quantum_us.value.into());
             for execution in [Duration::from_secs(1) - mad, Duration::from_secs(1) + mad] {

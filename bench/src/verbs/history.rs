@@ -130,9 +130,9 @@ impl History {
             let (before, rest) = self.entries.split_at_mut(index);
             let Some(entry) = rest.first_mut() else { continue };
             let Some(last) = before.iter().rev().find(|last| last.measured_the_same(entry)) else { continue };
-            for of in ExecutionType::ALL {
-                let both = entry.figures.get(of).zip(last.figures.get(of));
-                *entry.trend_ms.entry(of) = both.map(|(now, then)| now.aet_ms - then.aet_ms);
+            for execution_type in ExecutionType::ALL {
+                let both = entry.figures.get(execution_type).zip(last.figures.get(execution_type));
+                *entry.trend_ms.entry(execution_type) = both.map(|(now, then)| now.aet_ms - then.aet_ms);
             }
         }
     }
@@ -157,9 +157,9 @@ impl History {
         ]);
         for entry in &self.entries {
             let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
-            let figure = |of| {
+            let figure = |execution_type| {
                 let text = |figure: &PaperFigure| format!("{:.1} ± {:.1}", figure.aet_ms, figure.mad_ms);
-                entry.figures.get(of).map_or_else(|| "–".to_owned(), text)
+                entry.figures.get(execution_type).map_or_else(|| "–".to_owned(), text)
             };
             let improvement = entry.aet_improvement.map(|share| format!("{:.1} %", share * 100.0));
             table.add_row([
@@ -193,8 +193,8 @@ impl Entry {
         let host = run_directory::host(path);
         let host = |key: &str| Some(host.as_ref()?.get(key)?.as_str()?.to_owned());
         let mut figures = PerType::default();
-        for of in ExecutionType::ALL {
-            *figures.entry(of) = results.figure(of);
+        for execution_type in ExecutionType::ALL {
+            *figures.entry(execution_type) = results.figure(execution_type);
         }
         Self {
             run: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
@@ -220,7 +220,9 @@ impl Entry {
 
     /// `RC +0.0  SM −3.1  CM +0.2 ms`; nothing for the first of its kind.
     fn trend(&self) -> String {
-        let trend = |of| self.trend_ms.get(of).map(|ms| format!("{} {}", label(of), signed(*ms)));
+        let trend = |execution_type| {
+            self.trend_ms.get(execution_type).map(|ms| format!("{} {}", label(execution_type), signed(*ms)))
+        };
         let trends: Vec<_> = ExecutionType::ALL.into_iter().filter_map(trend).collect();
         if trends.is_empty() { String::new() } else { trends.join("  ") + " ms" }
     }
@@ -237,7 +239,7 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::run_directory::{Durability, RunDirectory};
-    use crate::records::schedule::Plan;
+    use crate::records::schedule::Schedule;
     use std::time::Duration;
 
     /// A run of all types that took `micros`, kept as `name`.
@@ -246,11 +248,11 @@ mod tests {
         let directory =
             RunDirectory::create(&place.join(name), &setup, &found.text, Durability::Written).unwrap();
         directory.write_host(&format!("{{\"date\": \"{date}\", \"commit\": \"4f32136\"}}")).unwrap();
-        let plan = Plan::new(&ExecutionType::ALL, 1, 1);
-        let mut results = Results::new(&setup, &found.application.name, mode, &plan);
-        for (of, more) in ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]) {
+        let schedule = Schedule::new(&ExecutionType::ALL, 1, 1);
+        let mut results = Results::new(&setup, &found.application.name, mode, &schedule);
+        for (execution_type, more) in ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]) {
             let execution = Duration::from_micros(micros + more);
-            results.record(of, &Measured::lasting(execution)).unwrap();
+            results.record(execution_type, &Measured::lasting(execution)).unwrap();
         }
         results.status = if micros > 4_000_000 { Status::Interrupted } else { Status::Complete };
         directory.save_results(&results).unwrap();

@@ -33,8 +33,8 @@ const AXIS: RGBColor = RGBColor(0xB5, 0xB2, 0xA9);
 pub(crate) const PAPER: RGBColor = RGBColor(0xFF, 0xFF, 0xFE);
 
 /// A type has the same colour everywhere.
-pub(crate) const fn colour(of: ExecutionType) -> RGBColor {
-    match of {
+pub(crate) const fn colour(execution_type: ExecutionType) -> RGBColor {
+    match execution_type {
         ExecutionType::Rc => RGBColor(0x2A, 0x78, 0xD6),
         ExecutionType::Sm => RGBColor(0xE0, 0x5A, 0x24),
         ExecutionType::Cm => RGBColor(0x12, 0x8A, 0x63),

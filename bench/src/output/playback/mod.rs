@@ -50,12 +50,12 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
     let arm = Arm::of(setup);
     let motions = plan.wire_motions(setup);
     let mut moments = Vec::new();
-    for of in ExecutionType::ALL {
-        let ticks = ticks(trace, of);
+    for execution_type in ExecutionType::ALL {
+        let ticks = ticks(trace, execution_type);
         if ticks.is_empty() {
             continue;
         }
-        let channels = Channels::open(&mut file, of)?;
+        let channels = Channels::open(&mut file, execution_type)?;
         // Until it moves for the first time the robot reports its pose in no base in particular.
         let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0).collect();
         let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, pose(tick))).collect();
@@ -80,8 +80,8 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
 }
 
 /// The robot's cycles of a run with their times. A cycle that began before the start edge is none of the run.
-fn ticks(trace: &Trace, of: ExecutionType) -> Vec<(Duration, &RobotTick)> {
-    let all = trace.types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
+fn ticks(trace: &Trace, execution_type: ExecutionType) -> Vec<(Duration, &RobotTick)> {
+    let all = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
     let since_start = |tick: &RobotTick| Duration::from_nanos((tick.at_ms * 1e6).round() as u64);
     all.iter().filter(|tick| tick.at_ms >= 0.0).map(|tick| (since_start(tick), tick)).collect()
 }
@@ -153,8 +153,8 @@ struct Channels {
 }
 
 impl Channels {
-    fn open(file: &mut File, of: ExecutionType) -> McapResult<Self> {
-        let mut open = |topic: &str, schema| file.open(&format!("/{of}/{topic}"), schema);
+    fn open(file: &mut File, execution_type: ExecutionType) -> McapResult<Self> {
+        let mut open = |topic: &str, schema| file.open(&format!("/{execution_type}/{topic}"), schema);
         Ok(Self {
             joints: open("joint_states", ros2::JOINT_STATE)?,
             tool: open("tool", ros2::POSE_STAMPED)?,

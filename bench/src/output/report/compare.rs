@@ -85,9 +85,9 @@ fn columns(runs: &[Run]) -> Vec<Column> {
     let column = |(index, run): (usize, &Run)| {
         let millis = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
         let mut cells = Vec::new();
-        for of in ExecutionType::ALL {
-            let figure = run.results.figure(of);
-            let first = runs.first().and_then(|first| first.results.figure(of));
+        for execution_type in ExecutionType::ALL {
+            let figure = run.results.figure(execution_type);
+            let first = runs.first().and_then(|first| first.results.figure(execution_type));
             let difference = figure.zip(first).filter(|_| index > 0);
             cells.push(millis(figure.map(|figure| figure.aet_ms)));
             cells.push(millis(figure.map(|figure| figure.mad_ms)));
@@ -138,10 +138,12 @@ fn table(columns: &[Column]) -> String {
 
 fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
     let mut figures = Vec::new();
-    for of in ExecutionType::ALL {
-        let first = runs.first().and_then(|first| first.results.figure(of)).map(|figure| figure.aet_ms);
+    for execution_type in ExecutionType::ALL {
+        let first =
+            runs.first().and_then(|first| first.results.figure(execution_type)).map(|figure| figure.aet_ms);
         let row = |(index, run): (usize, &Run)| {
-            let (figure, result) = (run.results.figure(of)?, run.results.results.get(of)?);
+            let (figure, result) =
+                (run.results.figure(execution_type)?, run.results.results.get(execution_type)?);
             Some(samples::Row {
                 name: (index + 1).to_string(),
                 about: format!(
@@ -150,7 +152,7 @@ fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
                     figure.mad_ms,
                     result.samples_ms.len()
                 ),
-                colour: colour(of),
+                colour: colour(execution_type),
                 samples: result.samples_ms.iter().map(|sample| sample - first.unwrap_or(0.0)).collect(),
             })
         };
@@ -159,7 +161,7 @@ fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
             if first.is_some() { "execution time minus run 1's AET, in ms" } else { "execution time in ms" };
         let drawn =
             Figure::draw("Samples of the runs on one axis", |format| samples::draw(&rows, title, format))?;
-        figures.extend(drawn.map(|figure| (label(of), figure)));
+        figures.extend(drawn.map(|figure| (label(execution_type), figure)));
     }
     let page = Page { rows: ROWS.to_vec(), columns, figures };
     fill(TEMPLATE, &page)

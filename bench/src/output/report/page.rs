@@ -121,13 +121,16 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         has_without: results.without_skill_overhead.is_some(),
         has_paper: results.paper.is_some(),
         is_virtual: results.mode == "virtual",
-        rows: ExecutionType::ALL.into_iter().filter_map(|of| row(results, of)).collect(),
+        rows: ExecutionType::ALL
+            .into_iter()
+            .filter_map(|execution_type| row(results, execution_type))
+            .collect(),
         improvement: improvement(results),
         calibrated: calibrated(results),
         ratio: ratio(results),
         suppressed: ExecutionType::ALL
             .iter()
-            .filter_map(|of| results.results.get(*of))
+            .filter_map(|execution_type| results.results.get(*execution_type))
             .flat_map(|result| &result.blends_suppressed)
             .sum(),
         frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
@@ -179,10 +182,13 @@ fn made(run: &Run) -> String {
 fn banner(results: &Results) -> Option<Banner> {
     let done: usize = ExecutionType::ALL
         .iter()
-        .filter_map(|of| results.results.get(*of))
+        .filter_map(|execution_type| results.results.get(*execution_type))
         .map(|result| result.samples_ms.len())
         .sum();
-    let types = ExecutionType::ALL.iter().filter(|of| results.results.get(**of).is_some()).count();
+    let types = ExecutionType::ALL
+        .iter()
+        .filter(|execution_type| results.results.get(**execution_type).is_some())
+        .count();
     let all = results.reps as usize * types;
     let so_far = format!("{done} of {all} runs are done, and this report shows those.");
     match results.status {
@@ -203,7 +209,7 @@ fn banner(results: &Results) -> Option<Banner> {
 
 /// The result in a sentence or two.
 fn summary(results: &Results) -> Option<String> {
-    let figure = |of| results.figure(of);
+    let figure = |execution_type| results.figure(execution_type);
     let (rc, sm, cm) = (figure(ExecutionType::Rc)?, figure(ExecutionType::Sm)?, figure(ExecutionType::Cm)?);
     let by = (cm.aet_ms - rc.aet_ms) / rc.aet_ms * 100.0;
     let rc_and_cm = if by.abs() < 0.05 {
@@ -224,7 +230,7 @@ fn summary(results: &Results) -> Option<String> {
 
 /// What one run can say about CM against RC, whatever the host did to both.
 fn ratio(results: &Results) -> Option<String> {
-    let samples = |of| Some(results.results.get(of)?.samples_ms.as_slice());
+    let samples = |execution_type| Some(results.results.get(execution_type)?.samples_ms.as_slice());
     let found = Ratio::of(samples(ExecutionType::Cm)?, samples(ExecutionType::Rc)?, results.seed)?;
     let Ratio { ratio, low, high } = found;
     Some(format!(
@@ -243,21 +249,24 @@ fn pair(figure: Option<PaperFigure>) -> [String; 2] {
     )
 }
 
-fn row(results: &Results, of: ExecutionType) -> Option<Row> {
-    let result = results.results.get(of)?;
-    let found = results.figure(of);
-    let aet_key = match of {
+fn row(results: &Results, execution_type: ExecutionType) -> Option<Row> {
+    let result = results.results.get(execution_type)?;
+    let found = results.figure(execution_type);
+    let aet_key = match execution_type {
         ExecutionType::Rc => Some(VELOCITY),
         ExecutionType::Sm => Some(SKILL_OVERHEAD),
         ExecutionType::Cm => None,
     };
-    let paper = results.paper.as_ref().and_then(|paper| paper.get(of)).copied();
-    let without =
-        results.without_skill_overhead.as_ref().and_then(|without| without.results.get(of)).copied();
+    let paper = results.paper.as_ref().and_then(|paper| paper.get(execution_type)).copied();
+    let without = results
+        .without_skill_overhead
+        .as_ref()
+        .and_then(|without| without.results.get(execution_type))
+        .copied();
     let [aet, mad] = pair(found);
     Some(Row {
-        name: label(of),
-        how: match of {
+        name: label(execution_type),
+        how: match execution_type {
             ExecutionType::Rc => "robot program",
             ExecutionType::Sm => "single skills",
             ExecutionType::Cm => "MoveContinuousSkill",
@@ -265,7 +274,9 @@ fn row(results: &Results, of: ExecutionType) -> Option<Row> {
         aet,
         is_aet_calibrated: found.is_some() && aet_key.is_some_and(|key| results.is_calibrated(key)),
         mad,
-        is_mad_calibrated: found.is_some() && of != ExecutionType::Cm && results.is_calibrated(QUANTUM),
+        is_mad_calibrated: found.is_some()
+            && execution_type != ExecutionType::Cm
+            && results.is_calibrated(QUANTUM),
         count: result.samples_ms.len(),
         without: pair(without),
         paper: paper.map_or_else(
@@ -280,9 +291,9 @@ fn row(results: &Results, of: ExecutionType) -> Option<Row> {
 }
 
 fn qualities(results: &Results) -> Vec<QualityRow> {
-    let row = |of: ExecutionType| {
-        let quality = results.results.get(of)?.quality?;
-        Some(QualityRow { name: label(of), cells: quality::cells(&quality) })
+    let row = |execution_type: ExecutionType| {
+        let quality = results.results.get(execution_type)?.quality?;
+        Some(QualityRow { name: label(execution_type), cells: quality::cells(&quality) })
     };
     ExecutionType::ALL.into_iter().filter_map(row).collect()
 }
@@ -311,13 +322,13 @@ fn calibrated(results: &Results) -> Vec<[String; 3]> {
 }
 
 fn sample_rows(results: &Results) -> Vec<samples::Row> {
-    let row = |of: ExecutionType| {
-        let result = results.results.get(of)?;
-        let PaperFigure { aet_ms, mad_ms } = results.figure(of)?;
+    let row = |execution_type: ExecutionType| {
+        let result = results.results.get(execution_type)?;
+        let PaperFigure { aet_ms, mad_ms } = results.figure(execution_type)?;
         Some(samples::Row {
-            name: label(of),
+            name: label(execution_type),
             about: format!("{aet_ms:.1} ms, MAD {mad_ms:.1} ms, n = {}", result.samples_ms.len()),
-            colour: colour(of),
+            colour: colour(execution_type),
             samples: result.samples_ms.iter().map(|sample| sample - aet_ms).collect(),
         })
     };
@@ -342,11 +353,11 @@ fn cycles(results: &Results) -> Vec<[String; 5]> {
 }
 
 fn failures(results: &Results) -> Vec<[String; 2]> {
-    let of_type = |of: ExecutionType| {
-        let failed = results.results.get(of).map_or(&[][..], |result| &result.failed);
-        failed
-            .iter()
-            .map(move |failed| [format!("{} {}", label(of), failed.repetition), failed.error.clone()])
+    let of_type = |execution_type: ExecutionType| {
+        let failed = results.results.get(execution_type).map_or(&[][..], |result| &result.failed);
+        failed.iter().map(move |failed| {
+            [format!("{} {}", label(execution_type), failed.repetition), failed.error.clone()]
+        })
     };
     ExecutionType::ALL.into_iter().flat_map(of_type).collect()
 }

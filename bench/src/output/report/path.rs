@@ -43,8 +43,8 @@ pub(super) fn draw(
     application: Option<&Application>,
     format: Format,
 ) -> anyhow::Result<Option<String>> {
-    let path = |of| -> Vec<[f64; 3]> {
-        let ticks = trace.types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
+    let path = |execution_type| -> Vec<[f64; 3]> {
+        let ticks = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
         ticks
             .iter()
             // Until it moves for the first time the robot reports its pose in no base in particular.
@@ -53,7 +53,7 @@ pub(super) fn draw(
             .collect()
     };
     let paths: Vec<_> = [ExecutionType::Sm, ExecutionType::Rc, ExecutionType::Cm]
-        .map(|of| (of, path(of)))
+        .map(|execution_type| (execution_type, path(execution_type)))
         .into_iter()
         .collect();
     let targets = targets(setup, application);
@@ -101,15 +101,15 @@ pub(super) fn draw(
                 let zone = Circle::new(flat(at), radius, MUTED.mix(0.13).filled());
                 chart.draw_series([zone])?;
             }
-            for (of, path) in &paths {
+            for (execution_type, path) in &paths {
                 // Where the paths are the same they lie in each other, the one below wider.
-                let (width, strength) = match of {
+                let (width, strength) = match execution_type {
                     ExecutionType::Sm => (7.0, 0.4),
                     ExecutionType::Rc => (4.0, 0.5),
                     ExecutionType::Cm => (1.5, 1.0),
                 };
                 let line = thinned(path.iter().map(flat), unit * 0.35);
-                let style = colour(*of).mix(strength).stroke_width(stroke(width));
+                let style = colour(*execution_type).mix(strength).stroke_width(stroke(width));
                 chart.draw_series([PathElement::new(line, style)])?;
             }
             for target in &targets {

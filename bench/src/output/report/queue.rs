@@ -19,7 +19,7 @@ const SLOTS: f64 = protocol::image::SLOTS as f64;
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = [ExecutionType::Sm, ExecutionType::Cm]
         .into_iter()
-        .filter_map(|of| Some((of, trace.types.get(of)?)))
+        .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?)))
         .filter(|(_, recording)| !recording.plc_scans().is_empty())
         .collect();
     let ends =
@@ -29,8 +29,12 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         return Ok(None);
     }
     let layout = Panels { title: TITLE, panel: PANEL };
-    let svg = layout.figure(format, &panels, |whole, panel, (of, recording)| {
-        whole.draw_text(&label(*of), &chart::name(15.0, colour(*of)), (px(2.0), px(panel.top + 8.0)))?;
+    let svg = layout.figure(format, &panels, |whole, panel, (execution_type, recording)| {
+        whole.draw_text(
+            &label(*execution_type),
+            &chart::name(15.0, colour(*execution_type)),
+            (px(2.0), px(panel.top + 8.0)),
+        )?;
         let axes = Axes {
             x: (0.0, longest_s * 1.01),
             y: (0.0, SLOTS + 0.4),
@@ -44,8 +48,8 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         let slots = steps(recording.plc_scans().iter().map(|scan| (scan.at_us as f64 / 1e6, scan.in_slots)));
         let (first, last) = (slots.first().map(|at| (at.0, 0.0)), slots.last().map(|at| (at.0, 0.0)));
         let under: Vec<_> = first.into_iter().chain(slots.iter().copied()).chain(last).collect();
-        chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
-        chart.draw_series([PathElement::new(slots, colour(*of).stroke_width(stroke(1.6)))])?;
+        chart.draw_series([Polygon::new(under, colour(*execution_type).mix(0.16))])?;
+        chart.draw_series([PathElement::new(slots, colour(*execution_type).stroke_width(stroke(1.6)))])?;
         chart.draw_series([PathElement::new(held(recording), INK.mix(0.75).stroke_width(stroke(1.0)))])?;
         Ok(())
     })?;

@@ -16,7 +16,7 @@ const TITLE: f64 = 40.0;
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = ExecutionType::ALL
         .into_iter()
-        .filter_map(|of| Some((of, trace.types.get(of)?.robot_ticks())))
+        .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?.robot_ticks())))
         .filter(|(_, ticks)| !ticks.is_empty())
         .collect();
     let ticks = || panels.iter().flat_map(|(_, ticks)| ticks.iter());
@@ -26,9 +26,9 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         return Ok(None);
     }
     let layout = Panels { title: TITLE, panel: format.pick(PANEL, PANEL * 0.8) };
-    let svg = layout.figure(format, &panels, |whole, panel, (of, ticks)| {
+    let svg = layout.figure(format, &panels, |whole, panel, (execution_type, ticks)| {
         let ended = ticks.last().map_or(0.0, |tick| tick.at_ms);
-        title(whole, *of, ended, panel.top, format)?;
+        title(whole, *execution_type, ended, panel.top, format)?;
         let axes = Axes {
             x: (0.0, longest_s * 1.01),
             y: (0.0, (fastest * 1.08).max(1.0)),
@@ -48,8 +48,8 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         let first = curve.first().map(|(x, _)| (*x, 0.0));
         let last = curve.last().map(|(x, _)| (*x, 0.0));
         let under: Vec<_> = first.into_iter().chain(curve.iter().copied()).chain(last).collect();
-        chart.draw_series([Polygon::new(under, colour(*of).mix(0.16))])?;
-        chart.draw_series([PathElement::new(curve, colour(*of).stroke_width(stroke(1.6)))])?;
+        chart.draw_series([Polygon::new(under, colour(*execution_type).mix(0.16))])?;
+        chart.draw_series([PathElement::new(curve, colour(*execution_type).stroke_width(stroke(1.6)))])?;
         Ok(())
     })?;
     Ok(Some(svg))
@@ -57,14 +57,14 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
 
 fn title(
     area: &chart::Area<'_>,
-    of: ExecutionType,
+    execution_type: ExecutionType,
     ended: f64,
     top: f64,
     format: Format,
 ) -> anyhow::Result<()> {
     let y = px(top + 5.0);
-    area.draw_text(&label(of), &chart::name(15.0, colour(of)), (px(2.0), y))?;
-    let how = match of {
+    area.draw_text(&label(execution_type), &chart::name(15.0, colour(execution_type)), (px(2.0), y))?;
+    let how = match execution_type {
         ExecutionType::Rc => format.pick("the robot's own program, started by the PLC", "robot program"),
         ExecutionType::Sm => format.pick("one skill call a motion, each to an exact stop", "single skills"),
         ExecutionType::Cm => format

@@ -1,5 +1,5 @@
-//! A trace as two tables in the run directory, a row a tick, a column a quantity with its unit in its name; a spreadsheet
-//! opens them at once:
+//! A trace as two tables in the run directory: a row per tick, a column per quantity, with the unit in its name; any
+//! spreadsheet opens them:
 //!
 //! ```text
 //! trace-robot.csv  every interpolation cycle: pose, joints, path speed, state, queue
@@ -21,9 +21,9 @@ pub const ROBOT_FILE: &str = "trace-robot.csv";
 /// File of the PLC's scans.
 pub const PLC_FILE: &str = "trace-plc.csv";
 
-/// Where the nodes of a real run write their rows, until they are sorted into the tables.
+/// File that the robot's node of a real run writes its rows to, until they are sorted into the tables.
 pub const ROBOT_ROWS: &str = "trace-robot.rows";
-/// The PLC's.
+/// File that the PLC's node writes its rows to.
 pub const PLC_ROWS: &str = "trace-plc.rows";
 
 const ROBOT_HEADER: &str = "type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
@@ -42,17 +42,17 @@ impl Trace {
         replace(&directory.join(PLC_FILE), &plc, Durability::Written)
     }
 
-    /// The robot's table and the PLC's.
+    /// Returns the robot's table and the PLC's.
     #[must_use]
     pub fn to_csv(&self) -> (String, String) {
         let (mut robot, mut plc) = (format!("{ROBOT_HEADER}\n"), format!("{PLC_HEADER}\n"));
-        for of in ExecutionType::ALL {
-            let Some(recording) = self.types.get(of) else { continue };
+        for execution_type in ExecutionType::ALL {
+            let Some(recording) = self.types.get(execution_type) else { continue };
             for tick in &recording.robot {
                 let RobotTick { at_ms, state, command, executed, accepted, .. } = tick;
                 let _ = write!(
                     robot,
-                    "{of},{at_ms:.3},{state:?},{command},{executed},{accepted},{},{},{:.3}",
+                    "{execution_type},{at_ms:.3},{state:?},{command},{executed},{accepted},{},{},{:.3}",
                     tick.queued(),
                     tick.blends_suppressed,
                     tick.path_speed_mm_s
@@ -64,17 +64,20 @@ impl Trace {
             }
             for PlcScan { at_us, scan, command, total, written, in_slots } in &recording.plc {
                 let at_ms = *at_us as f64 / 1e3;
-                let _ = writeln!(plc, "{of},{at_ms:.3},{scan},{command},{total},{written},{in_slots}");
+                let _ = writeln!(
+                    plc,
+                    "{execution_type},{at_ms:.3},{scan},{command},{total},{written},{in_slots}"
+                );
             }
         }
         (robot, plc)
     }
 
-    /// Sorts what the nodes of a real run wrote into `directory` into the tables, and removes it.
+    /// Sorts the rows that the nodes of a real run wrote into `directory` into the tables, and removes their files.
     ///
     /// # Errors
     ///
-    /// It cannot be read, or is not what nodes write.
+    /// They cannot be read, or contain something else.
     pub fn collect(directory: &Path, windows: &[Window]) -> anyhow::Result<Self> {
         let read = |path: &Path| {
             std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
@@ -89,37 +92,39 @@ impl Trace {
         Ok(trace)
     }
 
-    /// Reads both tables; the room of the recordings is what they hold.
+    /// Reads both tables; the recordings have no room for more rows.
     ///
     /// # Errors
     ///
-    /// A line does not have the columns of this version, or a value is none.
+    /// A line does not have the columns of this version, or contains a wrong value.
     pub fn from_csv(robot: &str, plc: &str) -> Result<Self, TraceError> {
         let mut trace = Self::default();
         for row in rows(ROBOT_FILE, ROBOT_HEADER, robot)? {
-            let (of, tick) = row.robot_tick().ok_or(TraceError::Row { file: ROBOT_FILE, line: row.line })?;
-            trace.types.entry(of).get_or_insert_with(Recording::empty).robot.push(tick);
+            let (execution_type, tick) =
+                row.robot_tick().ok_or(TraceError::Row { file: ROBOT_FILE, line: row.line })?;
+            trace.types.entry(execution_type).get_or_insert_with(Recording::empty).robot.push(tick);
         }
         for row in rows(PLC_FILE, PLC_HEADER, plc)? {
-            let (of, scan) = row.plc_scan().ok_or(TraceError::Row { file: PLC_FILE, line: row.line })?;
-            trace.types.entry(of).get_or_insert_with(Recording::empty).plc.push(scan);
+            let (execution_type, scan) =
+                row.plc_scan().ok_or(TraceError::Row { file: PLC_FILE, line: row.line })?;
+            trace.types.entry(execution_type).get_or_insert_with(Recording::empty).plc.push(scan);
         }
         Ok(trace)
     }
 }
 
-/// The rows of each run as a table: the type and the time since its start edge in place of the clock's time. A line
-/// that a killed node did not finish is left out.
+/// Builds a table from the rows of each run: execution type and time since its start edge replace the clock's time. A
+/// line that a killed node did not finish is left out.
 fn table(header: &str, rows: &str, windows: &[Window]) -> String {
     let mut table = format!("{header}\n");
     for row in rows.lines() {
         let Some((at, rest)) = row.split_once(',') else { continue };
         let Ok(at_ns) = at.parse::<u64>() else { continue };
         let whole = row.matches(',').count() + 1 == header.matches(',').count();
-        // The last one: a run that failed has no end.
+        // The last one that matches: a failed run has no end.
         if let Some(window) = windows.iter().rev().find(|window| window.has(at_ns)).filter(|_| whole) {
             let at_ms = (at_ns - window.start_ns) as f64 / 1e6;
-            let _ = writeln!(table, "{},{at_ms:.3},{rest}", window.of);
+            let _ = writeln!(table, "{},{at_ms:.3},{rest}", window.execution_type);
         }
     }
     table
@@ -128,13 +133,13 @@ fn table(header: &str, rows: &str, windows: &[Window]) -> String {
 /// Why a table cannot be read.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum TraceError {
-    /// Its columns are others.
+    /// It has other columns.
     #[error("{file} does not have the columns of this version; record the run again")]
     Columns {
         /// The file.
         file: &'static str,
     },
-    /// A row is broken.
+    /// A row has the wrong form.
     #[error("{file}:{line} is not a row of the table")]
     Row {
         /// The file.
@@ -162,7 +167,7 @@ fn rows<'a>(
     Ok(lines.enumerate().map(|(index, text)| Row { line: index + 2, text }))
 }
 
-/// The next field, as whatever it is to be.
+/// Parses the next field.
 fn next<'a, T: std::str::FromStr>(fields: &mut impl Iterator<Item = &'a str>) -> Option<T> {
     fields.next()?.parse().ok()
 }
@@ -170,7 +175,7 @@ fn next<'a, T: std::str::FromStr>(fields: &mut impl Iterator<Item = &'a str>) ->
 impl Row<'_> {
     fn robot_tick(&self) -> Option<(ExecutionType, RobotTick)> {
         let mut fields = self.text.split(',');
-        let of = next(&mut fields)?;
+        let execution_type = next(&mut fields)?;
         let at_ms = next(&mut fields)?;
         let state = match fields.next()? {
             "Halted" => State::Halted,
@@ -195,12 +200,12 @@ impl Row<'_> {
         for value in tick.pose.iter_mut().chain(&mut tick.joints) {
             *value = next(&mut fields)?;
         }
-        fields.next().is_none().then_some((of, tick))
+        fields.next().is_none().then_some((execution_type, tick))
     }
 
     fn plc_scan(&self) -> Option<(ExecutionType, PlcScan)> {
         let mut fields = self.text.split(',');
-        let of = next(&mut fields)?;
+        let execution_type = next(&mut fields)?;
         let at_ms: f64 = next(&mut fields)?;
         let scan = PlcScan {
             at_us: (at_ms * 1e3).round() as i64,
@@ -210,7 +215,7 @@ impl Row<'_> {
             written: next(&mut fields)?,
             in_slots: next(&mut fields)?,
         };
-        fields.next().is_none().then_some((of, scan))
+        fields.next().is_none().then_some((execution_type, scan))
     }
 }
 
@@ -237,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tables_have_a_row_a_tick_and_a_unit_in_each_name() {
+    fn the_tables_have_a_row_per_tick_and_a_unit_in_each_column_name() {
         let (robot, plc) = trace().to_csv();
         insta::assert_snapshot!(robot + &plc, @"
         type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6
@@ -248,8 +253,8 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_a_real_run_are_sorted_by_run_and_what_lies_between_runs_is_left_out() {
-        let window = |of, start_ns, length_ns| Window { of, start_ns, length_ns };
+    fn rows_of_a_real_run_are_sorted_by_run_and_rows_between_runs_are_left_out() {
+        let window = |execution_type, start_ns, length_ns| Window { execution_type, start_ns, length_ns };
         let windows = [
             window(ExecutionType::Rc, 1_000_000, Some(2_000_000)),
             window(ExecutionType::Sm, 9_000_000, None),
@@ -263,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_read_again_and_a_broken_line_is_named() {
+    fn tables_are_read_back_as_written_and_a_broken_line_is_reported() {
         let (robot, plc) = trace().to_csv();
         assert_eq!(Trace::from_csv(&robot, &plc), Ok(trace()));
         let broken = Trace::from_csv(&robot, &plc.replace("812", "-812")).unwrap_err().to_string();

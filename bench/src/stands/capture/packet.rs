@@ -20,18 +20,18 @@ pub(super) const RST: u8 = 0x04;
 pub(super) const PSH: u8 = 0x08;
 pub(super) const ACK: u8 = 0x10;
 
-/// What fits into a packet behind its IP header, in units of 8 bytes as fragments count: an MTU of 1500 bytes.
+/// Payload of an IP packet in bytes, at an MTU of 1500; a multiple of 8, as fragments need.
 const FRAGMENT: usize = 1480;
 
 const ETHER_TYPE_IPV4: u16 = 0x0800;
 const DONT_FRAGMENT: u16 = 0x4000;
 const MORE_FRAGMENTS: u16 = 0x2000;
 
-/// What Linux offers by default.
+/// Window that Linux offers by default.
 const WINDOW: u16 = 64_240;
 pub(super) const MAXIMUM_SEGMENT: u16 = 1460;
 
-/// The way of a datagram.
+/// Addresses and options of an IP packet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ip {
     pub(super) source_mac: Mac,
@@ -43,11 +43,12 @@ pub(super) struct Ip {
 }
 
 impl Ip {
-    /// The Ethernet frames that carry `payload`: one, or its fragments.
+    /// Returns the Ethernet frames that carry `payload`: one, or its fragments.
     pub(super) fn packets<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = Vec<u8>> + 'a {
         let whole = payload.len() <= FRAGMENT;
         let last = payload.len().saturating_sub(1) / FRAGMENT;
-        // A packet that is never cut needs no identification (RFC 6864, section 4.1); both ends must show the same one.
+        // A packet that is not fragmented needs no identification (RFC 6864, section 4.1). Both ends must show the
+        // same one.
         let identification = if whole { 0 } else { !sum(payload) };
         payload.chunks(FRAGMENT).enumerate().map(move |(index, part)| {
             let flags = match (whole, index == last) {
@@ -89,7 +90,7 @@ impl Ip {
     }
 }
 
-/// A UDP datagram.
+/// Builds a UDP datagram.
 pub(super) fn udp(source: SocketAddrV4, to: SocketAddrV4, payload: &[u8]) -> Vec<u8> {
     let mut datagram = Vec::with_capacity(8 + payload.len());
     datagram.extend(source.port().to_be_bytes());
@@ -97,7 +98,7 @@ pub(super) fn udp(source: SocketAddrV4, to: SocketAddrV4, payload: &[u8]) -> Vec
     datagram.extend(((8 + payload.len()) as u16).to_be_bytes());
     datagram.extend([0, 0]);
     datagram.extend(payload);
-    // A checksum of 0 means that there is none.
+    // A checksum of 0 would mean that there is none.
     let checksum = match checksum(source, to, UDP, &datagram) {
         0 => 0xFFFF,
         checksum => checksum,
@@ -106,7 +107,7 @@ pub(super) fn udp(source: SocketAddrV4, to: SocketAddrV4, payload: &[u8]) -> Vec
     datagram
 }
 
-/// What changes from segment to segment; numbers count from the SYN of their side.
+/// Header fields that change from segment to segment; sequence numbers count from the SYN of their side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tcp {
     pub(super) sequence: u32,
@@ -139,12 +140,12 @@ impl Tcp {
     }
 }
 
-/// Any number does; one that depends on the side shows mistakes.
-fn initial_sequence(of: SocketAddrV4) -> u32 {
-    u32::from(*of.ip()).wrapping_mul(0x9E37_79B9) ^ u32::from(of.port())
+/// Returns a side's initial sequence number. Any number is allowed; one that depends on the side reveals mistakes.
+fn initial_sequence(sender: SocketAddrV4) -> u32 {
+    u32::from(*sender.ip()).wrapping_mul(0x9E37_79B9) ^ u32::from(sender.port())
 }
 
-/// The checksum of UDP and TCP, with their pseudo header.
+/// Returns the checksum of UDP or TCP, including the pseudo header.
 fn checksum(source: SocketAddrV4, to: SocketAddrV4, protocol: u8, bytes: &[u8]) -> u16 {
     let mut pseudo = Vec::with_capacity(12 + bytes.len());
     pseudo.extend(source.ip().octets());
@@ -155,7 +156,7 @@ fn checksum(source: SocketAddrV4, to: SocketAddrV4, protocol: u8, bytes: &[u8]) 
     !sum(&pseudo)
 }
 
-/// The ones' complement sum of RFC 1071.
+/// Returns the ones' complement sum of RFC 1071.
 fn sum(bytes: &[u8]) -> u16 {
     let mut sum = 0_u32;
     for pair in bytes.chunks(2) {

@@ -1,8 +1,9 @@
-//! The option `--attach`: nodes that run already, and how the rig takes control of them.
+//! The option `--attach`: nodes that already run, and how the rig takes control of them.
 
 use std::str::FromStr;
 
 use ::node::message::Instruction;
+use ::node::role::NodeRole;
 use plc_node::process::PlcInstruction;
 use robot_node::process::RobotInstruction;
 use setup::Setup;
@@ -11,27 +12,27 @@ use tokio::sync::mpsc;
 use super::attached_node::AttachedNode;
 use super::messages::Startup;
 use super::node::Node;
-use super::{Rig, RigError, Which};
+use super::{Rig, RigError};
 
-/// Where to reach nodes that run already.
+/// Addresses of nodes that already run.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Attach {
     /// Host and port of the PLC's control port.
     pub plc: String,
-    /// Those of the robot's; none where the robot is no node of ours.
+    /// Host and port of the robot's control port; `None` if the robot is not one of our nodes.
     pub robot: Option<String>,
 }
 
-/// What is wrong with the text of an [`Attach`].
+/// Why a text is not an [`Attach`].
 #[derive(Debug, thiserror::Error)]
 pub enum AttachError {
-    /// A part is no node's address.
+    /// A part is not a node's address.
     #[error("`{0}` is not plc=HOST:PORT or robot=HOST:PORT")]
     Part(String),
-    /// A node is named twice.
+    /// A node is given twice.
     #[error("{0}=… is there twice")]
     Twice(&'static str),
-    /// The PLC, which starts and times every run, is not named.
+    /// The PLC is not given, but it starts and times every run.
     #[error("plc=HOST:PORT is missing: the PLC starts and times every run")]
     NoPlc,
 }
@@ -62,24 +63,24 @@ impl FromStr for Attach {
 }
 
 impl Rig {
-    /// Takes control of nodes that run `setup` already and waits until the PLC finds the robot ready. They run on when
-    /// the rig ends.
+    /// Takes control of nodes that already run `setup`, and waits until the PLC finds the robot ready. They keep
+    /// running when the rig ends.
     ///
     /// # Errors
     ///
-    /// A node that is not there, is not the one that is wanted or has another controller; or a connection between them
-    /// that does not come about.
+    /// A node does not answer, is not the requested one or has another controller; or the nodes do not connect to
+    /// each other.
     pub async fn attach(to: &Attach, setup: &Setup) -> Result<Self, RigError> {
-        let (events, said) = mpsc::channel(1_024);
-        let mut plc = AttachedNode::reach(Which::Plc, &to.plc, events.clone()).await?;
-        // Whoever says nothing yields the control port to the next that comes.
+        let (sender, events) = mpsc::channel(1_024);
+        let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, sender.clone()).await?;
+        // A controller that has sent no line loses the control port to the next one.
         plc.tell(&Instruction::<PlcInstruction>::Report).await;
-        let mut rig = Self::of(Node::Attached(plc), None, said, None, setup.bus.watchdog());
+        let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
         let mut startup = Startup::new(Some(&setup.name));
-        // One after the other: what is wrong with the PLC is often wrong with both, and is told of the PLC then.
-        rig.meet(&mut startup).await?;
+        // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
+        rig.wait_for_hellos(&mut startup).await?;
         if let Some(address) = &to.robot {
-            let mut robot = AttachedNode::reach(Which::Robot, address, events).await?;
+            let mut robot = AttachedNode::reach(NodeRole::Robot, address, sender).await?;
             robot.tell(&Instruction::<RobotInstruction>::Report).await;
             rig.robot = Some(Node::Attached(robot));
         }
@@ -90,18 +91,18 @@ impl Rig {
         Ok(rig)
     }
 
-    /// What is reached by an address may be the other node, or run another setup.
+    /// Checks what answers: at an address may be the other node, or a node with another setup.
     pub(super) fn check_hellos(&self, setup: Option<&str>) -> Result<(), RigError> {
-        for (which, node) in [(Which::Plc, Some(&self.plc)), (Which::Robot, self.robot.as_ref())] {
-            let hello = self.hellos.iter().find(|(from, _)| *from == which);
+        for (role, node) in [(NodeRole::Plc, Some(&self.plc)), (NodeRole::Robot, self.robot.as_ref())] {
+            let hello = self.hellos.iter().find(|(from, _)| *from == role);
             let (Some(Node::Attached(node)), Some((_, hello)), Some(setup)) = (node, hello, setup) else {
                 continue;
             };
-            if hello.node != which.to_string() || hello.setup != setup {
+            if hello.node != role || hello.setup != setup {
                 return Err(RigError::Other {
                     address: node.address().to_owned(),
                     found: format!("{} of setup {}", hello.node, hello.setup),
-                    wanted: format!("{which} of setup {setup}"),
+                    wanted: format!("{role} of setup {setup}"),
                 });
             }
         }

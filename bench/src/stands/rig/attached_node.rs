@@ -1,9 +1,10 @@
-//! A node that somebody else started, reached over its control port: a container, another machine, or the one node of
-//! which the peer is real hardware.
+//! A node that was started elsewhere, reached over its control port: in a container, on another computer, or the one
+//! node whose peer is real hardware.
 
 use std::time::Duration;
 
 use ::node::message::Instruction;
+use ::node::role::NodeRole;
 use serde::Serialize;
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
@@ -11,31 +12,31 @@ use tokio::net::tcp::OwnedWriteHalf;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
+use super::RigError;
 use super::node_process::{NodeEvent, listen};
-use super::{RigError, Which};
 
-/// How long a node may take to come up that is started together with the bench.
+/// Longest wait for a node that is started together with the bench.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// How long an address may take to answer before it is tried again: one that is not there yet never does.
+/// Longest wait for an address to answer before the next attempt: one that does not exist yet never answers.
 const ATTEMPT: Duration = Duration::from_secs(2);
 
-/// From an attempt that was refused to the next.
+/// Time between a refused attempt and the next one.
 const RETRY: Duration = Duration::from_millis(200);
 
-/// The conversation with one of them.
+/// The connection to such a node.
 #[derive(Debug)]
 pub(super) struct AttachedNode {
-    which: Which,
+    role: NodeRole,
     address: String,
     stream: OwnedWriteHalf,
     ended: bool,
 }
 
 impl AttachedNode {
-    /// Connects, again and again until the node is there.
+    /// Connects, with repeated attempts until the node answers.
     pub(super) async fn reach(
-        which: Which,
+        role: NodeRole,
         address: &str,
         events: mpsc::Sender<NodeEvent>,
     ) -> Result<Self, RigError> {
@@ -53,15 +54,15 @@ impl AttachedNode {
         };
         let reached = timeout_at(until, reached).await;
         let unreachable =
-            |reason| RigError::Unreachable { which, address: address.to_owned(), waited: PATIENCE, reason };
+            |reason| RigError::Unreachable { role, address: address.to_owned(), waited: PATIENCE, reason };
         let stream = reached.map_err(|_| unreachable(reason))?;
         stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
         let (from, stream) = stream.into_split();
-        listen(which, from, events);
-        Ok(Self { which, address: address.to_owned(), stream, ended: false })
+        listen(role, from, events);
+        Ok(Self { role, address: address.to_owned(), stream, ended: false })
     }
 
-    /// Tells the node something. If it cannot hear, it has gone, and that is told by [`NodeEvent::Ended`].
+    /// Sends the node an instruction. If that fails, the node has gone, and [`NodeEvent::Ended`] reports it.
     pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         let mut line = serde_json::to_vec(instruction).unwrap_or_default();
         line.push(b'\n');
@@ -74,7 +75,7 @@ impl AttachedNode {
 
     pub(super) fn end_error(&mut self) -> RigError {
         self.ended = true;
-        RigError::Detached { which: self.which, address: self.address.clone() }
+        RigError::Detached { role: self.role, address: self.address.clone() }
     }
 
     pub(super) fn address(&self) -> &str {

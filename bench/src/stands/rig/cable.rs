@@ -1,5 +1,5 @@
-//! The cable: two networks without a name, a veth pair between them, and whoever listens in. Where faults are asked for
-//! there are two pairs, and between them what does them.
+//! The cable: two unnamed networks, a veth pair between them, and recorders. If faults are requested, there are two
+//! veth pairs with an impaired cable between them.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -15,25 +15,25 @@ use super::frames::FrameLog;
 use crate::records::faults::{self, Fault, FaultReport};
 use crate::stands::capture::{PLC_FILE, ROBOT_FILE};
 
-/// Name of the PLC's interface, in a network where it is the only one.
+/// Name of the PLC's interface, the only one in its network.
 pub(super) const PLC: &str = "plc0";
 /// Name of the robot's interface.
 pub(super) const ROBOT: &str = "robot0";
 
-/// The near ends of the cables to both nodes, in the network of what does faults.
+/// Names of the near ends of the cables to both nodes, in the network of the impaired cable.
 const TO_PLC: &str = "to-plc";
 const TO_ROBOT: &str = "to-robot";
 
-/// What is to be done with what passes a cable.
+/// What a cable records and which faults it has.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fittings<'a> {
-    /// Both ends are captured into this directory, from the first frame on.
+    /// Directory for captures of both ends, from the first frame on, and how much is kept.
     pub(super) capture: Option<&'a (PathBuf, Keep)>,
-    /// Faults to put in.
+    /// Faults to inject.
     pub(super) faults: &'a [Fault],
-    /// Decides which frames they hit.
+    /// Seed that decides which frames they hit.
     pub(super) seed: u64,
-    /// Takes up frames while [`Cable::watch`] asks for it.
+    /// Log that collects frames while [`Cable::watch`] is on.
     pub(super) frames: Option<&'a FrameLog>,
 }
 
@@ -45,13 +45,13 @@ pub(super) struct Cable {
     faults: Vec<Fault>,
     recorders: Vec<Recorder>,
     frames: Option<FrameLog>,
-    /// They show frames to the log.
+    /// Recorders that feed the log.
     watchers: Vec<Recorder>,
     discarded: bool,
 }
 
 impl Cable {
-    /// Lays it, switches both ends on and starts the capture.
+    /// Creates the cable, brings both ends up and starts the captures.
     pub(super) fn lay(fittings: Fittings<'_>) -> Result<Self, RigError> {
         let (plc, robot) = (NetworkNamespace::new()?, NetworkNamespace::new()?);
         let mut cable = Self {
@@ -74,7 +74,7 @@ impl Cable {
 
     fn lay_clean(&mut self, Fittings { capture, .. }: Fittings<'_>) -> Result<(), RigError> {
         veth::connect(&self.plc, PLC, &self.robot, ROBOT)?;
-        // Both ends, since a node that is first would otherwise find a cable without a carrier.
+        // Both ends, since otherwise the first node would find a cable without a carrier.
         switch_on(&self.plc, PLC)??;
         switch_on(&self.robot, ROBOT)??;
         if let Some((directory, keep)) = capture {
@@ -88,7 +88,8 @@ impl Cable {
         Ok(())
     }
 
-    /// Which frame met with which fault only the middle knows, so that it writes the captures too.
+    /// Creates the cable with faults. It also writes the captures, since only its middle knows which fault met which
+    /// frame.
     fn lay_impaired(&mut self, fittings: Fittings<'_>) -> Result<(), RigError> {
         let Fittings { capture, faults, seed, frames } = fittings;
         let middle = NetworkNamespace::new()?;
@@ -123,21 +124,21 @@ impl Cable {
         &self.robot
     }
 
-    /// The robot is ready: the times of faults count from now.
+    /// Starts the times of faults: the robot is ready.
     pub(super) fn set_ready(&self) {
         if let Some(middle) = &self.middle {
             middle.set_ready();
         }
     }
 
-    /// Notes at both ends that a node is killed.
+    /// Notes in both captures that a node is killed.
     pub(super) fn note_killed(&self, node: Side) {
         if let Some(middle) = &self.middle {
             middle.note_killed(node);
         }
     }
 
-    /// What came of the faults so far; none where none were asked for.
+    /// Returns the result of the faults so far; `None` without faults.
     pub(super) fn fault_report(&self) -> Option<FaultReport> {
         self.middle.as_ref().map(|middle| FaultReport::new(&self.faults, middle.counters()))
     }
@@ -149,7 +150,7 @@ impl Cable {
         self.recorders.iter().try_for_each(|recorder| recorder.pause(paused))
     }
 
-    /// Shows frames to the log from now on, or no more. Where nobody sees them anyway, somebody listens only that long.
+    /// Starts or stops feeding frames to the log. Without faults, recorders listen only while it is on.
     pub(super) fn watch(&mut self, on: bool) -> Result<(), RigError> {
         let Some(frames) = &self.frames else { return Ok(()) };
         if !on {

@@ -1,4 +1,4 @@
-//! What a rig is to run, and how the nodes are told so.
+//! Configuration of a rig, and the nodes' command lines.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -10,28 +10,29 @@ use setup::{Cyclic, Setup};
 use super::frames::FrameLog;
 use crate::records::faults::Fault;
 
-/// What the rig is to run.
+/// Configuration of a rig.
 #[derive(Clone, Debug)]
 pub struct RigConfig {
     /// A built-in setup's name, or the path of a file.
     pub setup: OsString,
-    /// How long the setup's connection bears no frame.
+    /// The watchdog time of the setup's connection.
     pub watchdog: Duration,
-    /// How PROFINET's cyclic frames travel, instead of what the setup says.
+    /// How PROFINET's cyclic frames are sent, instead of the setup's choice.
     pub cyclic: Option<Cyclic>,
     /// Seed of the robot's interpreter.
     pub seed: u64,
-    /// Records what passes both interfaces into this directory, from before the first frame, and how much of it.
+    /// Directory for captures of both interfaces, from before the first frame on, and how much is kept.
     pub capture: Option<(PathBuf, Keep)>,
-    /// Where each node writes its recorded cycles, in this directory; they record while [`Rig::record`](super::Rig::record) asks for it.
+    /// Directory in which each node writes its recorded cycles; they record while [`Rig::record`](super::Rig::record)
+    /// is on.
     pub trace: Option<PathBuf>,
-    /// Takes up what passes both interfaces while cycles are recorded.
+    /// Log of the frames at both interfaces while cycles are recorded.
     pub frames: Option<FrameLog>,
     /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
     pub faults: Vec<Fault>,
-    /// The program that both nodes are; none for this one.
+    /// The program of both nodes; `None` for this program.
     pub program: Option<PathBuf>,
-    /// Exchange images without a protocol, for tests that are not about a bus.
+    /// Exchange images without a bus protocol, for tests that are not about a bus.
     pub direct: bool,
 }
 

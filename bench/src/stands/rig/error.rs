@@ -1,39 +1,21 @@
-//! What can go wrong with the rig, and what to do about it.
+//! Errors of the rig, each with what to do about it.
 
-use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::process::ExitStatus;
 use std::time::Duration;
 
+use node::role::NodeRole;
 use plc_node::ExecutionType;
 use protocol_linux::namespace::NamespaceError;
 use protocol_linux::{InterfaceError, PortError, RecorderError};
 
 use crate::output::exit::{Exit, Failure};
 
-/// One of the two nodes.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Which {
-    /// The PLC's.
-    Plc,
-    /// The robot's.
-    Robot,
-}
-
-impl fmt::Display for Which {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Plc => "plc-node",
-            Self::Robot => "robot-node",
-        })
-    }
-}
-
-/// Why the rig does not run, or no longer.
+/// Why the rig does not run, or stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
-    /// The host does not let this user make networks.
+    /// The host does not let this user create networks.
     #[error("{reason}; `--mode virtual` needs none of this")]
     Namespace {
         /// What the host refused, and what to enable.
@@ -42,131 +24,131 @@ pub enum RigError {
     /// The new interfaces cannot be set up.
     #[error(transparent)]
     Interface(#[from] InterfaceError),
-    /// The capture cannot be made.
+    /// The capture cannot be written.
     #[error(transparent)]
     Capture(#[from] RecorderError),
-    /// What does the faults gets no sockets.
+    /// The impaired cable gets no sockets.
     #[error(transparent)]
     Port(#[from] PortError),
     /// A node cannot be started.
-    #[error("cannot start the {which}: {reason}")]
+    #[error("cannot start the {role}: {reason}")]
     Spawn {
-        /// Which node.
-        which: Which,
-        /// What the system said.
+        /// The node.
+        role: NodeRole,
+        /// The system's error.
         reason: io::Error,
     },
-    /// A node ended that should not have.
-    #[error("the {which} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_stderr))]
+    /// A node ended unexpectedly.
+    #[error("the {role} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_stderr))]
     NodeEnded {
-        /// Which node.
-        which: Which,
-        /// How it ended, if it could be found out.
+        /// The node.
+        role: NodeRole,
+        /// Its exit status, if known.
         status: Option<ExitStatus>,
-        /// What it last wrote on standard error.
+        /// Its last lines on standard error.
         last_stderr: Vec<String>,
     },
-    /// A node that somebody else was to start is not there.
+    /// A node that should already run does not answer.
     #[error(
-        "no {which} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
+        "no {role} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
          port?",
         waited.as_secs()
     )]
     Unreachable {
-        /// Which node.
-        which: Which,
+        /// The node.
+        role: NodeRole,
         /// Host and port.
         address: String,
-        /// For how long it was tried.
+        /// Time of the attempts.
         waited: Duration,
-        /// What the system said last.
+        /// The last error.
         reason: String,
     },
-    /// A node that runs has another controller.
-    #[error("the {which} is controlled by {controller} already: end that one first")]
+    /// A running node has another controller.
+    #[error("the {role} is controlled by {controller} already: end that one first")]
     Busy {
-        /// Which node.
-        which: Which,
-        /// Who has it.
+        /// The node.
+        role: NodeRole,
+        /// That controller.
         controller: SocketAddr,
     },
-    /// The connection to a node that runs is gone.
-    #[error("the {which} at {address} went away or closed the connection; what it printed says why")]
+    /// The connection to a running node was closed.
+    #[error("the {role} at {address} went away or closed the connection; what it printed says why")]
     Detached {
-        /// Which node.
-        which: Which,
+        /// The node.
+        role: NodeRole,
         /// Host and port.
         address: String,
     },
-    /// What runs there is not what the bench was asked to measure.
+    /// Another node or setup runs at the address than the one to be measured.
     #[error("at {address} runs a {found}, but {wanted} is wanted")]
     Other {
         /// Host and port.
         address: String,
-        /// Which node, and its setup.
+        /// The node and setup found.
         found: String,
-        /// What was asked for.
+        /// The node and setup requested.
         wanted: String,
     },
-    /// No connection came about.
+    /// The nodes did not connect.
     #[error("the PLC found no robot that was ready within {} s: {reason}{}", waited.as_secs(), quoted(last_stderr))]
     NotConnected {
-        /// For how long it tried.
+        /// Time of the attempts.
         waited: Duration,
-        /// What the PLC said of it last.
+        /// The PLC's last reason.
         reason: String,
-        /// What both nodes last wrote on standard error.
+        /// The last lines of both nodes on standard error.
         last_stderr: Vec<String>,
     },
-    /// The connection was there and is gone.
+    /// The connection was up and got lost.
     #[error("the connection between the nodes was lost; the {seen_by} says: {reason}")]
     ConnectionLost {
-        /// Who said so first.
-        seen_by: Which,
-        /// What it said.
+        /// The node that reported it first.
+        seen_by: NodeRole,
+        /// Its reason.
         reason: String,
     },
-    /// The host did not run a node for about as long as its peer bears no frame.
+    /// The host stalled a node for about as long as its peer's watchdog time.
     #[error(
-        "{error}; the host held the {which} up for {} ms: `bench doctor` measures how it runs programs, and a higher \
+        "{error}; the host held the {role} up for {} ms: `bench doctor` measures how it runs programs, and a higher \
          bus.watchdog_cycles in a setup of your own bears more",
         held.as_millis()
     )]
     HeldUp {
-        /// The node that was held up longest.
-        which: Which,
+        /// The node that was stalled longest.
+        role: NodeRole,
         /// For how long.
         held: Duration,
-        /// What came of it.
+        /// The error that followed.
         error: Box<RigError>,
     },
-    /// The PLC says that a run failed.
+    /// The PLC reports that a run failed.
     #[error("{execution_type} failed: {reason}")]
     RunFailed {
-        /// How the sequence was to be run.
+        /// The execution type of the run.
         execution_type: ExecutionType,
-        /// What the PLC said.
+        /// The PLC's reason.
         reason: String,
     },
-    /// A node hangs.
-    #[error("the {which} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
+    /// A node does not answer.
+    #[error("the {role} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
     NoAnswer {
-        /// Which node.
-        which: Which,
-        /// For how long it was waited.
+        /// The node.
+        role: NodeRole,
+        /// Time waited.
         waited: Duration,
     },
-    /// A node says what no node says.
-    #[error("the {which} said `{line}`, which is no message: are bench and node of one build?")]
+    /// A node sent a line that is no message.
+    #[error("the {role} said `{line}`, which is no message: are bench and node of one build?")]
     UnreadableLine {
-        /// Which node.
-        which: Which,
-        /// What it said.
+        /// The node.
+        role: NodeRole,
+        /// The line.
         line: String,
     },
 }
 
-// Not `#[from]`: that would make it the source too, and whoever prints the chain would print it twice.
+// Not `#[from]`, which would also make it the source: then it would be printed twice.
 impl From<NamespaceError> for RigError {
     fn from(reason: NamespaceError) -> Self {
         Self::Namespace { reason }
@@ -174,10 +156,10 @@ impl From<NamespaceError> for RigError {
 }
 
 impl RigError {
-    /// The code with which the bench ends for it.
+    /// Returns the bench's exit code for this error.
     #[must_use]
     pub fn exit(&self) -> Exit {
-        // Exit code 5 of a node says that the host lacks what it needs.
+        // A node's exit code 5 means that the host lacks what the node needs.
         let unusable = |status: &ExitStatus| status.code() == Some(Exit::EnvironmentUnusable as i32);
         match self {
             Self::Namespace { .. }

@@ -1,21 +1,22 @@
-//! One run after another on the rig, and what the arm did in them.
+//! Runs on the rig, one after another, and what the arm did in them.
 
 use std::time::Duration;
 
 use ::node::message::Instruction;
+use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use plc_node::{Execution, ExecutionType, OverrideSchedule};
 use robot_node::Quality;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::{Rig, RigError, Which};
+use super::{Rig, RigError};
 use crate::records::schedule::PAUSE;
 use crate::records::trace::Window;
 
-/// The longest run; a PLC gives up a silent robot long before.
+/// Longest run; a PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
-/// What the robot said of its motions in a run.
+/// The robot's reports of its motions in one run.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ExecutedMotions {
     pub(super) motions: u32,
@@ -27,7 +28,7 @@ impl Rig {
     ///
     /// # Errors
     ///
-    /// The run failed, the connection was lost, or a node ended: within two seconds of it. After
+    /// The run failed, the connection was lost, or a node ended; detected within two seconds. After
     /// [`RigError::HeldUp`] the nodes connect again.
     pub async fn execute(
         &mut self,
@@ -37,11 +38,11 @@ impl Rig {
         self.start_run(execution_type, overrides).await;
         let result = match timeout(LONGEST_RUN, self.finished()).await {
             Ok(result) => result,
-            Err(_) => Err(RigError::NoAnswer { which: Which::Plc, waited: LONGEST_RUN }),
+            Err(_) => Err(RigError::NoAnswer { role: NodeRole::Plc, waited: LONGEST_RUN }),
         };
         let run = match result {
             Ok(run) => run,
-            Err(error) => return Err(self.explained(error).await),
+            Err(error) => return Err(self.with_cause(error).await),
         };
         if self.recording
             && let Some(window) = self.traced.last_mut()
@@ -52,12 +53,12 @@ impl Rig {
         Ok(run)
     }
 
-    /// Runs the sequence over and over for so long. A run that is not over by then goes on, and the next call with it. One
-    /// that was lost because the host held a node up is followed by the next.
+    /// Runs the sequence repeatedly for this time. A run that has not finished by then goes on, and the next call
+    /// continues with it. A run that was lost because the host stalled a node is followed by the next one.
     ///
     /// # Errors
     ///
-    /// As of [`Rig::execute`].
+    /// The same as [`Rig::execute`].
     pub async fn keep_running(
         &mut self,
         execution_type: ExecutionType,
@@ -72,8 +73,8 @@ impl Rig {
                 Ok(Ok(_)) => sleep(PAUSE).await,
                 Err(_) => {}
                 Ok(Err(error)) => {
-                    let error = self.explained(error).await;
-                    self.recovered(error).await?;
+                    let error = self.with_cause(error).await;
+                    self.reconnect_after(error).await?;
                 }
             }
         }
@@ -86,7 +87,7 @@ impl Rig {
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type, overrides })).await;
     }
 
-    /// The end of the run. Whoever stops waiting for it may ask again.
+    /// Waits for the end of the run. It is safe to drop this future and to wait again later.
     async fn finished(&mut self) -> Result<Execution, RigError> {
         loop {
             match self.next_plc_message().await? {
@@ -95,7 +96,7 @@ impl Rig {
                     return Err(RigError::RunFailed { execution_type, reason });
                 }
                 PlcMessage::Started { execution_type, at_ns } if self.recording => {
-                    self.traced.push(Window { of: execution_type, start_ns: at_ns, length_ns: None });
+                    self.traced.push(Window { execution_type, start_ns: at_ns, length_ns: None });
                 }
                 PlcMessage::MovingToStart
                 | PlcMessage::Ready
@@ -105,7 +106,8 @@ impl Rig {
         }
     }
 
-    /// How well the arm moved in the last run, of so many motions; none if the robot did not speak of all of them.
+    /// Returns the quality of the arm's motion in the last run of `motions` motions; `None` if the robot did not
+    /// report all of them.
     #[must_use]
     pub fn quality_of(&self, motions: u32) -> Option<Quality> {
         (self.moved.motions == motions).then_some(self.moved.quality)

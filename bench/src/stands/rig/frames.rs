@@ -1,4 +1,4 @@
-//! The frames of the recorded runs, for a timeline: in memory, and only while it wants them.
+//! The frames of the recorded runs, for a timeline: kept in memory, and only while wanted.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,7 +9,7 @@ use virtual_time::Side;
 
 use crate::records::trace::{FRAME_ROOM, Frame};
 
-/// What passes both ends of the cable, as far as it is wanted. Clones are the same log.
+/// Log of the frames at both ends of the cable. Clones are the same log.
 #[derive(Clone, Debug, Default)]
 pub struct FrameLog(Arc<Log>);
 
@@ -20,12 +20,12 @@ struct Log {
 }
 
 impl FrameLog {
-    /// Takes up frames from now on, or no more.
+    /// Starts or stops collecting frames.
     pub(super) fn want(&self, wanted: bool) {
         self.0.wanted.store(wanted, Ordering::Relaxed);
     }
 
-    /// Who takes up what passes this end.
+    /// Returns the callback that collects frames at this end.
     pub(super) fn at(&self, end: Side) -> impl FnMut(Instant, &Packet<'_>) + Send + 'static {
         let log = Arc::clone(&self.0);
         move |at, packet| {
@@ -40,7 +40,8 @@ impl FrameLog {
         }
     }
 
-    /// All frames so far with their instants by the nodes' clock: those at the PLC's end, then those at the robot's.
+    /// Takes all frames so far with their instants by the nodes' clock: those at the PLC's end, then those at the
+    /// robot's.
     #[must_use]
     pub fn take(&self) -> Vec<(Instant, Frame)> {
         let of = |frames: &Mutex<Vec<_>>| {
@@ -50,7 +51,7 @@ impl FrameLog {
     }
 }
 
-/// What a timeline shows of a frame; the time since the start edge is the trace's to say.
+/// Converts a packet to a timeline's frame; the trace sets its time since the start edge.
 fn frame(end: Side, packet: &Packet<'_>) -> Frame {
     let (carrier, bytes) = carrier(packet.data).unwrap_or(("Ethernet", packet.data.len()));
     Frame {
@@ -63,8 +64,8 @@ fn frame(end: Side, packet: &Packet<'_>) -> Frame {
     }
 }
 
-/// What a frame carries and how many bytes of it, where it carries something: as in a virtual cable, of what is sent over IP
-/// only the payload counts.
+/// Returns the protocol that carries a frame's payload and the payload's length in bytes. As for a virtual cable,
+/// only the payload of an IP packet counts.
 fn carrier(frame: &[u8]) -> Option<(&'static str, usize)> {
     let at = if frame.get(12..14)? == [0x81, 0x00] { 16 } else { 12 };
     let packet = frame.get(at + 2..)?;
@@ -91,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_is_named_by_what_carries_it_and_counts_what_it_carries() {
+    fn a_frame_has_the_name_of_its_protocol_and_the_length_of_its_payload() {
         let ip = |protocol: u8, behind: &[u8]| {
             let length = 20 + behind.len() as u8;
             let packet = [0x45, 0, 0, length, 0, 0, 0x40, 0, 64, protocol, 0, 0, 10, 0, 0, 1, 10, 0, 0, 2];

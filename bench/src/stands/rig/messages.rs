@@ -1,30 +1,31 @@
-//! What the rig and its nodes say to each other: the startup, runs, questions, the end.
+//! Messages between the rig and its nodes: startup, runs, reports, end.
 
 use std::time::Duration;
 
 use ::node::message::{Instruction, Message};
 use ::node::report::NodeReport;
+use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::time::timeout;
 
 use super::node::Node;
 use super::node_process::NodeEvent;
-use super::{Links, Reports, Rig, RigError, Which};
+use super::{Links, Reports, Rig, RigError};
 
-/// How long a connection may take before the rig gives up. A real one takes less than a second.
+/// Longest wait for the nodes to connect. A real connection takes less than a second.
 const CONNECT: Duration = Duration::from_secs(10);
 
-/// How long the arm may take to get to the application's start.
+/// Longest time for the arm to reach the application's start.
 const TO_START: Duration = Duration::from_secs(600);
 
-/// How long a node may take to answer a question or to end, beyond which it counts as hanging.
+/// Longest wait for a node to answer or to end; after that it counts as hanging.
 const ANSWER: Duration = Duration::from_secs(1);
 
-/// What is waited for before a run, and what was heard of it.
+/// What the rig waits for before a run, and what it learned so far.
 #[derive(Debug)]
 pub(super) struct Startup<'a> {
-    /// The setup that nodes which ran before have to be of.
+    /// The setup that already running nodes must have.
     setup: Option<&'a str>,
     /// Why the last attempt to connect failed.
     last_attempt: Option<String>,
@@ -35,33 +36,33 @@ impl<'a> Startup<'a> {
         Self { setup, last_attempt: None }
     }
 
-    fn hear(&mut self, said: NodeEvent) {
-        if let NodeEvent::Plc(Message::LinkDown { reason }) = said {
+    fn note(&mut self, event: NodeEvent) {
+        if let NodeEvent::Plc(Message::LinkDown { reason }) = event {
             self.last_attempt = Some(reason);
         }
     }
 }
 
 impl Rig {
-    /// Waits for every node that there is so far to introduce itself, as one of the wanted setup.
-    pub(super) async fn meet(&mut self, startup: &mut Startup<'_>) -> Result<(), RigError> {
+    /// Waits until every node so far has sent its first message, and checks its setup.
+    pub(super) async fn wait_for_hellos(&mut self, startup: &mut Startup<'_>) -> Result<(), RigError> {
         let nodes = 1 + usize::from(self.robot.is_some());
-        let all_met = async {
+        let all_hellos = async {
             while self.hellos.len() < nodes {
-                startup.hear(self.next_event().await?);
+                startup.note(self.next_event().await?);
             }
             self.check_hellos(startup.setup)
         };
-        let met = timeout(CONNECT, all_met).await;
-        met.unwrap_or_else(|_| Err(self.not_connected(startup)))
+        let result = timeout(CONNECT, all_hellos).await;
+        result.unwrap_or_else(|_| Err(self.not_connected(startup)))
     }
 
-    /// Waits for the PLC to find the robot ready. The arm may still be on its way to the application's start.
+    /// Waits until the PLC finds the robot ready. The arm may still be moving to the application's start.
     pub(super) async fn wait_until_connected(&mut self, mut startup: Startup<'_>) -> Result<(), RigError> {
-        self.meet(&mut startup).await?;
+        self.wait_for_hellos(&mut startup).await?;
         let connected = async {
             while !self.is_connected() {
-                startup.hear(self.next_event().await?);
+                startup.note(self.next_event().await?);
             }
             Ok(())
         };
@@ -69,7 +70,7 @@ impl Rig {
         connected.unwrap_or_else(|_| Err(self.not_connected(&startup)))
     }
 
-    /// Waits until the arm stands at the application's start, so that a run may begin at once.
+    /// Waits until the arm is at the application's start, so that a run can begin at once.
     pub(super) async fn wait_until_at_start(&mut self) -> Result<(), RigError> {
         let at_start = async {
             while !(self.is_connected() && self.links.ready) {
@@ -78,10 +79,10 @@ impl Rig {
             Ok(())
         };
         let at_start = timeout(TO_START, at_start).await;
-        at_start.unwrap_or(Err(RigError::NoAnswer { which: Which::Plc, waited: TO_START }))
+        at_start.unwrap_or(Err(RigError::NoAnswer { role: NodeRole::Plc, waited: TO_START }))
     }
 
-    /// Whether both nodes are connected, and the robot follows the PLC.
+    /// Returns whether both nodes are connected and the robot follows the PLC.
     const fn is_connected(&self) -> bool {
         let Links { plc, robot, ready, moving_to_start } = self.links;
         plc && (robot || self.robot.is_none()) && (ready || moving_to_start)
@@ -94,34 +95,34 @@ impl Rig {
         RigError::NotConnected { waited: CONNECT, reason, last_stderr }
     }
 
-    /// What the PLC says next of its runs. A lost connection and an ended node are errors.
+    /// Returns the PLC's next message about its runs. A lost connection and an ended node are errors.
     pub(super) async fn next_plc_message(&mut self) -> Result<PlcMessage, RigError> {
         loop {
             match self.next_event().await? {
                 NodeEvent::Plc(Message::Node(message)) => return Ok(message),
                 NodeEvent::Plc(Message::LinkDown { reason }) => {
-                    return Err(RigError::ConnectionLost { seen_by: Which::Plc, reason });
+                    return Err(RigError::ConnectionLost { seen_by: NodeRole::Plc, reason });
                 }
                 NodeEvent::Robot(Message::LinkDown { reason }) => {
-                    return Err(RigError::ConnectionLost { seen_by: Which::Robot, reason });
+                    return Err(RigError::ConnectionLost { seen_by: NodeRole::Robot, reason });
                 }
                 _ => {}
             }
         }
     }
 
-    /// What either node says next; what concerns the rig itself is taken note of.
+    /// Returns the next message of either node, and updates the rig's state from it.
     async fn next_event(&mut self) -> Result<NodeEvent, RigError> {
-        // Both readers say that their node ended before they let go of the channel.
-        let said = loop {
+        // Both readers report the end of their node before they close the channel.
+        let event = loop {
             tokio::select! {
-                said = self.said.recv() => break said.unwrap_or(NodeEvent::Ended(Which::Plc)),
+                event = self.events.recv() => break event.unwrap_or(NodeEvent::Ended(NodeRole::Plc)),
                 node = self.kills.next() => self.kill(node),
             }
         };
-        match &said {
-            NodeEvent::Plc(Message::Hello(hello)) => self.hellos.push((Which::Plc, hello.clone())),
-            NodeEvent::Robot(Message::Hello(hello)) => self.hellos.push((Which::Robot, hello.clone())),
+        match &event {
+            NodeEvent::Plc(Message::Hello(hello)) => self.hellos.push((NodeRole::Plc, hello.clone())),
+            NodeEvent::Robot(Message::Hello(hello)) => self.hellos.push((NodeRole::Robot, hello.clone())),
             NodeEvent::Plc(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
                 self.reports.plc = report.clone();
             }
@@ -153,61 +154,61 @@ impl Rig {
                 self.links = Links { ready: false, moving_to_start: false, ..self.links };
             }
             NodeEvent::Plc(Message::Busy { controller }) => {
-                return Err(RigError::Busy { which: Which::Plc, controller: *controller });
+                return Err(RigError::Busy { role: NodeRole::Plc, controller: *controller });
             }
             NodeEvent::Robot(Message::Busy { controller }) => {
-                return Err(RigError::Busy { which: Which::Robot, controller: *controller });
+                return Err(RigError::Busy { role: NodeRole::Robot, controller: *controller });
             }
-            NodeEvent::Ended(which) => {
-                return Err(match self.node(*which) {
+            NodeEvent::Ended(role) => {
+                return Err(match self.node(*role) {
                     Some(node) => node.end_error().await,
-                    None => RigError::NodeEnded { which: *which, status: None, last_stderr: Vec::new() },
+                    None => RigError::NodeEnded { role: *role, status: None, last_stderr: Vec::new() },
                 });
             }
-            NodeEvent::UnreadableLine { which, line } => {
-                return Err(RigError::UnreadableLine { which: *which, line: line.clone() });
+            NodeEvent::UnreadableLine { role, line } => {
+                return Err(RigError::UnreadableLine { role: *role, line: line.clone() });
             }
             _ => {}
         }
-        Ok(said)
+        Ok(event)
     }
 
-    /// The better story of a lost connection or of a failed run: a node that died, or a host that held one up. Neither is
-    /// told by whom it happened to, so both are asked.
-    pub(super) async fn explained(&mut self, error: RigError) -> RigError {
+    /// Finds the cause of a lost connection or of a failed run: a node that died, or a host that stalled one. The
+    /// affected node cannot report either, so both nodes are asked.
+    pub(super) async fn with_cause(&mut self, error: RigError) -> RigError {
         if !matches!(error, RigError::ConnectionLost { .. } | RigError::RunFailed { .. }) {
             return error;
         }
         let before = self.reports.clone();
         match self.ask_for_reports().await {
             Ok(()) => match self.held_up_since(&before) {
-                (which, held) if held >= self.watchdog / 2 => {
-                    RigError::HeldUp { which, held, error: Box::new(error) }
+                (role, held) if held >= self.watchdog / 2 => {
+                    RigError::HeldUp { role, held, error: Box::new(error) }
                 }
                 _ => error,
             },
             Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) => better,
-            Err(RigError::NoAnswer { which, .. }) => {
-                // It has had its time; the end of the rig need not wait for it again.
-                self.node(which).into_iter().for_each(Node::kill);
+            Err(RigError::NoAnswer { role, .. }) => {
+                // It had its time to answer; the end of the rig need not wait for it again.
+                self.node(role).into_iter().for_each(Node::kill);
                 error
             }
             Err(_) => error,
         }
     }
 
-    /// The node whose cycle was latest since those reports, and by how much. A node that sends nothing for the time of the
-    /// watchdog, and is there, came late by about as much.
-    fn held_up_since(&self, before: &Reports) -> (Which, Duration) {
+    /// Returns the node whose cycle was latest since those reports, and by how much. A running node that sends
+    /// nothing during the watchdog time was late by about that time.
+    fn held_up_since(&self, before: &Reports) -> (NodeRole, Duration) {
         let Reports { plc, robot } = self.reports.since(before);
         let latest = |report: &NodeReport| Duration::from_secs_f64(report.cycle.max_us.max(0.0) / 1e6);
         let (plc, robot) = (latest(&plc), latest(&robot));
-        if plc >= robot { (Which::Plc, plc) } else { (Which::Robot, robot) }
+        if plc >= robot { (NodeRole::Plc, plc) } else { (NodeRole::Robot, robot) }
     }
 
-    /// Waits until the nodes have again the connection that a host took from them by holding one up. Any other error is
-    /// there to stay, and comes back.
-    pub(super) async fn recovered(&mut self, error: RigError) -> Result<(), RigError> {
+    /// Waits until the nodes have reconnected after the host stalled one. Returns any other error, since it is
+    /// permanent.
+    pub(super) async fn reconnect_after(&mut self, error: RigError) -> Result<(), RigError> {
         match error {
             RigError::HeldUp { .. } => {
                 self.wait_until_connected(Startup::new(None)).await?;
@@ -234,13 +235,13 @@ impl Rig {
             Ok(())
         };
         let answered = timeout(ANSWER, both).await;
-        let which = if plc { Which::Robot } else { Which::Plc };
-        answered.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
+        let role = if plc { NodeRole::Robot } else { NodeRole::Plc };
+        answered.unwrap_or(Err(RigError::NoAnswer { role, waited: ANSWER }))
     }
 
-    /// Tells a node to stop and waits until it has, and has been reaped.
-    pub(super) async fn end(&mut self, which: Which) -> Result<(), RigError> {
-        let Some(node) = self.node(which).filter(|node| !node.has_ended()) else {
+    /// Tells a node to stop and waits until it has ended and was reaped.
+    pub(super) async fn end(&mut self, role: NodeRole) -> Result<(), RigError> {
+        let Some(node) = self.node(role).filter(|node| !node.has_ended()) else {
             return Ok(());
         };
         node.tell(&Instruction::<()>::Stop).await;
@@ -248,8 +249,8 @@ impl Rig {
             loop {
                 match self.next_event().await {
                     Ok(_) => {}
-                    Err(RigError::NodeEnded { which: ended, status: Some(status), .. })
-                        if ended == which && status.success() =>
+                    Err(RigError::NodeEnded { role: ended, status: Some(status), .. })
+                        if ended == role && status.success() =>
                     {
                         return Ok(());
                     }
@@ -258,17 +259,17 @@ impl Rig {
             }
         };
         let ended = timeout(ANSWER, end).await;
-        ended.unwrap_or(Err(RigError::NoAnswer { which, waited: ANSWER }))
+        ended.unwrap_or(Err(RigError::NoAnswer { role, waited: ANSWER }))
     }
 
     pub(super) async fn tell_plc(&mut self, instruction: &Instruction<PlcInstruction>) {
         self.plc.tell(instruction).await;
     }
 
-    const fn node(&mut self, which: Which) -> Option<&mut Node> {
-        match which {
-            Which::Plc => Some(&mut self.plc),
-            Which::Robot => self.robot.as_mut(),
+    const fn node(&mut self, role: NodeRole) -> Option<&mut Node> {
+        match role {
+            NodeRole::Plc => Some(&mut self.plc),
+            NodeRole::Robot => self.robot.as_mut(),
         }
     }
 }

@@ -7,15 +7,15 @@
 //!   └ network namespace ┘   └ network namespace ┘
 //! ```
 //!
-//! The nodes are this very program, started again: nothing else has to be built or installed. The namespaces have no
-//! name and the nodes die with the bench, so nothing is left behind however any of them ends; both nodes are in
-//! process groups of their own, so that Ctrl-C reaches the bench alone and the bench ends them in order. An ordinary
-//! user gets all this through a user namespace, see [`enter_user_namespace`].
+//! The nodes are this same program, started again: nothing else has to be built or installed. The namespaces are
+//! unnamed and the nodes die with the bench, so nothing is left behind however any of them ends. Both nodes have a
+//! process group of their own, so that Ctrl-C reaches only the bench, which ends them in order. An ordinary user gets
+//! all this through a user namespace, see [`enter_user_namespace`].
 //!
-//! Or both nodes run already, wherever that is, and the rig only speaks with them, over TCP: [`Rig::attach`].
+//! Alternatively both nodes already run somewhere, and the rig only controls them over TCP: [`Rig::attach`].
 //!
-//! tokio serves pipes, connections, processes and timeouts here. The cyclic threads are in the other processes and know
-//! nothing of it.
+//! Here tokio serves pipes, connections, processes and timeouts. The cyclic threads run in the other processes, without
+//! tokio.
 
 mod attach;
 mod attached_node;
@@ -32,7 +32,7 @@ mod stand;
 
 pub use attach::{Attach, AttachError};
 pub use config::RigConfig;
-pub use error::{RigError, Which};
+pub use error::RigError;
 pub use frames::FrameLog;
 
 use std::io;
@@ -42,12 +42,12 @@ use std::time::Duration;
 
 use ::node::message::{Hello, Instruction, Message};
 use ::node::report::NodeReport;
+use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use protocol_linux::{Interface, OpenPort, PortError};
 use robot_node::process::{RobotInstruction, RobotMessage};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
-use virtual_time::Side;
 
 use self::node::Node;
 use cable::{Cable, Fittings};
@@ -57,16 +57,16 @@ use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 
 use crate::records::conditions::Health;
-use crate::records::faults::FaultReport;
+use crate::records::faults::{self, FaultReport};
 use crate::records::trace::{Window, tables};
 use crate::stands::Stand as _;
 
-/// This program is also both nodes; an allocator that counts shows that their cyclic threads allocate nothing.
+/// This program is also both nodes; with a counting allocator it can show that their cyclic threads allocate nothing.
 #[global_allocator]
 static ALLOCATOR: protocol_linux::allocation::AllocationCounter =
     protocol_linux::allocation::AllocationCounter;
 
-/// First arguments with which this program is a node; no option of the bench begins like that.
+/// First arguments that make this program a node; no option of the bench begins like that.
 const PLC_NODE: &str = "__plc-node";
 const ROBOT_NODE: &str = "__robot-node";
 
@@ -83,18 +83,18 @@ pub fn run_as_node() -> Option<ExitCode> {
     Some(main(std::iter::once(first).chain(args).collect::<Vec<_>>()))
 }
 
-/// Makes this process root of a user namespace of its own, so that it may make networks; does nothing where it may
-/// already. Call it while the process has one thread: before tokio starts, and before any other thread.
+/// Makes this process root of a new user namespace, so that it may create networks; does nothing if it already may.
+/// Call it while the process has one thread: before tokio or any other thread starts.
 pub fn enter_user_namespace() -> Result<(), RigError> {
     Ok(protocol_linux::namespace::enter_user_namespace()?)
 }
 
-/// Tries what the rig needs of the host and leaves nothing behind: a cable between two networks, and on it the sockets
-/// of both buses.
+/// Tests what the rig needs from the host and leaves nothing behind: a cable between two networks, and on it the
+/// sockets of both buses.
 ///
 /// # Errors
 ///
-/// The outer one says why there is no cable, the inner one why there are no sockets on it.
+/// The outer error tells why there is no cable, the inner one why there are no sockets on it.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
     let cable = Cable::lay(Fittings::default())?;
     let open = || {
@@ -106,45 +106,45 @@ pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
     cable.plc().run(open)?
 }
 
-/// Both nodes, connected.
+/// Both connected nodes.
 #[derive(Debug)]
 pub struct Rig {
     plc: Node,
-    /// None where the robot is no node of ours.
+    /// `None` if the robot is not one of our nodes.
     robot: Option<Node>,
-    said: mpsc::Receiver<NodeEvent>,
-    hellos: Vec<(Which, Hello)>,
+    events: mpsc::Receiver<NodeEvent>,
+    hellos: Vec<(NodeRole, Hello)>,
     reports: Reports,
-    /// What the nodes had done before this rig.
+    /// The nodes' reports from before this rig.
     before: Reports,
-    /// In the present run, or in the last one.
+    /// Motions of the current run, or of the last one.
     moved: ExecutedMotions,
     traced: Vec<Window>,
     recording: bool,
-    /// A run was started, and neither its end nor its failure was heard of.
+    /// Whether a run was started whose end or failure was not reported yet.
     is_running: bool,
     links: Links,
-    /// How long the connection bears no frame.
+    /// Watchdog time of the connection.
     watchdog: Duration,
     /// Why repetitions were run again.
     repeated: Vec<String>,
     kills: Kills,
-    /// None where the nodes ran already.
+    /// `None` if the nodes already ran.
     connected_after: Option<Duration>,
-    /// Where the nodes write their recorded cycles; none where they do not.
+    /// Where the nodes write their recorded cycles; `None` if they do not.
     trace_directory: Option<PathBuf>,
-    /// Takes up the frames while cycles are recorded.
+    /// Log of the frames while cycles are recorded.
     frames: Option<FrameLog>,
-    /// Last, so that it outlives the nodes; none where somebody else laid it.
+    /// The last field, so that it is dropped after the nodes; `None` if the rig did not create it.
     cable: Option<Cable>,
 }
 
-/// What both nodes reported of themselves last.
+/// The last reports of both nodes.
 #[derive(Clone, PartialEq, Default, Debug)]
 pub struct Reports {
     /// The PLC's.
     pub plc: NodeReport,
-    /// The robot's; empty where the robot is no node of ours.
+    /// The robot's; empty if the robot is not one of our nodes.
     pub robot: NodeReport,
 }
 
@@ -155,18 +155,18 @@ impl Reports {
 }
 
 impl Rig {
-    /// Lays the cable, starts both nodes and waits until the PLC finds the robot ready.
+    /// Creates the cable, starts both nodes and waits until the PLC finds the robot ready.
     ///
     /// # Errors
     ///
-    /// What the host does not allow, a node that does not start, or a connection that does not come about.
+    /// The host does not allow something, a node does not start, or the nodes do not connect.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
         let RigConfig { capture, faults, seed, frames: frames_log, .. } = config;
         let (capture, frames) = (capture.as_ref(), frames_log.as_ref());
         let cable = Cable::lay(Fittings { capture, faults, seed: *seed, frames })?;
-        // Room for all that two nodes say while the bench writes a file.
-        let (events, said) = mpsc::channel(1_024);
+        // Room for all messages of two nodes while the bench writes a file.
+        let (sender, events) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
         let robot_args = [
             config.args(cable::ROBOT, tables::ROBOT_ROWS),
@@ -174,23 +174,23 @@ impl Rig {
         ]
         .concat();
         let robot = NodeProcess::spawn(
-            Which::Robot,
+            NodeRole::Robot,
             &program,
             ROBOT_NODE,
             robot_args,
             cable.robot(),
-            events.clone(),
+            sender.clone(),
         )?;
         let plc = NodeProcess::spawn(
-            Which::Plc,
+            NodeRole::Plc,
             &program,
             PLC_NODE,
             config.args(cable::PLC, tables::PLC_ROWS),
             cable.plc(),
-            events,
+            sender,
         )?;
         let mut rig =
-            Self::of(Node::Process(plc), Some(Node::Process(robot)), said, Some(cable), config.watchdog);
+            Self::of(Node::Process(plc), Some(Node::Process(robot)), events, Some(cable), config.watchdog);
         rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
@@ -206,14 +206,14 @@ impl Rig {
     fn of(
         plc: Node,
         robot: Option<Node>,
-        said: mpsc::Receiver<NodeEvent>,
+        events: mpsc::Receiver<NodeEvent>,
         cable: Option<Cable>,
         watchdog: Duration,
     ) -> Self {
         Self {
             plc,
             robot,
-            said,
+            events,
             hellos: Vec::new(),
             reports: Reports::default(),
             before: Reports::default(),
@@ -232,7 +232,7 @@ impl Rig {
         }
     }
 
-    /// What the host did not grant the nodes, in words, each once.
+    /// Returns what the host refused the nodes, each once.
     pub fn warnings(&self) -> Vec<&str> {
         let mut warnings: Vec<_> =
             self.hellos.iter().filter_map(|(_, hello)| hello.warning.as_deref()).collect();
@@ -240,22 +240,22 @@ impl Rig {
         warnings
     }
 
-    /// What both nodes reported of themselves last, after the last run, without what was before this rig.
+    /// Returns both nodes' reports after the last run, without what was before this rig.
     #[must_use]
     pub fn reports(&self) -> Reports {
         self.reports.since(&self.before)
     }
 
-    /// Lets frames pass without capturing them, or captures them again.
+    /// Pauses the captures, or continues them.
     ///
     /// # Errors
     ///
-    /// What the kernel says; it goes on as before then.
+    /// The kernel's error; the captures then go on as before.
     pub fn pause_capture(&self, paused: bool) -> io::Result<()> {
         self.cable.as_ref().map_or(Ok(()), |cable| cable.pause_capture(paused))
     }
 
-    /// Records the cycles of the runs to come, and the frames where they are wanted, or no more.
+    /// Starts or stops recording the cycles of the next runs, and the frames if configured.
     ///
     /// # Errors
     ///
@@ -274,50 +274,50 @@ impl Rig {
         Ok(())
     }
 
-    /// What came of the faults so far; none where none were asked for.
+    /// Returns the result of the faults so far; `None` without faults.
     fn fault_report(&self) -> Option<FaultReport> {
         self.cable.as_ref().and_then(Cable::fault_report)
     }
 
-    fn kill(&mut self, side: Side) {
-        let node = match side {
-            Side::A => Some(&mut self.plc),
-            Side::B => self.robot.as_mut(),
+    fn kill(&mut self, role: NodeRole) {
+        let node = match role {
+            NodeRole::Plc => Some(&mut self.plc),
+            NodeRole::Robot => self.robot.as_mut(),
         };
         if let Some(cable) = &self.cable {
-            cable.note_killed(side);
+            cable.note_killed(faults::end_of(role));
         }
         if let Some(node) = node {
             node.kill();
         }
     }
 
-    /// When the recorded runs were.
+    /// Returns the times of the recorded runs.
     #[must_use]
     pub fn traced(&self) -> &[Window] {
         &self.traced
     }
 
-    /// The captures are not wanted: where they are in memory, they are not written.
+    /// Discards captures that are held in memory.
     pub fn discard_capture(&mut self) {
         if let Some(cable) = &mut self.cable {
             cable.discard_capture();
         }
     }
 
-    /// Process numbers of the PLC's and of the robot's node, while they run.
+    /// Returns the process numbers of the PLC's and of the robot's node, while they run.
     #[must_use]
     pub fn processes(&self) -> [Option<u32>; 2] {
         [self.plc.id(), self.robot.as_ref().and_then(Node::id)]
     }
 
-    /// Ends the connection in order, then both nodes, then the capture, and says how it went until then. Nodes that ran
-    /// before the rig run on.
+    /// Closes the connection in order, ends both nodes, then the captures, and returns the conditions up to then.
+    /// Nodes that already ran keep running.
     ///
     /// # Errors
     ///
-    /// A node that did not end by itself was killed, or the capture could not be written. Nothing is left behind
-    /// then either.
+    /// A node did not end by itself and was killed, or the capture could not be written. Nothing is left behind in
+    /// either case.
     pub async fn stop(mut self) -> Result<Health, RigError> {
         let Some(mut cable) = self.cable.take() else {
             if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Node::has_ended) {
@@ -325,28 +325,28 @@ impl Rig {
             }
             return Ok(self.health());
         };
-        // The controller goes first: it releases the connection, and the device sees it go in order.
-        let plc = self.end(Which::Plc).await;
-        let robot = self.end(Which::Robot).await;
+        // The controller first: it releases the connection, so the device sees an orderly end.
+        let plc = self.end(NodeRole::Plc).await;
+        let robot = self.end(NodeRole::Robot).await;
         let faults = cable.end_capture();
-        // Why a node did not end well says more than what that did to a capture.
+        // A node's error comes first: it explains the effect on a capture.
         plc.and(robot)?;
         Ok(Health { faults: faults?, ..self.health() })
     }
 }
 
-/// What the nodes said last of their connection.
+/// The nodes' last messages about their connection.
 #[derive(Clone, Copy, Debug, Default)]
 struct Links {
     plc: bool,
     robot: bool,
-    /// The PLC found the robot ready, and the arm stands at the start.
+    /// The PLC found the robot ready, and the arm is at the start.
     ready: bool,
     /// The PLC found the robot ready, and moves the arm to the start.
     moving_to_start: bool,
 }
 
-/// What a PLC's process says.
+/// A message of a PLC's process.
 type FromPlc = Message<PlcMessage>;
-/// What a robot's process says.
+/// A message of a robot's process.
 type FromRobot = Message<RobotMessage>;

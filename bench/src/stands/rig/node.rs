@@ -1,4 +1,4 @@
-//! A node as the rig speaks with it, whoever started it.
+//! A node from the rig's point of view, no matter who started it.
 
 use ::node::message::Instruction;
 use serde::Serialize;
@@ -11,12 +11,12 @@ use super::node_process::NodeProcess;
 pub(super) enum Node {
     /// Started by the rig.
     Process(NodeProcess),
-    /// Found running.
+    /// Already running.
     Attached(AttachedNode),
 }
 
 impl Node {
-    /// Tells the node something. If it cannot hear, that is told by [`super::node_process::NodeEvent::Ended`].
+    /// Sends the node an instruction. If that fails, [`super::node_process::NodeEvent::Ended`] reports it.
     pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         match self {
             Self::Process(node) => node.tell(instruction).await,
@@ -31,7 +31,7 @@ impl Node {
         }
     }
 
-    /// What the node last wrote on standard error, where the rig hears that.
+    /// Returns the node's last lines on standard error, if the rig reads it.
     pub(super) fn last_stderr(&self) -> Vec<String> {
         match self {
             Self::Process(node) => node.last_stderr(),
@@ -39,7 +39,7 @@ impl Node {
         }
     }
 
-    /// How it ended.
+    /// Returns the error that tells how it ended.
     pub(super) async fn end_error(&mut self) -> RigError {
         match self {
             Self::Process(node) => node.end_error().await,
@@ -54,7 +54,7 @@ impl Node {
         }
     }
 
-    /// The process number, while it runs, of one that the rig started.
+    /// Returns the process number of a node that the rig started, while it runs.
     pub(super) fn id(&self) -> Option<u32> {
         match self {
             Self::Process(node) => node.id(),

@@ -1,4 +1,4 @@
-//! One node's process: its pipes, its last words, its end.
+//! The process of one node: its pipes, its last lines, its end.
 
 use std::collections::VecDeque;
 use std::ffi::OsString;
@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use ::node::message::Instruction;
+use ::node::role::NodeRole;
 use protocol_linux::namespace::NetworkNamespace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -17,40 +18,40 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
-use super::{FromPlc, FromRobot, RigError, Which};
+use super::{FromPlc, FromRobot, RigError};
 
-/// Lines of standard error that are kept for the day that the node dies.
+/// Lines of standard error that are kept for the error message if the node ends.
 const KEPT_STDERR_LINES: usize = 8;
 
-/// How long an ended node's exit status and last words are waited for.
+/// Longest wait for an ended node's exit status and last lines.
 const EXIT_WAIT: Duration = Duration::from_millis(500);
 
-/// What a node said, or what can be said of it.
+/// A message of a node, or what the rig observed of it.
 #[derive(Debug)]
 pub(super) enum NodeEvent {
     Plc(FromPlc),
     Robot(FromRobot),
-    UnreadableLine { which: Which, line: String },
-    Ended(Which),
+    UnreadableLine { role: NodeRole, line: String },
+    Ended(NodeRole),
 }
 
 #[derive(Debug)]
 pub(super) struct NodeProcess {
-    which: Which,
+    role: NodeRole,
     child: Child,
     stdin: Option<ChildStdin>,
     last_stderr: Arc<Mutex<VecDeque<String>>>,
-    /// None once the end_error is written.
+    /// `None` once the error for its end has been built.
     listener: Option<JoinHandle<()>>,
 }
 
 impl NodeProcess {
-    /// Starts `program` as the node that `name` says, inside `network`.
+    /// Starts `program` as the node that `name` gives, inside `network`.
     ///
-    /// The node dies with the thread that calls this, so that has to be the one that stays: the bench's runtime runs
+    /// The node dies with the thread that calls this, so that must be a thread that stays: the bench's runtime runs
     /// on its main thread.
     pub(super) fn spawn(
-        which: Which,
+        role: NodeRole,
         program: &Path,
         name: &str,
         args: Vec<OsString>,
@@ -62,28 +63,28 @@ impl NodeProcess {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.process_group(0).kill_on_drop(true);
         network.confine(command.as_std_mut())?;
-        let failed = |reason| RigError::Spawn { which, reason };
+        let failed = |reason| RigError::Spawn { role, reason };
         let mut child = command.spawn().map_err(failed)?;
         let missing = || failed(std::io::Error::other("a pipe is missing"));
         let stdin = child.stdin.take();
         let stdout = child.stdout.take().ok_or_else(missing)?;
         let stderr = child.stderr.take().ok_or_else(missing)?;
-        listen(which, stdout, events);
+        listen(role, stdout, events);
         let last_stderr = Arc::default();
         let listener = tokio::spawn(remember(stderr, Arc::clone(&last_stderr)));
-        Ok(Self { which, child, stdin, last_stderr, listener: Some(listener) })
+        Ok(Self { role, child, stdin, last_stderr, listener: Some(listener) })
     }
 
     pub(super) fn id(&self) -> Option<u32> {
         self.child.id()
     }
 
-    /// Kills it, by SIGKILL. One that has ended already stays as it is.
+    /// Kills it by SIGKILL. A node that has already ended stays as it is.
     pub(super) fn kill(&mut self) {
         let _ = self.child.start_kill();
     }
 
-    /// Tells the node something. If it cannot hear, it has ended, and that is told by [`NodeEvent::Ended`].
+    /// Sends the node an instruction. If that fails, the node has ended, and [`NodeEvent::Ended`] reports it.
     pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         let Some(stdin) = &mut self.stdin else {
             return;
@@ -93,58 +94,58 @@ impl NodeProcess {
         let _ = stdin.write_all(&line).await;
     }
 
-    /// Whether its end has been noticed.
+    /// Returns whether its end has been noticed.
     pub(super) const fn has_ended(&self) -> bool {
         self.listener.is_none()
     }
 
-    /// What the node last wrote on standard error.
+    /// Returns the node's last lines on standard error.
     pub(super) fn last_stderr(&self) -> Vec<String> {
         self.last_stderr.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
-    /// How it ended and what it said last.
+    /// Returns the error that tells how it ended, with its last lines.
     pub(super) async fn end_error(&mut self) -> RigError {
-        // Its standard output is closed; what it still has to say on the other one comes within moments.
+        // Its standard output is closed; its last lines on standard error arrive within moments.
         let status = timeout(EXIT_WAIT, self.child.wait()).await;
         if let Some(listener) = self.listener.take() {
             let _ = timeout(EXIT_WAIT, listener).await;
         }
         RigError::NodeEnded {
-            which: self.which,
+            role: self.role,
             status: status.ok().and_then(Result::ok),
             last_stderr: self.last_stderr(),
         }
     }
 }
 
-/// Passes on what a node says, and that it ended.
+/// Passes on a node's messages, and that it ended.
 pub(super) fn listen(
-    which: Which,
+    role: NodeRole,
     to: impl AsyncRead + Send + Unpin + 'static,
     events: mpsc::Sender<NodeEvent>,
 ) {
-    match which {
-        Which::Plc => drop(tokio::spawn(hear(which, to, events, NodeEvent::Plc))),
-        Which::Robot => drop(tokio::spawn(hear(which, to, events, NodeEvent::Robot))),
+    match role {
+        NodeRole::Plc => drop(tokio::spawn(forward(role, to, events, NodeEvent::Plc))),
+        NodeRole::Robot => drop(tokio::spawn(forward(role, to, events, NodeEvent::Robot))),
     }
 }
 
-async fn hear<M: DeserializeOwned>(
-    which: Which,
+async fn forward<M: DeserializeOwned>(
+    role: NodeRole,
     to: impl AsyncRead + Unpin,
     events: mpsc::Sender<NodeEvent>,
-    saying: fn(M) -> NodeEvent,
+    to_event: fn(M) -> NodeEvent,
 ) {
     let mut lines = BufReader::new(to).lines();
     while let Ok(Some(line)) = lines.next_line().await {
-        let said =
-            serde_json::from_str(&line).map_or_else(|_| NodeEvent::UnreadableLine { which, line }, saying);
-        if events.send(said).await.is_err() {
+        let event =
+            serde_json::from_str(&line).map_or_else(|_| NodeEvent::UnreadableLine { role, line }, to_event);
+        if events.send(event).await.is_err() {
             return;
         }
     }
-    let _ = events.send(NodeEvent::Ended(which)).await;
+    let _ = events.send(NodeEvent::Ended(role)).await;
 }
 
 async fn remember(stderr: impl AsyncRead + Unpin, last_stderr: Arc<Mutex<VecDeque<String>>>) {

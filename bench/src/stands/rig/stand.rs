@@ -1,4 +1,4 @@
-//! The rig as a stand: started, run and ended as every other.
+//! The rig as a [`Stand`]: started, run and ended like every stand.
 
 use std::path::PathBuf;
 
@@ -11,8 +11,8 @@ use crate::records::schedule::Step;
 use crate::records::trace::Trace;
 use crate::stands::{Finished, Stand, StandConfig};
 
-/// How often a repetition is started that the host takes the connection from. One that lets no run pass is not repeated for
-/// ever.
+/// Largest number of attempts for a repetition in which the host stalls a node for too long. Without a limit, a host
+/// that lets no run pass would be tried for ever.
 const TRIES: u32 = 10;
 
 impl Stand for Rig {
@@ -38,7 +38,7 @@ impl Stand for Rig {
 
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
         self.wait_until_at_start().await?;
-        // Before the pause, so that it is no work of the measured run.
+        // Before the pause, so that it is not part of the measured run.
         self.record(step.repetition == 1).await?;
         let mut tries = 1;
         let run = loop {
@@ -47,9 +47,9 @@ impl Stand for Rig {
                 Err(error @ RigError::HeldUp { .. }) if tries < TRIES => {
                     tries += 1;
                     self.repeated.push(format!("{} {}: {error}", step.execution_type, step.repetition));
-                    // No run of it is to be seen in a trace.
+                    // The trace must not contain the lost run.
                     self.traced.pop_if(|window| window.length_ns.is_none());
-                    self.recovered(error).await?;
+                    self.reconnect_after(error).await?;
                 }
                 run => break run?,
             }
@@ -74,7 +74,7 @@ impl Stand for Rig {
         let (directory, frames) = (self.trace_directory.take(), self.frames.take());
         let health = self.stop().await;
         let collect = |directory: PathBuf| {
-            // A node that was killed may have left nothing; the run's results do not depend on it.
+            // A killed node may have left no trace; the run's results do not depend on it.
             let mut trace = Trace::collect(&directory, &traced)?;
             trace.add_frames(&traced, frames.as_ref().map(FrameLog::take).unwrap_or_default());
             Ok(trace)
@@ -89,7 +89,7 @@ impl Stand for Rig {
 }
 
 impl Reports {
-    /// What the nodes reported, as the conditions of a run, without what the rig knows of it.
+    /// Converts the nodes' reports to the conditions of a run, without what only the rig knows.
     fn health(&self) -> Health {
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {

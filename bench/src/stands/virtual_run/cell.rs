@@ -1,4 +1,4 @@
-//! Both nodes of a virtual run on their cable, whichever bus they speak.
+//! Both nodes of a virtual run on their cable, for every bus.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -27,23 +27,23 @@ use crate::records::schedule::Step;
 use crate::records::trace::{Frame, Recording};
 use crate::stands::capture::VirtualCapture;
 
-/// A connection that is not up by then never will be.
+/// Longest wait for the connection; one that is not up by then never will be.
 const CONNECT: Duration = Duration::from_secs(60);
 
-/// A run that has not ended by then hangs; the PLC gives up a silent robot long before.
+/// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
-/// The tap writes into it, the run says what happens to the cable, and ends it.
+/// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
 
-/// What the faults and whoever listens in make of a pair.
+/// Faults, capture and frame log of a pair.
 pub(super) struct Surroundings<'a> {
     pub(super) faults: &'a [Fault],
     pub(super) capture: Option<SharedCapture>,
     pub(super) frames: Option<SharedFrames>,
 }
 
-/// A pair of nodes on whichever bus.
+/// A pair of nodes on any bus.
 pub(super) trait Cell {
     fn connect(&mut self) -> anyhow::Result<()>;
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
@@ -54,7 +54,7 @@ pub(super) trait Cell {
     fn now(&self) -> Instant;
 }
 
-/// Puts both nodes on their cable.
+/// Connects both nodes by a cable.
 pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
     Work { source, program, stops, to_start, robot }: Work,
@@ -97,7 +97,7 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     Ok(Box::new(Nodes {
         pair,
         faults: faults.to_vec(),
-        changes: faults::schedule(faults).into(),
+        changes: faults::changes(faults).into(),
         ready_at: None,
         capture: capture.clone(),
         frames: frames.clone(),
@@ -105,7 +105,7 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     }))
 }
 
-/// What a timeline shows of a frame; the time since the start edge is the watch's to say.
+/// Converts a tapped frame to a timeline's frame; the watch sets its time since the start edge.
 fn frame(tapped: &Tapped<'_>) -> Frame {
     Frame {
         at_us: 0.0,
@@ -121,16 +121,16 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
     }
 }
 
-/// Both nodes on a cable, and what is going to happen to them.
+/// Both nodes on a cable, and the changes that the faults make.
 pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     pair: Pair<PlcNode<P>, RobotNode<R>>,
     faults: Vec<Fault>,
-    /// Counted from `ready_at`.
+    /// Times count from `ready_at`.
     changes: VecDeque<(Duration, Change)>,
     ready_at: Option<Instant>,
     capture: Option<SharedCapture>,
     frames: Option<SharedFrames>,
-    /// Of the present run, or of the last one.
+    /// Quality of the current run, or of the last one.
     quality: Quality,
 }
 
@@ -139,8 +139,8 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         &self.pair
     }
 
-    /// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and
-    /// so are the changes that faults make.
+    /// Returns the PLC's next event up to `until` in true time. Meanwhile it does what a station's owner would, it
+    /// sets addresses, and it makes the changes of the faults.
     pub(crate) fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
         loop {
             let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
@@ -153,7 +153,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         }
     }
 
-    /// Waits until the arm stands where the application starts, so that a run may begin at once.
+    /// Waits until the arm is at the application's start, so that a run can begin at once.
     fn until_at_start(&mut self) -> anyhow::Result<()> {
         let until = self.pair.now() + LONGEST_RUN;
         while !self.pair.a().is_ready() {
@@ -172,7 +172,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         match change {
             Change::Cut => self.pair.set_cut(true),
             Change::Mend => self.pair.set_cut(false),
-            Change::Kill(side) => self.pair.kill(side),
+            Change::Kill(node) => self.pair.kill(faults::end_of(node)),
         }
         let lost = lost(&self.pair) - before;
         let Some(capture) = &self.capture else { return };
@@ -180,7 +180,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
             capture.note(match change {
                 Change::Cut => Note::Cut { lost_under_way: lost },
                 Change::Mend => Note::Mended,
-                Change::Kill(side) => Note::Killed(side),
+                Change::Kill(node) => Note::Killed(faults::end_of(node)),
             });
         }
     }
@@ -258,8 +258,8 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     }
 }
 
-/// The PLC's next event, up to `until` of true time. What a station's owner does for it is done on the way, and what the
-/// robot says of its motions is added to `quality`.
+/// Returns the PLC's next event up to `until` in true time. Meanwhile it does what a station's owner would, it sets
+/// addresses, and adds what the robot reports of its motions to `quality`.
 fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
@@ -276,7 +276,7 @@ fn next_plc_event<P: Fieldbus, R: Fieldbus>(
                 pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
             }
             Event::A(event) => {
-                // What moved the arm to the start is no part of the run.
+                // The motion to the start is not part of the run.
                 if let PlcEvent::Started { .. } = event {
                     *quality = Quality::default();
                 }

@@ -1,8 +1,8 @@
-//! Both nodes in virtual time: the machines of a real run on a cable without time.
+//! Both nodes in virtual time: the machines of a real run on a virtual cable.
 //!
 //! ```text
 //! cell           the nodes on the cable: from event to event, from the start edge of a run to its end
-//! phases         what the seed fixes
+//! phases         what the seed determines
 //! plant_speed    how much faster than the plant it was
 //! watch          looks at both nodes after each of their ticks, for a trace
 //! ```
@@ -39,7 +39,7 @@ use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
 use crate::records::results::{Results, Status};
-use crate::records::schedule::{Plan, Step};
+use crate::records::schedule::{Schedule, Step};
 use crate::records::trace::{Recording, Trace};
 use crate::stands::capture::{CableConfig, VirtualCapture};
 use crate::stands::{Finished, Stand, StandConfig};
@@ -49,12 +49,12 @@ use watch::SharedFrames;
 const PLC_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
 const ROBOT_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 2]);
 
-/// The buses that a virtual run can run over.
+/// The bus of a virtual run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum VirtualBus {
     /// The one that the setup names.
     OfSetup,
-    /// A cable without a protocol, for tests that are not about a bus.
+    /// A connection without a bus protocol, for tests that are not about a bus.
     Direct,
 }
 
@@ -67,11 +67,11 @@ pub struct VirtualRun {
     started: std::time::Instant,
 }
 
-/// What both nodes are to do, and the cell that the robot does it in.
+/// The motions of both nodes, and the cell that the robot moves in.
 pub(crate) struct Work {
-    /// What SM and CM send.
+    /// The motions that SM and CM send.
     source: Box<dyn MotionSource>,
-    /// What RC runs, in the robot's program store.
+    /// The motions that RC runs, from the robot's program store.
     program: Vec<Motion>,
     stops: Vec<Stop>,
     to_start: ToStart<Motion>,
@@ -84,7 +84,7 @@ impl Work {
         Ok(Self { robot: work.robot.in_cell_of(application, &work.to_start)?, ..work })
     }
 
-    /// A plan alone knows of no surfaces to press on.
+    /// A plan without an application has no surfaces to press on.
     fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
         let program = plan.wire_motions(setup);
         let source = Box::new(MotionList::from(program.clone()));
@@ -92,7 +92,7 @@ impl Work {
         Ok(Self { program, stops: plan.stops(), ..Self::sent(setup, source, to_start)? })
     }
 
-    /// Motions that the PLC sends, and none in the robot's program store.
+    /// Work of motions that the PLC sends; the robot's program store is empty.
     pub(crate) fn sent(
         setup: &Setup,
         source: Box<dyn MotionSource>,
@@ -103,23 +103,23 @@ impl Work {
     }
 }
 
-/// What a virtual run has besides its setup.
+/// Options of a virtual run besides its setup.
 #[derive(Clone, Debug, Default)]
 pub struct Extras {
     /// Faults of the cable and of the nodes.
     pub faults: Vec<Fault>,
-    /// Where both ends are captured, and how much of it is kept.
+    /// Directory for captures of both ends, and how much is kept.
     pub capture: Option<(PathBuf, Keep)>,
-    /// Whether the frames of the recorded repetitions are kept, for a timeline.
+    /// Whether the frames of recorded repetitions are kept, for a timeline.
     pub frames: bool,
 }
 
 impl VirtualRun {
-    /// Puts both nodes of a setup on a virtual cable and waits until the robot is ready.
+    /// Connects both nodes of a setup by a virtual cable and waits until the robot is ready.
     ///
     /// # Errors
     ///
-    /// The setup does not describe a robot, or no connection comes about.
+    /// The setup does not describe a robot, or the nodes do not connect.
     pub fn start(
         setup: &Setup,
         application: &Application,
@@ -129,11 +129,11 @@ impl VirtualRun {
         Self::start_with(setup, application, seed, bus, &Extras::default())
     }
 
-    /// The same with faults and captures.
+    /// Starts a run like [`VirtualRun::start`], with faults and captures.
     ///
     /// # Errors
     ///
-    /// As [`VirtualRun::start`], or a capture cannot be made.
+    /// The same as for [`VirtualRun::start`], or a capture cannot be created.
     pub fn start_with(
         setup: &Setup,
         application: &Application,
@@ -144,7 +144,7 @@ impl VirtualRun {
         Self::start_on(setup, Work::of(setup, application)?, seed, bus, extras)
     }
 
-    /// The same for motions that were planned elsewhere.
+    /// Starts a run like [`VirtualRun::start_with`], of motions that were planned elsewhere.
     pub(crate) fn start_on(
         setup: &Setup,
         work: Work,
@@ -182,14 +182,14 @@ impl VirtualRun {
         };
         let mut run = Self { cell, trace: Trace::default(), capture, started };
         if let Err(error) = run.cell.connect() {
-            // A run that failed is when the captures are wanted most.
+            // Captures matter most when a run failed.
             run.end_capture(true)?;
             return Err(error);
         }
         Ok(run)
     }
 
-    /// Ends the captures, if there are any. Those that are kept in memory are written only where `wanted`.
+    /// Ends the captures, if any. Captures held in memory are written only if `wanted`.
     ///
     /// # Errors
     ///
@@ -204,56 +204,56 @@ impl VirtualRun {
         }
     }
 
-    /// What happened in the first repetition of each type that was run so far.
+    /// Returns the trace of the first repetition of each execution type so far.
     #[must_use]
     pub const fn trace(&self) -> &Trace {
         &self.trace
     }
 
-    /// Sets the start edge of a run now; [`run_for`](Self::run_for) goes on with it.
+    /// Sets the start edge of a run; [`run_for`](Self::run_for) continues it.
     pub(crate) fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
         self.cell.begin(execution_type)
     }
 
-    /// Lets up to `time` of true time pass. What the PLC says first ends it early.
+    /// Runs for up to `time` of true time, or until the PLC's next event.
     pub(crate) fn run_for(&mut self, time: Duration) -> Option<PlcEvent> {
         self.cell.next_plc_event(self.cell.now() + time)
     }
 
-    /// The motions that the PLC sent in this run, and those that the robot put on its path.
+    /// Returns digests of the motions that the PLC sent in this run, and of those that the robot put on its path.
     pub(crate) fn digests(&self) -> [Digest; 2] {
         self.cell.digests()
     }
 
-    /// True time since the nodes were switched on: what a plant would have taken.
+    /// Returns the true time since the nodes were switched on: what a plant would have taken.
     #[must_use]
     pub fn plant_time(&self) -> Duration {
         self.cell.now().since(Instant::ZERO)
     }
 }
 
-/// A whole run without progress, directory or interrupts.
+/// Executes a whole schedule without progress output, run directory or interrupts.
 ///
 /// # Errors
 ///
-/// No connection comes about, or a repetition fails.
-pub fn whole(setup: &Setup, application: &Application, plan: &Plan) -> anyhow::Result<Results> {
-    run_whole(setup, &application.name, Work::of(setup, application)?, plan)
+/// The nodes do not connect, or a repetition fails.
+pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> anyhow::Result<Results> {
+    run_whole(setup, &application.name, Work::of(setup, application)?, schedule)
 }
 
-/// The same of an application that is planned already.
+/// Executes a whole schedule like [`whole`], of a planned application.
 ///
 /// # Errors
 ///
-/// As [`whole`].
-pub fn whole_of(setup: &Setup, planned: &planning::Plan, plan: &Plan) -> anyhow::Result<Results> {
-    run_whole(setup, &planned.name, Work::of_plan(setup, planned)?, plan)
+/// The same as for [`whole`].
+pub fn whole_of(setup: &Setup, planned: &planning::Plan, schedule: &Schedule) -> anyhow::Result<Results> {
+    run_whole(setup, &planned.name, Work::of_plan(setup, planned)?, schedule)
 }
 
-fn run_whole(setup: &Setup, name: &str, work: Work, plan: &Plan) -> anyhow::Result<Results> {
-    let mut results = Results::new(setup, name, Mode::Virtual, plan);
-    let mut run = VirtualRun::start_on(setup, work, plan.seed, VirtualBus::OfSetup, &Extras::default())?;
-    for step in plan.steps() {
+fn run_whole(setup: &Setup, name: &str, work: Work, schedule: &Schedule) -> anyhow::Result<Results> {
+    let mut results = Results::new(setup, name, Mode::Virtual, schedule);
+    let mut run = VirtualRun::start_on(setup, work, schedule.seed, VirtualBus::OfSetup, &Extras::default())?;
+    for step in schedule.steps() {
         let measured = run.cell.execute(step, None)?;
         results.record(step.execution_type, &measured)?;
     }

@@ -1,4 +1,4 @@
-//! What the seed fixes that no setup says: what each node's clock shows at the start, how fast it runs within
+//! What the seed determines and no setup gives: what each node's clock shows at the start, how fast it runs within
 //! `bus.clock_drift_ppm`, and where in its cycle each cyclic task starts.
 
 use std::time::Duration;
@@ -12,10 +12,10 @@ use virtual_time::{Clock, Side};
 
 use crate::records::schedule::below;
 
-/// Clocks show up to this at the start: two nodes are never switched on together.
+/// Largest value of a clock at the start: two nodes are never switched on together.
 const OFFSET: Duration = Duration::from_secs(1);
 
-/// Clocks and phases, drawn one after the other.
+/// Clocks and phases, drawn in sequence.
 pub(super) struct Phases {
     pub(super) seed: u64,
     random: Pcg64Mcg,
@@ -35,7 +35,7 @@ impl Phases {
         Self { seed, random, clocks }
     }
 
-    /// When a task of this cycle runs first, on its side's own clock.
+    /// Returns when a task of this cycle runs first, on its side's own clock.
     pub(super) fn first(&mut self, side: Side, cycle_us: u32) -> Instant {
         let [a, b] = self.clocks;
         let clock = if side == Side::A { a } else { b };

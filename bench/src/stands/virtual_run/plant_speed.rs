@@ -1,4 +1,4 @@
-//! What a virtual run says of its own speed.
+//! Speed of a virtual run, for its output.
 
 use std::fmt;
 use std::time::Duration;
@@ -6,9 +6,9 @@ use std::time::Duration;
 /// How much faster than the plant a virtual run was.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct PlantSpeed {
-    /// What the plant would have taken.
+    /// Time that the plant would have taken.
     pub plant: Duration,
-    /// What it took on this host.
+    /// Time that it took on this host.
     pub host: Duration,
 }
 
@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_speed_is_told_in_seconds_of_the_plant_and_of_the_host_and_as_their_ratio() {
+    fn the_speed_is_printed_in_seconds_of_the_plant_and_of_the_host_and_as_their_ratio() {
         let speed = PlantSpeed { plant: Duration::from_millis(348_400), host: Duration::from_millis(310) };
         assert_eq!(speed.to_string(), "virtual: 348.4 s of the plant in 0.31 s, 1124 ×");
     }

@@ -13,13 +13,13 @@ use virtual_time::{Pair, Side};
 use super::Nodes;
 use crate::records::trace::{Frame, PlcScan, Recording, RobotTick};
 
-/// How often to look; shorter than any cycle, so that no tick is missed. Looking takes no virtual time.
+/// Interval between looks; shorter than any cycle, so that no tick is missed. Looking takes no virtual time.
 const LOOK: Duration = Duration::from_micros(100);
 
-/// Frames that the tap saw and the watch has not taken up; none while nobody watches.
+/// Frames that the tap saw and the watch has not taken yet; `None` while nobody watches.
 pub(crate) type SharedFrames = Rc<RefCell<Option<Vec<(Instant, Frame)>>>>;
 
-/// One run that is being recorded.
+/// A run that is being recorded.
 #[derive(Debug)]
 pub(crate) struct Watch<'a> {
     recording: &'a mut Recording,
@@ -46,7 +46,7 @@ impl<'a> Watch<'a> {
         Self { recording, start: None, last_tick: None, last_scan: 0, frames }
     }
 
-    /// The PLC's next event, up to `until` of true time; what happens on the way is recorded.
+    /// Returns the PLC's next event up to `until` in true time, and records what happens meanwhile.
     pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
         &mut self,
         nodes: &mut Nodes<P, R>,
@@ -91,8 +91,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// True time of what a side's clock showed less than a cycle ago: what its drift adds meanwhile is far below a
-/// nanosecond.
+/// Converts a side's clock of less than a cycle ago to true time: the drift since then is far below a nanosecond.
 fn true_time<P: Fieldbus, R: Fieldbus>(
     pair: &Pair<PlcNode<P>, RobotNode<R>>,
     side: Side,

@@ -21,7 +21,7 @@ pub use verdict::{Change, Verdict};
 use crate::output::exit::{Exit, Failure};
 use crate::records::results::Results;
 use crate::records::run_directory::{Durability, replace};
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 use crate::stands::virtual_run;
 use crate::verbs::setup_option::SetupOption;
 use crate::{out, outln};
@@ -99,7 +99,7 @@ fn virtual_results(
     reps: u32,
     seed: u64,
 ) -> Result<Results, Failure> {
-    virtual_run::whole(setup, application, &Plan::new(&ExecutionType::ALL, reps, seed))
+    virtual_run::whole(setup, application, &Schedule::new(&ExecutionType::ALL, reps, seed))
         .context("the virtual run for the gate failed")
         .map_err(|error| Failure::new(Exit::of_run(&error), error))
 }

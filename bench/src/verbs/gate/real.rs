@@ -124,14 +124,14 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
-    use crate::records::schedule::Plan;
+    use crate::records::schedule::Schedule;
     use std::time::Duration;
 
     /// A run in which each type's repetitions lie evenly within ± `spread_ms` of its mean.
     fn results(means_ms: [f64; 3], spread_ms: f64) -> Results {
         let setup = setup::setup("A").unwrap();
         let mut results =
-            Results::new(&setup, "pick-and-place", Mode::Real, &Plan::new(&ExecutionType::ALL, 10, 1));
+            Results::new(&setup, "pick-and-place", Mode::Real, &Schedule::new(&ExecutionType::ALL, 10, 1));
         for (of, mean) in ExecutionType::ALL.into_iter().zip(means_ms) {
             for repetition in 0..10 {
                 let ms = mean + spread_ms * (f64::from(repetition) / 4.5 - 1.0);

@@ -138,13 +138,13 @@ mod tests {
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
     use crate::records::results::Frames;
-    use crate::records::schedule::Plan;
+    use crate::records::schedule::Schedule;
     use plc_node::ExecutionType;
     use std::time::Duration;
 
     fn results(sm_ms: u64) -> Results {
         let setup = setup::setup("A").unwrap();
-        let plan = Plan::new(&ExecutionType::ALL, 2, 7);
+        let plan = Schedule::new(&ExecutionType::ALL, 2, 7);
         let mut results = Results::new(&setup, "pick-and-place", Mode::Virtual, &plan);
         for (of, millis) in
             [(ExecutionType::Rc, 3_725), (ExecutionType::Sm, sm_ms), (ExecutionType::Cm, 3_729)]

@@ -30,7 +30,7 @@ use crate::records::host::Host;
 use crate::records::mode::Mode;
 use crate::records::results::{self, Results, Status};
 use crate::records::run_directory::{self, Durability, RunDirectory, replace};
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 use crate::records::trace::Trace;
 use crate::stands::rig::{self, Rig};
 use crate::stands::virtual_run::{self, VirtualRun};
@@ -85,7 +85,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         rig::enter_user_namespace()?;
     }
     let measurement = Measurement {
-        plan: Plan { overrides: options.overrides, ..Plan::new(&options.types, options.reps, options.seed) },
+        schedule: Schedule {
+            overrides: options.overrides,
+            ..Schedule::new(&options.types, options.reps, options.seed)
+        },
         options,
         setup,
         found,
@@ -140,7 +143,7 @@ struct Measurement<'a> {
     options: &'a RunOptions,
     setup: Setup,
     found: Found,
-    plan: Plan,
+    schedule: Schedule,
     /// What a person should look at in the planned motions: blends that had to shrink.
     warnings: Vec<String>,
 }
@@ -158,14 +161,15 @@ impl Measurement<'_> {
         let mut session = Session {
             directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
             exports: self.options.exports.clone(),
-            progress: Progress::start(&self.plan, self.options.quiet),
+            progress: Progress::start(&self.schedule, self.options.quiet),
         };
         self.warn(&session.progress);
         let host = Host::look(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
-        let results = Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.plan);
-        let overhead_free = || WithoutOverhead::start(&self.setup, &self.found.application, &self.plan);
+        let results =
+            Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.schedule);
+        let overhead_free = || WithoutOverhead::start(&self.setup, &self.found.application, &self.schedule);
         // In real mode afterwards, so that it takes no core from the nodes.
         let meanwhile = (self.options.mode == Mode::Virtual).then(overhead_free);
         let ended = match self.options.mode {
@@ -194,7 +198,7 @@ impl Measurement<'_> {
         }
     }
 
-    /// Runs the plan on a stand, from its start to its end.
+    /// Runs the schedule on a stand, from its start to its end.
     async fn run_on<S: Stand>(
         &self,
         session: &mut Session,
@@ -234,7 +238,7 @@ impl Measurement<'_> {
             session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
-        let ended = session.run(&mut stand, &self.plan, results, interrupt).await?;
+        let ended = session.run(&mut stand, &self.schedule, results, interrupt).await?;
         let finished = stand.finish(self.wants_capture(ended.exit)).await;
         Ok(self.take_up(ended, finished, session))
     }
@@ -303,13 +307,13 @@ impl Measurement<'_> {
 struct WithoutOverhead(Option<JoinHandle<anyhow::Result<Results>>>);
 
 impl WithoutOverhead {
-    fn start(setup: &Setup, application: &Application, plan: &Plan) -> Self {
+    fn start(setup: &Setup, application: &Application, schedule: &Schedule) -> Self {
         if setup.robot.skill_overhead_us.value == 0 {
             return Self(None);
         }
-        let (mut setup, application, plan) = (setup.clone(), application.clone(), plan.clone());
+        let (mut setup, application, schedule) = (setup.clone(), application.clone(), schedule.clone());
         setup.robot.skill_overhead_us.value = 0;
-        Self(Some(thread::spawn(move || virtual_run::whole(&setup, &application, &plan))))
+        Self(Some(thread::spawn(move || virtual_run::whole(&setup, &application, &schedule))))
     }
 
     fn finish(self) -> anyhow::Result<Option<results::WithoutOverhead>> {

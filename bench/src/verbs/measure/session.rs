@@ -7,7 +7,7 @@ use crate::output::progress::Progress;
 use crate::records::host::Host;
 use crate::records::results::{Results, Status, WithoutOverhead};
 use crate::records::run_directory::{Durability, RunDirectory};
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 use crate::stands::Stand;
 
 /// What a run writes to, and who watches.
@@ -71,7 +71,7 @@ impl Session {
     pub async fn run(
         &mut self,
         stand: &mut impl Stand,
-        plan: &Plan,
+        schedule: &Schedule,
         mut results: Results,
         interrupt: impl Future<Output = ()>,
     ) -> anyhow::Result<Ended> {
@@ -85,7 +85,7 @@ impl Session {
             Status::Interrupted => Exit::Interrupted,
             Status::Running | Status::Complete => Exit::Pass,
         };
-        for step in plan.steps() {
+        for step in schedule.steps() {
             self.progress.running(step.execution_type, step.repetition);
             // A virtual run never waits, so this is where its signals get their turn.
             tokio::task::yield_now().await;
@@ -117,7 +117,7 @@ impl Session {
                 .and_then(|()| self.exports.write(&results, Durability::Written));
             self.progress.finished(step.execution_type, step.repetition, &results);
             if let Err(error) = outcome {
-                let name = format!("{} {} of {}", step.execution_type, step.repetition, plan.reps);
+                let name = format!("{} {} of {}", step.execution_type, step.repetition, schedule.reps);
                 failures.push(error.context(format!("repetition {name} failed")));
             }
             if let Err(error) = saved {
@@ -205,15 +205,15 @@ mod tests {
     fn run(mut stand: Scripted, interrupt: impl Future<Output = ()>) -> Outcome {
         let place = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
-        let plan = Plan::new(&ExecutionType::ALL, 2, 1);
-        let results = Results::new(&setup, &found.application.name, Mode::Real, &plan);
+        let schedule = Schedule::new(&ExecutionType::ALL, 2, 1);
+        let results = Results::new(&setup, &found.application.name, Mode::Real, &schedule);
         let mut session = Session {
             directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
             exports: Exports::json(place.path().join("exported.json")),
-            progress: Progress::start(&plan, true),
+            progress: Progress::start(&schedule, true),
         };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-        let ended = runtime.block_on(session.run(&mut stand, &plan, results, interrupt)).unwrap();
+        let ended = runtime.block_on(session.run(&mut stand, &schedule, results, interrupt)).unwrap();
         let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
         assert_eq!(read("results.json"), read("exported.json"));
         Outcome {

@@ -22,7 +22,7 @@ pub use table::{csv, render};
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::results::{PaperFigure, PerType};
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 use crate::stands::virtual_run;
 use crate::verbs::jobs;
 use crate::verbs::study::{Found, StudyOptions};
@@ -155,7 +155,7 @@ fn study(
     options: &SensitivityOptions,
 ) -> anyhow::Result<Sensitivity> {
     let cases = Case::all(setup, options.factors.as_deref());
-    let plan = Plan::new(&ExecutionType::ALL, options.reps, options.study.seed);
+    let schedule = Schedule::new(&ExecutionType::ALL, options.reps, options.study.seed);
     let mut jobs = Vec::new();
     for case in &cases {
         for variant in [Variant::Calibrated, Variant::WithoutOverhead, Variant::Uncalibrated] {
@@ -168,7 +168,7 @@ fn study(
     // What the robot refuses is an answer as well: the case is out of its reach.
     let outcomes = jobs::run("sensitivity", options.study.quiet, &jobs, |job| {
         Ok(match job {
-            Ok(job) => figures(job, &plan).map_err(|error| format!("{error:#}")),
+            Ok(job) => figures(job, &schedule).map_err(|error| format!("{error:#}")),
             Err(error) => Err(error.to_string()),
         })
     })?;
@@ -214,8 +214,8 @@ impl Variant {
     }
 }
 
-fn figures(job: &Job, plan: &Plan) -> anyhow::Result<Figures> {
-    let results = virtual_run::whole_of(&job.setup, &job.planned, plan)?;
+fn figures(job: &Job, schedule: &Schedule) -> anyhow::Result<Figures> {
+    let results = virtual_run::whole_of(&job.setup, &job.planned, schedule)?;
     let aet = |of| results.figure(of).map(|figure| figure.aet_ms);
     Ok(Figures {
         rc_ms: aet(ExecutionType::Rc),

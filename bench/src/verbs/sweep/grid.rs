@@ -9,7 +9,7 @@ use setup::Setup;
 
 use super::round_trip::RoundTrip;
 use super::square;
-use crate::records::schedule::Plan;
+use crate::records::schedule::Schedule;
 use crate::stands::virtual_run;
 use crate::verbs::jobs;
 
@@ -163,7 +163,7 @@ impl Grid {
             .without_quanta();
         setup::check(&setup)?;
         let square = square::application(application, job.length_mm, self.motions);
-        let results = virtual_run::whole(&setup, &square, &Plan::new(&[of], self.reps, self.seed))?;
+        let results = virtual_run::whole(&setup, &square, &Schedule::new(&[of], self.reps, self.seed))?;
         let result = results.results.get(of).cloned().unwrap_or_default();
         let mean = |sum: f64| sum / f64::from(self.reps);
         let robot_ms = mean(result.robot_samples_ms.iter().sum());
