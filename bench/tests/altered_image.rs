@@ -1,4 +1,4 @@
-//! What the digests of both nodes are for: a fault between them that no counter shows.
+//! Purpose of both nodes' digests: they detect a fault between the nodes that no counter shows.
 
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -12,7 +12,7 @@ use protocol::image::{Command, Digest, IMAGE_LEN, Image};
 use robot_node::{RobotConfig, RobotNode};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
-/// Takes motion `at` of a sequence for the one two before it, as a wrong slot of the image would.
+/// Replaces motion `at` of a sequence by the one two before it, as a wrong slot of the image would.
 #[derive(Debug)]
 struct WrongSlot {
     bus: Direct,
@@ -74,7 +74,7 @@ impl Fieldbus for WrongSlot {
     }
 }
 
-/// The digests of PLC and robot after a pick and place, with a motion from the wrong slot or without.
+/// Returns the digests of PLC and robot after a pick and place, with or without a motion from the wrong slot.
 fn digests(at: Option<u32>) -> [Digest; 2] {
     const MS: Duration = Duration::from_millis(1);
     let (setup, found) = planning::setup_with_application("A").unwrap();
@@ -109,7 +109,7 @@ fn digests(at: Option<u32>) -> [Digest; 2] {
 }
 
 #[test]
-fn a_motion_taken_from_the_wrong_slot_shows_in_the_digests_and_nowhere_else() {
+fn a_motion_from_the_wrong_slot_changes_the_digests_and_nothing_else() {
     let [sent, accepted] = digests(None);
     assert_eq!((sent, sent.sum().motions), (accepted, 13));
     let [sent, accepted] = digests(Some(11));

@@ -36,12 +36,12 @@ fn each_application_runs_on_both_setups_and_is_fastest_as_a_program_and_slowest_
     }
 }
 
-/// Where the arm stands at power-on is not where most applications start.
+/// At power-on the arm is not at the start of most applications.
 #[test]
 fn the_first_repetition_takes_as_long_as_those_after_it() {
     for setup in ["A", "B"] {
         let setup = setup::setup(setup).unwrap();
-        // Of two repetitions each meets the interpreter at its own phase.
+        // Each of the two repetitions meets the interpreter at its own phase.
         let robot = &setup.robot;
         let start_us = robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value);
         let phase_ms = f64::from(robot.interpreter_quantum_us.value + start_us) / 1e3;
@@ -58,7 +58,7 @@ fn the_first_repetition_takes_as_long_as_those_after_it() {
 }
 
 #[test]
-fn an_application_that_starts_elsewhere_than_it_ends_begins_each_repetition_there() {
+fn an_application_whose_start_is_not_its_end_begins_each_repetition_at_its_start() {
     let setup = setup::setup("A").unwrap();
     let (_, text) = planning::APPLICATIONS[0];
     let elsewhere = text.replacen("start = \"home\"", "start = \"above-wall\"", 1).replacen(
@@ -73,14 +73,14 @@ fn an_application_that_starts_elsewhere_than_it_ends_begins_each_repetition_ther
     };
     let (home, elsewhere) = (samples(text), samples(&elsewhere));
     for (home, elsewhere) in home.iter().zip(&elsewhere) {
-        // The first motion goes another way; the interpreter's phase is within 12 ms and a robot cycle.
+        // The first motion has another path; the interpreter's phase is within 12 ms and a robot cycle.
         assert!((home - elsewhere).abs() > 20.0, "{home} and {elsewhere} ms");
     }
     assert!(elsewhere.iter().all(|sample| (sample - elsewhere[0]).abs() <= 16.0), "{elsewhere:?} ms");
 }
 
 #[test]
-fn a_start_that_the_arm_cannot_reach_is_refused_with_frame_finding_and_remedy() {
+fn a_start_that_the_arm_cannot_reach_is_refused_with_frame_reason_and_remedy() {
     let setup = setup::setup("A").unwrap();
     let (_, text) = planning::APPLICATIONS[0];
     let far = text.replacen("start = \"home\"", "start = \"far\"", 1).replacen(
@@ -94,15 +94,16 @@ fn a_start_that_the_arm_cannot_reach_is_refused_with_frame_finding_and_remedy() 
 }
 
 #[test]
-fn gripping_and_releasing_takes_their_waits_and_for_cm_two_more_skill_calls() {
+fn gripping_and_releasing_take_their_waits_and_for_cm_two_more_skill_calls() {
     let (measured, planned) = (run("pick-and-place"), run("pick-and-place-gripper"));
     let more = |execution_type| aet(&planned, execution_type) - aet(&measured, execution_type);
-    // 150 ms to grip and 100 ms to release, each on the robot's cycle; a junction is no faster for a stop.
+    // 150 ms to grip and 100 ms to release, each rounded to the robot's cycle; a stop does not make a junction
+    // faster.
     assert!((250.0..275.0).contains(&more(Rc)), "RC takes {} ms more", more(Rc));
     let (setup, _) = planning::setup_with_application("A").unwrap();
     let overhead_ms = f64::from(setup.robot.skill_overhead_us.value) / 1e3;
     let calls = more(Cm) - 250.0;
     assert!((2.0 * overhead_ms..2.0 * overhead_ms + 80.0).contains(&calls), "CM's calls take {calls} ms");
-    // Thirteen calls find the interpreter at thirteen phases, so that the mean of two runs is off by up to 30 ms.
+    // Thirteen calls meet the interpreter at thirteen phases, so the mean of two runs deviates by up to 30 ms.
     assert!((220.0..290.0).contains(&more(Sm)), "SM takes {} ms more", more(Sm));
 }

@@ -21,16 +21,16 @@ use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::veth;
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Real time wants the host for itself: one test at a time.
+/// Real-time tests need the host for themselves: one test at a time.
 static HOST: Mutex<()> = Mutex::new(());
 
-/// Set in the copy of this program that `unshare` made root of a user namespace.
+/// Set in the copy of this program that `unshare` runs as root of a user namespace.
 const INSIDE: &str = "SKILLBENCH_TEST_INSIDE";
 
 const PLC: &str = "plc=10.77.0.1:7700";
 const BOTH: &str = "plc=10.77.0.1:7700,robot=10.77.1.1:7700";
 
-/// Both nodes of Setup A on their cable, and the network of whoever controls them.
+/// Both nodes of Setup A on their cable, and the network of their controllers.
 struct Cell {
     control: NetworkNamespace,
     nodes: [Child; 2],
@@ -58,7 +58,7 @@ impl Cell {
         Self { control, nodes, place: tempfile::tempdir().unwrap(), _host: host }
     }
 
-    /// A bench with one CM that is attached like this, beside whatever else `args` say.
+    /// Starts a bench with one CM that is attached like this, with further `args`.
     fn bench(&self, run: &str, attach: &str, args: &[&str]) -> Child {
         let mut command = bench();
         command
@@ -74,7 +74,7 @@ impl Cell {
         self.bench(run, attach, args).wait_with_output().unwrap()
     }
 
-    /// A bench on a run that would take hours, of which the first repetition is done.
+    /// Starts a bench on a run of hours and waits for its first repetition.
     fn long_run(&self, run: &str) -> Child {
         let mut bench = self.bench(run, BOTH, &["--reps", "1000"]);
         let samples = self.place.path().join(run).join("samples.csv");
@@ -130,7 +130,7 @@ fn results(place: &Path, run: &str) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(place.join(run).join("results.json")).unwrap()).unwrap()
 }
 
-/// Runs the test `name` where networks may be made: here as root, otherwise in a copy of this program.
+/// Runs the test `name` where it may create networks: here if root, otherwise in a copy of this program.
 fn with_networks(name: &str, test: impl FnOnce(Cell)) {
     if rustix::process::geteuid().is_root() {
         return test(Cell::start());
@@ -166,8 +166,8 @@ fn one_bench_after_the_other_measures_on_nodes_that_run_on() {
             assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
             assert_eq!(results["connected_after_ms"], serde_json::Value::Null);
         }
-        // What the nodes count since their start is told apart: with what the first run had, there would be more cycles of
-        // a millisecond than the second one took.
+        // Counts since the nodes' start must be subtracted: with those of the first run, there would be more cycles
+        // of a millisecond than the second one took.
         let most = longest.as_millis() as u64;
         let frames = second["bus"]["frames_sent"].as_u64().unwrap();
         let buckets = second["cycle"]["plc"]["buckets"].as_array().unwrap().iter();
@@ -248,7 +248,7 @@ fn what_runs_there_has_to_be_what_is_asked_for() {
 #[test]
 fn a_node_that_is_not_there_is_waited_for_and_then_named() {
     let place = tempfile::tempdir().unwrap();
-    // A port that was free a moment ago.
+    // A port that was free a moment ago, so nobody listens on it.
     let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let output =
         bench().args(["--attach", &format!("plc={address}"), "--out"]).arg(place.path()).output().unwrap();

@@ -1,5 +1,5 @@
-//! Reports in a headless Chromium: every section is there and visible, nothing sticks out sideways, the console stays
-//! silent, and it prints. `scripts/dev.sh browser` runs these with a Chromium.
+//! Reports in a headless Chromium: every section is there and visible, nothing is wider than the page, the console
+//! has no message, and the page prints. `scripts/dev.sh browser` runs these tests with a Chromium.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 use assert_cmd::Command as Program;
 use serde_json::Value;
 
-/// Puts what the browser made of the page into the page, which the browser then prints.
+/// Script that writes the browser's view of the page into the page, which the browser then prints.
 const PROBE: &str = r#"<script>
 addEventListener("load", () => {
   const visible = e => { const box = e.getBoundingClientRect(); return box.width > 0 && box.height > 0; };
@@ -59,7 +59,7 @@ impl Browser {
         output
     }
 
-    /// What the browser sees of a page in a window of this size; its console must be silent.
+    /// Returns the browser's view of a page in a window of this size; its console must have no message.
     fn look(&self, page: &Path, window: &str) -> Value {
         let probed = page.with_extension("probed.html");
         let html = std::fs::read_to_string(page).unwrap();
@@ -75,7 +75,7 @@ impl Browser {
     }
 }
 
-/// Undoes `encodeURIComponent`.
+/// Decodes the result of `encodeURIComponent`.
 fn decoded(text: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = text.as_bytes();
@@ -130,7 +130,7 @@ fn a_report_shows_every_section_on_a_desktop_and_on_a_phone_and_prints() {
 
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
-fn runs_beside_each_other_fit_on_a_desktop_and_on_a_phone() {
+fn a_comparison_of_runs_fits_on_a_desktop_and_on_a_phone() {
     let directory = tempfile::tempdir().unwrap();
     report(directory.path(), "A");
     report(directory.path(), "B");
@@ -151,7 +151,7 @@ fn runs_beside_each_other_fit_on_a_desktop_and_on_a_phone() {
 
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
-fn the_probe_sees_what_is_wrong_with_a_page() {
+fn the_probe_finds_faults_of_a_page() {
     let directory = tempfile::tempdir().unwrap();
     let page = directory.path().join("bad.html");
     let bad = "<!doctype html><html><body><section id=\"a\" style=\"width:3000px\">x</section><section id=\"b\" hidden>y</section></body></html>";

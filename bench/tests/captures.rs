@@ -1,5 +1,5 @@
-//! Captures of a virtual cable: real packets, the same at both ends but for what the cable did, with a comment at each
-//! fault.
+//! Captures of a virtual cable: real packets, the same at both ends except for what the cable did, with a comment at
+//! each fault.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs::File;
@@ -45,7 +45,7 @@ fn read(directory: &Path, file: &str) -> Vec<Seen> {
     packets
 }
 
-/// What both ends saw of one CM, and how often a fault was put in.
+/// Returns what both ends saw of one CM, and how many frames the faults hit.
 fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::records::faults::FaultReport>) {
     let place = tempfile::tempdir().unwrap();
     let (setup, found) = planning::setup_with_application(setup).unwrap();
@@ -63,7 +63,7 @@ fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::recor
     ([PLC_FILE, ROBOT_FILE].map(|file| read(place.path(), file)), run.health().faults)
 }
 
-/// The ones' complement sum of a header with its checksum in place: all ones (RFC 1071).
+/// Returns the ones' complement sum of a header that contains its checksum: all ones (RFC 1071).
 fn sum(parts: &[&[u8]]) -> u32 {
     let bytes = parts.concat();
     let words = bytes.chunks(2).map(|pair| u32::from(pair[0]) << 8 | u32::from(*pair.get(1).unwrap_or(&0)));
@@ -81,7 +81,7 @@ fn check_headers(packet: &[u8]) {
     let (header, payload) = packet[14..].split_at(20);
     assert_eq!(sum(&[header]), 0xFFFF, "IP header");
     assert_eq!(usize::from(u16::from_be_bytes([header[2], header[3]])), packet.len() - 14, "total length");
-    // A fragment has a part of what its checksum is over.
+    // The checksum covers more than one fragment.
     if header[6] & 0x40 != 0 {
         let len = (payload.len() as u16).to_be_bytes();
         assert_eq!(sum(&[&header[12..20], &[0, header[9]], &len, payload]), 0xFFFF, "payload");
@@ -89,7 +89,7 @@ fn check_headers(packet: &[u8]) {
 }
 
 #[test]
-fn what_one_end_sends_the_other_receives_byte_for_byte_with_right_checksums() {
+fn each_end_receives_what_the_other_sends_byte_for_byte_with_correct_checksums() {
     for setup in ["A", "B"] {
         let ([plc, robot], faults) = capture(setup, &[]);
         assert_eq!(faults, None);
@@ -103,7 +103,7 @@ fn what_one_end_sends_the_other_receives_byte_for_byte_with_right_checksums() {
             };
             let (sent, received) = (bytes(from, true), bytes(to, false));
             assert!(received.len() > 3_000, "{} of setup {setup}", received.len());
-            // What is still under way at the end was sent only.
+            // Frames in flight at the end were only sent.
             assert!(sent.len() - received.len() <= 2, "{} sent, {} received", sent.len(), received.len());
             assert!(received.iter().all(|packet| sent.binary_search(packet).is_ok()));
         }
@@ -112,7 +112,7 @@ fn what_one_end_sends_the_other_receives_byte_for_byte_with_right_checksums() {
 }
 
 #[test]
-fn the_bytes_of_a_tcp_connection_follow_each_other_and_are_acknowledged() {
+fn the_bytes_of_a_tcp_connection_are_in_sequence_and_acknowledged() {
     let ([plc, _], _) = capture("B", &[]);
     let segments = || plc.iter().filter(|packet| packet.data[12..14] == [8, 0] && packet.data[23] == 6);
     let number = |data: &[u8], at: usize| u32::from_be_bytes(data[at..at + 4].try_into().unwrap());
@@ -134,7 +134,7 @@ fn the_bytes_of_a_tcp_connection_follow_each_other_and_are_acknowledged() {
 }
 
 #[test]
-fn each_fault_is_a_comment_at_the_frame_that_it_hit() {
+fn each_fault_is_a_comment_at_the_frame_it_hit() {
     let faults = ["loss=0.01", "duplicate=0.02", "reorder=0.01@3ms", "corrupt=0.001"];
     let ([plc, robot], report) = capture("A", &faults);
     let report = report.unwrap();
@@ -150,7 +150,7 @@ fn each_fault_is_a_comment_at_the_frame_that_it_hit() {
 }
 
 #[test]
-fn a_cut_is_told_at_both_ends_and_the_same_seed_gives_the_same_captures() {
+fn a_cut_is_commented_at_both_ends_and_the_same_seed_gives_the_same_captures() {
     let faults = ["cut-at=1s..1.005s", "to-plc:jitter=20us"];
     let (ends, _) = capture("A", &faults);
     for end in &ends {

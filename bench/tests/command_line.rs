@@ -1,4 +1,4 @@
-//! The command line: what it says about bad input, its exit codes, and what a run leaves behind.
+//! The command line: its messages on bad input, its exit codes, and the files of a run.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 
-/// What a call printed and how it ended, with the directory that it ran in taken out.
+/// Output and exit code of a call, without the path of its directory.
 struct Said {
     code: Option<i32>,
     stdout: String,
@@ -30,12 +30,12 @@ fn refused(arguments: &[&str]) -> String {
 }
 
 #[test]
-fn an_unknown_setup_is_answered_by_those_there_are() {
+fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
     insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B; or give the path of a .toml file");
 }
 
 #[test]
-fn a_reader_that_goes_away_is_no_failure_and_the_run_is_saved() {
+fn a_closed_pipe_is_no_failure_and_the_run_is_saved() {
     let directory = tempfile::tempdir().unwrap();
     let arguments = ["--mode", "virtual", "--reps", "1", "--out", "run"];
     let without_reader = || std::io::pipe().unwrap().1;
@@ -48,7 +48,7 @@ fn a_reader_that_goes_away_is_no_failure_and_the_run_is_saved() {
 }
 
 #[test]
-fn words_that_a_full_disk_does_not_take_are_an_error_and_the_run_is_saved() {
+fn output_to_a_full_disk_is_an_error_and_the_run_is_saved() {
     let directory = tempfile::tempdir().unwrap();
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_bench"))
@@ -64,7 +64,7 @@ fn words_that_a_full_disk_does_not_take_are_an_error_and_the_run_is_saved() {
 }
 
 #[test]
-fn an_unknown_execution_type_is_answered_by_those_there_are() {
+fn the_error_for_an_unknown_execution_type_lists_the_existing_ones() {
     insta::assert_snapshot!(refused(&["--types", "rc,xm"]), @"
     error: invalid value 'xm' for '--types <TYPES>': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
 
@@ -73,7 +73,7 @@ fn an_unknown_execution_type_is_answered_by_those_there_are() {
 }
 
 #[test]
-fn no_repetition_is_too_few() {
+fn zero_repetitions_are_refused() {
     insta::assert_snapshot!(refused(&["--reps", "0"]), @"
     error: invalid value '0' for '--reps <N>': 0 is not in 1..=100000
 
@@ -82,7 +82,7 @@ fn no_repetition_is_too_few() {
 }
 
 #[test]
-fn an_override_that_is_none_is_answered_by_what_one_is() {
+fn the_error_for_a_wrong_override_shows_a_correct_one() {
     for (text, reason) in [
         ("120", "`120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %"),
         (
@@ -102,7 +102,7 @@ fn an_override_that_is_none_is_answered_by_what_one_is() {
 }
 
 #[test]
-fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
+fn the_error_for_a_broken_setup_file_gives_line_key_and_expectation() {
     let directory = tempfile::tempdir().unwrap();
     let broken = setup::SETUPS[0].1.replace("scan_cost_us", "scan_costs");
     fs::write(directory.path().join("my.toml"), broken).unwrap();
@@ -114,8 +114,7 @@ fn a_broken_setup_file_is_named_with_line_key_and_expectation() {
     "#);
 }
 
-/// What is said about Setup A in a directory where the application that it names is the shipped one with one passage
-/// replaced.
+/// Returns the error for Setup A in a directory whose application is the shipped one with one passage replaced.
 fn refused_application(from: &str, to: &str) -> String {
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("my.toml"), naming("jobs/mine.toml")).unwrap();
@@ -129,14 +128,14 @@ fn refused_application(from: &str, to: &str) -> String {
     said.stderr
 }
 
-/// Setup A with another application.
+/// Returns Setup A with another application.
 fn naming(application: &str) -> String {
     let named = format!("application = \"{application}\"");
     setup::SETUPS[0].1.replace("application = \"pick-and-place\"", &named)
 }
 
 #[test]
-fn a_broken_application_file_is_named_with_line_key_and_expectation() {
+fn the_error_for_a_broken_application_file_gives_line_key_and_expectation() {
     insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"
     error: jobs/mine.toml:43: unknown field `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
        43 | aproach_mm = 70.0
@@ -145,13 +144,13 @@ fn a_broken_application_file_is_named_with_line_key_and_expectation() {
 }
 
 #[test]
-fn an_application_that_cannot_be_planned_is_named_with_step_motion_quantity_and_limit() {
+fn the_error_for_an_application_that_cannot_be_planned_gives_step_motion_quantity_and_limit() {
     insta::assert_snapshot!(refused_application("line = \"grip\"", "line = \"carrier-rim\""), @"error: jobs/mine.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame");
     insta::assert_snapshot!(refused_application("table = 1", "table = 2"), @"error: jobs/mine.toml on setup A: step `A`, motion 1: the setup's robot has no base 2; it has 0, 1");
 }
 
 #[test]
-fn an_unknown_application_is_answered_by_those_there_are() {
+fn the_error_for_an_unknown_application_lists_the_existing_ones() {
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
     let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
@@ -160,7 +159,7 @@ fn an_unknown_application_is_answered_by_those_there_are() {
 }
 
 #[test]
-fn an_application_that_is_built_in_runs_by_its_name_and_is_kept_as_its_text() {
+fn a_built_in_application_runs_by_its_name_and_its_text_is_saved() {
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("my.toml"), naming("pick-and-place-gripper")).unwrap();
     let arguments = ["--setup", "my.toml", "--mode", "virtual", "--reps", "1", "--out", "run"];
@@ -211,7 +210,7 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
 }
 
 #[test]
-fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_host() {
+fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     let directory = tempfile::tempdir().unwrap();
     let export = |name: &str| {
         let said =
@@ -330,7 +329,7 @@ fn the_exported_json_has_the_fields_that_others_read_and_no_trace_of_time_or_hos
     ");
 }
 
-/// Paths of everything that is no object; those in an array count once.
+/// Collects the paths of everything that is not an object; elements of an array count once.
 fn leaves(value: &serde_json::Value, path: String, paths: &mut Vec<String>) {
     match value {
         serde_json::Value::Object(object) => {
@@ -353,7 +352,7 @@ fn the_help_shows_examples_and_exit_codes() {
 }
 
 #[test]
-fn a_directory_that_cannot_be_made_is_named() {
+fn the_error_for_a_directory_that_cannot_be_created_gives_its_path() {
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("file"), "").unwrap();
     let said = bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", "file/run"]);
@@ -362,17 +361,17 @@ fn a_directory_that_cannot_be_made_is_named() {
 }
 
 #[test]
-fn faults_that_hold_frames_longer_than_a_real_cable_can_are_refused() {
+fn faults_that_delay_frames_longer_than_a_real_cable_can_are_refused() {
     insta::assert_snapshot!(refused(&["--fault", "delay=600ms", "--fault", "reorder=0.01@1s"]), @"error: these faults hold frames for up to 1.6s, and a cable between two processes for 1s at most: ask for less, or add --mode virtual");
 }
 
 #[test]
-fn nodes_that_run_already_get_no_faults_from_the_bench() {
+fn faults_are_refused_for_nodes_that_already_run() {
     insta::assert_snapshot!(refused(&["--attach", "plc=127.0.0.1:1", "--fault", "loss=0.01"]), @"error: --fault impairs the cable that the bench lays: leave it out with --attach, and impair the nodes' network, by `tc qdisc add dev IF root netem` for instance");
 }
 
 #[test]
 #[cfg(not(feature = "mcap"))]
-fn a_bench_that_was_built_without_mcap_says_how_to_build_one_with_it() {
+fn a_bench_built_without_mcap_says_how_to_build_it_with_mcap() {
     insta::assert_snapshot!(refused(&["--mode", "virtual", "--mcap"]), @"error: --mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and `cargo run -p bench --features mcap -- …` runs it");
 }

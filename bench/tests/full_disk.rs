@@ -1,7 +1,7 @@
-//! A full disk: what was saved before stays readable, no half file takes its place, and it is said what to do.
+//! A full disk: earlier results stay readable, no partly written file replaces a file, and the error says what to do.
 //!
-//! The disks are file systems in memory, in a mount namespace of the test's own: it needs root or user namespaces, and fails
-//! without.
+//! The disks are file systems in memory, in a mount namespace of each test: the tests need root or user namespaces,
+//! and fail without.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -9,14 +9,14 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// What a script on a small disk said.
+/// Output of a script on a small disk.
 struct Said {
     code: Option<i32>,
     stdout: String,
     stderr: String,
 }
 
-/// Runs a script in `place`, with a disk of so many KiB at `disk` and the bench as `$BENCH`.
+/// Runs a script in `place`, with a disk of this many KiB at `disk` and the bench as `$BENCH`.
 fn on_a_disk(place: &Path, kib: u32, script: &str) -> Said {
     let script = format!("mkdir -p disk && mount -t tmpfs -o size={kib}k tmpfs disk\n{script}");
     let output = Command::new("unshare")
@@ -31,7 +31,7 @@ fn on_a_disk(place: &Path, kib: u32, script: &str) -> Said {
 
 const FULL: &str = "No space left on device";
 
-/// Where a run into a disk of some size came to its end.
+/// How a run on a small disk ended.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 enum End {
     BeforeTheFirstRepetition,
@@ -41,7 +41,7 @@ enum End {
     Whole,
 }
 
-/// Runs with 100 repetitions into a disk of so many KiB, and checks what is left there.
+/// Executes a run with 100 repetitions on a disk of this many KiB, and checks what remains there.
 fn run_into(kib: u32) -> End {
     let place = tempfile::tempdir().unwrap();
     let script = "
@@ -97,7 +97,7 @@ fn run_into(kib: u32) -> End {
 }
 
 #[test]
-fn a_run_ends_in_order_wherever_the_disk_becomes_full_and_what_is_there_can_be_read() {
+fn a_run_ends_in_order_at_whatever_point_the_disk_becomes_full_and_its_files_can_be_read() {
     let sizes = (4..48).step_by(4).chain((48..=1_024).step_by(256)).chain([8_192]);
     let ends: Vec<End> = sizes.map(run_into).collect();
     assert!(ends.is_sorted(), "a larger disk takes more: {ends:?}");
@@ -109,7 +109,7 @@ fn a_run_ends_in_order_wherever_the_disk_becomes_full_and_what_is_there_can_be_r
 }
 
 #[test]
-fn a_report_that_finds_no_room_leaves_the_old_one_as_it_was() {
+fn a_report_without_room_on_the_disk_keeps_the_old_one() {
     let place = tempfile::tempdir().unwrap();
     let script = "
         $BENCH --mode virtual --types cm --reps 2 --out disk/run --quiet >/dev/null || exit 9
@@ -127,7 +127,7 @@ fn a_report_that_finds_no_room_leaves_the_old_one_as_it_was() {
 }
 
 #[test]
-fn a_baseline_that_finds_no_room_leaves_the_old_one_as_it_was() {
+fn a_baseline_without_room_on_the_disk_keeps_the_old_one() {
     let place = tempfile::tempdir().unwrap();
     let baseline =
         fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("baselines/A.json")).unwrap();
@@ -146,9 +146,9 @@ fn a_baseline_that_finds_no_room_leaves_the_old_one_as_it_was() {
     assert_eq!(fs::read_dir(place.path().join("copy")).unwrap().count(), 1);
 }
 
-/// The captures and the rows of both nodes fill the disk while the arm moves.
+/// The captures and both nodes' rows fill the disk while the arm moves.
 #[test]
-fn a_real_run_into_a_full_disk_ends_with_its_reason_and_leaves_nothing_running() {
+fn a_real_run_on_a_full_disk_ends_with_the_reason_and_leaves_nothing_running() {
     let place = tempfile::tempdir().unwrap();
     let script = "$BENCH --mode real --types cm --reps 3 --capture always --out disk/run";
     let said = on_a_disk(place.path(), 512, script);

@@ -1,4 +1,5 @@
-//! The gate: green on the tree as it is, red for a millisecond, and clear about a baseline that is not for the run.
+//! The gate: it passes on the unchanged program, fails for a millisecond, and explains a baseline that does not fit
+//! the run.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -17,7 +18,7 @@ fn setup_a() -> (Setup, Application) {
     (setup, found.application)
 }
 
-/// The baseline of the tree as it is; fewer repetitions than the committed one has.
+/// Returns the baseline of the unchanged program; with fewer repetitions than the committed one.
 fn baseline(setup: &Setup, application: &Application) -> Baseline {
     let results = whole(setup, application, &Schedule::new(&ExecutionType::ALL, 5, 1)).unwrap();
     Baseline::of(&results, None)
@@ -37,7 +38,7 @@ fn gate(directory: &Path, arguments: &[&str]) -> Said {
 }
 
 #[test]
-fn a_run_of_the_same_tree_is_green_to_the_microsecond() {
+fn a_run_of_the_same_program_passes_to_the_microsecond() {
     let (setup, application) = setup_a();
     let baseline = baseline(&setup, &application);
     let verdict = judge(&setup, &application, &baseline).unwrap();
@@ -46,7 +47,7 @@ fn a_run_of_the_same_tree_is_green_to_the_microsecond() {
 }
 
 #[test]
-fn a_millisecond_more_in_the_plcs_scan_is_red_and_sm_pays_it_again_and_again() {
+fn a_millisecond_more_in_the_plcs_scan_fails_and_sm_pays_it_in_every_call() {
     let (mut setup, application) = setup_a();
     let baseline = baseline(&setup, &application);
     setup.plc.scan_cost_us.value += 1_000;
@@ -57,7 +58,7 @@ fn a_millisecond_more_in_the_plcs_scan_is_red_and_sm_pays_it_again_and_again() {
         .iter()
         .find(|change| change.expected.as_ref().is_some_and(|expected| expected.figure == "SM AET"));
     let by = sm.unwrap().difference().unwrap();
-    // One for each of 13 skill calls on average; the robot's cycles round each up or down.
+    // One for each of 13 skill calls on average; the robot's cycle rounds each up or down.
     assert!(by > 5.0, "{by} ms");
 }
 
@@ -71,7 +72,7 @@ fn the_committed_baseline_of_each_setup_holds() {
 }
 
 #[test]
-fn a_slower_plc_ends_the_program_with_3_and_the_update_takes_it_over() {
+fn a_slower_plc_gives_exit_code_3_and_the_update_accepts_it() {
     let directory = tempfile::tempdir().unwrap();
     let setup = setup::SETUPS.iter().find(|(name, _)| *name == "A").unwrap().1;
     std::fs::write(directory.path().join("A.toml"), setup).unwrap();
@@ -88,7 +89,7 @@ fn a_slower_plc_ends_the_program_with_3_and_the_update_takes_it_over() {
     let green = gate(directory.path(), &options);
     assert_eq!(green.code, Some(0), "{}", green.stdout);
 
-    // Twice the scan cycle and a millisecond more in the scan: what a slower PLC does.
+    // Twice the scan cycle and a millisecond more scan time, as a slower PLC has.
     let slower = setup
         .replace("scan_cycle_us = { value = 1000", "scan_cycle_us = { value = 2000")
         .replace("scan_cost_us = { value = 150", "scan_cost_us = { value = 1150");
@@ -109,7 +110,7 @@ fn a_slower_plc_ends_the_program_with_3_and_the_update_takes_it_over() {
 }
 
 #[test]
-fn a_baseline_of_another_setup_or_version_or_none_at_all_is_refused_and_stays() {
+fn a_baseline_of_another_setup_or_version_and_a_broken_one_are_refused_and_kept() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("b.json");
     let (setup, application) = setup_a();
@@ -135,7 +136,7 @@ fn a_baseline_of_another_setup_or_version_or_none_at_all_is_refused_and_stays() 
 }
 
 #[test]
-fn an_update_that_cannot_be_written_says_where_to_run_it() {
+fn the_error_for_an_update_that_cannot_be_written_says_where_to_run_it() {
     let directory = tempfile::tempdir().unwrap();
     let said = gate(directory.path(), &["--update"]);
     assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""));

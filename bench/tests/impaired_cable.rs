@@ -1,4 +1,5 @@
-//! What passes an impaired cable between two networks of this host: needs root or user namespaces, and fails without.
+//! Frames on an impaired cable between two networks of this host. The tests need root or user namespaces, and fail
+//! without.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -16,7 +17,7 @@ use virtual_time::LinkCounters;
 const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];
 const PORT: u16 = 4_000;
 
-/// Two networks with an address each, and the near ends of their cables in a third one.
+/// Returns two networks with an address each, and the near ends of their cables in a third one.
 fn networks() -> ([NetworkNamespace; 2], NetworkNamespace) {
     let middle = NetworkNamespace::new().unwrap();
     let ends = [("left0", "to-left"), ("right0", "to-right")].map(|(end, near_end)| {
@@ -52,7 +53,7 @@ fn socket(network: &NetworkNamespace, end: usize) -> UdpSocket {
     socket
 }
 
-/// Every datagram has a flipped bit, and none is found out by its checksum; what carries them allocates nothing.
+/// Every datagram has a flipped bit, and no checksum reveals it; the cable's thread allocates nothing.
 #[test]
 fn a_flipped_bit_reaches_the_receiver_and_the_cable_allocates_nothing() {
     let (ends, middle) = networks();
@@ -73,7 +74,7 @@ fn a_flipped_bit_reaches_the_receiver_and_the_cable_allocates_nothing() {
     let [there, back] = cable.counters();
     assert_eq!(there, LinkCounters { sent: 500, corrupted: 500, ..LinkCounters::default() });
     assert_eq!(back, LinkCounters { sent: 500, ..LinkCounters::default() });
-    // The bench's allocator counts, and is that of whoever links it.
+    // The bench's counting allocator is also that of programs that link it.
     assert!(allocation::arm(), "nobody counts");
     assert_eq!(cable.stop(true).unwrap().allocations, 0);
 }

@@ -1,4 +1,4 @@
-//! Long runs: constant memory, and no motion lost, duplicated or reordered without being noticed.
+//! Long runs: constant memory, and every lost, duplicated or reordered motion is noticed.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -34,7 +34,7 @@ fn to_the_end(mut run: LongRun) -> anyhow::Result<Finished> {
 }
 
 #[test]
-fn two_hundred_thousand_motions_arrive_in_order_and_take_no_memory_on_the_way() {
+fn two_hundred_thousand_motions_arrive_in_order_in_constant_memory() {
     const MOTIONS: u32 = 200_000;
     let setup = setup_a();
     let mut run = LongRun::start(&setup, engraving(&setup), MOTIONS, 1).unwrap();
@@ -58,14 +58,14 @@ fn two_hundred_thousand_motions_arrive_in_order_and_take_no_memory_on_the_way() 
 }
 
 #[test]
-fn two_runs_of_one_seed_are_one_to_the_nanosecond_however_late_the_list_is() {
+fn two_runs_of_one_seed_are_equal_to_the_nanosecond_however_late_the_list_arrives() {
     let setup = setup_a();
     let run = || to_the_end(LongRun::start(&setup, engraving(&setup), 6_000, 3).unwrap()).unwrap();
     assert_eq!(run(), run());
 }
 
-/// A wire between the list and the PLC that is at fault once. The number of motions stays: one more drives out the last
-/// one, and for one less the first one comes again.
+/// A source with one fault between the list and the PLC. The number of motions stays the same: an additional one
+/// drops the last one, and for a lost one the first one follows at the end.
 #[derive(Debug)]
 struct Faulty {
     list: Supplied,
@@ -83,7 +83,7 @@ enum Fault {
     Reordered,
 }
 
-/// Where the fault is.
+/// Index of the faulty motion.
 const AT: u32 = 1_500;
 
 impl Faulty {
@@ -106,7 +106,7 @@ impl MotionSource for Faulty {
                 self.next()?;
                 self.next()
             }
-            // Not at once: a motion to where the arm is would be refused.
+            // Not immediately after it: a motion to the current position would be refused.
             Fault::Duplicated if index == AT => {
                 self.held = self.next();
                 self.held
@@ -130,7 +130,7 @@ fn with_fault(fault: Fault) -> Finished {
 }
 
 #[test]
-fn a_motion_that_is_lost_duplicated_or_out_of_place_between_list_and_robot_is_noticed() {
+fn a_lost_duplicated_or_misplaced_motion_between_list_and_robot_is_noticed() {
     let good = with_fault(Fault::None);
     good.check().unwrap();
     for fault in [Fault::Lost, Fault::Duplicated, Fault::Reordered] {
@@ -144,7 +144,7 @@ fn a_motion_that_is_lost_duplicated_or_out_of_place_between_list_and_robot_is_no
 }
 
 #[test]
-fn a_list_that_was_written_runs_to_the_same_digest_and_a_broken_one_is_refused_before_anything_moves() {
+fn a_written_list_gives_the_same_digest_and_a_broken_one_is_refused_before_anything_moves() {
     let directory = tempfile::tempdir().unwrap();
     let bench = |arguments: &[&str]| {
         let output = Command::cargo_bin("bench")

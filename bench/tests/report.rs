@@ -1,5 +1,5 @@
-//! The report: every section is there whatever became of the run, nothing comes from elsewhere, and what cannot be
-//! drawn is said.
+//! The report: it has every section whatever happened to the run, loads nothing from elsewhere, and names what cannot
+//! be drawn.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -25,7 +25,7 @@ fn bench(directory: &Path, arguments: &[&str]) -> Said {
     Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
-/// A virtual run in `run`.
+/// Executes a virtual run in `run`.
 fn a_run() -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
     let said = bench(directory.path(), &["--mode", "virtual", "--reps", "3", "--out", "run", "--quiet"]);
@@ -48,7 +48,7 @@ fn redrawn(directory: &Path, change: impl FnOnce(&mut Results)) -> String {
     report(directory)
 }
 
-/// A section's text.
+/// Returns a section's text.
 fn section<'a>(html: &'a str, id: &str) -> &'a str {
     let start = html.find(&format!("<section id=\"{id}\">")).unwrap_or_else(|| panic!("no section {id}"));
     let rest = html.get(start..).unwrap();
@@ -74,7 +74,7 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
 }
 
 #[test]
-fn the_page_asks_for_nothing_from_elsewhere_and_needs_no_script() {
+fn the_page_loads_nothing_from_elsewhere_and_needs_no_script() {
     let directory = a_run();
     let html = report(directory.path()).replace("http://www.w3.org/2000/svg", "");
     for from_elsewhere in
@@ -82,7 +82,7 @@ fn the_page_asks_for_nothing_from_elsewhere_and_needs_no_script() {
     {
         assert!(!html.contains(from_elsewhere), "{from_elsewhere}");
     }
-    // Every element that is opened is closed.
+    // Every opened element is closed.
     for tag in ["section", "table", "tr", "td", "figure", "div", "svg", "text", "dl", "ul", "p"] {
         let opened = html.matches(&format!("<{tag}>")).count() + html.matches(&format!("<{tag} ")).count();
         assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{tag}");
@@ -110,7 +110,7 @@ fn the_traces_have_a_row_for_each_tick_of_each_type() {
 }
 
 #[test]
-fn a_run_that_did_not_end_well_says_so_and_shows_what_there_is() {
+fn the_report_of_an_incomplete_run_says_so_and_shows_its_results() {
     let directory = a_run();
     let html = redrawn(directory.path(), |results| results.status = Status::Interrupted);
     assert!(html.contains("This run was interrupted.</strong> 9 of 9 runs are done"));
@@ -129,7 +129,7 @@ fn a_run_that_did_not_end_well_says_so_and_shows_what_there_is() {
 }
 
 #[test]
-fn what_is_missing_in_the_run_directory_is_named_in_the_report() {
+fn the_report_names_files_that_are_missing_in_the_run_directory() {
     let directory = a_run();
     let run = directory.path().join("run");
     for file in ["trace-robot.csv", "host.json", "setup.toml"] {
@@ -146,7 +146,7 @@ fn what_is_missing_in_the_run_directory_is_named_in_the_report() {
 }
 
 #[test]
-fn a_real_run_shows_how_late_its_cycles_were() {
+fn the_report_of_a_real_run_shows_the_lateness_of_its_cycles() {
     let directory = a_run();
     let html = redrawn(directory.path(), |results| {
         results.mode = "real".to_owned();
@@ -164,7 +164,7 @@ fn a_real_run_shows_how_late_its_cycles_were() {
 }
 
 #[test]
-fn a_run_that_is_not_there_or_of_another_version_is_refused_in_words() {
+fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
     let directory = tempfile::tempdir().unwrap();
     let refused = || {
         let said = bench(directory.path(), &["report", "run"]);
@@ -184,7 +184,7 @@ fn a_run_that_is_not_there_or_of_another_version_is_refused_in_words() {
 }
 
 #[test]
-fn a_report_that_cannot_be_written_leaves_the_one_that_was_there() {
+fn a_report_that_cannot_be_written_keeps_the_old_one() {
     let directory = a_run();
     let before = report(directory.path());
     std::fs::write(directory.path().join("file"), "").unwrap();
@@ -195,7 +195,7 @@ fn a_report_that_cannot_be_written_leaves_the_one_that_was_there() {
 }
 
 #[test]
-fn runs_are_set_beside_each_other_on_screen_and_as_a_page() {
+fn runs_are_compared_on_screen_and_as_a_page() {
     let directory = a_run();
     let said = bench(
         directory.path(),

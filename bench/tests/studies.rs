@@ -1,4 +1,4 @@
-//! The studies from the command line: what they print, what they leave, what they refuse.
+//! The studies from the command line: their output, their files, and the input that they refuse.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -26,7 +26,7 @@ fn read(directory: &Path, name: &str) -> String {
 }
 
 #[test]
-fn a_sweep_leaves_a_page_a_table_and_the_points() {
+fn a_sweep_writes_a_page_a_table_and_the_points() {
     let place = tempfile::tempdir().unwrap();
     let said = bench(
         place.path(),
@@ -46,7 +46,7 @@ fn a_sweep_leaves_a_page_a_table_and_the_points() {
 }
 
 #[test]
-fn a_sweep_with_a_bus_cycle_that_the_bus_does_not_have_is_refused_before_it_runs() {
+fn a_sweep_with_a_bus_cycle_that_the_bus_does_not_support_is_refused_before_it_runs() {
     let place = tempfile::tempdir().unwrap();
     let said = bench(place.path(), "sweep --cycles 1,3 --out study");
     assert_eq!(said.code, Some(2));
@@ -56,7 +56,7 @@ fn a_sweep_with_a_bus_cycle_that_the_bus_does_not_have_is_refused_before_it_runs
 }
 
 #[test]
-fn the_sensitivity_of_setup_a_moves_as_the_model_says() {
+fn the_sensitivity_of_setup_a_agrees_with_the_model() {
     let place = tempfile::tempdir().unwrap();
     let said = bench(
         place.path(),
@@ -77,7 +77,7 @@ fn the_sensitivity_of_setup_a_moves_as_the_model_says() {
     let base = study.rows.first().unwrap();
     assert_eq!(base.without_skill_overhead.aet_improvement, share(Some(Factor::Overhead), 0.0));
     assert!(base.uncalibrated.rc_ms < base.calibrated.rc_ms, "at rated speeds");
-    // Twice the size is beyond the arm, and half an acceleration of 0 is none: rows that say so.
+    // Twice the size is out of the arm's reach, and half of an acceleration of 0 is none: both rows tell so.
     let refused = |factor, times| {
         let row = study.rows.iter().find(|row| (row.factor, row.times) == (Some(factor), times)).unwrap();
         row.refused.clone().unwrap()

@@ -1,4 +1,4 @@
-//! The starvation sweep on a few points: what it says, and that the round trip says the same beforehand.
+//! The starvation sweep on a few points: its output, and that the round trip predicts it.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -28,7 +28,7 @@ fn the_sweep_of_setup_a_shows_where_each_depth_starves() {
 }
 
 #[test]
-fn no_blend_is_lost_where_the_slots_cover_the_round_trip_and_some_are_where_they_cannot() {
+fn no_blend_is_lost_if_the_slots_cover_the_round_trip_and_some_are_lost_if_they_do_not() {
     for name in ["A", "B"] {
         let sweep = sweep(name, &grid());
         for point in &sweep.points {

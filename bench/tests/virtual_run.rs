@@ -1,4 +1,4 @@
-//! The run command in virtual mode: the same bytes for the same seed, and figures that make physical sense.
+//! The run command in virtual mode: the same bytes for the same seed, and physically plausible figures.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -20,7 +20,7 @@ fn run(seed: u64, reps: u32) -> Results {
 }
 
 #[test]
-fn two_runs_of_one_seed_give_the_same_bytes_and_of_another_seed_others() {
+fn two_runs_of_one_seed_give_the_same_bytes_and_another_seed_gives_others() {
     let [first, again, other] = [1, 1, 2].map(|seed| run(seed, 3).to_json().unwrap());
     assert_eq!(first, again);
     let other: Results = serde_json::from_str(&other).unwrap();
@@ -29,7 +29,7 @@ fn two_runs_of_one_seed_give_the_same_bytes_and_of_another_seed_others() {
 }
 
 #[test]
-fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
+fn setup_a_reproduces_the_calibrated_figures_and_predicts_that_cm_equals_rc() {
     let results = run(1, 25);
     let aet = |execution_type| results.figure(execution_type).unwrap().aet_ms;
     let (rc, sm, cm) = (aet(ExecutionType::Rc), aet(ExecutionType::Sm), aet(ExecutionType::Cm));
@@ -44,7 +44,7 @@ fn setup_a_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
 }
 
 #[test]
-fn setup_b_meets_the_papers_figures_as_calibrated_and_predicts_that_cm_is_rc() {
+fn setup_b_reproduces_the_calibrated_figures_and_predicts_that_cm_equals_rc() {
     let (setup, found) = planning::setup_with_application("B").unwrap();
     let results = whole(&setup, &found.application, &Schedule::new(&ExecutionType::ALL, 25, 1)).unwrap();
     let aet = |execution_type| results.figure(execution_type).unwrap().aet_ms;
@@ -87,7 +87,7 @@ fn over_ethernet_ip_the_same_cell_takes_as_long_as_over_profinet() {
     for execution_type in ExecutionType::ALL {
         let aet = |results: &Results| results.figure(execution_type).unwrap().aet_ms;
         let apart = aet(&ethernet_ip) - aet(&profinet);
-        // Within the robot's interpreter quantum: the cycles of the two buses lie elsewhere.
+        // Within the robot's interpreter quantum: the cycles of the two buses have other phases.
         assert!(apart.abs() <= 12.0, "{execution_type} differs by {apart} ms");
     }
     assert_eq!(ethernet_ip.bus.lost, 0);
@@ -96,13 +96,13 @@ fn over_ethernet_ip_the_same_cell_takes_as_long_as_over_profinet() {
 #[test]
 fn an_override_of_0_stops_every_type_on_its_path_and_a_higher_one_lets_it_go_on() {
     let (setup, application) = setup_a();
-    let plan = Plan::new(&ExecutionType::ALL, 1, 1);
+    let schedule = Schedule::new(&ExecutionType::ALL, 1, 1);
     let whole_of = |overrides: &str| {
         let overrides = Some(overrides.parse().unwrap());
-        whole(&setup, &application, &Plan { overrides, ..plan.clone() }).unwrap()
+        whole(&setup, &application, &Schedule { overrides, ..schedule.clone() }).unwrap()
     };
     let (full, half, stopped) =
-        (whole(&setup, &application, &plan).unwrap(), whole_of("50"), whole_of("100,0@1s,100@3s"));
+        (whole(&setup, &application, &schedule).unwrap(), whole_of("50"), whole_of("100,0@1s,100@3s"));
     for of in ExecutionType::ALL {
         let aet = |results: &Results| results.figure(of).unwrap().aet_ms;
         assert!(aet(&half) > aet(&full) + 200.0, "{of}: {} and {} ms", aet(&half), aet(&full));

@@ -1,5 +1,5 @@
-//! The results once more, in the forms that other programs read. Each file is replaced as a whole after every
-//! repetition, so that an interrupted run leaves what it had.
+//! The results in formats of other programs. Each file is replaced as a whole after every repetition, so that an
+//! interrupted run keeps its results.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -31,17 +31,17 @@ pub struct Exports {
 }
 
 impl Exports {
-    /// Only JSON, to this file.
+    /// Exports only JSON, to this file.
     #[must_use]
     pub fn json(path: PathBuf) -> Self {
         Self { json: Some(path), ..Self::default() }
     }
 
-    /// Writes every file that was asked for.
+    /// Writes every requested file.
     ///
     /// # Errors
     ///
-    /// A file cannot be written; what was there before stays.
+    /// A file cannot be written; its old content is kept.
     pub fn write(&self, results: &Results, durability: Durability) -> anyhow::Result<()> {
         let write = |path: &Option<PathBuf>, text: &dyn Fn() -> anyhow::Result<String>| match path {
             Some(path) => replace(path, &text()?, durability),
@@ -53,7 +53,7 @@ impl Exports {
         write(&self.junit, &|| Ok(junit(results)))
     }
 
-    /// The files, so that two exports to the same one are seen before anything runs.
+    /// Returns a file that two exports would write, to refuse it before the run.
     #[must_use]
     pub fn written_twice(&self) -> Option<&Path> {
         let files: Vec<_> =
@@ -66,14 +66,14 @@ impl Exports {
     }
 }
 
-/// The types that were asked for, in the paper's order.
+/// Returns the requested types, in the paper's order.
 fn types(results: &Results) -> impl Iterator<Item = (ExecutionType, &TypeResult)> {
     ExecutionType::ALL
         .into_iter()
         .filter_map(|execution_type| Some((execution_type, results.results.get(execution_type)?)))
 }
 
-/// A line a type. What there is not is empty.
+/// Formats a line per type. Missing values are empty.
 fn csv(results: &Results) -> String {
     let mut text = String::from(
         "setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,paper_aet_ms,paper_mad_ms\n",
@@ -103,7 +103,7 @@ fn csv(results: &Results) -> String {
     text
 }
 
-/// A field of a CSV file, in quotes where it needs them (RFC 4180).
+/// Formats a field of a CSV file, in quotes if necessary (RFC 4180).
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))
@@ -112,7 +112,7 @@ fn quoted(field: &str) -> String {
     }
 }
 
-/// A heading and the table.
+/// Formats a heading and the table.
 fn markdown(results: &Results) -> String {
     let Results { setup, title, application, mode, seed, .. } = results;
     let mut lines = vec![
@@ -158,7 +158,8 @@ const fn unfinished(status: Status) -> &'static str {
     }
 }
 
-/// A suite a type, a case a repetition with its execution time, so that a CI server draws the trend.
+/// Formats a test suite per type and a test case per repetition with its execution time, so that a CI server can draw
+/// the trend.
 fn junit(results: &Results) -> String {
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let (mut tests, mut failures, mut seconds) = (0, 0, 0.0);
@@ -173,7 +174,7 @@ fn junit(results: &Results) -> String {
             escaped(&name),
             result.failed.len()
         );
-        // Samples have no number of their own: they fill the places that no failure has.
+        // Samples are not numbered: they take the numbers that no failure has.
         let failed =
             |repetition: usize| result.failed.iter().find(|failed| failed.repetition as usize == repetition);
         let mut samples = result.samples_ms.iter();
@@ -205,7 +206,7 @@ fn junit(results: &Results) -> String {
     text + &suites + "</testsuites>\n"
 }
 
-/// Text of XML, also in an attribute. What XML 1.0 cannot say at all becomes U+FFFD.
+/// Escapes text for XML, also in attributes. Characters that XML 1.0 does not allow become U+FFFD.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn csv_has_a_line_a_type_and_nothing_where_there_is_nothing() {
+    fn csv_has_a_line_per_type_and_empty_fields_for_missing_values() {
         insta::assert_snapshot!(csv(&results()), @r#"
         setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,paper_aet_ms,paper_mad_ms
         A,"pick, place",virtual,7,rc,2,0,3725.25,3.25,3722,3728.5,3,3725,3.6
@@ -258,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn markdown_is_the_table_and_says_if_the_run_did_not_end_well() {
+    fn markdown_contains_the_table_and_tells_if_the_run_did_not_complete() {
         insta::assert_snapshot!(markdown(&results()), @"
         ### Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
 
@@ -273,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn junit_has_a_case_a_repetition_with_what_failed_escaped() {
+    fn junit_has_a_case_per_repetition_and_escapes_the_errors() {
         insta::assert_snapshot!(junit(&results()), @r#"
         <?xml version="1.0" encoding="UTF-8"?>
         <testsuites name="skillbench" tests="3" failures="1" time="7.450500">
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn two_exports_to_one_file_are_seen() {
+    fn two_exports_to_one_file_are_found() {
         let exports = Exports { csv: Some("a".into()), junit: Some("a".into()), ..Exports::default() };
         assert_eq!(exports.written_twice(), Some(Path::new("a")));
         assert_eq!(Exports::json("a".into()).written_twice(), None);

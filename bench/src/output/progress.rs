@@ -1,5 +1,5 @@
-//! What a person sees while a run runs: a live line a type on a terminal, plain lines elsewhere. All on stderr, so
-//! that stdout holds the table alone.
+//! Progress of a run: on a terminal a live line per type, elsewhere plain lines. All on standard error, so that
+//! standard output contains only the table.
 
 use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
@@ -11,10 +11,10 @@ use crate::output::errln;
 use crate::records::results::Results;
 use crate::records::schedule::Schedule;
 
-/// At most one plain line in this time, but for a type's last one.
+/// Shortest interval between two plain lines, except for a type's last one.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
 
-/// The view of a run.
+/// Progress display of a run.
 #[derive(Debug)]
 pub struct Progress {
     view: View,
@@ -32,7 +32,7 @@ enum View {
 }
 
 impl Progress {
-    /// The view that fits where stderr goes.
+    /// Chooses the display that fits standard error.
     #[must_use]
     pub fn start(schedule: &Schedule, quiet: bool) -> Self {
         let view = if quiet {
@@ -46,7 +46,7 @@ impl Progress {
         Self { view, reps: schedule.reps, started: Instant::now(), done: 0, all }
     }
 
-    /// Shows that a run of this type is under way.
+    /// Shows that a run of this type has started.
     pub fn running(&self, execution_type: ExecutionType, repetition: u32) {
         if let Some(bar) = self.bar(execution_type)
             && repetition == 1
@@ -83,7 +83,7 @@ impl Progress {
         self.say(&format!("warning: {text}"));
     }
 
-    /// Prints a line beside the view.
+    /// Prints a line besides the display.
     pub fn say(&self, line: &str) {
         match &self.view {
             View::Live { _screen, .. } => {
@@ -96,7 +96,7 @@ impl Progress {
         }
     }
 
-    /// Leaves the lines as they are: nothing changes them any more.
+    /// Leaves the lines as they are; they no longer change.
     pub fn end(&self) {
         if let View::Live { bars, .. } = &self.view {
             bars.iter().for_each(|(_, bar)| bar.abandon());
@@ -108,7 +108,7 @@ impl Progress {
         bars.iter().find(|(bar, _)| *bar == execution_type).map(|(_, bar)| bar)
     }
 
-    /// What the rest takes if it goes on like this; nothing where that is less than a second.
+    /// Formats the expected remaining time; empty below one second.
     fn time_left(&self) -> String {
         let per_run = self.started.elapsed().as_secs_f64() / f64::from(self.done.max(1));
         let seconds = (per_run * f64::from(self.all.saturating_sub(self.done))).round() as u64;
@@ -133,7 +133,7 @@ fn live(schedule: &Schedule) -> View {
     View::Live { bars: schedule.types.iter().map(bar).collect(), _screen: screen }
 }
 
-/// The type as the paper writes it.
+/// Returns the type's name as in the paper.
 #[must_use]
 pub fn label(execution_type: ExecutionType) -> String {
     execution_type.to_string().to_uppercase()

@@ -1,4 +1,4 @@
-//! The table at the end: measured figures beside the paper's, with what is calibrated marked as such.
+//! The final table: measured figures next to the paper's, with calibrated ones marked.
 
 use comfy_table::Cell;
 use plc_node::ExecutionType;
@@ -12,10 +12,10 @@ use crate::records::results::{
 };
 use crate::records::schedule::repetitions;
 
-/// The mark of a number that was calibrated on the figure that it stands beside.
+/// Mark of a figure that a number of the setup was calibrated to.
 const CALIBRATED: &str = "*";
 
-/// The whole report on screen.
+/// Formats the whole report for the screen.
 #[must_use]
 pub fn render(results: &Results) -> String {
     let mut text = format!(
@@ -169,7 +169,7 @@ fn legend(results: &Results) -> String {
 
 fn lateness(cycle: &CycleLateness) -> String {
     if cycle.buckets.is_empty() && cycle.max_us == 0.0 {
-        // Real hardware, or a node that the bench was not attached to.
+        // The robot is real hardware, or a node that the bench is not attached to.
         return "not reported".to_owned();
     }
     let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_stand_beside_the_papers_and_the_calibrated_ones_are_marked() {
+    fn figures_are_next_to_the_papers_and_the_calibrated_ones_are_marked() {
         let mut results = results(Mode::Virtual, &ExecutionType::ALL);
         for (execution_type, micros) in
             [(ExecutionType::Rc, 3_725_500), (ExecutionType::Sm, 6_480_000), (ExecutionType::Cm, 3_730_000)]
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn repetitions_that_were_run_again_are_told_where_there_were_some() {
+    fn repetitions_that_were_run_again_are_reported() {
         let told = |repeated| {
             let table = render(&Results { repeated, ..results(Mode::Real, &[ExecutionType::Rc]) });
             table.lines().find(|line| line.contains("again")).map(str::to_owned)
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_type_that_was_not_asked_for_has_no_row_and_one_without_a_sample_no_figure() {
+    fn a_type_that_was_not_requested_has_no_row_and_one_without_samples_has_no_figure() {
         insta::assert_snapshot!(render(&results(Mode::Real, &[ExecutionType::Rc])), @"
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
         pick-and-place, 2 repetitions, real mode, seed 7

@@ -1,13 +1,13 @@
-//! A trace as a timeline: Chrome's Trace Event Format, which Perfetto and chrome://tracing open.
+//! A trace as a timeline in Chrome's Trace Event Format, which Perfetto and chrome://tracing open.
 //!
-//! The first repetition of each type stands behind the one before, 100 ms apart, so that its size has a bound: a minute
-//! of each type at most. Three processes with a track for each thing that goes on:
+//! The first repetitions of all types follow each other, 100 ms apart. The size is limited: to at most a minute per
+//! type. There are three processes with a track for each kind of event:
 //!
 //! ```text
-//! run     which type is running
-//! PLC     scans · the command that it gives · motions in the slots · motions written
+//! run     the running type
+//! PLC     scans · its command · motions in the slots · motions written
 //! cable   what each end sends and receives
-//! robot   ticks · state · the command that it executes · path speed · queue
+//! robot   ticks · state · the command being executed · path speed · queue
 //! ```
 
 use plc_node::ExecutionType;
@@ -19,7 +19,7 @@ use crate::records::trace::{Recording, Trace};
 /// The timeline, in the run directory.
 pub const FILE: &str = "trace.json";
 
-/// Between two repetitions, in µs.
+/// Gap between two repetitions, in µs.
 const GAP_US: f64 = 100_000.0;
 
 const RUN: u32 = 1;
@@ -33,11 +33,11 @@ const CYCLES: u32 = 1;
 const COMMAND: u32 = 2;
 const STATE: u32 = 3;
 
-/// One event, with the format's names for its fields.
+/// One event, with the format's names of its fields.
 #[derive(Serialize, Debug)]
 struct TraceEvent {
     name: String,
-    /// What it is: X a span, i an instant, C a counter, M a name.
+    /// Kind of event: X a span, i an instant, C a counter, M a name.
     ph: &'static str,
     /// In µs.
     ts: f64,
@@ -54,7 +54,7 @@ struct TraceEvent {
 
 impl TraceEvent {
     fn new(ph: &'static str, name: impl Into<String>, (pid, tid): (u32, u32), ts: f64) -> Self {
-        // Times are exact to a nanosecond; more digits are noise of the arithmetic.
+        // Times are accurate to a nanosecond; more digits are rounding noise.
         let ts = (ts * 1e3).round() / 1e3;
         Self { name: name.into(), ph, ts, dur: None, pid, tid, s: None, args: serde_json::Map::new() }
     }
@@ -72,11 +72,11 @@ struct Timeline {
     trace_events: Vec<TraceEvent>,
 }
 
-/// The timeline of a trace.
+/// Returns the timeline of a trace.
 ///
 /// # Errors
 ///
-/// None is known; the serialiser reserves it.
+/// None is known; the serialiser's interface allows for one.
 pub fn json(trace: &Trace) -> serde_json::Result<String> {
     let mut events = names();
     let mut start = 0.0;
@@ -130,7 +130,7 @@ fn frames(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
     }
 }
 
-/// From the start edge to the last cycle that was recorded.
+/// Returns the time from the start edge to the last recorded cycle.
 fn length_us(recording: &Recording) -> f64 {
     let plc = recording.plc_scans().last().map_or(0.0, |scan| scan.at_us as f64);
     recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms * 1e3).max(plc)
@@ -153,7 +153,7 @@ fn plc(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64
 }
 
 fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
-    // The robot's clock is its own: a tick that began before the start edge is none of this run.
+    // The robot has its own clock: a tick that began before the start edge is not part of the run.
     let ticks = || recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0);
     let at = move |at_ms: f64| start + at_ms * 1e3;
     for tick in ticks() {
@@ -172,7 +172,7 @@ fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f
     counter(events, (ROBOT, "motions in the queue"), queue);
 }
 
-/// A span for each stretch in which the name stays the same.
+/// Adds a span for each stretch in which the name is the same.
 fn spans(
     events: &mut Vec<TraceEvent>,
     track: (u32, u32),
@@ -196,7 +196,7 @@ fn spans(
     }
 }
 
-/// A value where it changes.
+/// Adds a value whenever it changes.
 fn counter(
     events: &mut Vec<TraceEvent>,
     (pid, name): (u32, &str),
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn every_event_has_the_fields_that_the_format_wants_and_no_track_runs_backwards() {
+    fn every_event_has_the_fields_of_the_format_and_the_times_of_each_track_increase() {
         let json: serde_json::Value = serde_json::from_str(&json(&trace()).unwrap()).unwrap();
         let events = json["traceEvents"].as_array().unwrap();
         assert!(events.len() > 200, "{}", events.len());
@@ -268,7 +268,7 @@ mod tests {
                 "M" => assert!(event["args"]["name"].is_string(), "{event}"),
                 other => panic!("phase {other}"),
             }
-            // Spans of a track follow each other: none begins before the last one ended.
+            // Spans of a track do not overlap.
             let free = tracks.entry((pid, tid, counter.to_owned())).or_insert(f64::MIN);
             assert!(ts >= *free - 1e-3, "{event} begins before {free}");
             *free = ts + event["dur"].as_f64().unwrap_or_default();

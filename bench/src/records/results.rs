@@ -258,12 +258,12 @@ impl Results {
             results,
             aet_improvement: None,
             without_skill_overhead: None,
-            paper: setup.paper.as_ref().filter(|_| plan.overrides.is_none()).map(|paper| PerType {
+            paper: setup.paper.as_ref().filter(|_| schedule.overrides.is_none()).map(|paper| PerType {
                 rc: Some(paper.rc.into()),
                 sm: Some(paper.sm.into()),
                 cm: Some(paper.cm.into()),
             }),
-            calibrated: if plan.overrides.is_none() { calibrated(setup) } else { Vec::new() },
+            calibrated: if schedule.overrides.is_none() { calibrated(setup) } else { Vec::new() },
             cycle: Cycles::default(),
             bus: Frames::default(),
             connected_after_ms: None,

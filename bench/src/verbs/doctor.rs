@@ -1,6 +1,6 @@
-//! What real mode needs of a machine, what of it this one has, and what to do about the rest.
+//! Checks what real mode needs from a computer, what this one provides, and what to do about the rest.
 //!
-//! What the machine says is gathered first; what follows from it is decided by functions that are given it.
+//! The computer's state is read first; functions with that state as arguments decide what follows from it.
 
 use std::time::Duration;
 
@@ -31,28 +31,28 @@ pub struct DoctorOptions {
     pub json: bool,
 }
 
-/// How well the machine does in one respect.
+/// Verdict on one requirement.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// As real mode wants it.
+    /// Real mode has what it needs.
     Good,
-    /// Real mode runs, but its figures suffer.
+    /// Real mode runs, but its figures get worse.
     Limited,
     /// Real mode does not run.
     Missing,
 }
 
-/// What was found in one respect.
+/// Result of checking one requirement.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Finding {
-    /// In which.
+    /// The requirement.
     pub what: &'static str,
-    /// How well the machine does.
+    /// The verdict on it.
     pub verdict: Verdict,
     /// What was found.
     pub found: String,
-    /// What to do about it; null where all is well.
+    /// What to do about it; null if nothing.
     pub fix: Option<String>,
 }
 
@@ -70,12 +70,12 @@ impl Finding {
     }
 }
 
-/// Looks at this machine and prints what it finds. Call it while the process has one thread.
+/// Checks this computer and prints the findings. Call it while the process has one thread.
 ///
 /// # Errors
 ///
-/// The setup cannot be used, or wake-ups cannot be measured. A machine that cannot do real mode is none: its findings
-/// are printed, and the exit code says so.
+/// The setup cannot be used, or wake-ups cannot be measured. A computer on which real mode does not run is not an
+/// error: its findings are printed, and the exit code tells.
 pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let setup = setup::setup(options.setup.name())?;
     let mut findings = networks();
@@ -138,7 +138,7 @@ fn table(findings: &[Finding]) -> String {
     text
 }
 
-/// Namespaces, the cable between them, and the sockets of both buses.
+/// Checks namespaces, the cable between them, and the sockets of both buses.
 fn networks() -> Vec<Finding> {
     const NAMESPACES: &str = "network namespaces";
     const SOCKETS: &str = "raw and UDP sockets";
@@ -168,7 +168,8 @@ fn cores(cores: Option<usize>) -> Finding {
     }
 }
 
-/// Clocks that are read without a trap cost some ten nanoseconds, the others a microsecond and more.
+/// Checks the clock source. Reading it without a system call costs some ten nanoseconds, otherwise a microsecond or
+/// more.
 fn clock_source(found: Option<&str>) -> Finding {
     const WHAT: &str = "clock source";
     match found {
@@ -197,7 +198,7 @@ fn governor(found: Option<&str>) -> Finding {
     }
 }
 
-/// The rig needs no `ip`: it talks to the kernel itself.
+/// Checks for `ip`. The rig does not need it: it talks to the kernel itself.
 fn ip(found: bool) -> Finding {
     const WHAT: &str = "ip (iproute2)";
     if found {
@@ -294,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stall_is_held_against_the_watchdog_and_the_tail_against_the_cycle() {
+    fn a_stall_is_compared_with_the_watchdog_and_the_p99_with_the_cycle() {
         let verdict = |late_us: &[u64]| lateness(&woken(late_us), CYCLE, WATCHDOG).verdict;
         assert_eq!(verdict(&[14; 200]), Verdict::Good);
         assert_eq!(verdict(&[[14; 197].as_slice(), &[400; 3]].concat()), Verdict::Limited);
@@ -304,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn steal_is_the_share_between_two_looks() {
+    fn steal_is_the_share_of_time_between_two_readings() {
         let look = |text: &str| ProcessorTime::parse(text);
         let before = look("cpu  100 0 100 700 0 0 0 100 0 0\ncpu0 1 2 3\n");
         assert_eq!(before, Some(ProcessorTime { stolen: 100, all: 1_000 }));
@@ -332,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_has_a_line_each_and_the_fixes_below() {
+    fn the_table_has_a_line_per_finding_and_the_fixes_below() {
         let findings = [
             Finding::good("clock source", "tsc"),
             Finding::limited("steal", "3.0 %", "use a machine of your own"),

@@ -1,10 +1,10 @@
-//! The event loop of a verb, and what ends it early.
+//! The event loop of a verb, and the signals that end it.
 
 use anyhow::Context as _;
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Makes the event loop: one thread, with timers and pipes.
+/// Creates the event loop: one thread, with timers and pipes.
 pub(super) fn event_loop() -> anyhow::Result<Runtime> {
     Builder::new_current_thread().enable_all().build().context("cannot start the bench's event loop")
 }

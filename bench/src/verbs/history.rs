@@ -1,4 +1,4 @@
-//! The runs that are kept, oldest first, each set against the one before it that measured the same.
+//! `bench history`: the stored runs, oldest first, each compared with the previous one of the same measurement.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -34,14 +34,14 @@ pub struct HistoryOptions {
     pub json: bool,
 }
 
-/// A run in the list.
+/// A run of the list.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct Entry {
     /// Its directory's name.
     pub run: String,
-    /// When it started, UTC, ISO 8601; null where `host.json` does not say.
+    /// Its start, UTC, ISO 8601; null if `host.json` is missing.
     pub date: Option<String>,
-    /// What the program was built from; null where `host.json` does not say.
+    /// The commit that the program was built from; null if `host.json` is missing.
     pub commit: Option<String>,
     /// The setup's name.
     pub setup: String,
@@ -53,22 +53,22 @@ pub struct Entry {
     pub status: Status,
     /// AET and MAD so far.
     pub figures: PerType<PaperFigure>,
-    /// AETi, 0…1; null without both SM and CM.
+    /// AETi, 0…1; null if SM or CM is missing.
     pub aet_improvement: Option<f64>,
-    /// AET less that of the run before it with the same setup, application and mode, in ms.
+    /// AET minus that of the previous run with the same setup, application and mode, in ms.
     pub trend_ms: PerType<f64>,
 }
 
-/// What a directory holds.
+/// The runs of a directory.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct History {
     /// The runs, oldest first.
     pub entries: Vec<Entry>,
-    /// Run directories that cannot be read, and why.
+    /// Run directories that cannot be read, with the error.
     pub unreadable: Vec<String>,
 }
 
-/// Prints the runs that a directory holds.
+/// Prints the runs of a directory.
 ///
 /// # Errors
 ///
@@ -95,8 +95,8 @@ pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
 }
 
 impl History {
-    /// Reads every run directory in `directory`. What is no run directory is passed over; one that cannot be read is
-    /// named.
+    /// Reads every run directory in `directory`. Other directories are ignored; run directories that cannot be read
+    /// are listed.
     ///
     /// # Errors
     ///
@@ -137,7 +137,7 @@ impl History {
         }
     }
 
-    /// The list as a table.
+    /// Formats the list as a table.
     #[must_use]
     pub fn table(&self) -> String {
         let mut table = Table::new();
@@ -218,7 +218,7 @@ impl Entry {
         (&self.setup, &self.application, &self.mode) == (&other.setup, &other.application, &other.mode)
     }
 
-    /// `RC +0.0  SM −3.1  CM +0.2 ms`; nothing for the first of its kind.
+    /// Formats the trend, for example `RC +0.0  SM −3.1  CM +0.2 ms`; empty for the first run of its kind.
     fn trend(&self) -> String {
         let trend = |execution_type| {
             self.trend_ms.get(execution_type).map(|ms| format!("{} {}", label(execution_type), signed(*ms)))
@@ -228,7 +228,7 @@ impl Entry {
     }
 }
 
-/// To a tenth, with a sign that is never that of a negative zero.
+/// Formats a number to a tenth, with its sign; never a negative zero.
 fn signed(ms: f64) -> String {
     let tenths = (ms * 10.0).round() / 10.0 + 0.0;
     format!("{tenths:+.1}").replace('-', "−")
@@ -242,7 +242,7 @@ mod tests {
     use crate::records::schedule::Schedule;
     use std::time::Duration;
 
-    /// A run of all types that took `micros`, kept as `name`.
+    /// Stores a run of all types that took `micros`, as `name`.
     fn keep(place: &Path, name: &str, mode: Mode, date: &str, micros: u64) {
         let (setup, found) = planning::setup_with_application("A").unwrap();
         let directory =
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_listed_by_age_and_set_against_the_one_before_that_measured_the_same() {
+    fn runs_are_listed_by_age_and_compared_with_the_previous_one_of_the_same_measurement() {
         let place = tempfile::tempdir().unwrap();
         keep(place.path(), "c", Mode::Virtual, "2026-11-03T08:00:00Z", 3_723_500);
         keep(place.path(), "b", Mode::Real, "2026-11-02T08:00:00Z", 4_723_500);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_cannot_be_read_is_named_and_the_others_are_listed() {
+    fn a_run_that_cannot_be_read_is_reported_and_the_others_are_listed() {
         let place = tempfile::tempdir().unwrap();
         keep(place.path(), "good", Mode::Virtual, "2026-11-01T08:00:00Z", 3_722_460);
         keep(place.path(), "old", Mode::Virtual, "2026-10-01T08:00:00Z", 3_722_460);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trend_of_nothing_is_a_positive_zero() {
+    fn a_trend_of_zero_has_a_positive_sign() {
         assert_eq!(
             (signed(-0.04), signed(-3.06), signed(0.1)),
             ("+0.0".into(), "−3.1".into(), "+0.1".into())

@@ -1,4 +1,4 @@
-//! Many virtual runs that know nothing of each other, on all cores, with a line that says how far they are.
+//! Runs many independent virtual runs on all cores, with a line of progress.
 
 use std::io::{self, IsTerminal};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,14 +10,15 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::output::errln;
 
-/// At most one plain line in this time.
+/// Shortest interval between two lines of progress.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
 
-/// Does all jobs, at most one a core at a time, and returns what came of them in their order. The first error ends it.
+/// Runs all jobs, at most one per core at a time, and returns their results in the order of the jobs. The first error
+/// ends it.
 ///
 /// # Errors
 ///
-/// That of a job.
+/// The error of a job.
 pub(super) fn run<J: Sync, R: Send>(
     name: &str,
     quiet: bool,
@@ -36,7 +37,7 @@ pub(super) fn run<J: Sync, R: Send>(
                 while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
                     .and_then(|index| Some((index, jobs.get(index)?)))
                 {
-                    // Nobody listens any more once a job has failed.
+                    // After a job failed, nobody receives results any more.
                     if done.send((index, work(job))).is_err() {
                         break;
                     }
@@ -56,7 +57,7 @@ pub(super) fn run<J: Sync, R: Send>(
     Ok(results.into_iter().flatten().collect())
 }
 
-/// A live line on a terminal, plain lines elsewhere, all on stderr.
+/// Progress on standard error: a live line on a terminal, plain lines elsewhere.
 #[derive(Debug)]
 struct Progress {
     view: View,
@@ -120,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_come_in_the_order_of_the_jobs_and_an_error_ends_it() {
+    fn results_have_the_order_of_the_jobs_and_an_error_ends_the_rest() {
         let jobs: Vec<u64> = (0..100).collect();
         let square = |job: &u64| if *job == 200 { anyhow::bail!("too much") } else { Ok(job * job) };
         let squares = run("squares", true, &jobs, square).unwrap();

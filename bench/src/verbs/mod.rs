@@ -1,4 +1,4 @@
-//! What a user can ask the bench for, a module a verb, each with its options.
+//! The bench's verbs, a module each with its options.
 
 pub mod calibrate;
 pub mod doctor;

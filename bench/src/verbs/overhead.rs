@@ -1,11 +1,11 @@
-//! What recording costs: `bench overhead` runs the sequence over and over in real mode, switches captures and traces on
-//! and off meanwhile, and compares how late the cycles were.
+//! What recording costs: `bench overhead` runs the sequence repeatedly in real mode, switches captures and traces on
+//! and off meanwhile, and compares the lateness of the cycles.
 //!
-//! A second of cycles has one figure, the 99th percentile of their lateness. Recorded and unrecorded seconds come in
-//! pairs, in an order that the seed draws, and are compared pair by pair: a drift of the host hits both alike, and a
-//! stall one of the many. A pair in which the hypervisor ran others for longer, by the kernel's count of stolen time,
-//! says nothing of either and is left out. Whole repetitions would take four to eight times as long, and a host that many
-//! share is seldom the same for so long.
+//! One second of cycles has one figure, the 99th percentile of its lateness. Recorded and unrecorded seconds come in
+//! pairs, in an order drawn from the seed, and are compared pair by pair: a drift of the host affects both alike, and
+//! a stall affects only one of many pairs. A pair is left out if the hypervisor ran other machines during it, by the
+//! kernel's count of stolen time. Pairs of whole repetitions would take four to eight times as long, and a shared
+//! host is seldom in the same state for so long.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -29,20 +29,21 @@ use crate::stands::rig::{self, Rig, RigConfig, RigError};
 use crate::verbs::event_loop::{event_loop, interrupt};
 use crate::verbs::setup_option::SetupOption;
 
-/// Recording may cost this much of the p99 cycle lateness.
+/// Largest allowed ratio of the p99 lateness with and without recording.
 const LIMIT: f64 = 1.05;
 
-/// How long cycles are counted: some hundred of them, so that the 99th percentile is no single one.
+/// Time over which cycles are counted: some hundred cycles, so that the 99th percentile is not a single one.
 const COUNTED: Duration = Duration::from_secs(1);
 
-/// How long they are not, from switching on or off: listeners come and go then, which is no part of recording.
+/// Time after switching recording on or off in which cycles are not counted: starting and stopping listeners is not
+/// part of recording.
 const SETTLING: Duration = Duration::from_millis(100);
 
-/// Pairs between two lines of progress, after that of the first.
-const TOLD_EVERY: u32 = 10;
+/// Pairs between two lines of progress, after that for the first.
+const PROGRESS_EVERY: u32 = 10;
 
-/// A pair with more ticks of stolen time is left out. One may be made of what was taken before; and its 10 ms hold up no
-/// more of a second's cycles than the percentile leaves out.
+/// A pair with more ticks of stolen time is left out. One tick may consist of time stolen before; and its 10 ms delay
+/// no more cycles of a second than the percentile leaves out.
 const STOLEN_TICKS: u64 = 1;
 
 /// Options of the measurement.
@@ -65,16 +66,16 @@ pub struct OverheadOptions {
     pub out: Option<PathBuf>,
 }
 
-/// The p99 lateness in µs of a node's cycles in two seconds, one after the other.
+/// The p99 lateness in µs of a node's cycles in two consecutive seconds.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Pair {
-    /// Of the one that was recorded.
+    /// In the recorded second.
     pub recorded_us: f64,
-    /// Of the other.
+    /// In the other one.
     pub unrecorded_us: f64,
 }
 
-/// What recording costs a node.
+/// Cost of recording for one node.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Cost {
     node: &'static str,
@@ -84,7 +85,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Compares the seconds of a node, pair by pair.
+    /// Compares a node's seconds, pair by pair.
     #[must_use]
     pub fn new(node: &'static str, pairs: &[Pair], seed: u64) -> Self {
         let pairs: Vec<_> = pairs.iter().map(|pair| (pair.recorded_us, pair.unrecorded_us)).collect();
@@ -96,7 +97,7 @@ impl Cost {
         }
     }
 
-    /// Whether recording keeps its limit.
+    /// Returns whether recording stays within its limit.
     #[must_use]
     pub fn verdict(&self) -> RatioVerdict {
         self.ratio.map_or(RatioVerdict::Inconclusive, |ratio| ratio.against(LIMIT))
@@ -124,11 +125,11 @@ impl fmt::Display for Cost {
     }
 }
 
-/// Measures and prints what recording costs.
+/// Measures and prints the cost of recording.
 ///
 /// # Errors
 ///
-/// The setup or the machine does not allow it, or a repetition fails.
+/// The setup or the computer does not allow it, or a repetition fails.
 pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     rig::enter_user_namespace()?;
     let (setup, found) = options.setup.load()?;
@@ -149,7 +150,7 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
             ended = measure(options, &setup, &directory, &mut seen) => ended.map(|()| None),
         }
     });
-    // Whatever ended it: an hour's pairs are not lost by the last one.
+    // Printed even after an error: an hour of pairs must not be lost because of the last one.
     let costs = seen.tell(options, &setup);
     if kept.is_none() {
         let removed = std::fs::remove_dir_all(&directory);
@@ -162,17 +163,17 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
 }
 
-/// What was seen so far.
+/// The pairs so far.
 #[derive(Default)]
 struct Seen {
     plc: Vec<Pair>,
     robot: Vec<Pair>,
-    /// Pairs that say nothing.
+    /// Number of pairs left out.
     left_out: u32,
 }
 
 impl Seen {
-    /// Prints what recording costs either node, if there was a pair at all.
+    /// Prints the cost of recording for both nodes, if there is at least one pair.
     fn tell(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
         let costs = [("PLC", &self.plc), ("robot", &self.robot)]
             .map(|(node, pairs)| Cost::new(node, pairs, options.seed));
@@ -195,7 +196,7 @@ impl Seen {
     }
 }
 
-/// Measures pair after pair and adds each to what was seen.
+/// Measures pair after pair and adds each to the pairs so far.
 async fn measure(
     options: &OverheadOptions,
     setup: &Setup,
@@ -211,7 +212,7 @@ async fn measure(
     let unusable = |error: RigError| Failure::new(error.exit(), error);
     let mut rig = Rig::start(&config).await.map_err(unusable)?;
     let failed = |error: RigError| Failure::new(Exit::RunFailed, error);
-    // The first run of all warms the nodes up.
+    // The very first run warms the nodes up.
     rig.execute(options.execution_type, None).await.map_err(failed)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
     for number in 1..=options.pairs {
@@ -240,7 +241,7 @@ async fn measure(
         } else {
             seen.left_out += 1;
         }
-        if number == 1 || number % TOLD_EVERY == 0 {
+        if number == 1 || number % PROGRESS_EVERY == 0 {
             let left = (COUNTED + SETTLING) * 2 * (options.pairs - number);
             errln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
         }
@@ -248,19 +249,20 @@ async fn measure(
     rig.stop().await.map(drop).map_err(unusable)
 }
 
-/// Processor time that other virtual machines took so far; 0 where the kernel does not say.
+/// Returns the processor time stolen by other virtual machines so far; 0 if the kernel does not provide it.
 fn stolen_ticks() -> u64 {
     ProcessorTime::now().map_or(0, |time| time.stolen)
 }
 
-/// The 99th percentile of the runs between two reports, in µs; within its bucket, runs are taken as evenly spread.
+/// Returns the 99th percentile of the runs between two reports, in µs, assuming that runs are evenly distributed
+/// within a bucket.
 fn p99_us(before: &LatenessReport, after: &LatenessReport) -> Option<f64> {
     let LatenessReport { runs, buckets, .. } = after.since(before);
     let (wanted, mut seen) = (runs as f64 * 0.99, 0.0);
     for (upper, count) in buckets {
         let count = f64::from(count);
         if seen + count >= wanted {
-            // A bucket is a sixteenth of its lower end wide.
+            // The width of a bucket is a sixteenth of its lower bound.
             let lower = upper * 16.0 / 17.0;
             return Some(lower + (upper - lower) * (wanted - seen) / count);
         }
@@ -287,9 +289,9 @@ mod tests {
     }
 
     #[test]
-    fn a_cost_is_told_with_its_interval_and_its_verdict() {
+    fn a_cost_is_printed_with_its_interval_and_its_verdict() {
         let cost = |with: f64| {
-            // A stall of the host hits every tenth, the recorded ones and the others in turn.
+            // A stall of the host affects every tenth pair, alternately the recorded and the unrecorded second.
             let stall = |index: u32, of| if index % 20 == of { 4_000.0 } else { 0.0 };
             let pair = |index| Pair {
                 recorded_us: with + f64::from(index % 5) + stall(index, 3),

@@ -1,4 +1,4 @@
-//! `bench report` and `bench compare`: runs that are there already, drawn again or set beside each other.
+//! `bench report` and `bench compare`: draw the report of an existing run again, and compare existing runs.
 
 use std::path::PathBuf;
 
@@ -20,11 +20,11 @@ pub struct ReportOptions {
     pub out: Option<PathBuf>,
 }
 
-/// Draws a run's report again and prints where it is.
+/// Draws a run's report again and prints its path.
 ///
 /// # Errors
 ///
-/// There is no run, it is of another version, or the report cannot be written; the report before it then stays.
+/// There is no run, it has another version, or the report cannot be written; the old report is then kept.
 pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
     let path = options.out.clone().unwrap_or_else(|| options.run.join(report::FILE));
     let html = report::render(&options.run)?;
@@ -45,11 +45,11 @@ pub struct CompareOptions {
     pub html: Option<PathBuf>,
 }
 
-/// Prints runs beside each other, and writes a page where one is asked for.
+/// Prints runs side by side, and writes a page if requested.
 ///
 /// # Errors
 ///
-/// A directory holds no run, or the page cannot be written.
+/// A directory contains no run, or the page cannot be written.
 pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
     let comparison = Comparison::load(&options.runs)?;
     outln!("{}", comparison.table());

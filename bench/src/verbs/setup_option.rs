@@ -15,17 +15,17 @@ pub struct SetupOption {
 }
 
 impl SetupOption {
-    /// As it was given.
+    /// Returns the name or path, as given.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.setup
     }
 
-    /// Reads the setup and the application that it names.
+    /// Reads the setup and its application.
     ///
     /// # Errors
     ///
-    /// Either cannot be read, or says something wrong.
+    /// Either cannot be read or is invalid.
     pub fn load(&self) -> Result<(Setup, Found), Failure> {
         Ok(planning::setup_with_application(&self.setup)?)
     }

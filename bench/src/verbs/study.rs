@@ -1,4 +1,5 @@
-//! What the studies share, which are many virtual runs with one table as their result: options, and where it is saved.
+//! What all studies share: their options, and where they save their table. A study is many virtual runs with one
+//! table.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -33,11 +34,12 @@ pub struct StudyOptions {
 }
 
 impl StudyOptions {
-    /// Saves what the study `name` found into a directory, and wherever else it is wanted. Returns the directory.
+    /// Saves the results of the study `name` into a directory, and to the other requested files. Returns the
+    /// directory.
     ///
     /// # Errors
     ///
-    /// The directory is a run's, or the disk does not take a file.
+    /// The directory contains a run, or a file cannot be written.
     pub fn save(
         &self,
         name: &str,
@@ -61,7 +63,7 @@ impl StudyOptions {
     }
 }
 
-/// What a study found, as files have it.
+/// Results of a study, in the formats of its files.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<'a> {
     /// The figures.

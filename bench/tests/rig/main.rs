@@ -1,6 +1,6 @@
-//! The rig on real time and real sockets: what the bench leaves behind, and how soon it notices what went wrong.
+//! The rig in real time on real sockets: what the bench leaves behind, and how soon it notices an error.
 //!
-//! These tests run the bench, which makes networks of its own: they need root or user namespaces and fail without.
+//! These tests run the bench, which creates networks: they need root or user namespaces, and fail without.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -28,14 +28,15 @@ fn a_run_over_either_cyclic_transport_passes() {
     }
 }
 
-/// EtherNet/IP between two processes. A host that stalls skips cycles, which both sides tell; what was sent must arrive.
+/// EtherNet/IP between two processes. If the host stalls, cycles are skipped, and both sides report it; every sent
+/// frame must arrive.
 #[test]
 fn a_run_of_setup_b_passes_and_loses_no_frame() {
     let ended = Bench::start_patient("B", &["--reps", "1"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
     assert_eq!(ended.samples.lines().count(), 2);
     let bus = &ended.results["bus"];
-    // What is under way when the host takes the connection is lost with it.
+    // If the host breaks the connection, frames in flight are lost with it.
     assert!(bus["lost"] == 0 || ended.results["repeated"] != 0, "{bus}");
     let [sent, received] = ["frames_sent", "frames_received"].map(|key| bus[key].as_u64().unwrap());
     assert!(sent > 500 && received > sent * 9 / 10, "{bus}");
@@ -73,21 +74,21 @@ fn a_node_that_hangs_fails_the_run() {
         let ended = bench.wait();
         assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
         ended.at_once();
-        // Whichever is noticed first.
+        // Either error may be noticed first.
         let reasons = ["was lost", "life counter stood still"];
         assert!(reasons.iter().any(|reason| ended.stderr.contains(reason)), "{}", ended.stderr);
         ended.nothing_is_left(&networks);
     }
 }
 
-/// The connection is lost, the nodes are not, and nothing is wrong with either: the host is not the bench's to fail.
+/// The host breaks the connection, while both nodes are correct: this must not fail the run.
 #[test]
-fn a_repetition_is_run_again_where_the_host_held_a_node_up_until_the_connection_was_lost() {
+fn a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was_lost() {
     let hold_up = |index: usize| {
         let mut bench = Bench::start(&["--reps", "2"]);
         let nodes = bench.nodes();
         kill_process(nodes[index], Signal::STOP).unwrap();
-        // Longer than the watchdog, and shorter than a node that hangs is waited for.
+        // Longer than the watchdog, and shorter than the wait for a hanging node.
         thread::sleep(Duration::from_millis(900));
         kill_process(nodes[index], Signal::CONT).unwrap();
         let ended = bench.wait();
@@ -97,7 +98,8 @@ fn a_repetition_is_run_again_where_the_host_held_a_node_up_until_the_connection_
     };
     for (index, name) in [(0, "plc-node"), (1, "robot-node")] {
         let told = format!("the host held the {name} up for ");
-        // A host that holds up the other node as well at that moment hides it from the watchdog, or is told instead.
+        // If the host also stalls the other node at that moment, its watchdog does not see the stall, or the other
+        // node is reported instead.
         let mut tries = (0..3).map(|_| hold_up(index));
         let ended = tries.find(|ended| ended.stderr.contains(&told)).expect("a try in which it is told");
         assert!(ended.stderr.contains("warning: run again, cm 2: "), "{}", ended.stderr);
@@ -129,7 +131,7 @@ fn even_a_killed_bench_leaves_nothing_behind() {
     ended.nothing_is_left(&networks);
 }
 
-/// The frames of one track of a timeline: when each passed, in µs, and whether the cable did something to it.
+/// Returns the frames of one track of a timeline: when each passed, in µs, and whether the cable impaired it.
 fn frames(timeline: &serde_json::Value, track: u64) -> Vec<(f64, bool)> {
     let events = timeline["traceEvents"].as_array().unwrap().iter();
     let frames = events.filter(|event| event["ph"] == "i" && event["pid"] == 4 && event["tid"] == track);
@@ -137,7 +139,7 @@ fn frames(timeline: &serde_json::Value, track: u64) -> Vec<(f64, bool)> {
 }
 
 #[test]
-fn a_real_timeline_has_the_frames_of_both_ends_without_a_capture_that_nobody_asked_for() {
+fn a_real_timeline_has_the_frames_of_both_ends_without_an_unrequested_capture() {
     let ended = Bench::start_patient("A", &["--reps", "1", "--trace"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
     let run_ms = ended.results["results"]["cm"]["samples_ms"][0].as_f64().unwrap();
@@ -145,17 +147,17 @@ fn a_real_timeline_has_the_frames_of_both_ends_without_a_capture_that_nobody_ask
         [1, 2, 3, 4].map(|track| frames(&ended.timeline, track));
     let sent_at_all = ended.results["bus"]["frames_sent"].as_u64().unwrap();
     for (sent, received) in [(&plc_sends, &robot_receives), (&robot_sends, &plc_receives)] {
-        // The run is most of the time in which there is a connection.
+        // The connection exists hardly longer than the run.
         assert!(sent.len() as u64 > sent_at_all / 2, "{} of {sent_at_all} frames", sent.len());
         assert!(sent.iter().chain(received).all(|(at, _)| (0.0..=run_ms * 1e3).contains(at)));
         assert!(sent.is_sorted() && received.is_sorted(), "a track runs backwards");
-        // What passed one end just before the run passes the other in it, and the other way round.
+        // A frame may pass one end just before the run and the other end in it, and the other way round.
         assert!(sent.len().abs_diff(received.len()) <= 2, "{} sent, {} received", sent.len(), received.len());
     }
     assert!(!ended.files.iter().any(|file| file.ends_with(".pcapng")), "{:?}", ended.files);
 }
 
-/// What the comments in the capture of one end say, at the frames that it sent or at those that it received.
+/// Returns the comments in the capture of one end, at the frames that it sent or at those that it received.
 fn comments(ended: &Ended, file: &str, sent: bool) -> Vec<String> {
     let bytes = &ended.captures.iter().find(|(name, _)| name == file).expect("a capture").1;
     let mut reader = PcapNgReader::new(&bytes[..]).unwrap();
@@ -171,13 +173,13 @@ fn comments(ended: &Ended, file: &str, sent: bool) -> Vec<String> {
     comments
 }
 
-/// Cyclic frames either way, as the PLC counts them.
+/// Returns the cyclic frames of both directions, counted by the PLC.
 fn passed(bus: &serde_json::Value) -> u64 {
     ["frames_sent", "frames_received"].iter().map(|frames| bus[frames].as_u64().unwrap()).sum()
 }
 
 #[test]
-fn a_real_cable_does_the_faults_that_were_asked_for_and_each_is_a_comment_and_counted() {
+fn a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted() {
     let mut args = vec!["--reps", "1", "--capture", "always", "--trace"];
     for fault in ["loss=0.01", "to-plc:duplicate=0.02", "to-robot:reorder=0.01@3ms"] {
         args.extend(["--fault", fault]);
@@ -195,19 +197,19 @@ fn a_real_cable_does_the_faults_that_were_asked_for_and_each_is_a_comment_and_co
     );
     let held = count(&plc, "held back by 3ms") as u64;
     assert_eq!((count(&robot, "held back"), faults["reordered"].as_u64()), (0, Some(held)));
-    // Each of them was to hit one frame in a hundred or two; a fifth of that is there by any chance.
+    // Each fault hits one frame in a hundred or two on average; at least a fifth of that is practically certain.
     let bus = &ended.results["bus"];
     let passed = passed(bus);
     for fault in ["lost", "duplicated", "reordered"] {
         assert!(faults[fault].as_u64() > Some(passed / 1_000), "{fault} of {passed}: {faults}");
     }
-    // The nodes missed what the cable lost.
+    // The nodes count what the cable lost.
     assert!(bus["lost"].as_u64() > Some(passed / 1_000), "{bus}");
     assert!(frames(&ended.timeline, 1).iter().any(|(_, faulty)| *faulty));
 }
 
 #[test]
-fn a_cut_and_a_killed_node_are_told_beside_the_next_frames_of_a_real_capture() {
+fn a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture() {
     let faults = ["--fault", "cut-at=500ms..1s", "--fault", "kill-robot-at=1500ms"];
     let ended =
         Bench::start_patient("A", &[&["--reps", "9", "--capture", "on-failure"], &faults[..]].concat())
@@ -225,18 +227,18 @@ fn a_cut_and_a_killed_node_are_told_beside_the_next_frames_of_a_real_capture() {
     }
 }
 
-/// EtherNet/IP has connections over TCP on the same cable: what is lost of them is sent again.
+/// EtherNet/IP also uses TCP connections on the same cable: lost segments are retransmitted.
 #[test]
-fn a_run_of_setup_b_outlives_a_lossy_real_cable() {
+fn a_run_of_setup_b_survives_a_lossy_real_cable() {
     let ended = Bench::start_patient("B", &["--reps", "1", "--fault", "loss=0.02"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
-    // A quarter of what is to be expected is there by any chance.
+    // At least a quarter of the expected number is practically certain.
     let lost = ended.results["faults"]["lost"].as_u64().unwrap();
     assert!(lost * 200 > passed(&ended.results["bus"]), "{lost} lost: {}", ended.results["bus"]);
 }
 
 #[test]
-fn what_recording_costs_is_told_of_both_nodes_and_what_was_recorded_is_kept() {
+fn the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let ended = Command::new(env!("CARGO_BIN_EXE_bench"))
@@ -251,18 +253,18 @@ fn what_recording_costs_is_told_of_both_nodes_and_what_was_recorded_is_kept() {
     for node in ["\n  PLC    ", "\n  robot  "] {
         assert!(said.contains(node), "{said}");
     }
-    // What it costs is this host's to say; the exit code says the same as the words.
+    // The cost depends on the host; the exit code and the text must agree.
     assert_eq!(ended.status.code(), Some(if said.contains("; fail") { 3 } else { 0 }), "{said}");
     let length = |file| fs::metadata(place.path().join(file)).unwrap().len();
     for file in ["plc.pcapng", "robot.pcapng"] {
-        // Half of the time: all of it would be 12 MB.
+        // Recorded half of the time: all of it would be 12 MB.
         assert!((50_000..9_000_000).contains(&length(file)), "{file} has {} bytes", length(file));
     }
     assert!(length("trace-plc.rows") > 5_000 && length("trace-robot.rows") > 5_000);
 }
 
 #[test]
-fn an_interrupted_measurement_of_what_recording_costs_tells_of_the_pairs_so_far() {
+fn an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let mut bench = Command::new(env!("CARGO_BIN_EXE_bench"))
@@ -281,6 +283,6 @@ fn an_interrupted_measurement_of_what_recording_costs_tells_of_the_pairs_so_far(
     let said = String::from_utf8(ended.stdout).unwrap();
     assert!(said.starts_with("Setup A, seconds of cm in pairs: "), "{said}");
     assert!(!said.contains("in pairs: 0"), "{said}");
-    // The pair is in the medians, or the host ran others meanwhile.
+    // The pair counts in the medians, or it was left out because the host ran others meanwhile.
     assert!(said.contains("µs recorded") || said.contains("of the pairs are left out"), "{said}");
 }

@@ -1,4 +1,4 @@
-//! The bench as a process on a real rig, and how it ended.
+//! The bench as a process on a real rig, and how it ends.
 
 use std::fs;
 use std::io::Read as _;
@@ -10,37 +10,38 @@ use std::time::{Duration, Instant};
 
 use rustix::process::Pid;
 
-/// Real time wants the host for itself: one test at a time.
+/// Real-time tests need the host for themselves: one test at a time.
 pub(crate) static HOST: Mutex<()> = Mutex::new(());
 
-/// How soon the bench has to notice and end, on a host that runs it at once.
+/// Time in which the bench has to notice an error and end, on a host that runs it at once.
 const NOTICE: Duration = Duration::from_secs(2);
 
-/// A host that runs it late has shown so before: by so many of what it took to lay the cable, to start and connect both
-/// nodes and to save what they did, ending may be later. It is much the same work.
+/// Factor for slow hosts. Creating the cable, starting and connecting both nodes and saving is much the same work as
+/// ending, so ending may take longer by this many times the time that the start took.
 const SLOWNESS: u32 = 10;
 
-/// For what has no limit of its own but must not hang the tests.
+/// Limit for waits that have no limit of their own but must not hang the tests.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The bench on a run that would take hours.
+/// The bench on a run of hours.
 pub(crate) struct Bench {
     child: Child,
     place: tempfile::TempDir,
     started: Instant,
-    /// From the start until the first repetition was saved, without that; known once it is.
+    /// Time from the start until the first repetition was saved, without that repetition; set once it is known.
     prepared: Duration,
     _host: MutexGuard<'static, ()>,
 }
 
-/// The path of a setup as it is shipped, but that its connection bears stalls of the host for almost two seconds.
+/// Returns the path of a shipped setup whose connection is changed to tolerate stalls of the host of almost two
+/// seconds.
 pub(crate) fn patient(setup: &str, place: &Path) -> String {
     let (shipped, changes) = match setup {
         "A" => (
             include_str!("../../../cell/setups/A.toml"),
             [("watchdog_cycles", 500, 1_900), ("cycle_us", 1_000, 1_000)],
         ),
-        // EtherNet/IP bears 512 packet intervals, so they have to be longer.
+        // EtherNet/IP tolerates at most 512 packet intervals, so they have to be longer.
         _ => (
             include_str!("../../../cell/setups/B.toml"),
             [("watchdog_cycles", 512, 512), ("cycle_us", 1_000, 4_000)],
@@ -58,7 +59,7 @@ pub(crate) fn patient(setup: &str, place: &Path) -> String {
     path.into_os_string().into_string().unwrap()
 }
 
-/// How it ended.
+/// How the bench ended.
 pub(crate) struct Ended {
     pub(crate) status: ExitStatus,
     after: Duration,
@@ -76,7 +77,7 @@ impl Bench {
         Self::start_in(tempfile::tempdir().unwrap(), "A", args)
     }
 
-    /// On a setup that bears whatever the host does.
+    /// Starts it on a setup that tolerates all stalls of the host.
     pub(crate) fn start_patient(setup: &str, args: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();
         let setup = patient(setup, place.path());
@@ -98,7 +99,7 @@ impl Bench {
         Self { child, place, started, prepared: Duration::ZERO, _host: host }
     }
 
-    /// Both nodes, PLC first, as soon as a run is under way: then the first repetition is saved.
+    /// Returns both nodes, the PLC first, as soon as a run is in progress: then the first repetition is saved.
     pub(crate) fn nodes(&mut self) -> [Pid; 2] {
         let samples = self.place.path().join("run/samples.csv");
         self.until("a repetition is saved", || {
@@ -163,13 +164,13 @@ impl Bench {
     }
 }
 
-/// The network that a process is in.
+/// Returns the network of a process.
 fn network(pid: Pid) -> String {
     fs::read_link(format!("/proc/{pid}/ns/net")).unwrap().to_string_lossy().into_owned()
 }
 
 impl Ended {
-    /// By when the bench has to have noticed, on this host.
+    /// Returns the time in which the bench has to notice an error on this host.
     fn limit(&self) -> Duration {
         NOTICE + self.prepared * SLOWNESS
     }
@@ -179,7 +180,8 @@ impl Ended {
         assert!(*after < self.limit(), "only after {after:?}, and starting took {prepared:?}");
     }
 
-    /// Neither the nodes nor anybody in their networks is left, so the networks and their interfaces are gone too.
+    /// Checks that neither nodes nor other processes in their networks are left; then the networks and their
+    /// interfaces are gone too.
     pub(crate) fn nothing_is_left(&self, networks: &[String]) {
         let start = Instant::now();
         loop {

@@ -1,8 +1,8 @@
 //! What all figures share: their two widths, their colours, their axes.
 //!
-//! Each figure is drawn twice, for a screen or paper and for a phone, and the page shows the one that fits. The
-//! colours stand in the SVG as those of the light page; the style sheet names each of them and says what it is on a
-//! dark one.
+//! Each figure is drawn twice, for a screen or paper and for a phone, and the page shows the one that fits. The SVG
+//! contains the colours of the light page; the style sheet lists each of them and defines its replacement on a dark
+//! page.
 
 use plc_node::ExecutionType;
 use plotters::backend::SVGBackend;
@@ -13,12 +13,12 @@ use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::prelude::{Cartesian2d, Color, IntoFont, RGBColor, TextStyle};
 use plotters::style::FontStyle;
 
-/// Where figures are drawn.
+/// Area that figures are drawn on.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// A rectangle with two linear axes.
 pub(crate) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// Units of the SVG in a pixel: the backend knows whole numbers only, and a curve needs finer ones.
+/// SVG units per pixel: the backend uses whole numbers only, and a curve needs a finer resolution.
 const UNITS: f64 = 10.0;
 
 /// Text and marks.
@@ -29,10 +29,10 @@ pub(crate) const MUTED: RGBColor = RGBColor(0x66, 0x64, 0x5F);
 pub(crate) const GRID: RGBColor = RGBColor(0xE4, 0xE2, 0xDB);
 /// Axes.
 const AXIS: RGBColor = RGBColor(0xB5, 0xB2, 0xA9);
-/// What is behind the figure.
+/// Background of the figure.
 pub(crate) const PAPER: RGBColor = RGBColor(0xFF, 0xFF, 0xFE);
 
-/// A type has the same colour everywhere.
+/// Returns the colour of a type, the same in all figures.
 pub(crate) const fn colour(execution_type: ExecutionType) -> RGBColor {
     match execution_type {
         ExecutionType::Rc => RGBColor(0x2A, 0x78, 0xD6),
@@ -41,7 +41,7 @@ pub(crate) const fn colour(execution_type: ExecutionType) -> RGBColor {
     }
 }
 
-/// What a page is read on.
+/// Format of the page.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Format {
     /// A screen or paper: 960 pixels.
@@ -59,7 +59,7 @@ impl Format {
         }
     }
 
-    /// One of two values.
+    /// Returns the value for this format.
     pub(crate) fn pick<T>(self, wide: T, narrow: T) -> T {
         match self {
             Self::Wide => wide,
@@ -67,29 +67,29 @@ impl Format {
         }
     }
 
-    /// Width in pixels of what stands left of a vertical axis.
+    /// Width in pixels of the labels left of a vertical axis.
     pub(crate) fn margin(self) -> f64 {
         self.pick(52.0, 38.0)
     }
 }
 
-/// Pixels in units of the SVG.
+/// Converts pixels to SVG units.
 pub(crate) const fn px(pixels: f64) -> i32 {
     (pixels * UNITS).round() as i32
 }
 
-/// Width of a line.
+/// Returns the width of a line.
 pub(crate) const fn stroke(pixels: f64) -> u32 {
     (pixels * UNITS).round() as u32
 }
 
-/// Text of a size in pixels.
+/// Returns a text style of a size in pixels.
 pub(crate) fn text(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
     // The backend divides by 1.24.
     ("sans-serif", pixels * 1.24 * UNITS).into_font().color(&colour)
 }
 
-/// A type's name beside its panel.
+/// Returns the text style of a type's name next to its panel.
 pub(crate) fn name(pixels: f64, colour: RGBColor) -> TextStyle<'static> {
     ("sans-serif", pixels * 1.24 * UNITS, FontStyle::Bold).into_font().color(&colour)
 }
@@ -110,7 +110,8 @@ pub(crate) fn figure(
     Ok(svg.replace('\n', ""))
 }
 
-/// Panels of one height below each other, each with a line of text above it; all have the last one's horizontal axis.
+/// Panels of the same height, one below another, each with a line of text above it; all use the last one's horizontal
+/// axis.
 pub(crate) struct Panels {
     /// Height of that line in pixels.
     pub(crate) title: f64,
@@ -118,18 +119,18 @@ pub(crate) struct Panels {
     pub(crate) panel: f64,
 }
 
-/// One of them.
+/// One panel.
 pub(crate) struct Panel<'a> {
-    /// Where its line of text begins, in pixels from the top of the figure.
+    /// Position of its line of text, in pixels from the top of the figure.
     pub(crate) top: f64,
-    /// Below that line.
+    /// The area below that line.
     pub(crate) area: Area<'a>,
     /// Whether the horizontal axis is below it.
     pub(crate) is_last: bool,
 }
 
 impl Panels {
-    /// Draws a figure with a panel for each of `all`, whose line of text `draw` writes into the whole figure.
+    /// Draws a figure with a panel for each of `all`; `draw` draws a panel and writes its line of text.
     pub(crate) fn figure<T>(
         &self,
         format: Format,
@@ -151,14 +152,14 @@ impl Panels {
     }
 }
 
-/// How a value of an axis is written.
+/// Formats a value of an axis.
 type Write<'a> = &'a dyn Fn(&f64) -> String;
 
-/// The axes of a panel.
+/// Axes of a panel.
 pub(crate) struct Axes<'a> {
-    /// Ends of the horizontal axis.
+    /// Range of the horizontal axis.
     pub(crate) x: (f64, f64),
-    /// Ends of the vertical axis.
+    /// Range of the vertical axis.
     pub(crate) y: (f64, f64),
     /// Title of the horizontal axis; without one the axis has no labels.
     pub(crate) x_title: Option<&'a str>,
@@ -166,19 +167,19 @@ pub(crate) struct Axes<'a> {
     pub(crate) y_title: &'a str,
     /// Whether the labels of the horizontal axis have lines.
     pub(crate) x_lines: bool,
-    /// Most labels on each axis.
+    /// Largest number of labels on each axis.
     pub(crate) labels: (usize, usize),
-    /// How values of each axis are written.
+    /// Formats of the values of each axis.
     pub(crate) write: (Write<'a>, Write<'a>),
 }
 
 impl Axes<'_> {
-    /// Height in pixels of what stands below the horizontal axis.
+    /// Height in pixels of the labels below the horizontal axis.
     pub(crate) const fn below(has_title: bool) -> f64 {
         if has_title { 44.0 } else { 6.0 }
     }
 
-    /// Draws the grid; the chart that comes back takes the data.
+    /// Draws the grid and returns the chart for the data.
     pub(crate) fn draw<'a, 'b>(&self, format: Format, area: &'a Area<'b>) -> anyhow::Result<Chart<'a, 'b>> {
         let mut builder = ChartBuilder::on(area);
         builder.set_label_area_size(plotters::chart::LabelAreaPosition::Left, px(format.margin()));
@@ -209,7 +210,7 @@ impl Axes<'_> {
             mesh.x_desc(title);
         }
         mesh.draw()?;
-        // A title above the axis is read without turning the head.
+        // A horizontal title above the axis is easier to read.
         if !self.y_title.is_empty() {
             area.draw_text(self.y_title, &text(small, MUTED), (px(2.0), px(-14.0)))?;
         }
@@ -217,7 +218,7 @@ impl Axes<'_> {
     }
 }
 
-/// Numbers with the decimals that they have, at most two.
+/// Formats a number with its decimals, at most two.
 pub(crate) fn short(value: &f64) -> String {
     let text = format!("{value:.2}");
     if text == "-0.00" {
@@ -226,7 +227,7 @@ pub(crate) fn short(value: &f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
 }
 
-/// Whole numbers.
+/// Formats a whole number.
 pub(crate) fn whole(value: &f64) -> String {
     format!("{value:.0}").replace('-', "−")
 }

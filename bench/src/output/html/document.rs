@@ -1,4 +1,4 @@
-//! What all pages share: one self-contained file, with its style in it.
+//! What all pages share: each is one self-contained file that includes its style.
 
 use anyhow::Context as _;
 use minijinja::Environment;

@@ -10,12 +10,12 @@ use super::chart::Format;
 pub(crate) struct Figure {
     wide: Value,
     narrow: Value,
-    /// What it shows, for those who do not see it.
+    /// Text alternative for readers who do not see the figure.
     about: &'static str,
 }
 
 impl Figure {
-    /// Draws a figure in both widths; none where there is nothing to draw.
+    /// Draws a figure in both widths; `None` if there is nothing to draw.
     pub(crate) fn draw(
         about: &'static str,
         draw: impl Fn(Format) -> anyhow::Result<Option<String>>,

@@ -1,4 +1,4 @@
-//! What all pages share: one self-contained file, its style, its figures.
+//! What all pages share: one self-contained file with its style and its figures.
 
 pub(crate) mod chart;
 pub(crate) mod document;

@@ -33,14 +33,14 @@ use ros2::{Joint, Message, Pose};
 /// The file, in the run directory.
 pub const FILE: &str = "motion.mcap";
 
-/// Frame of the poses: the base that the motions are programmed in.
+/// Frame of the poses: the base in which the motions are programmed.
 const FRAME: &str = "base";
 
-/// A trace as the bytes of an MCAP file.
+/// Encodes a trace as an MCAP file.
 ///
 /// # Errors
 ///
-/// None is known; the writer reserves it.
+/// None is known; the writer's interface allows for one.
 pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
     let options = WriteOptions::new()
         .compression(None)
@@ -56,7 +56,7 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
             continue;
         }
         let channels = Channels::open(&mut file, execution_type)?;
-        // Until it moves for the first time the robot reports its pose in no base in particular.
+        // Before its first motion, the robot reports its pose in an undefined base.
         let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0).collect();
         let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, pose(tick))).collect();
         file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
@@ -67,7 +67,7 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
         let of_ticks = ticks.into_iter().zip(joints).zip(speeds);
         moments.extend(of_ticks.map(|(((at, tick), joints), speed)| (at, channels, tick, joints, speed)));
     }
-    // The types are one after the other so far, and players want a file in order of time.
+    // So far the types follow each other; players need messages in order of time.
     moments.sort_by_key(|(at, ..)| *at);
     for (at, channels, tick, joints, programmed_mm_s) in moments {
         file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.names, &joints))?;
@@ -79,7 +79,8 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
     Ok(file.writer.into_inner().into_inner())
 }
 
-/// The robot's cycles of a run with their times. A cycle that began before the start edge is none of the run.
+/// Returns the robot's cycles of a run with their times. A cycle that began before the start edge is not part of the
+/// run.
 fn ticks(trace: &Trace, execution_type: ExecutionType) -> Vec<(Duration, &RobotTick)> {
     let all = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
     let since_start = |tick: &RobotTick| Duration::from_nanos((tick.at_ms * 1e6).round() as u64);
@@ -94,13 +95,13 @@ fn pose(tick: &RobotTick) -> Pose {
     }
 }
 
-/// Where the tool is, x, y and z in m, and how fast it is there in m/s.
+/// Returns the tool's position x, y, z in m and its speed in m/s.
 fn point(tick: &RobotTick) -> [f32; 4] {
     let [x, y, z, ..] = tick.pose;
     [x, y, z, tick.path_speed_mm_s].map(|value| value / 1e3)
 }
 
-/// Which joints there are.
+/// The joints of the arm.
 struct Arm {
     names: Vec<String>,
     linear: Option<usize>,
@@ -115,7 +116,7 @@ impl Arm {
         Self { names: (1..=axes).map(|axis| format!("joint_{axis}")).collect(), linear }
     }
 
-    /// The joints in each cycle, their speeds by the difference from the cycle before to the one behind.
+    /// Returns the joints in each cycle; their speeds are differences between the previous and the next cycle.
     fn joint_states(&self, ticks: &[(Duration, &RobotTick)]) -> Vec<Vec<Joint>> {
         let last = ticks.len().saturating_sub(1);
         let around = |index: usize| (ticks.get(index.saturating_sub(1)), ticks.get((index + 1).min(last)));
@@ -134,7 +135,7 @@ impl Arm {
         ticks.iter().enumerate().map(of_tick).collect()
     }
 
-    /// The value of a joint in rad or m.
+    /// Returns the value of a joint in rad or m.
     fn value(&self, tick: &RobotTick, axis: usize) -> f64 {
         let value = f64::from(tick.joints.get(axis).copied().unwrap_or_default());
         if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() }
@@ -168,7 +169,7 @@ impl Channels {
 
 struct File {
     writer: Writer<Cursor<Vec<u8>>>,
-    /// The number of each channel's next message.
+    /// Sequence number of each channel's next message.
     sequences: BTreeMap<u16, u32>,
 }
 

@@ -1,11 +1,11 @@
-//! Which speed is programmed at each moment of a run, by the motion that the robot is at.
+//! The programmed speed at each moment of a run, from the motion that the robot executes.
 
 use protocol::image::{Motion, State};
 
 use crate::records::trace::RobotTick;
 
-/// For each cycle the programmed path speed in mm/s. It is no number where there is none: before and after the run, and in a
-/// point-to-point motion, whose speed is programmed as a share of the axes'.
+/// Returns the programmed path speed in mm/s for each cycle. It is NaN if there is none: before and after the run,
+/// and in a point-to-point motion, whose speed is programmed as a share of the axes' speed.
 pub(super) fn speeds_mm_s<'a>(ticks: impl Iterator<Item = &'a RobotTick>, motions: &[Motion]) -> Vec<f64> {
     let mut place = Place::default();
     ticks
@@ -17,18 +17,18 @@ fn speed(motion: &Motion) -> Option<f64> {
     (!motion.kind.is_point_to_point()).then(|| motion.velocity_mm_s())
 }
 
-/// How far the sequence is: a program or a MoveContinuousSkill has all motions or many, a single skill has one.
+/// Position in the sequence: a program or a MoveContinuousSkill has all motions or many, a single skill has one.
 #[derive(Default)]
 struct Place {
-    /// The command that is executed; the one before the run was never seen to run.
+    /// The command being executed; the command before the run was never seen running.
     command: Option<u16>,
-    /// Motions of the commands before it, and its own as far as they are accepted: all, once it has ended.
+    /// Motions of the earlier commands, plus accepted motions of this command: all of them once it has ended.
     before: u32,
     accepted: u32,
 }
 
 impl Place {
-    /// The index of the motion that the robot is at in this cycle, while it runs.
+    /// Returns the index of the motion that the robot executes in this cycle, while it runs.
     fn follow(&mut self, tick: &RobotTick) -> Option<usize> {
         if tick.state != State::Running {
             return None;
@@ -66,13 +66,13 @@ mod tests {
         vec![line(1_000), ptp, line(2_500)]
     }
 
-    /// The speeds in words, so that a missing one can be compared.
+    /// Formats the speeds as text, so that a missing one can be compared.
     fn speeds(ticks: &[RobotTick]) -> Vec<String> {
         speeds_mm_s(ticks.iter(), &motions()).iter().map(ToString::to_string).collect()
     }
 
     #[test]
-    fn a_continuous_motion_has_the_speed_of_the_motion_that_it_is_at() {
+    fn a_continuous_motion_has_the_speed_of_its_current_motion() {
         let ticks = [
             tick(State::Ready, 6, 13, 13),
             tick(State::Running, 7, 0, 2),
@@ -84,10 +84,10 @@ mod tests {
     }
 
     #[test]
-    fn single_skills_follow_each_other_through_the_motions() {
+    fn single_skills_go_through_the_motions_one_after_another() {
         let ticks = [
             tick(State::Running, 7, 0, 1),
-            // Its end fell between two cycles.
+            // Its end was between two cycles.
             tick(State::Running, 8, 0, 1),
             tick(State::Ready, 8, 1, 1),
             tick(State::Running, 9, 0, 1),

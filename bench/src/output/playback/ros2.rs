@@ -1,19 +1,20 @@
-//! The messages of ROS 2 that a run is told in, and their encoding.
+//! The ROS 2 messages of a run, and their encoding.
 //!
-//! CDR, little-endian (OMG DDSI-RTPS 2.5, section 10.2; the classic encoding of section 7.4.1 of OMG DDS-XTypes): four
-//! bytes that say so, then the fields one after the other, each at a multiple of its own size counted from behind those
-//! four. Strings and sequences begin with a u32, the number of bytes with the zero at the end, or of elements.
+//! CDR, little-endian (OMG DDSI-RTPS 2.5, section 10.2; the classic encoding of section 7.4.1 of OMG DDS-XTypes):
+//! four bytes that identify the encoding, then the fields in sequence, each aligned to its own size relative to the
+//! end of these four bytes. Strings and sequences begin with a u32: the number of bytes with the terminating zero, or
+//! the number of elements.
 
 use std::time::Duration;
 
-/// A message type: its name and its definition, which has those of its parts behind it.
+/// A message type: its name, and its definition followed by those of its parts.
 #[derive(Clone, Copy)]
 pub(super) struct Schema {
     pub(super) name: &'static str,
     pub(super) definition: &'static str,
 }
 
-/// A definition with those of its parts behind it, in the form that the schema encoding `ros2msg` wants.
+/// Joins a definition and those of its parts, in the form of the schema encoding `ros2msg`.
 macro_rules! definition {
     ($fields:literal $(, $part:literal: $of_part:literal)*) => {
         concat!($fields, $("================================================================================\n",
@@ -68,7 +69,7 @@ pub(super) const POINT_CLOUD: Schema = Schema {
 
 pub(super) const FLOAT: Schema = Schema { name: "std_msgs/msg/Float64", definition: "float64 data\n" };
 
-/// Where the tool is.
+/// Pose of the tool.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose {
     /// x, y, z in m.
@@ -77,12 +78,12 @@ pub(super) struct Pose {
     pub(super) orientation: [f64; 4],
 }
 
-/// A joint at an instant.
+/// State of a joint at an instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Joint {
-    /// In rad or m.
+    /// Position in rad or m.
     pub(super) position: f64,
-    /// In rad/s or m/s.
+    /// Speed in rad/s or m/s.
     pub(super) speed: f64,
 }
 
@@ -93,7 +94,7 @@ pub(super) struct Message(Vec<u8>);
 const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 impl Message {
-    /// [`JOINT_STATE`]. Efforts are not known, and left empty.
+    /// Encodes a [`JOINT_STATE`]. Efforts are unknown and left empty.
     pub(super) fn joint_state(at: Duration, frame: &str, names: &[String], joints: &[Joint]) -> Self {
         let mut message = Self::new();
         message.header(at, frame);
@@ -107,14 +108,14 @@ impl Message {
         message
     }
 
-    /// [`POSE_STAMPED`].
+    /// Encodes a [`POSE_STAMPED`].
     pub(super) fn pose(at: Duration, frame: &str, pose: &Pose) -> Self {
         let mut message = Self::new();
         message.pose_stamped(at, frame, pose);
         message
     }
 
-    /// [`PATH`] of timed poses.
+    /// Encodes a [`PATH`] of timed poses.
     pub(super) fn path(frame: &str, way: &[(Duration, Pose)]) -> Self {
         let mut message = Self::new();
         message.header(Duration::ZERO, frame);
@@ -123,9 +124,9 @@ impl Message {
         message
     }
 
-    /// [`POINT_CLOUD`] of x, y and z in m and the speed there in m/s.
+    /// Encodes a [`POINT_CLOUD`] of x, y and z in m and the speed there in m/s.
     pub(super) fn points(frame: &str, points: &[[f32; 4]]) -> Self {
-        /// `PointField::FLOAT32`.
+        /// Value of `PointField::FLOAT32`.
         const FLOAT32: u8 = 7;
         const STEP: u32 = 16;
         let mut message = Self::new();
@@ -145,7 +146,7 @@ impl Message {
         message
     }
 
-    /// [`FLOAT`].
+    /// Encodes a [`FLOAT`].
     pub(super) fn float(value: f64) -> Self {
         let mut message = Self::new();
         message.f64(value);
@@ -208,19 +209,19 @@ mod tests {
     }
 
     #[test]
-    fn each_field_stands_at_a_multiple_of_its_size_behind_the_four_bytes() {
+    fn each_field_is_aligned_to_its_size_behind_the_four_bytes() {
         let joints = [Joint { position: 1.0, speed: 2.0 }, Joint { position: -0.5, speed: 0.0 }];
         let names = ["j1", "j2"].map(str::to_owned);
         let message = Message::joint_state(Duration::new(3, 7), "base", &names, &joints);
-        // What each word is: head; stamp; frame with its length and padding; names; positions; speeds; efforts.
+        // The words: header; stamp; frame with its length and padding; names; positions; speeds; efforts.
         insta::assert_snapshot!(words(&message), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 02000000 00000000 00000000 00000040 00000000 00000000 00000000");
     }
 
     #[test]
-    fn a_point_is_sixteen_bytes_behind_the_names_of_what_is_in_them() {
+    fn a_point_has_sixteen_bytes_behind_the_names_of_its_fields() {
         let message = Message::points("base", &[[1.0, 2.0, 3.0, 0.5]]);
-        // Head; stamp; frame; height and width; four fields, each a name with its length and padding, offset, type with
-        // padding, and count; order of bytes with padding; bytes of a point, of a row and of all; the point; dense.
+        // Header; stamp; frame; height and width; four fields, each a name with its length and padding, offset, type
+        // with padding, and count; byte order with padding; bytes of a point, of a row and of all; the point; dense.
         insta::assert_snapshot!(words(&message), @"00010000 00000000 00000000 05000000 62617365 00000000 01000000 01000000 04000000 02000000 78000000 00000000 07000000 01000000 02000000 79000000 04000000 07000000 01000000 02000000 7a000000 08000000 07000000 01000000 06000000 73706565 64000000 0c000000 07000000 01000000 00000000 10000000 10000000 10000000 0000803f 00000040 00004040 0000003f 01");
     }
 }

@@ -1,20 +1,20 @@
-//! What this process has in memory, by the kernel's account.
+//! Memory of this process, as the kernel counts it.
 
 use std::fmt;
 
 use anyhow::{Context, anyhow};
 
-/// The most that was resident at once since the process began, in KiB. The kernel counts in batches, so that a later
-/// figure may be a little lower than one before.
+/// Largest resident memory since the process started, in KiB. The kernel counts in batches, so a later value may be
+/// slightly smaller than an earlier one.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct PeakResident(pub u64);
 
 impl PeakResident {
-    /// Asks the kernel (`VmHWM` in `/proc/self/status`).
+    /// Reads it from the kernel (`VmHWM` in `/proc/self/status`).
     ///
     /// # Errors
     ///
-    /// There is no such file, or it does not say.
+    /// The file does not exist or has no such line.
     pub fn now() -> anyhow::Result<Self> {
         let path = "/proc/self/status";
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"))?;

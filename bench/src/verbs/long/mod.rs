@@ -1,9 +1,10 @@
-//! `bench long`: a MoveContinuousSkill of millions of motions, as the paper says that it can run, in virtual time.
+//! `bench long`: a MoveContinuousSkill of millions of motions, which the paper claims to be possible, in virtual
+//! time.
 //!
 //! ```text
-//! supply   the motions: planned or read on a thread, a few thousand ahead
-//! run      both nodes at work on them; digests of what was sent and of what the robot took
-//! memory   what this process has in memory
+//! supply   the motions: planned or read by a thread, a few thousand ahead
+//! run      both nodes at work on them; digests of the motions sent and of the motions accepted
+//! memory   memory of this process
 //! ```
 
 mod memory;
@@ -28,13 +29,13 @@ use crate::output::exit::{Exit, Failure};
 use crate::verbs::event_loop::{event_loop, interrupt};
 use crate::verbs::setup_option::SetupOption;
 
-/// What is repeated unless an application or a list is named: many short motions.
+/// The default application: many short motions, repeated.
 const APPLICATION: &str = "engraving";
 
-/// Motions unless they are counted otherwise.
+/// Default number of motions.
 const MOTIONS: u32 = 5_000_000;
 
-/// True time from one look at the digests, and at Ctrl-C, to the next.
+/// True time between two checks of the digests and for Ctrl-C.
 const SLICE: Duration = Duration::from_secs(1);
 
 /// Options of a long run.
@@ -104,7 +105,7 @@ fn origin(
     }
 }
 
-/// Runs to the end, to an error or to an interrupt.
+/// Runs until the end, an error or an interrupt.
 async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32) -> Result<Exit, Failure> {
     let mut interrupt = std::pin::pin!(interrupt()?);
     let started = Instant::now();
@@ -114,7 +115,7 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
     let progress = Progress::start(total, options.quiet);
     let (mut tenths, mut at_a_tenth) = (0, None);
     let ended = loop {
-        // A virtual run never waits, so this is where signals get their turn.
+        // A virtual run never waits, so signals are handled here.
         tokio::task::yield_now().await;
         tokio::select! {
             biased;
@@ -177,7 +178,7 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
     Ok(Exit::Pass)
 }
 
-/// A bar on a terminal, lines elsewhere; on stderr.
+/// Progress on standard error: a bar on a terminal, lines elsewhere.
 struct Progress {
     bar: ProgressBar,
     quiet: bool,

@@ -1,4 +1,4 @@
-//! One MoveContinuousSkill of any length, in steps that allocate nothing.
+//! One MoveContinuousSkill of any length, in steps that do not allocate.
 
 use std::time::Duration;
 
@@ -19,37 +19,37 @@ pub struct LongRun {
     begun: Duration,
 }
 
-/// The two sides do not agree on the motions.
+/// The two sides disagree about the motions.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("motions were lost, duplicated or reordered: {one} has the digest {}, {other} has {}", .sums[0], .sums[1])]
 pub struct Mismatch {
-    /// Who has the first digest.
+    /// Owner of the first digest.
     pub one: &'static str,
-    /// Who has the second one.
+    /// Owner of the second digest.
     pub other: &'static str,
-    /// Both.
+    /// The two digests.
     pub sums: [Sum; 2],
 }
 
-/// What a finished run came to.
+/// Result of a finished run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Finished {
-    /// The PLC's account.
+    /// The PLC's result.
     pub execution: Execution,
-    /// The motions as they came from the list.
+    /// Digest of the motions from the list.
     pub list: Sum,
-    /// The motions that the PLC sent.
+    /// Digest of the motions that the PLC sent.
     pub sent: Sum,
-    /// The motions that the robot put on its path.
+    /// Digest of the motions that the robot put on its path.
     pub accepted: Sum,
 }
 
 impl Finished {
-    /// Whether every motion of the list went over, once and in order.
+    /// Checks that every motion of the list was transmitted once and in order.
     ///
     /// # Errors
     ///
-    /// Who disagrees with whom.
+    /// Two sides disagree.
     pub fn check(&self) -> Result<(), Mismatch> {
         agree("the list", self.list, "the PLC", self.sent)?;
         agree("the PLC", self.sent, "the robot", self.accepted)
@@ -61,23 +61,24 @@ fn agree(one: &'static str, first: Sum, other: &'static str, second: Sum) -> Res
 }
 
 impl LongRun {
-    /// Connects the nodes and sets the start edge of a run of the first `total` motions. RC has no part in it, so that
-    /// the robot's program store is empty.
+    /// Connects the nodes and sets the start edge of a run of the first `total` motions. The robot's program store is
+    /// empty, since RC does not run.
     ///
     /// # Errors
     ///
-    /// The setup does not describe a robot, or no connection comes about.
+    /// The setup does not describe a robot, or the nodes do not connect.
     pub fn start(setup: &Setup, origin: Origin, total: u32, seed: u64) -> anyhow::Result<Self> {
         let to_start = origin.to_start()?;
         let (supply, source) = Supply::start(origin, total);
         Self::with(setup, supply, Box::new(source), to_start, seed)
     }
 
-    /// The same with something between the list and the PLC, for tests of the digests.
+    /// Starts a run like [`start`](Self::start) with another source between the list and the PLC, for tests of the
+    /// digests.
     ///
     /// # Errors
     ///
-    /// Those of [`start`](Self::start).
+    /// The same as for [`start`](Self::start).
     pub fn with_source(
         setup: &Setup,
         supply: Supply,
@@ -102,30 +103,30 @@ impl LongRun {
         Ok(Self { run, supply, total, begun })
     }
 
-    /// Motions in all.
+    /// Returns the total number of motions.
     #[must_use]
     pub const fn total(&self) -> u32 {
         self.total
     }
 
-    /// What the plant would have taken so far.
+    /// Returns the time that the plant would have taken so far.
     #[must_use]
     pub fn plant_time(&self) -> Duration {
         self.run.plant_time().saturating_sub(self.begun)
     }
 
-    /// The motions that the PLC sent so far, and those that the robot put on its path.
+    /// Returns digests of the motions that the PLC sent so far, and of those that the robot put on its path.
     #[must_use]
     pub fn digests(&self) -> [Digest; 2] {
         self.run.digests()
     }
 
-    /// Lets `time` pass, or less where the run ends before. Wherever both sides are past the same interval, their
-    /// digests are compared. It allocates nothing unless something is wrong.
+    /// Runs for `time`, or less if the run ends. Whenever both sides have passed the same interval, their digests are
+    /// compared. Allocates only on an error.
     ///
     /// # Errors
     ///
-    /// [`Mismatch`], or why the run failed.
+    /// [`Mismatch`], or the reason why the run failed.
     pub fn advance(&mut self, time: Duration) -> anyhow::Result<Option<Execution>> {
         let until = self.run.plant_time() + time;
         while let Some(event) = self.run.run_for(until.saturating_sub(self.run.plant_time())) {
@@ -142,7 +143,7 @@ impl LongRun {
         Ok(None)
     }
 
-    /// Ends the run with what [`advance`](Self::advance) said at last; one that was given up says why.
+    /// Ends the run with the last result of [`advance`](Self::advance); if the run was given up, that is the error.
     ///
     /// # Errors
     ///

@@ -1,5 +1,5 @@
-//! Motions for a run that is too long for a list in memory: planned or read on a thread of their own, a few thousand
-//! ahead of the PLC.
+//! Motions for a run that is too long for a list in memory: a thread plans or reads them, a few thousand ahead of the
+//! PLC.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
@@ -15,24 +15,24 @@ use plc_node::MotionSource;
 use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
 
-/// Motions that are handed over at once.
+/// Number of motions in a chunk.
 const CHUNK: usize = 4096;
 
-/// Chunks that may wait for the PLC: with the one that it takes from and the one that is being filled, all that there
-/// is in memory of the list.
+/// Largest number of chunks that wait for the PLC. Together with the chunk that the PLC reads and the one that is
+/// being filled, they are all of the list that is in memory.
 const CHUNKS_AHEAD: usize = 2;
 
-/// Where the motions come from.
+/// Source of the motions.
 #[derive(Debug)]
 pub enum Origin {
-    /// An application, planned for a setup again and again.
+    /// An application, planned for a setup and repeated.
     Application(Box<(Application, Setup)>),
     /// A motion list.
     List(PathBuf),
 }
 
 impl Origin {
-    /// What messages call it.
+    /// Returns its name in messages.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -41,12 +41,12 @@ impl Origin {
         }
     }
 
-    /// How many of the first `most` motions there are. It looks at each one that is not a repetition of others, so that
-    /// a list is refused before anything moves.
+    /// Returns how many of the first `most` motions exist. It checks each one that is not a repetition, so that a
+    /// wrong list is refused before anything moves.
     ///
     /// # Errors
     ///
-    /// A motion cannot be planned or read, or there is none.
+    /// A motion cannot be planned or read, or there are none.
     pub fn count(&self, most: u32) -> anyhow::Result<u32> {
         let counted = match self {
             Self::Application(it) => match planning::count(&it.0, &it.1, 2)? {
@@ -65,7 +65,7 @@ impl Origin {
         if counted == 0 { Err(anyhow!("{} has no motions", self.name())) } else { Ok(counted) }
     }
 
-    /// How the arm gets to where the motions begin. A list begins wherever the arm stands.
+    /// Returns how the arm gets to the start of the motions. A list starts wherever the arm is.
     ///
     /// # Errors
     ///
@@ -122,12 +122,12 @@ impl Origin {
     }
 }
 
-/// The thread that makes the motions.
+/// The thread that supplies the motions.
 #[derive(Debug)]
 pub struct Supply(JoinHandle<anyhow::Result<Sum>>);
 
 impl Supply {
-    /// Starts to make `total` motions; they come out of the source.
+    /// Starts to supply `total` motions through the returned source.
     #[must_use]
     pub fn start(origin: Origin, total: u32) -> (Self, Supplied) {
         let (sender, chunks) = sync_channel(CHUNKS_AHEAD);
@@ -140,7 +140,7 @@ impl Supply {
                 if chunk.len() < CHUNK {
                     return ControlFlow::Continue(());
                 }
-                // Who does not want more motions has ended.
+                // The receiver ended and wants no more motions.
                 match sender.send(std::mem::replace(&mut chunk, Vec::with_capacity(CHUNK))) {
                     Ok(()) => ControlFlow::Continue(()),
                     Err(_) => ControlFlow::Break(()),
@@ -152,7 +152,7 @@ impl Supply {
         (Self(thread), Supplied { total, next: 0, chunks, chunk: Vec::new().into_iter() })
     }
 
-    /// What the whole list was, once the PLC has it or does not want it any more.
+    /// Returns the digest of the whole list, once the PLC has all of it or wants no more.
     ///
     /// # Errors
     ///
@@ -162,9 +162,9 @@ impl Supply {
     }
 }
 
-/// The motions as the PLC takes them.
+/// The motions, as the PLC takes them.
 ///
-/// It waits for the thread that makes them, which a scan on a real clock could not; waiting takes no virtual time.
+/// It waits for the supplying thread, which a scan in real time could not do; waiting takes no virtual time.
 #[derive(Debug)]
 pub struct Supplied {
     total: u32,

@@ -41,15 +41,15 @@ use session::{Ended, Session};
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;
 
-/// What the nodes' cyclic threads have where nothing was refused.
+/// What the nodes' cyclic threads have if the host refused nothing.
 const GRANTED: &str = "SCHED_FIFO, memory locked";
 
-/// Runs a setup and prints the table.
+/// Runs a measurement and prints its table.
 ///
 /// # Errors
 ///
-/// The options, the setup, the machine or the disk does not allow it. A repetition that fails is none: its table is
-/// printed as far as it goes, and the exit code says so.
+/// The options, the setup, the computer or the disk does not allow it. A failed repetition is not an error: the table
+/// is printed as far as it is complete, and the exit code tells.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let (mut setup, found) = options.setup.load()?;
     if let Some(cyclic) = options.cyclic {
@@ -113,14 +113,14 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     Ok(ended.exit)
 }
 
-/// Whether the setup describes a robot, and the application starts where that can stand.
+/// Checks that the setup describes a robot, and that it can stand where the application starts.
 fn check_robot(setup: &Setup, found: &Found, plan: &planning::Plan) -> Result<(), Failure> {
     let robot = RobotConfig::from_setup(setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     let in_cell = robot.in_cell_of(&found.application, &plan.wire_to_start(setup));
     in_cell.map(drop).map_err(|error| Failure::new(Exit::Usage, error))
 }
 
-/// What the bench cannot ask of nodes that somebody else started.
+/// Rejects options that need nodes started by the bench.
 fn check_attach(options: &RunOptions) -> Result<(), Failure> {
     let instead = if options.mode == Mode::Virtual {
         "--attach measures on running nodes, in real time: leave out `--mode virtual`"
@@ -144,7 +144,7 @@ struct Measurement<'a> {
     setup: Setup,
     found: Found,
     schedule: Schedule,
-    /// What a person should look at in the planned motions: blends that had to shrink.
+    /// Warnings about the planned motions that a person should read: blends that had to shrink.
     warnings: Vec<String>,
 }
 
@@ -170,7 +170,7 @@ impl Measurement<'_> {
         let results =
             Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.schedule);
         let overhead_free = || WithoutOverhead::start(&self.setup, &self.found.application, &self.schedule);
-        // In real mode afterwards, so that it takes no core from the nodes.
+        // In real mode it runs afterwards, so that it takes no core from the nodes.
         let meanwhile = (self.options.mode == Mode::Virtual).then(overhead_free);
         let ended = match self.options.mode {
             Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await?,
@@ -178,15 +178,15 @@ impl Measurement<'_> {
         };
         let ended = match ended.exit {
             Exit::Pass => ended.beside(meanwhile.unwrap_or_else(overhead_free).finish()?),
-            // Whoever interrupted the run, or has a node to look after, does not want to wait for it.
+            // After an interrupt, or if a node needs attention, the user does not want to wait for it.
             _ => ended,
         };
-        // Where the disk took no more before, it is not asked again: what is there is whole.
+        // If the disk was full before, do not write again: the files there are complete.
         let saved = if ended.exit == Exit::Internal { Ok(()) } else { session.finish(&ended.results) };
         Ok((ended.and_saved(saved), path))
     }
 
-    /// Shows the first warnings of the plan: in a grid each comes once a cycle.
+    /// Prints the plan's first warnings: for a grid each would be repeated in every cycle.
     fn warn(&self, progress: &Progress) {
         self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
         let more = self.warnings.len().saturating_sub(WARNINGS);
@@ -198,7 +198,7 @@ impl Measurement<'_> {
         }
     }
 
-    /// Runs the schedule on a stand, from its start to its end.
+    /// Executes the schedule on a stand, from its start to its end.
     async fn run_on<S: Stand>(
         &self,
         session: &mut Session,
@@ -243,7 +243,7 @@ impl Measurement<'_> {
         Ok(self.take_up(ended, finished, session))
     }
 
-    /// Saves what is left of a stand, and takes its last word on the run into the results.
+    /// Saves the stand's trace and captures, and adds its final conditions to the results.
     fn take_up(&self, ended: Ended, finished: Finished, session: &Session) -> Ended {
         let Finished { trace, health, capture, remark } = finished;
         if let Some(remark) = remark {
@@ -258,11 +258,11 @@ impl Measurement<'_> {
             }
         }
         match health {
-            // What both nodes counted at their end belongs together; on the way their reports come one by one.
+            // The two nodes' final counts belong together; their earlier reports are not simultaneous.
             Ok(Some(health)) if ended.failures.is_empty() => ended.results.set_health(&health),
-            // A run that failed has said why; its nodes then have little to add.
+            // A failed run already has its error; the nodes' end adds little.
             Err(Failure { exit, error }) if !ended.exit.is_failed_run() => {
-                // No repetition failed, so it is no such code.
+                // No repetition failed, so the exit code must not say so.
                 let exit = if exit == Exit::RunFailed { Exit::Internal } else { exit };
                 ended.failures.push(error);
                 ended.exit = if ended.exit == Exit::Pass { exit } else { ended.exit };
@@ -272,7 +272,7 @@ impl Measurement<'_> {
         ended
     }
 
-    /// Saves the tables that the report draws, and the timeline and the arm's motion where they are asked for.
+    /// Saves the tables for the report, and the timeline and the arm's motion if requested.
     fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
         trace.save(session.directory.path())?;
         if self.options.trace {
@@ -288,7 +288,7 @@ impl Measurement<'_> {
         Ok(())
     }
 
-    /// How much of what passes the interfaces is kept.
+    /// Returns how much of a capture is kept.
     fn keep(&self) -> Option<Keep> {
         match self.options.capture {
             Capture::Always => Some(Keep::All),
@@ -297,13 +297,13 @@ impl Measurement<'_> {
         }
     }
 
-    /// Whether the captures of a run that ended so are to be written.
+    /// Returns whether the captures of a run with this exit code are written.
     fn wants_capture(&self, exit: Exit) -> bool {
         self.options.capture == Capture::Always || exit.is_failed_run()
     }
 }
 
-/// The virtual run without the calibrated overhead, on the other core meanwhile; none where there is no overhead.
+/// The virtual run without the calibrated overhead, on another core; `None` if there is no overhead.
 struct WithoutOverhead(Option<JoinHandle<anyhow::Result<Results>>>);
 
 impl WithoutOverhead {

@@ -1,5 +1,5 @@
-//! One measured run from its plan to its table: every repetition is saved before the next one starts, and what is
-//! there stays when it ends early.
+//! Executes one schedule up to its table. Every repetition is saved before the next one starts, so that an early end
+//! loses nothing.
 
 use crate::output::exit::Exit;
 use crate::output::export::Exports;
@@ -10,36 +10,36 @@ use crate::records::run_directory::{Durability, RunDirectory};
 use crate::records::schedule::Schedule;
 use crate::stands::Stand;
 
-/// What a run writes to, and who watches.
+/// Where a run writes its files and shows its progress.
 #[derive(Debug)]
 pub struct Session {
     /// The run directory.
     pub directory: RunDirectory,
-    /// Files besides it.
+    /// Exported files outside of it.
     pub exports: Exports,
     /// The live view.
     pub progress: Progress,
 }
 
-/// How a run ended.
+/// Result of a run, and how it ended.
 #[derive(Debug)]
 pub struct Ended {
     /// What it found out.
     pub results: Results,
-    /// The code that the program ends with.
+    /// The program's exit code.
     pub exit: Exit,
-    /// Why a repetition failed, where one did, and what of the run could not be saved.
+    /// Why a repetition failed, if one did, and which parts of the run could not be saved.
     pub failures: Vec<anyhow::Error>,
 }
 
 impl Ended {
-    /// The same with the run that it is to be compared with.
+    /// Adds the result of the run that it is compared with.
     #[must_use]
     pub fn beside(self, without_skill_overhead: Option<WithoutOverhead>) -> Self {
         Self { results: Results { without_skill_overhead, ..self.results }, ..self }
     }
 
-    /// The same after an attempt to save more of the run. Where that failed, a run that passed did not.
+    /// Adds the result of saving more of the run. If that failed, a run that passed becomes a failure.
     #[must_use]
     pub fn and_saved(mut self, saved: anyhow::Result<()>) -> Self {
         if let Err(error) = saved {
@@ -53,7 +53,7 @@ impl Ended {
 }
 
 impl Session {
-    /// Writes down what the run runs on.
+    /// Writes the description of the computer.
     ///
     /// # Errors
     ///
@@ -62,12 +62,12 @@ impl Session {
         self.directory.write_host(&host.to_json()?)
     }
 
-    /// Runs the plan on the stand until it is done, a repetition fails, or `interrupt` resolves.
+    /// Executes the schedule on the stand until it is done, a repetition fails, or `interrupt` resolves.
     ///
     /// # Errors
     ///
-    /// The results of no repetition yet cannot be written. Where those of a repetition cannot, the run ends there: what
-    /// it measured is returned, and what was written before is still there.
+    /// The initial results cannot be written. If the results of a repetition cannot be written, the run ends with
+    /// what it measured, and earlier files are kept.
     pub async fn run(
         &mut self,
         stand: &mut impl Stand,
@@ -77,7 +77,7 @@ impl Session {
     ) -> anyhow::Result<Ended> {
         let mut interrupt = std::pin::pin!(interrupt);
         let mut failures = Vec::new();
-        // A file that cannot be written is to be known before the first repetition, not after it.
+        // A file that cannot be written should be noticed before the first repetition.
         self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
         let end = |status, failures: &[anyhow::Error]| match status {
@@ -87,7 +87,7 @@ impl Session {
         };
         for step in schedule.steps() {
             self.progress.running(step.execution_type, step.repetition);
-            // A virtual run never waits, so this is where its signals get their turn.
+            // A virtual run never waits, so signals are handled here.
             tokio::task::yield_now().await;
             let outcome = tokio::select! {
                 biased;
@@ -135,7 +135,7 @@ impl Session {
         Ok(Ended { exit: end(results.status, &failures), results, failures }.and_saved(saved))
     }
 
-    /// Writes the results for good.
+    /// Writes the final results.
     ///
     /// # Errors
     ///
@@ -162,7 +162,7 @@ mod tests {
     use robot_node::Quality;
     use std::time::Duration;
 
-    /// Takes as many milliseconds as it has run before, fails at run `fails_at` and exceeds a rating at run `exceeds_at`.
+    /// Takes one millisecond more in every run, fails in run `fails_at` and exceeds a rating in run `exceeds_at`.
     #[derive(Default)]
     struct Scripted {
         runs: u64,
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_goes_well_saves_every_repetition() {
+    fn a_successful_run_saves_every_repetition() {
         let outcome = run(Scripted::default(), std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Pass, Status::Complete));
         assert_eq!(outcome.saved, outcome.ended.results);
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_repetition_that_fails_is_marked_and_those_before_it_stay() {
+    fn a_failed_repetition_is_marked_and_the_earlier_ones_are_kept() {
         let outcome = run(Scripted { fails_at: 5, ..Scripted::default() }, std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
         insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_beyond_its_rating_fails_the_run_and_is_no_sample_but_stays_among_the_figures() {
+    fn a_joint_beyond_its_rating_fails_the_run_and_gives_no_sample_but_counts_in_the_motion_figures() {
         let outcome = run(Scripted { exceeds_at: 5, ..Scripted::default() }, std::future::pending());
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RatingExceeded, Status::Failed));
         insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: a joint had a jerk of 225000.0 % of its rating, by the differences from one robot cycle to the next");
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interrupt_keeps_what_is_done() {
+    fn an_interrupt_keeps_the_finished_repetitions() {
         let mut turns = 0;
         let after_three = std::future::poll_fn(move |_| {
             turns += 1;

@@ -1,4 +1,4 @@
-//! What a study varies.
+//! The numbers that a study varies.
 
 use std::fmt;
 
@@ -10,10 +10,10 @@ use setup::Setup;
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Factor {
-    /// N: the same way in other motions. Below 1 those that go straight on are joined; from 2 on each straight one is in so
-    /// many pieces.
+    /// N: the same path in another number of motions. Below 1, collinear motions are joined; from 2 on, each straight
+    /// motion is split into this many.
     Motions,
-    /// The length of every way.
+    /// The length of every path.
     Length,
     /// The programmed acceleration.
     Acceleration,
@@ -24,12 +24,12 @@ pub enum Factor {
 }
 
 impl Factor {
-    /// All of them.
+    /// All factors.
     pub const ALL: [Self; 5] =
         [Self::Motions, Self::Length, Self::Acceleration, Self::Approximation, Self::Overhead];
 
-    /// By what it is multiplied where nothing else is asked for. Half and double where the arm allows it: its stroke ends
-    /// soon above the application as it is.
+    /// Returns the default multipliers: half and double if the arm allows it. Upwards its stroke ends a little above
+    /// the unchanged application.
     const fn usual(self) -> &'static [f64] {
         match self {
             Self::Motions => &[0.5, 2.0, 3.0],
@@ -53,17 +53,18 @@ impl fmt::Display for Factor {
     }
 }
 
-/// The setup as it is but for one number.
+/// The setup with one number changed.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Case {
-    /// What is varied; none for the setup as it is.
+    /// The varied number; `None` for the unchanged setup.
     pub factor: Option<Factor>,
-    /// By what it is multiplied.
+    /// Its multiplier.
     pub times: f64,
 }
 
 impl Case {
-    /// The setup as it is, then every number by every factor but 1. What a setup does not have is not varied.
+    /// Returns the unchanged setup, then every number with every multiplier except 1. Numbers that a setup does not
+    /// have are left out.
     #[must_use]
     pub fn all(setup: &Setup, factors: Option<&[f64]>) -> Vec<Self> {
         let has = |factor: Factor| match factor {
@@ -72,7 +73,7 @@ impl Case {
             Factor::Overhead => setup.robot.skill_overhead_us.value > 0,
         };
         let of = |factor: Factor| {
-            // A plan is joined or divided as a whole, whatever else is multiplied by.
+            // The motions have their own multipliers: a plan is joined or split as a whole.
             let asked = factors.filter(|_| factor != Factor::Motions);
             let times = asked.unwrap_or(factor.usual()).iter().filter(|times| **times != 1.0);
             times.map(move |times| Self { factor: Some(factor), times: *times }).collect::<Vec<_>>()
@@ -82,11 +83,11 @@ impl Case {
             .collect()
     }
 
-    /// The setup and the plan of this case.
+    /// Returns the setup and the plan of this case.
     ///
     /// # Errors
     ///
-    /// In words, why there is none.
+    /// Why there is none, as text.
     pub fn make(&self, setup: &Setup, application: &Application) -> Result<(Setup, Plan), String> {
         let Self { factor, times } = *self;
         let mut setup = setup.clone();
@@ -119,7 +120,7 @@ impl Case {
         Ok((setup, plan))
     }
 
-    /// What the number then is, with its unit.
+    /// Formats the number's value in this case, with its unit.
     #[must_use]
     pub fn value(&self, setup: &Setup, application: &Application) -> String {
         let made = self.make(setup, application).ok();

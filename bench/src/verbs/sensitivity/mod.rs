@@ -1,7 +1,8 @@
-//! How the execution times move with what nobody could find out: one number at a time, with and without calibration.
+//! `bench sensitivity`: how the execution times depend on numbers that are not known: one number at a time, with and
+//! without calibration.
 //!
 //! ```text
-//! factor   what is varied, and the setup or plan that it makes
+//! factor   the varied numbers, and the setup or plan of each case
 //! table    the rows on screen and as CSV
 //! ```
 
@@ -60,7 +61,7 @@ fn multiplier(text: &str) -> Result<f64, String> {
     if (0.0..=100.0).contains(&factor) { Ok(factor) } else { Err("a factor is 0 to 100".to_owned()) }
 }
 
-/// Everything that a study found out.
+/// All results of a study.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Sensitivity {
     /// Version of this format.
@@ -77,30 +78,30 @@ pub struct Sensitivity {
     pub seed: u64,
     /// The published figures, if the paper measured this setup.
     pub paper: Option<PerType<PaperFigure>>,
-    /// The cases; the first one is the setup as it is.
+    /// The cases; the first one is the unchanged setup.
     pub rows: Vec<Row>,
 }
 
-/// One case: the setup as it is but for one number.
+/// One case: the setup with one number changed.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// What is varied; null for the setup as it is.
+    /// The varied number; null for the unchanged setup.
     pub factor: Option<Factor>,
-    /// By what it is multiplied; see [`Factor`] for the motions.
+    /// Its multiplier; for the motions see [`Factor`].
     pub times: f64,
-    /// What it then is, with its unit.
+    /// The resulting value, with its unit.
     pub value: String,
-    /// Why it cannot be run, in words; then there are no figures.
+    /// Why the case cannot be run, as text; then there are no figures.
     pub refused: Option<String>,
-    /// With the setup's calibrated numbers.
+    /// Figures with the setup's calibrated numbers.
     pub calibrated: Figures,
-    /// The same where a skill call costs nothing besides its motion.
+    /// Figures if a skill call costs no time besides its motion.
     pub without_skill_overhead: Figures,
-    /// Without any calibrated number: h = 0, rated speeds, no quanta.
+    /// Figures without any calibrated number: h = 0, rated speeds, no quanta.
     pub uncalibrated: Figures,
 }
 
-/// What one variant of a case came to.
+/// Figures of one variant of a case.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Figures {
     /// AET of RC, in ms.
@@ -113,7 +114,7 @@ pub struct Figures {
     pub aet_improvement: Option<f64>,
 }
 
-/// Which numbers of the setup are as they were calibrated.
+/// Which calibrated numbers of the setup are kept.
 #[derive(Clone, Copy, Debug)]
 enum Variant {
     Calibrated,
@@ -121,7 +122,7 @@ enum Variant {
     Uncalibrated,
 }
 
-/// What is run: a variant of a case, planned.
+/// One variant of a case, planned.
 struct Job {
     setup: Setup,
     planned: Planned,
@@ -131,8 +132,8 @@ struct Job {
 ///
 /// # Errors
 ///
-/// The options or the setup do not allow it, a run fails, or the disk does not take the results. A case that the planner
-/// or the robot refuses is none: its row says why.
+/// The options or the setup do not allow it, a run fails, or the results cannot be written. A case that the planner
+/// or the robot refuses is not an error: its row tells why.
 pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
@@ -165,7 +166,7 @@ fn study(
             );
         }
     }
-    // What the robot refuses is an answer as well: the case is out of its reach.
+    // A refusal by the robot is a result, too: the case is out of its reach.
     let outcomes = jobs::run("sensitivity", options.study.quiet, &jobs, |job| {
         Ok(match job {
             Ok(job) => figures(job, &schedule).map_err(|error| format!("{error:#}")),

@@ -8,7 +8,7 @@ use crate::records::schedule::repetitions;
 
 const NONE: &str = "–";
 
-/// The table and what its columns mean.
+/// Formats the table, with the meaning of its columns.
 #[must_use]
 pub fn render(study: &Sensitivity) -> String {
     let Sensitivity { setup, title, application, reps, seed, .. } = study;
@@ -96,7 +96,7 @@ fn percent(figures: &Figures) -> String {
     figures.aet_improvement.map_or_else(|| NONE.to_owned(), |share| format!("{:.1} %", share * 100.0))
 }
 
-/// All rows, one a line.
+/// Formats all rows, one per line.
 #[must_use]
 pub fn csv(study: &Sensitivity) -> String {
     let mut text = String::from("varied,times,value");

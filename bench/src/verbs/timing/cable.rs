@@ -1,4 +1,4 @@
-//! A cable of a contender's own, with a witness at each end.
+//! A cable of its own for a contender, with an arrival log at each end.
 
 use std::ffi::{OsStr, OsString};
 use std::net::Ipv4Addr;
@@ -12,7 +12,7 @@ pub(super) const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 pub(super) const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
 pub(super) const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 
-/// Which way frames go.
+/// Direction of frames.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Way {
     /// T→O.
@@ -21,7 +21,7 @@ pub(super) enum Way {
     ToRobot,
 }
 
-/// One end: its network, its interface, and who looks at what arrives there.
+/// One end: its network, its interface, and the log of what arrives there.
 #[derive(Debug)]
 pub(super) struct End {
     network: NetworkNamespace,
@@ -62,7 +62,7 @@ impl Cable {
         Ok(Self { plc: End::new(plc, "plc0", PLC)?, robot: End::new(robot, "robot0", ROBOT)? })
     }
 
-    /// Starts a program of somebody else at the robot's end.
+    /// Starts a foreign program at the robot's end.
     pub(super) fn spawn_at_robot(&self, program: &OsStr, arguments: &[OsString]) -> anyhow::Result<Process> {
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null());
@@ -71,7 +71,7 @@ impl Cable {
         Ok(Process(child))
     }
 
-    /// Ends the logs: what arrived at each end.
+    /// Ends the logs and returns what arrived at each end.
     pub(super) fn arrivals(self) -> anyhow::Result<Arrivals> {
         Ok(Arrivals { at_plc: self.plc.log.stop()?, at_robot: self.robot.log.stop()? })
     }
@@ -93,7 +93,7 @@ impl Arrivals {
     }
 }
 
-/// A program of somebody else, ended when it is dropped.
+/// A foreign program, killed when it is dropped.
 #[derive(Debug)]
 pub(super) struct Process(Child);
 

@@ -1,4 +1,4 @@
-//! The contenders: a class 1 connection between the scanner of this project and an adapter.
+//! The contenders: a class 1 connection between this project's scanner and an adapter.
 
 use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
@@ -16,15 +16,15 @@ use super::cable::{Cable, MASK, ROBOT};
 use super::{INTERVAL, SETTLE, TURN};
 use crate::output::errln;
 
-/// How long a connection may take to come about, and to end.
+/// Longest time for a connection to be established, and to be closed.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// At the other end of a connection.
+/// The adapter of a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Peer {
-    /// The adapter of this project, which has to be the device that it says it is.
+    /// The adapter of this project; it must have its own identity.
     Ours,
-    /// Any other.
+    /// Any other adapter.
     Foreign,
 }
 
@@ -58,13 +58,13 @@ impl Adapter {
     }
 }
 
-/// Connects, exchanges data for a turn, and ends the connection. Returns when it was up.
+/// Connects, exchanges data for a turn, and closes the connection. Returns when it was up.
 pub(super) fn exchange(cable: &Cable, peer: Peer, turn: u32) -> anyhow::Result<Instant> {
     let own = ConnectionConfig::exclusive_owner(ROBOT, &ETHERNET_IP_ROBOT, INTERVAL.as_micros() as u32);
     let connection = ConnectionConfig {
         key: own.key.filter(|_| peer == Peer::Ours),
         retry_after: Duration::from_millis(100),
-        // A stall of the host is to be measured, not to end the connection.
+        // A stall of the host should be measured, not end the connection.
         multiplier: TimeoutMultiplier::covering(512).unwrap_or(own.multiplier),
         ..own
     };
@@ -98,7 +98,7 @@ fn finish<M: Machine + Send + 'static, T: Task<M>>(thread: CyclicThread<M, T>) -
     Ok(finished.task)
 }
 
-/// Serves whoever connects, until it is told to end.
+/// Serves every scanner until it is stopped.
 #[derive(Debug)]
 struct Serve;
 
@@ -117,12 +117,12 @@ impl Task<ethernet_ip::Adapter> for Serve {
     }
 }
 
-/// Keeps a connection up for a turn, then ends it.
+/// Keeps a connection up for a turn, then closes it.
 #[derive(Debug)]
 struct Turn {
     deadline: Instant,
     up_at: Option<Instant>,
-    /// How the connection ended, or why there is none so far.
+    /// How the connection ended, or why there is none yet.
     down: Option<Down>,
 }
 
@@ -144,7 +144,7 @@ impl Task<EthernetIpScanner> for Turn {
             }
             LinkEvent::Down(down) => {
                 self.down = Some(down);
-                // Until the first connection the scanner goes on trying.
+                // Before the first connection the scanner keeps trying.
                 if self.up_at.is_some() {
                     return ControlFlow::Break(());
                 }

@@ -1,4 +1,4 @@
-//! The table, and whether ours is as even as it has to be.
+//! The table of the comparison, and its verdict on our frames.
 
 use std::fmt;
 
@@ -7,28 +7,28 @@ use comfy_table::{CellAlignment, Table, presets};
 use super::evenness::{Evenness, quantile};
 use crate::records::ratio::{Ratio, RatioVerdict};
 
-/// Most that the mean interval may be off, in ppm.
+/// Largest deviation of the mean interval, in ppm.
 const MEAN_PPM: f64 = 20.0;
-/// Most that our 99th percentile may be of the bare loop's.
+/// Largest ratio of our 99th percentile to the bare loop's.
 const OF_BARE: f64 = 1.2;
-/// Most that it may be of a peer's.
+/// Largest ratio of our 99th percentile to a peer's.
 const OF_PEER: f64 = 1.0;
 
-/// Resamples of the turns.
+/// Number of resamples of the turns.
 const RESAMPLES: usize = 1_000;
 /// Seed of the resamples.
 const SEED: u64 = 1;
 
-/// All contenders of one run. Pairs are T→O first, O→T second.
+/// All contenders of one run. In pairs, T→O is first and O→T second.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Comparison {
     pub(super) bare: [Evenness; 2],
     pub(super) ours: [Evenness; 2],
-    /// T→O of somebody else's adapter.
+    /// T→O of a foreign adapter.
     pub(super) peer: Option<Evenness>,
 }
 
-/// What has to hold, and whether it does.
+/// A limit, and whether it is kept.
 struct Check {
     what: &'static str,
     figure: String,
@@ -37,7 +37,7 @@ struct Check {
 }
 
 impl Comparison {
-    /// Whether a limit is broken for sure.
+    /// Returns whether the limit is certainly exceeded.
     pub(super) fn fails(&self) -> bool {
         self.checks().iter().any(|check| check.verdict == RatioVerdict::Beyond)
     }
@@ -62,8 +62,8 @@ fn mean(what: &'static str, evenness: &Evenness) -> Check {
     Check { what, figure: format!("{:.1}", evenness.mean_ppm.abs()), limit: MEAN_PPM, verdict }
 }
 
-/// The ratio of the 99th percentiles of all intervals. Turns are drawn as a whole, and of both alike: a stall of
-/// the host is in one of them, at the same time for both.
+/// Returns the ratio of the 99th percentiles of all intervals. Whole turns are resampled, the same ones of both: a
+/// stall of the host is in one turn, at the same time for both.
 fn ratio(what: &'static str, ours: &Evenness, theirs: &Evenness, limit: f64) -> Check {
     let p99 = |turns: &[&Vec<f64>]| quantile(turns, 0.99).unwrap_or(f64::NAN);
     let turns: Vec<_> = ours.turns_us.iter().cloned().zip(theirs.turns_us.iter().cloned()).collect();

@@ -1,13 +1,13 @@
-//! How evenly frames came: intervals between arrivals, held against the one that was asked for.
+//! Regularity of frames: the intervals between arrivals, compared with the requested interval.
 
 use std::time::Duration;
 
 use protocol_linux::Arrival;
 
-/// Shorter frames are not cyclic ones: the smallest of those that are compared has 256 bytes of data.
+/// Shorter frames are not cyclic: the smallest frame in the comparison has 256 bytes of data.
 const CYCLIC_LEN: usize = 256;
 
-/// A turn: what arrives within it counts.
+/// Time of a turn: arrivals within it count.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Window {
     /// Since 1970.
@@ -17,27 +17,28 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// What is within both.
+    /// Returns the intersection of both.
     pub(super) fn and(self, other: Self) -> Self {
         Self { start: self.start.max(other.start), end: self.end.min(other.end) }
     }
 }
 
-/// How evenly frames came, over all turns.
+/// Regularity of the frames of all turns.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Evenness {
-    /// Mean interval against the one asked for, in ppm: slope of the line through the arrivals, mean of the turns.
+    /// Deviation of the mean interval from the requested one, in ppm: slope of the line through the arrivals, mean of
+    /// all turns.
     pub(super) mean_ppm: f64,
-    /// By how much single intervals were longer than the one asked for, in µs; a list a turn. Behind one that is longer
-    /// comes one that is as much shorter, if the sender keeps its grid: that is the same frame's lateness, and counts
-    /// as nothing.
+    /// By how much each interval was longer than the requested one, in µs; a list per turn. If the sender keeps its
+    /// grid, a longer interval is followed by one that is shorter by the same amount: this is the same frame's
+    /// lateness and counts as zero.
     pub(super) turns_us: Vec<Vec<f64>>,
     /// Cycles without a frame: lost, or never sent.
     pub(super) missing: u64,
 }
 
 impl Evenness {
-    /// What `arrivals` say in `turns`, for frames that were to come every `interval`.
+    /// Evaluates the arrivals in `turns` of frames that should arrive every `interval`.
     pub(super) fn of(arrivals: &[Arrival], turns: &[Window], interval: Duration) -> Self {
         let mut evenness = Self { mean_ppm: 0.0, turns_us: Vec::new(), missing: 0 };
         let mut slopes = Vec::new();
@@ -54,7 +55,7 @@ impl Evenness {
                 .collect();
             let expected =
                 (turn.end.saturating_sub(turn.start).as_secs_f64() / interval.as_secs_f64()).round();
-            // The first and the last cycle may fall beyond the turn's ends.
+            // The first and the last cycle may be outside of the turn.
             evenness.missing += (expected as u64).saturating_sub(times.len() as u64 + 1);
             let late = times
                 .windows(2)
@@ -69,13 +70,13 @@ impl Evenness {
         evenness
     }
 
-    /// By how much this share of all intervals is too long at most, in µs.
+    /// Returns the quantile of all intervals' excess, in µs.
     pub(super) fn quantile_us(&self, share: f64) -> Option<f64> {
         quantile(&self.turns_us.iter().collect::<Vec<_>>(), share)
     }
 }
 
-/// The nearest-rank quantile of all numbers of some turns.
+/// Returns the nearest-rank quantile of all numbers of some turns.
 pub(super) fn quantile(turns: &[&Vec<f64>], share: f64) -> Option<f64> {
     let mut all: Vec<f64> = turns.iter().copied().flatten().copied().collect();
     let rank = (share * all.len() as f64).ceil() as usize;
@@ -83,11 +84,11 @@ pub(super) fn quantile(turns: &[&Vec<f64>], share: f64) -> Option<f64> {
     (index < all.len()).then(|| *all.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
-/// Least-squares slope of arrivals, in intervals, over the cycles that they are of. A mean of the intervals would rest
-/// on the first and the last frame alone.
+/// Returns the least-squares slope of arrivals, in intervals, over their cycles. A mean of the intervals would depend
+/// on the first and the last frame only.
 fn slope(times: &[f64]) -> Option<f64> {
     let origin = *times.first()?;
-    // A cycle without a frame counts all the same.
+    // A cycle without a frame counts as a cycle.
     let cycles: Vec<f64> = times.iter().map(|time| (time - origin).round()).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let (mean_time, mean_cycle) = (mean(times), mean(&cycles));
@@ -103,7 +104,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
     const TURN: Window = Window { start: Duration::from_secs(10), end: Duration::from_secs(11) };
 
-    /// A frame each cycle from half a cycle after the turn's start on, each so many ns late.
+    /// Returns a frame per cycle from half a cycle after the turn's start on, each late by the given ns.
     fn arrivals(period_ns: u64, late_ns: impl Fn(u64) -> Option<u64>) -> Vec<Arrival> {
         let frame = |cycle: u64| {
             let after = Duration::from_nanos(500_000 + cycle * period_ns + late_ns(cycle)?);
@@ -113,21 +114,21 @@ mod tests {
     }
 
     #[test]
-    fn frames_on_the_grid_are_late_by_nothing() {
+    fn frames_on_the_grid_have_no_lateness() {
         let even = Evenness::of(&arrivals(1_000_000, |_| Some(0)), &[TURN], MS);
         assert!(even.mean_ppm.abs() < 1e-6 && even.quantile_us(1.0).unwrap() < 1e-6, "{even:?}");
         assert_eq!(even.missing, 0);
     }
 
     #[test]
-    fn a_sender_whose_clock_is_20_ppm_slow_shows_in_the_mean_alone() {
+    fn a_sender_clock_that_is_20_ppm_slow_changes_only_the_mean() {
         let slow = Evenness::of(&arrivals(1_000_020, |_| Some(0)), &[TURN], MS);
         assert!((slow.mean_ppm - 20.0).abs() < 0.01, "{}", slow.mean_ppm);
         assert!((slow.quantile_us(0.99).unwrap() - 0.02).abs() < 1e-6);
     }
 
     #[test]
-    fn one_late_frame_in_fifty_is_seen_in_the_99th_percentile_and_not_in_the_mean() {
+    fn one_late_frame_in_fifty_changes_the_99th_percentile_and_not_the_mean() {
         let late = Evenness::of(
             &arrivals(1_000_000, |cycle| Some(u64::from(cycle % 50 == 7) * 80_000)),
             &[TURN],
@@ -139,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_without_a_frame_is_missing_and_leaves_the_mean_as_it_is() {
+    fn a_cycle_without_a_frame_counts_as_missing_and_does_not_change_the_mean() {
         let gap = Evenness::of(
             &arrivals(1_000_000, |cycle| (cycle != 500 && cycle != 501).then_some(0)),
             &[TURN],
@@ -151,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_between_turns_and_what_is_not_cyclic_does_not_count() {
+    fn frames_between_turns_and_frames_that_are_not_cyclic_do_not_count() {
         let mut frames = arrivals(1_000_000, |_| Some(0));
         frames.insert(10, Arrival { since_1970: TURN.start + Duration::from_micros(10_100), len: 60 });
         frames.push(Arrival { since_1970: TURN.end + Duration::from_millis(300), len: 318 });

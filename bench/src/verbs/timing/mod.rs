@@ -1,10 +1,10 @@
-//! `bench timing`: how evenly cyclic EtherNet/IP frames come, beside the best that the host allows.
+//! `bench timing`: how regularly cyclic EtherNet/IP frames arrive, compared with the best that the host allows.
 //!
-//! An absolute figure would say as much about the host as about the program. So the contenders send side by side, each
-//! on a cable of its own, on the same cores: a bare loop that sleeps until an absolute deadline and sends a datagram of
-//! the same size, the adapter and the scanner of this project, and where one is named the adapter of somebody else. A
-//! stall of the host hits all of them at once. After each second they begin anew, in another phase to each other. Times
-//! of arrival are the kernel's, of frames as they come out of the cable.
+//! An absolute figure would depend on the host as much as on the program. So the contenders send side by side on the
+//! same cores, each on its own cable: a bare loop that sleeps until an absolute deadline and sends a datagram of the
+//! same size, this project's adapter and scanner, and optionally a foreign adapter. A stall of the host affects all
+//! of them at the same time. After each second they start again, in another phase to each other. Arrival times are
+//! the kernel's, of frames as they leave the cable.
 
 mod bare;
 mod cable;
@@ -40,16 +40,16 @@ pub struct TimingOptions {
     pub peer: Vec<OsString>,
 }
 
-/// Packet interval, both ways.
+/// Packet interval in both directions.
 const INTERVAL: Duration = Duration::from_millis(1);
 
-/// What is measured of each turn.
+/// Measured time of each turn.
 const TURN: Duration = Duration::from_secs(1);
 
-/// From the first frame of a turn to the first that counts: what is cold is warm by then.
+/// Time from a turn's first frame to the first that counts: caches are warm by then.
 const SETTLE: Duration = Duration::from_millis(100);
 
-/// Measures, prints the table and judges it.
+/// Measures, prints the table and the verdict.
 pub fn run(options: &TimingOptions) -> Result<Exit, Failure> {
     rig::enter_user_namespace()?;
     let comparison = measure(options).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))?;
@@ -98,10 +98,10 @@ fn measure(options: &TimingOptions) -> anyhow::Result<Comparison> {
     Ok(comparison)
 }
 
-/// Runs an exchange, which tells when it began, and says what of it counts.
+/// Runs an exchange, which returns when it began, and returns the time that counts.
 fn window(exchange: impl FnOnce() -> anyhow::Result<Instant>) -> anyhow::Result<Window> {
     let start = exchange()? + SETTLE;
-    // Arrivals have the time of day.
+    // Arrivals are stamped with the time of day.
     let ago = clock::now().since(start);
     let start = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.saturating_sub(ago);
     Ok(Window { start, end: start + TURN })
