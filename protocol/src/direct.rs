@@ -1,4 +1,4 @@
-//! A cable without a protocol: the image as it is, every cycle. For tests of the nodes that are not about a bus.
+//! A connection without a bus protocol: sends the image every cycle. For tests of the nodes that are not about a bus.
 
 use core::net::SocketAddrV4;
 
@@ -10,7 +10,7 @@ use machine::{Cycle, Duration, Instant, Machine, Port, PortRequest, Source, Tran
 /// EtherType for experiments within one network (IEEE 802, 9.2.4).
 const EXPERIMENTAL: u16 = 0x88B5;
 
-/// One end of the cable. It is up as soon as the other end's first image is there.
+/// One end of the connection. It is up once the other end's first image has arrived.
 #[derive(Debug)]
 pub struct Direct {
     cycle: Cycle,
@@ -27,7 +27,8 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// An end that sends at `first` and every `period` after it, and gives up after `watchdog` without an image.
+    /// Creates an end that sends at `first` and every `period` after it, and reports the connection lost after
+    /// `watchdog` without an image.
     #[must_use]
     pub const fn new(first: Instant, period: Duration, watchdog: Duration) -> Self {
         Self {
@@ -53,7 +54,7 @@ impl Direct {
         }
     }
 
-    /// The same over UDP, so that it can go over a real cable too.
+    /// Sends over UDP instead, so that it also works on a real cable.
     #[must_use]
     pub const fn over_udp(self, port: u16, peer: SocketAddrV4) -> Self {
         Self { port: Port::Udp(port), request: PortRequest::Udp(port), peer: Some(peer), ..self }

@@ -1,4 +1,4 @@
-//! What a node needs of a bus, whichever it is: one image each way, and news of the connection.
+//! What a node needs from any bus: one image in each direction, and events of the connection.
 
 use core::fmt;
 
@@ -8,29 +8,30 @@ use machine::{Instant, Machine};
 
 use crate::image::Image;
 
-/// A bus endpoint that carries one [`Image`] each way.
+/// A bus endpoint that carries one [`Image`] in each direction.
 pub trait Fieldbus: Machine<Event = LinkEvent> {
     /// The byte order in which this bus carries numbers.
     type Order: ByteOrder;
 
-    /// The image that goes out with the next cyclic frame and with every one after it.
+    /// Sets the image that is sent with the next cyclic frame and every later one.
     fn set_output(&mut self, image: &Image);
 
-    /// The last image that the peer sent and marked as good; none before the first one and after the link is lost.
+    /// Returns the peer's last image that was marked as good; `None` before the first one and once the connection is
+    /// lost.
     fn input(&self) -> Option<Image>;
 
-    /// Ends the connection as the standard wants it, or gives up the attempt to connect.
+    /// Closes the connection as its standard demands, or gives up the attempt to connect.
     fn disconnect(&mut self, now: Instant);
 
-    /// Writes why the peer refused the last connection and what it has instead, where that is more than
-    /// [`Down`] holds; otherwise nothing.
+    /// Writes why the peer refused the last connection and what it offers instead, if that is more than [`Down`]
+    /// contains; otherwise writes nothing.
     fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
     }
 
-    /// What was sent, received and refused since the start.
+    /// Returns the frame counters since the start.
     fn counters(&self) -> Counters;
 
-    /// The owner did what [`LinkEvent::SetAddress`] asked for, or could not.
+    /// Reports the result of [`LinkEvent::SetAddress`]: whether the owner could set the address.
     fn address_set(&mut self, _now: Instant, _done: bool) {}
 }

@@ -1,4 +1,4 @@
-//! `docs/process-image.md`, from which PLC programmers type the image in, has what the image has.
+//! `docs/process-image.md`, from which PLC programmers type the image in, agrees with the image.
 
 #![expect(clippy::panic, reason = "a table that cannot be read fails the test")]
 

@@ -9,7 +9,7 @@ use machine::{Duration, Instant};
 use node::errln;
 use node::output::to_stdout;
 use node::supervise::Outcome;
-use protocol::search::{EthernetIpQuestion, Over, ProfinetQuestion, Search, SearchConfig};
+use protocol::search::{EthernetIpQuestion, ProfinetQuestion, Search, SearchConfig, SearchEnded};
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 use listing::{Bus, Listing, Skipped};
@@ -136,7 +136,7 @@ impl Owner<Search> for UntilOver {
         ControlFlow::Continue(())
     }
 
-    fn event(&mut self, _: Instant, _: &mut Search, Over: Over) -> ControlFlow<()> {
+    fn event(&mut self, _: Instant, _: &mut Search, _: SearchEnded) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
 }

@@ -1,7 +1,7 @@
-//! An EDS file from the description of an adapter (volume 1, chapter 7; volume 2, chapter 7).
+//! Writes an EDS file from the description of an adapter (volume 1, chapter 7; volume 2, chapter 7).
 //!
-//! A section is a name in brackets; an entry is a keyword, `=`, fields between commas, `;`. A field may be empty. `$`
-//! begins a comment.
+//! A section is a name in brackets; an entry is a keyword, `=`, fields separated by commas, and `;`. A field may be
+//! empty. `$` begins a comment.
 
 use std::fmt::{self, Write};
 
@@ -17,26 +17,26 @@ const PROPOSED_RPI_US: u32 = 1_000;
 /// Trigger and transport: class 1; cyclic, change of state, application.
 const CLASS_1_ANY_TRIGGER: u32 = 1 << 1 | 0b111 << 16;
 
-/// The same: what the originator may do with the outputs.
+/// Trigger and transport: what the originator may do with the outputs.
 const LISTEN_ONLY: u32 = 1 << 24;
 const INPUT_ONLY: u32 = 1 << 25;
 const EXCLUSIVE_OWNER: u32 = 1 << 26;
 
-/// Connection parameters: both ways of fixed size; O→T point to point; T→O multicast or point to point; priorities low,
-/// high and scheduled both ways.
+/// Connection parameters: fixed size in both directions; O→T point to point; T→O multicast or point to point;
+/// priorities low, high and scheduled in both directions.
 const FIXED_AND_SHARED: u32 = 1 | 1 << 2 | 1 << 18 | 0b11 << 21 | 0b111 << 24 | 0b111 << 28;
 
-/// The same: O→T data has a run/idle header of 32 bits before it.
+/// Connection parameters: a run/idle header of 32 bits precedes the O→T data.
 const O_T_RUN_IDLE: u32 = 4 << 8;
 
-/// The same: O→T is a heartbeat.
+/// Connection parameters: O→T is a heartbeat.
 const O_T_HEARTBEAT: u32 = 3 << 8;
 
-/// The file.
+/// Writes the file.
 #[must_use]
 pub fn write(device: &Description, changed: Date) -> String {
     let mut text = String::new();
-    // A String takes everything.
+    // Writing to a String cannot fail.
     let _ = write_all(&mut text, device, changed);
     text
 }
@@ -68,7 +68,7 @@ fn write_all(text: &mut String, device: &Description, changed: Date) -> fmt::Res
     Ok(())
 }
 
-/// What the section of a class of objects says of it.
+/// Writes the section of a class of objects.
 fn write_class(text: &mut String, device: &Description, code: u32) -> fmt::Result {
     let Some((_, revision, name)) = CLASSES.iter().find(|known| known.0 == code) else { return Ok(()) };
     let (instances, highest) = match code {
@@ -94,7 +94,7 @@ fn entry(text: &mut String, keyword: &str, value: impl fmt::Display) -> fmt::Res
     writeln!(text, "    {keyword} = {value};")
 }
 
-/// An entry with a field and its meaning on each line.
+/// Writes an entry, with a field and its meaning on each line.
 fn table(text: &mut String, keyword: &str, fields: &[(String, &str)]) -> fmt::Result {
     writeln!(text, "    {keyword} =")?;
     for (index, (field, meaning)) in fields.iter().enumerate() {
@@ -175,7 +175,7 @@ fn write_assemblies(text: &mut String, device: &Description) -> fmt::Result {
     Ok(())
 }
 
-/// A segment of 8 bits, as hexadecimal text. The robot's numbers fit.
+/// Formats an 8-bit segment in hexadecimal. The robot's numbers fit into 8 bits.
 fn hex(segment: &str, instance: u32) -> String {
     format!("{segment} {instance:02X}")
 }
@@ -234,6 +234,6 @@ fn write_capacity(text: &mut String, device: &Description) -> fmt::Result {
     entry(text, "MaxIOProduceConsume", io)?;
     entry(text, "MaxIOMcastProducers", 1)?;
     entry(text, "MaxConsumersPerMcast", io)?;
-    // Of one connection, at the shortest interval.
+    // For one connection, at the shortest interval.
     entry(text, "TSpec1", format_args!("TxRx, {largest}, {}", 1_000_000 / device.min_rpi_us.max(1)))
 }

@@ -1,4 +1,4 @@
-//! A GSDML file (V2.4) from the description of an IO-Device: XML in the form of ISO 15745-4.
+//! Writes a GSDML file (V2.4) from the description of an IO-Device: XML in the form of ISO 15745-4.
 
 use std::fmt::{self, Write};
 
@@ -8,39 +8,39 @@ use crate::Date;
 
 const NAMESPACE: &str = "http://www.profibus.com/GSDML/2003/11/DeviceProfile";
 
-/// Who says so.
+/// The vendor's name.
 const VENDOR_NAME: &str = "skillbench";
 
-/// Send clocks that the device takes, in 31.25 µs: all that RT_CLASS_1 has (IEC 61158-6-10).
+/// Send clocks that the device supports, in 31.25 µs: all of RT_CLASS_1 (IEC 61158-6-10).
 const SEND_CLOCKS: &str = "1 2 4 8 16 32 64 128";
 
-/// Reduction ratios that it takes at each.
+/// Reduction ratios that it supports at each send clock.
 const REDUCTION_RATIOS: &str = "1 2 4 8 16 32 64 128 256 512";
 
-/// MAU types of a port: 100BASE-TX full duplex, 1000BASE-T full duplex, and a wire of no kind that the table has, which
-/// a pair of virtual ones is.
+/// MAU types of a port: 100BASE-TX full duplex, 1000BASE-T full duplex, and 0 for a cable that the table does not
+/// list, such as a veth pair.
 const MAU_TYPES: [u16; 3] = [16, 30, 0];
 
-/// The file's name, which has the date of its last change.
+/// Returns the file's name, which contains the date of the last change.
 #[must_use]
 pub fn file_name(device: &Description, Date { year, month, day }: Date) -> String {
     let name = device.order_id.strip_prefix("skillbench-").unwrap_or(device.order_id);
     format!("GSDML-V2.4-{VENDOR_NAME}-{name}-{year:04}{month:02}{day:02}.xml")
 }
 
-/// The file.
+/// Writes the file.
 #[must_use]
 pub fn write(device: &Description) -> String {
     let mut xml = Xml::default();
-    // A String takes everything.
+    // Writing to a String cannot fail.
     let _ = write_all(&mut xml, device);
     xml.text
 }
 
-/// Bytes of the frames from the device and to it, IOPS and IOCS included.
+/// Returns the length in bytes of the frames from the device and to it, with IOPS and IOCS.
 ///
-/// A submodule without data provides a status as an input of no bytes does. Whoever takes data answers with a status
-/// in the other direction.
+/// A submodule without data provides a status, as an input of zero bytes does. The consumer of data answers with a
+/// status in the other direction.
 #[must_use]
 pub fn frame_lengths(device: &Description) -> (u16, u16) {
     device.submodules().fold((0, 0), |(input, output), (_, submodule)| {
@@ -54,12 +54,12 @@ const fn directions(submodule: &Submodule) -> (bool, bool) {
     (submodule.input_len > 0 || submodule.output_len == 0, submodule.output_len > 0)
 }
 
-/// XML that is being written. Everything in it is a name or a number of ours: nothing needs to be escaped.
+/// XML being written. It contains only our own names and numbers, so nothing needs to be escaped.
 #[derive(Default)]
 struct Xml {
     text: String,
     depth: usize,
-    /// Texts that elements refer to by their identifiers.
+    /// Texts that elements refer to by identifier.
     texts: Vec<(String, String)>,
 }
 
@@ -88,7 +88,7 @@ impl Xml {
         writeln!(self.text, "{:indent$}</{name}>", "")
     }
 
-    /// A text for people, which stands in a list of its own. Returns its identifier.
+    /// Adds a text for people to the list of texts. Returns its identifier.
     fn refer_to(&mut self, id: &str, text: &str) -> String {
         let id = format!("IDT_{id}");
         self.texts.push((id.clone(), text.to_owned()));

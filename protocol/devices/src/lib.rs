@@ -1,20 +1,20 @@
-//! What a real PLC imports to talk to the robot node: an EDS file for EtherNet/IP, a GSDML file for PROFINET.
+//! Device descriptions that a real PLC imports to connect to the robot node: an EDS file for EtherNet/IP and a GSDML
+//! file for PROFINET.
 //!
-//! Both are made from the descriptions that the adapter and the IO-Device themselves run by
-//! ([`protocol::stations`]), so that they cannot say anything else.
-//! The files stand beside this crate, where a person looks for them; a test makes them anew and compares, and writes
-//! them where `INSTA_UPDATE=always` asks for it. Other tests read the files back and hold them against running
-//! machines: what a file promises is opened, connected and read.
+//! Both are generated from the descriptions that the adapter and the IO-Device themselves use
+//! ([`protocol::stations`]), so they cannot differ from them. The files are in this crate's folder, where a person looks
+//! for them; a test generates them again and compares, and writes them with `INSTA_UPDATE=always`. Other tests parse the
+//! files and compare them with running machines: everything that a file promises is opened, connected and read.
 //!
-//! This is a crate of its own because it makes strings and dates: `protocol` is `no_std` and has no use for either at
-//! run time. Nothing depends on this crate.
+//! This is a crate of its own because it needs strings and dates: `protocol` is `no_std` and needs neither at run
+//! time. No crate depends on this one.
 
 pub mod eds;
 pub mod gsdml;
 
 use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 
-/// Year, month and day of the last change to what the files say.
+/// Date of the last change to the files' content.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Date {
     /// Year.
@@ -25,10 +25,11 @@ pub struct Date {
     pub day: u8,
 }
 
-/// The last change to what the files say. A GSDML file's name has it, and an engineering system takes the newest.
+/// Date of the last change to the files' content. It is part of a GSDML file's name, and an engineering system takes
+/// the newest file.
 pub const CHANGED: Date = Date { year: 2026, month: 11, day: 21 };
 
-/// Every file: its name, and what is in it.
+/// Returns every file: its name and its content.
 #[must_use]
 pub fn files() -> [(String, String); 2] {
     [

@@ -1,4 +1,5 @@
-//! The EDS file, read back and held against an adapter that runs: what it promises is opened, what it says is asked.
+//! The EDS file, parsed and compared with a running adapter: the test opens every connection and reads every
+//! attribute in the file.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -15,7 +16,7 @@ use machine::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
 use machine::{Instant, Machine, Port, Source, StreamChange, StreamId};
 use protocol::stations::ETHERNET_IP_ROBOT;
 
-/// Sections, their entries, and the fields of those, without quotation marks.
+/// Sections, their entries, and the entries' fields without quotation marks.
 struct Eds(BTreeMap<String, BTreeMap<String, Vec<String>>>);
 
 impl Eds {
@@ -64,11 +65,11 @@ impl Eds {
     }
 }
 
-/// Fields stand between commas; none of ours has a comma within quotation marks, which is checked.
+/// Splits fields at commas. No comma is inside quotation marks; this is checked.
 fn split(fields: &str) -> Vec<String> {
     let fields: Vec<_> = fields.split(',').map(str::trim).collect();
     assert!(fields.iter().all(|field| field.matches('"').count() % 2 == 0), "{fields:?}");
-    // `=>` in a name would be cut off as a keyword; there is none.
+    // `=>` in a name would be taken for a keyword; no name contains it.
     fields.iter().map(|field| field.trim_matches('"').to_owned()).collect()
 }
 
@@ -120,7 +121,7 @@ impl Asked {
         (Header::parse(&buf).unwrap(), buf[HEADER_LEN..reply.len].to_vec())
     }
 
-    /// A CIP request; the data of its reply, or its status.
+    /// Sends a CIP request; returns the data of its reply, or its status.
     fn request(&mut self, cip: &[u8]) -> Result<Vec<u8>, (u8, u16)> {
         let mut buf = [0; 512];
         let mut writer = Writer::<LittleEndian>::new(&mut buf);
@@ -140,7 +141,7 @@ impl Asked {
         }
     }
 
-    /// Get_Attribute_Single of a number.
+    /// Reads a number by Get_Attribute_Single.
     fn attribute(&mut self, class: u32, instance: u32, attribute: u8) -> u32 {
         let data =
             self.request(&[0x0E, 3, 0x20, class as u8, 0x24, instance as u8, 0x30, attribute]).unwrap();
@@ -160,7 +161,7 @@ impl Asked {
 }
 
 #[test]
-fn the_device_is_who_the_adapter_says_it_is() {
+fn the_identity_is_that_of_the_adapter() {
     let (eds, mut adapter) = (Eds::read(), Asked::new());
     for (keyword, attribute) in [("VendCode", 1), ("ProdType", 2), ("ProdCode", 3)] {
         assert_eq!(eds.number("Device", keyword), adapter.attribute(1, 1, attribute), "{keyword}");
@@ -174,7 +175,7 @@ fn the_device_is_who_the_adapter_says_it_is() {
 }
 
 #[test]
-fn every_assembly_is_there_with_its_path_and_size() {
+fn every_assembly_exists_with_its_path_and_size() {
     let (eds, mut adapter) = (Eds::read(), Asked::new());
     let named =
         eds.0["Assembly"].iter().filter_map(|(key, fields)| Some((key.strip_prefix("Assem")?, fields)));
@@ -195,7 +196,7 @@ fn every_assembly_is_there_with_its_path_and_size() {
     assert_eq!(instances.len(), ETHERNET_IP_ROBOT.assemblies.len());
 }
 
-/// Connection N of the file as a Forward_Open: what a scanner makes of it.
+/// Builds the Forward_Open that a scanner makes of connection N of the file.
 fn forward_open(eds: &Eds, number_of: usize, path: &[u8], rpi_us: u32) -> OpenRequest<'static> {
     let fields = eds.fields("Connection Manager", &format!("Connection{number_of}"));
     let flags = number(&fields[1]);
@@ -262,7 +263,7 @@ fn every_connection_is_opened_as_the_file_describes_it() {
             let request = OpenRequest { transport: Transport(trigger | 1), ..request };
             assert!(adapter.open(&request).is_ok(), "{role:?}, trigger {trigger:02X}");
         }
-        // All kinds side by side; each also as a multicast, which the file allows.
+        // All connections at the same time; each also as a multicast, which the file allows.
         adapter.open(&request).unwrap();
         if role != Role::Consumed {
             let t_o = Parameters { kind: ConnectionType::Multicast, ..request.t_o };
@@ -272,7 +273,7 @@ fn every_connection_is_opened_as_the_file_describes_it() {
 }
 
 #[test]
-fn the_limits_of_the_packet_interval_are_those_that_the_adapter_keeps() {
+fn the_limits_of_the_packet_interval_are_those_of_the_adapter() {
     let eds = Eds::read();
     let parameter = eds.fields("Params", "Param1");
     assert_eq!((number(&parameter[4]), &*parameter[5], &*parameter[7]), (0xC8, "4", "us"), "a UDINT in µs");
@@ -285,7 +286,7 @@ fn the_limits_of_the_packet_interval_are_those_that_the_adapter_keeps() {
 }
 
 #[test]
-fn the_capacity_is_what_the_adapter_takes_and_not_one_connection_more() {
+fn the_adapter_accepts_exactly_as_many_connections_as_the_file_says() {
     let (eds, mut adapter) = (Eds::read(), Asked::new());
     let [owner, input_only, listen_only] =
         ["20 04 24 97 2C 96 2C 64", "20 04 24 97 2C 98 2C 64", "20 04 24 97 2C 99 2C 64"].map(path);
@@ -317,7 +318,7 @@ fn the_capacity_is_what_the_adapter_takes_and_not_one_connection_more() {
 }
 
 #[test]
-fn every_class_has_the_revision_and_the_instances_that_the_adapter_tells() {
+fn every_class_has_the_revision_and_the_instances_that_the_adapter_reports() {
     let (eds, mut adapter) = (Eds::read(), Asked::new());
     let mut classes = Vec::new();
     for (section, entries) in &eds.0 {

@@ -1,9 +1,9 @@
-//! The files beside this crate are those that it makes.
+//! The files in this crate's folder are the generated ones.
 
 use std::path::Path;
 
 #[test]
-fn the_files_are_those_that_the_descriptions_give() {
+fn the_files_are_those_generated_from_the_descriptions() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let rewrite = std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always");
     for (name, text) in devices::files() {

@@ -1,4 +1,4 @@
-//! The GSDML file, read back and held against a controller and a device that run.
+//! The GSDML file, parsed and compared with a running controller and device.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -24,7 +24,7 @@ fn text() -> String {
     text
 }
 
-/// The only element of this name.
+/// Returns the only element of this name.
 fn one<'a>(document: &'a Document<'_>, name: &str) -> Node<'a, 'a> {
     let named: Vec<_> = document.descendants().filter(|node| node.has_tag_name((NAMESPACE, name))).collect();
     assert_eq!(named.len(), 1, "elements {name}");
@@ -39,7 +39,7 @@ fn number(node: Node<'_, '_>, attribute: &str) -> u32 {
 }
 
 #[test]
-fn the_name_of_the_file_has_the_parts_that_engineering_systems_look_for() {
+fn the_name_of_the_file_has_the_parts_that_engineering_systems_expect() {
     let [_, (name, _)] = devices::files();
     let parts: Vec<_> = name.strip_suffix(".xml").unwrap().split('-').collect();
     let [gsdml, version, vendor, _, date] = parts[..] else { unreachable!("{name}") };
@@ -53,7 +53,7 @@ fn the_name_of_the_file_has_the_parts_that_engineering_systems_look_for() {
 }
 
 #[test]
-fn the_device_is_who_it_says_it_is_over_the_wire() {
+fn the_identity_is_that_of_the_running_device() {
     let text = text();
     let document = Document::parse(&text).unwrap();
     let identity = one(&document, "DeviceIdentity");
@@ -74,7 +74,7 @@ fn the_device_is_who_it_says_it_is_over_the_wire() {
 }
 
 #[test]
-fn every_module_and_submodule_has_its_place_number_and_lengths() {
+fn every_module_and_submodule_has_its_slot_number_and_lengths() {
     let text = text();
     let document = Document::parse(&text).unwrap();
     let mut found = BTreeSet::new();
@@ -110,7 +110,7 @@ fn every_module_and_submodule_has_its_place_number_and_lengths() {
 }
 
 #[test]
-fn every_text_that_is_referred_to_is_there_once_and_every_identifier_too() {
+fn every_referenced_text_and_every_identifier_exists_once() {
     let text = text();
     let document = Document::parse(&text).unwrap();
     let mut ids = BTreeSet::new();
@@ -129,7 +129,7 @@ fn every_text_that_is_referred_to_is_there_once_and_every_identifier_too() {
 
 type Bus = Pair<ProfinetController, Device>;
 
-/// Our controller and our device at this cycle.
+/// Connects our controller and our device at this cycle.
 fn bus(cycle: Duration, description: Description) -> Bus {
     let [plc, robot] = [Ipv4Addr::new(192, 168, 64, 1), Ipv4Addr::new(192, 168, 64, 2)];
     let mask = Ipv4Addr::new(255, 255, 255, 0);
@@ -176,7 +176,7 @@ fn comes_up(bus: &mut Bus) -> bool {
 }
 
 #[test]
-fn data_are_exchanged_at_every_send_clock_and_the_shortest_interval_is_among_them() {
+fn data_is_exchanged_at_every_send_clock_including_the_shortest_interval() {
     let text = text();
     let document = Document::parse(&text).unwrap();
     let timing = one(&document, "TimingProperties");
@@ -187,7 +187,7 @@ fn data_are_exchanged_at_every_send_clock_and_the_shortest_interval_is_among_the
     let clocks = numbers("SendClock");
     assert!(clocks.contains(&32), "1 ms is what every device has to have");
     for clock in &clocks {
-        // Our controller's send clock is 1 ms where the cycle is longer.
+        // Our controller's send clock is 1 ms if the cycle is longer.
         assert!(comes_up(&mut bus(Duration::from_nanos(31_250) * *clock, ROBOT)), "{clock} × 31.25 µs");
     }
     for ratio in numbers("ReductionRatio") {
@@ -199,7 +199,7 @@ fn data_are_exchanged_at_every_send_clock_and_the_shortest_interval_is_among_the
 }
 
 #[test]
-fn the_longest_frames_are_as_long_as_the_file_says_status_bytes_included() {
+fn the_longest_frames_have_the_length_in_the_file_including_status_bytes() {
     let text = text();
     let document = Document::parse(&text).unwrap();
     let lengths = one(&document, "IOConfigData");

@@ -19,9 +19,9 @@ use super::{HEAD_LEN, Image, Motion, SLOTS, bits, codes};
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 bits! {
-    /// What the PLC wants of the robot. All are levels but for `EXECUTE`, which counts with a new command number.
+    /// Requests of the PLC. All are levels except `EXECUTE`, which takes effect with a new command number.
     Control: u16 {
-        /// The robot may move. Without it the robot halts.
+        /// The robot is allowed to move. Without it the robot halts.
         ENABLE = 0,
         /// Execute the skill of this command number.
         EXECUTE = 1,
@@ -31,13 +31,13 @@ bits! {
         SUSPEND = 3,
         /// Go on after a suspend.
         RESUME = 4,
-        /// Leave `Halted`, or take back an error: go to `Ready`.
+        /// Leave `Halted`, or acknowledge an error: go to `Ready`.
         RESET = 5,
     }
 }
 
 codes! {
-    /// Which skill a command executes. Those of one motion have the code of its [`super::MotionKind`].
+    /// The skill that a command executes. Skills of one motion have the code of its [`super::MotionKind`].
     Skill: u8 {
         /// No skill.
         None = 0,
@@ -63,7 +63,7 @@ codes! {
 /// The whole image from the PLC to the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Command {
-    /// What the PLC wants.
+    /// Requests of the PLC.
     pub control: Control,
     /// Counts the PLC's scans, modulo 2^16.
     pub life: u16,
@@ -74,9 +74,9 @@ pub struct Command {
     /// Override in % of every velocity, 0..=100. At 0 the arm stops on its path, and a higher one lets it go on. It may
     /// change at any time; one above 100 is refused, and the last one stands.
     pub override_percent: u8,
-    /// Motions of this skill in all: the paper's `totalNo`.
+    /// Total motions of this skill: the paper's `totalNo`.
     pub total: u32,
-    /// Motions of this skill that are written into the slots so far.
+    /// Motions of this skill written into the slots so far.
     pub written: u32,
     /// Program that [`Skill::RunProgram`] runs.
     pub program: u16,
@@ -107,7 +107,7 @@ impl Default for Command {
 }
 
 impl Command {
-    /// Reads the image. What the values mean is for the robot to judge.
+    /// Parses the image. The robot checks the values.
     pub fn parse<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
         let mut command = Self::parse_head::<O>(image)?;
         let mut reader = Reader::<O>::new(image);
@@ -118,7 +118,7 @@ impl Command {
         Ok(command)
     }
 
-    /// Reads the head and leaves the slots empty, for a reader who knows that they did not change: the head does so
+    /// Parses the head and leaves the slots empty, for a reader that knows that they did not change: the head changes
     /// with every scan.
     pub fn parse_head<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::<O>::new(image);
@@ -147,8 +147,8 @@ impl Command {
         }
     }
 
-    /// Writes the head over an image that holds this command's slots already. A scan changes the life counter every
-    /// time and the slots hardly ever.
+    /// Writes the head into an image that already contains this command's slots. Every scan changes the life counter,
+    /// but rarely the slots.
     pub fn emit_head<O: ByteOrder>(&self, image: &mut Image) {
         let mut writer = Writer::<O>::new(image);
         writer.u16(self.control.0);
@@ -164,7 +164,7 @@ impl Command {
         writer.pad_to(HEAD_LEN);
     }
 
-    /// The slot of motion `index`, counted from 0.
+    /// Returns the slot of motion `index`, counted from 0.
     #[must_use]
     pub fn slot(&self, index: u32) -> &Motion {
         let slot = index as usize % SLOTS;

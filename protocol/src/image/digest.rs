@@ -1,4 +1,4 @@
-//! A running digest of motions, so that two nodes that handled the same ones in the same order can say so.
+//! A running digest of motions: shows whether two nodes handled the same motions in the same order.
 
 use super::{MOTION_LEN, Motion};
 use machine::wire::{BigEndian, Writer};
@@ -7,7 +7,7 @@ use machine::wire::{BigEndian, Writer};
 const OFFSET_BASIS: u64 = 0xCBF2_9CE4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01B3;
 
-/// How many motions there are, and the digest of all of them.
+/// Number of motions, and the digest of all of them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Sum {
     /// Motions so far.
@@ -17,7 +17,7 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// Of no motion.
+    /// Digest of no motions.
     pub const NONE: Self = Self { motions: 0, value: OFFSET_BASIS };
 }
 
@@ -27,11 +27,11 @@ impl core::fmt::Display for Sum {
     }
 }
 
-/// A digest that grows by one motion at a time.
+/// A digest that is extended by one motion at a time.
 ///
-/// A motion that is lost, duplicated, altered or out of place changes every later value. Two nodes are seldom equally
-/// far; so each also keeps what it was at the last multiple of [`Digest::INTERVAL`] motions, which they have in common
-/// most of the time. It keeps out faults, not forgers.
+/// A lost, duplicated, altered or misplaced motion changes every later value. Two nodes have seldom handled equally
+/// many motions; so each also keeps its digest at the last multiple of [`Digest::INTERVAL`] motions, which is the
+/// same multiple for both most of the time. It detects faults, not forgery.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Digest {
     sum: Sum,
@@ -48,7 +48,7 @@ impl Digest {
     /// Motions from one mark to the next.
     pub const INTERVAL: u64 = 1024;
 
-    /// One more motion.
+    /// Adds a motion.
     pub fn add(&mut self, motion: &Motion) {
         let mut bytes = [0; MOTION_LEN];
         motion.emit(&mut Writer::<BigEndian>::new(&mut bytes));
@@ -59,13 +59,13 @@ impl Digest {
         }
     }
 
-    /// Of all motions so far.
+    /// Returns the digest of all motions so far.
     #[must_use]
     pub const fn sum(&self) -> Sum {
         self.sum
     }
 
-    /// As of the last whole interval.
+    /// Returns the digest at the end of the last complete interval.
     #[must_use]
     pub const fn mark(&self) -> Sum {
         self.mark
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hash_is_fnv_1a_by_its_published_vectors() {
+    fn the_hash_passes_the_published_vectors_of_fnv_1a() {
         for (text, value) in
             [("", 0xCBF2_9CE4_8422_2325), ("a", 0xAF63_DC4C_8601_EC8C), ("foobar", 0x8594_4171_F739_67E8)]
         {
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mark_stays_until_the_next_interval_is_whole() {
+    fn a_mark_stays_until_the_next_interval_is_complete() {
         let all = motions(2_100);
         assert_eq!(digest(&all).mark(), digest(&all[..2_048]).sum());
         assert_eq!(digest(&all[..1_023]).mark(), Sum::NONE);
@@ -112,7 +112,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_motion_lost_duplicated_altered_or_out_of_place_shows(at in 0..29_usize) {
+        fn a_lost_duplicated_altered_or_misplaced_motion_changes_the_digest(at in 0..29_usize) {
             let good = motions(30);
             let faults: [fn(&mut Vec<Motion>, usize); 4] = [
                 |motions, at| { motions.remove(at); },

@@ -1,27 +1,27 @@
-//! What the robot refuses or stops for, as a number in the feedback image.
+//! Why the robot refuses a skill or stops, as a number in the feedback image.
 
 use core::fmt;
 
 use super::codes;
 
 codes! {
-    /// Why a skill was refused or ended early. `error_motion` says which motion it speaks of.
+    /// Why a skill was refused or ended early. `error_motion` is the motion that it refers to.
     ErrorNumber: u16 {
-        /// Nothing is wrong.
+        /// No error.
         None = 0,
-        /// The skill code is not one that this robot has.
+        /// This robot does not have the skill of this code.
         UnknownSkill = 1,
         /// The motion kind is not one of the standard ones, or the slot is empty.
         UnknownMotionKind = 2,
-        /// The motion kind is known but this robot does not run it.
+        /// The motion kind is a standard one, but this robot does not support it.
         MotionKindNotSupported = 3,
-        /// A skill was commanded in a state in which none can start.
+        /// A skill was commanded in a state in which no skill can start.
         NotReady = 4,
         /// The program number is not stored in this robot.
         UnknownProgram = 5,
-        /// A skill of no motions.
+        /// The skill has no motions.
         NoMotions = 6,
-        /// `written` ran ahead of the five slots, or backwards: motions were lost.
+        /// `written` is more than five motions ahead, or went backwards: motions were lost.
         QueueOverrun = 7,
         /// The tool number is not defined.
         UnknownTool = 8,
@@ -31,7 +31,7 @@ codes! {
         VelocityOutOfRange = 10,
         /// The acceleration is 0, or above what the motion kind allows.
         AccelerationOutOfRange = 11,
-        /// The override is above 100 %: a skill does not start with it, and one that runs keeps the last one.
+        /// The override is above 100 %: no skill starts with it, and a running skill keeps the last valid one.
         OverrideOutOfRange = 12,
         /// A coordinate is not a finite number.
         TargetNotFinite = 13,
@@ -43,25 +43,25 @@ codes! {
         Singular = 16,
         /// The connection to the PLC was lost while a skill ran.
         ConnectionLost = 17,
-        /// The PLC took back `enable` while a skill ran.
+        /// The PLC withdrew `enable` while a skill ran.
         Disabled = 18,
-        /// A line cannot be followed in the configuration (elbow, wrist) that the arm starts it in.
+        /// The arm cannot follow a line in the configuration (elbow, wrist) in which it starts.
         ConfigurationChange = 19,
-        /// The motion leads nowhere: its target is where it starts.
+        /// The motion has no length: its target is its start.
         ZeroLength = 20,
         /// Start, intermediate point and target of a circle lie on one line.
         CollinearCircle = 21,
-        /// The contact force to be reached is 0 or less, not a number, or above what the robot may press with.
+        /// The contact force is 0 or less, not a number, or above what the robot is able to apply.
         ForceOutOfRange = 22,
-        /// The contact force to be reached does not point along the line.
+        /// The contact force does not point along the line.
         ForceDirection = 23,
-        /// The line came to its end, and the contact force was not there.
+        /// The arm reached the end of the line without the contact force.
         ForceNotReached = 24,
-        /// The next robot cycle would move a joint faster than it is rated for; the arm braked instead.
+        /// The next robot cycle would exceed a joint's rated speed; the arm braked instead.
         JointSpeed = 25,
-        /// The same with a joint's acceleration.
+        /// The next robot cycle would exceed a joint's rated acceleration; the arm braked instead.
         JointAcceleration = 26,
-        /// The same with a joint's jerk.
+        /// The next robot cycle would exceed a joint's rated jerk; the arm braked instead.
         JointJerk = 27,
     }
 }

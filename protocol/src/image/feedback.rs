@@ -29,19 +29,19 @@ use super::{ErrorNumber, Finding, Image, bits, codes};
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 bits! {
-    /// What the robot reports beside its state.
+    /// What the robot reports besides its state.
     Status: u16 {
-        /// The skill of the echoed command number is executing.
+        /// The skill of the echoed command number is being executed.
         BUSY = 0,
-        /// The skill of the echoed command number ended as wanted. Stays until the next command.
+        /// The skill of the echoed command number ended successfully. Stays set until the next command.
         DONE = 1,
-        /// The skill was given up by a halt.
+        /// A halt ended the skill.
         ABORTED = 2,
-        /// The error number says what is wrong.
+        /// The error number gives the reason.
         ERROR = 3,
         /// The arm stands still.
         AT_REST = 4,
-        /// Drives are on: `enable` is seen and nothing forbids to move.
+        /// Drives are on: `enable` is set and nothing prevents motion.
         ENABLED = 5,
         /// Nothing ended, but the error number says what the robot does not take over: an override above 100 %. Never
         /// together with `ERROR`; goes by itself when its cause has gone.
@@ -52,13 +52,13 @@ bits! {
 codes! {
     /// The state of the robot's skill execution (OPC UA Part 10, program states).
     State: u8 {
-        /// Nothing runs; a reset leads to `Ready`.
+        /// No skill runs; a reset leads to `Ready`.
         Halted = 0,
         /// A skill may start.
         Ready = 1,
         /// A skill runs.
         Running = 2,
-        /// A skill waits on its path.
+        /// A skill is paused on its path.
         Suspended = 3,
     }
 }
@@ -66,21 +66,21 @@ codes! {
 /// The whole image from the robot to the PLC.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Feedback {
-    /// What is the case beside the state.
+    /// What the robot reports besides the state.
     pub status: Status,
     /// State of the skill execution.
     pub state: State,
     /// The override in effect, in %.
     pub override_percent: u8,
-    /// Number of the command that state, counts and error speak of.
+    /// Number of the command that state, counters and error refer to.
     pub number: u16,
-    /// What is wrong, if anything.
+    /// The error, if any.
     pub error: ErrorNumber,
-    /// Motions of the skill that are executed: the paper's `curExec`.
+    /// Motions of the skill that were executed: the paper's `curExec`.
     pub executed: u32,
     /// Motions of the skill that the robot has taken from the slots so far.
     pub accepted: u32,
-    /// Which motion of the skill, counted from 0, the error speaks of.
+    /// The motion of the skill, counted from 0, that the error refers to.
     pub error_motion: u32,
     /// The robot's digital outputs, which the PLC reads as inputs.
     pub inputs: u16,
@@ -88,21 +88,21 @@ pub struct Feedback {
     pub life_echo: u16,
     /// Counts the robot's cycles, modulo 2^16.
     pub life: u16,
-    /// Motions of the skill that were run to a stop because the next was not there in time.
+    /// Motions of the skill that ended in a stop because the next motion did not arrive in time.
     pub blends_suppressed: u16,
     /// The robot's own clock in ns.
     pub clock_ns: u64,
-    /// The robot's own measure of the last skill in ns: from its acceptance to its end.
+    /// Duration of the last skill in ns, measured by the robot: from its acceptance to its end.
     pub execution_ns: u64,
-    /// Joint values in degrees, mm on a linear axis.
+    /// Joint values in degrees; in mm for a linear axis.
     pub joints: [f32; 6],
-    /// Tool in base: x, y, z in mm; a, b, c in degrees.
+    /// Pose of the tool in the base frame: x, y, z in mm; a, b, c in degrees.
     pub pose: [f32; 6],
     /// Speed of the tool along its path in mm/s.
     pub path_speed: f32,
-    /// What the tool presses on surfaces with, in N.
+    /// Force with which the tool presses on surfaces, in N.
     pub contact_force: f32,
-    /// The quantity that [`error`](Self::error) speaks of, and its limits.
+    /// The quantity that [`error`](Self::error) refers to, and its limits.
     pub finding: Finding,
 }
 
@@ -133,7 +133,7 @@ impl Default for Feedback {
 }
 
 impl Feedback {
-    /// Reads the image.
+    /// Parses the image.
     pub fn parse<O: ByteOrder>(image: &[u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::<O>::new(image);
         let status = Status(reader.u16()?);

@@ -1,4 +1,4 @@
-//! What an error number found, in figures: the quantity that is wrong and what it may be.
+//! The figures of an error: the quantity that is wrong and its limits.
 
 use core::fmt;
 
@@ -31,7 +31,7 @@ use super::ErrorNumber;
 /// The figures are kept as their bits, so that findings can be compared and hashed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Finding {
-    /// Which joint, coordinate or number; 0 where there is but one.
+    /// Which joint, coordinate or number; 0 if there is only one.
     pub index: u8,
     value: u32,
     lower: u32,
@@ -39,34 +39,34 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Nothing but the number itself.
+    /// No figures.
     pub const NONE: Self = Self { index: 0, value: 0, lower: 0, upper: 0 };
 
-    /// A value and its limits.
+    /// Creates a finding of a value and its limits.
     #[must_use]
     pub const fn new(index: u8, value: f32, lower: f32, upper: f32) -> Self {
         Self { index, value: value.to_bits(), lower: lower.to_bits(), upper: upper.to_bits() }
     }
 
-    /// What was found.
+    /// Returns the value found.
     #[must_use]
     pub const fn value(self) -> f32 {
         f32::from_bits(self.value)
     }
 
-    /// The least that it may be.
+    /// Returns the lower limit.
     #[must_use]
     pub const fn lower(self) -> f32 {
         f32::from_bits(self.lower)
     }
 
-    /// The most that it may be.
+    /// Returns the upper limit.
     #[must_use]
     pub const fn upper(self) -> f32 {
         f32::from_bits(self.upper)
     }
 
-    /// The number with its figures, for a person.
+    /// Combines the error number and its figures into text for a person.
     #[must_use]
     pub const fn in_words(self, number: ErrorNumber) -> InWords {
         InWords { number, finding: self }
@@ -84,7 +84,7 @@ impl fmt::Debug for Finding {
     }
 }
 
-/// An error number with what it found; made by [`Finding::in_words`].
+/// An error number with its figures, as text; created by [`Finding::in_words`].
 #[derive(Clone, Copy, Debug)]
 pub struct InWords {
     number: ErrorNumber,
@@ -130,7 +130,7 @@ impl fmt::Display for InWords {
                     " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)"
                 )
             }
-            // What rounding makes of nothing is not worth its digits.
+            // The digits of a rounding error are not worth printing.
             ErrorNumber::ZeroLength => {
                 write!(f, " (it is {value:.6} mm away, at least {lower} mm are a motion)")
             }
@@ -175,7 +175,7 @@ mod tests {
     use alloc::string::ToString;
 
     #[test]
-    fn a_number_with_its_finding_reads_as_a_sentence_and_without_one_as_before() {
+    fn an_error_number_with_figures_is_a_sentence_and_without_figures_the_bare_error() {
         let axis = Finding::new(3, 176.0, 0.0, 175.5);
         assert_eq!(
             axis.in_words(ErrorNumber::AxisLimit).to_string(),

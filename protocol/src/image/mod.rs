@@ -41,7 +41,7 @@ pub const SLOTS: usize = 5;
 
 const _: () = assert!(HEAD_LEN + SLOTS * MOTION_LEN == IMAGE_LEN);
 
-/// The image of one direction as the bus carries it.
+/// The image of one direction, as the bus carries it.
 pub type Image = [u8; IMAGE_LEN];
 
 /// Declares a set of bits with named members, transparent over its number.
@@ -54,7 +54,7 @@ macro_rules! bits {
         impl $name {
             $($(#[$bit_doc])* pub const $bit: Self = Self(1 << $index);)*
 
-            /// Whether all bits of `other` are set.
+            /// Returns whether all bits of `other` are set.
             #[must_use]
             pub const fn contains(self, other: Self) -> bool {
                 self.0 & other.0 == other.0
@@ -86,7 +86,7 @@ macro_rules! bits {
 }
 use bits;
 
-/// Declares an enum over wire codes that keeps unknown ones.
+/// Declares an enum over numeric codes that keeps unknown ones.
 macro_rules! codes {
     ($(#[$doc:meta])* $name:ident: $number:ty { $($(#[$code_doc:meta])* $variant:ident = $code:literal,)* }) => {
         $(#[$doc])*

@@ -14,58 +14,59 @@ use super::{MOTION_LEN, codes};
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 codes! {
-    /// The motion types of the paper's section 5.2. The skill that calls one alone has the same code.
+    /// The motion types of the paper's section 5.2. The skill of a single motion has the same code.
     MotionKind: u8 {
         /// An empty slot.
         None = 0,
         /// A straight line of the tool to a Cartesian target.
         LinCartesian = 1,
-        /// Point to point, all axes together, to a Cartesian target.
+        /// Point to point, all axes synchronised, to a Cartesian target.
         PtpCartesian = 2,
-        /// Point to point, all axes together, to a joint target.
+        /// Point to point, all axes synchronised, to a joint target.
         PtpJoint = 3,
         /// A circle through the intermediate point to a Cartesian target.
         Circular = 4,
         /// A spline through the targets of consecutive spline motions.
         Spline = 5,
-        /// A straight line that ends in contact and then holds a force, `auxiliary` in N along the base's axes: what
-        /// the tool presses with, so it points along the line.
+        /// A straight line that ends in contact and then holds a force, `auxiliary` in N along the base's axes: the
+        /// force of the tool on the surface, so it points along the line.
         LinForceCartesian = 6,
     }
 }
 
 impl MotionKind {
-    /// Whether velocity and acceleration are shares of the axes' rated values instead of mm/s and mm/s².
+    /// Returns whether velocity and acceleration are shares of the axes' rated values instead of mm/s and mm/s².
     #[must_use]
     pub const fn is_point_to_point(self) -> bool {
         matches!(self, Self::PtpCartesian | Self::PtpJoint)
     }
 }
 
-/// One motion, in the units of the wire.
+/// One motion, in the units of the image.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Motion {
-    /// What kind of motion it is.
+    /// Kind of motion.
     pub kind: MotionKind,
-    /// Where it ends: x, y, z in mm and the angles a, b, c (about z, y', x'') in degrees, in the base frame; or for
+    /// Target: x, y, z in mm and the angles a, b, c (about z, y', x'') in degrees, in the base frame; or for
     /// [`MotionKind::PtpJoint`] the joints in degrees, a linear axis in mm.
     pub target: [f32; 6],
-    /// The intermediate point in mm of a circle, or the force in N; zero otherwise.
+    /// The intermediate point of a circle in mm, or the force in N; otherwise zero.
     pub auxiliary: [f32; 3],
     /// Path velocity in 0.1 mm/s; for PTP 0.01 % of the rated axis speeds.
     pub velocity: u16,
     /// Path acceleration in 1 mm/s²; for PTP 0.01 % of the rated axis accelerations.
     pub acceleration: u16,
-    /// How far from the target in 0.01 mm the path may leave it to blend into the next motion; 0 stops there exactly.
+    /// Approximation distance in 0.01 mm: how far from the target the path may leave it to blend into the next
+    /// motion; 0 is an exact stop.
     pub approximation: u16,
-    /// Which tool frame, 0..=15.
+    /// Number of the tool frame, 0..=15.
     pub tool: u8,
-    /// Which base frame, 0..=15.
+    /// Number of the base frame, 0..=15.
     pub base: u8,
 }
 
 impl Motion {
-    /// What an unused slot holds: all zero.
+    /// Content of an unused slot: all zero.
     pub const EMPTY: Self = Self {
         kind: MotionKind::None,
         target: [0.0; 6],
@@ -77,7 +78,7 @@ impl Motion {
         base: 0,
     };
 
-    /// Reads the 44 bytes.
+    /// Parses the 44 bytes.
     pub fn parse<O: ByteOrder>(reader: &mut Reader<'_, O>) -> Result<Self, Truncated> {
         let mut motion = Self::EMPTY;
         for coordinate in &mut motion.target {
@@ -107,37 +108,37 @@ impl Motion {
         writer.u8(self.tool << 4 | self.base & 0x0F);
     }
 
-    /// Length in bytes on the wire.
+    /// Returns the length in bytes in the image.
     #[must_use]
     pub const fn buffer_len(&self) -> usize {
         MOTION_LEN
     }
 
-    /// Path velocity in mm/s. Meaningful for Cartesian kinds.
+    /// Returns the path velocity in mm/s. Meaningful for Cartesian kinds.
     #[must_use]
     pub fn velocity_mm_s(&self) -> f64 {
         f64::from(self.velocity) / 10.0
     }
 
-    /// Share of the rated axis speeds, 1.0 for 100 %. Meaningful for PTP.
+    /// Returns the share of the rated axis speeds, 1.0 for 100 %. Meaningful for PTP.
     #[must_use]
     pub fn velocity_share(&self) -> f64 {
         f64::from(self.velocity) / 10_000.0
     }
 
-    /// Path acceleration in mm/s². Meaningful for Cartesian kinds.
+    /// Returns the path acceleration in mm/s². Meaningful for Cartesian kinds.
     #[must_use]
     pub fn acceleration_mm_s2(&self) -> f64 {
         f64::from(self.acceleration)
     }
 
-    /// Share of the rated axis accelerations, 1.0 for 100 %. Meaningful for PTP.
+    /// Returns the share of the rated axis accelerations, 1.0 for 100 %. Meaningful for PTP.
     #[must_use]
     pub fn acceleration_share(&self) -> f64 {
         f64::from(self.acceleration) / 10_000.0
     }
 
-    /// Approximation distance in mm; 0 is an exact stop.
+    /// Returns the approximation distance in mm; 0 is an exact stop.
     #[must_use]
     pub fn approximation_mm(&self) -> f64 {
         f64::from(self.approximation) / 100.0

@@ -16,7 +16,7 @@ fn sample_motion() -> Motion {
 }
 
 #[test]
-fn a_motion_is_these_44_bytes_in_either_order() {
+fn a_motion_has_the_specified_44_bytes_in_either_byte_order() {
     let mut big = [0; MOTION_LEN];
     let mut writer = machine::wire::Writer::<BigEndian>::new(&mut big);
     sample_motion().emit(&mut writer);
@@ -36,7 +36,7 @@ fn a_motion_is_these_44_bytes_in_either_order() {
 }
 
 #[test]
-fn a_commands_head_is_these_36_bytes() {
+fn a_commands_head_has_the_specified_36_bytes() {
     let command = Command {
         control: Control::ENABLE | Control::EXECUTE,
         life: 0x0102,
@@ -67,7 +67,7 @@ fn a_commands_head_is_these_36_bytes() {
 }
 
 #[test]
-fn a_feedbacks_head_is_these_bytes() {
+fn a_feedbacks_head_has_the_specified_bytes() {
     let feedback = Feedback {
         status: Status::BUSY | Status::ENABLED,
         state: State::Running,
@@ -105,7 +105,7 @@ fn a_feedbacks_head_is_these_bytes() {
 }
 
 #[test]
-fn motion_k_lives_in_slot_k_mod_5() {
+fn motion_k_is_in_slot_k_mod_5() {
     let mut command = Command::default();
     for index in 0..7 {
         command.set_slot(index, Motion { velocity: index as u16, ..sample_motion() });
@@ -116,8 +116,8 @@ fn motion_k_lives_in_slot_k_mod_5() {
 }
 
 proptest! {
-    /// Every byte string of an image's length parses, and what was parsed emits the same bytes where they carry
-    /// something: unknown codes survive.
+    /// All bytes of an image's length can be parsed, and writing the result gives the same bytes where they have a
+    /// meaning: unknown codes are kept.
     #[test]
     fn any_256_bytes_survive_a_round_trip(mut bytes in proptest::collection::vec(any::<u8>(), IMAGE_LEN)) {
         let mut image = [0; IMAGE_LEN];

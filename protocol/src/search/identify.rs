@@ -1,4 +1,4 @@
-//! The PROFINET half of a search: DCP Identify of every station (IEC 61158-6-10, 4.3).
+//! Search on PROFINET: DCP Identify of every station (IEC 61158-6-10, 4.3).
 
 use alloc::boxed::Box;
 
@@ -8,27 +8,28 @@ use machine::{Duration, Port, Transmit};
 use profinet::ETHER_TYPE;
 use profinet::dcp::{self, Content, IDENTIFY_MULTICAST, IpSuite, MAX_DELAY_FACTOR, Pdu, Service, Station};
 
-/// Who asks.
+/// Configuration of a search on PROFINET.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ProfinetQuestion {
-    /// The own MAC address.
+    /// The MAC address of this host.
     pub mac: Mac,
-    /// Xid of the first question; those after it count up. One that nobody used lately keeps old answers out.
+    /// Xid of the first request; later ones count up. Choose one that was not used lately, so that late answers to
+    /// earlier searches are ignored.
     pub first_xid: u32,
 }
 
 /// A PROFINET station that answered.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ProfinetStation {
-    /// Its MAC address, which tells stations apart: it is the one thing that they cannot lack.
+    /// Its MAC address, which identifies it: every station has one.
     pub mac: Mac,
-    /// Its name; empty where none is set. Lower-case ASCII unless the station breaks the rules.
+    /// Its name; empty if none is set. Lower-case ASCII if the station follows the standard.
     pub name: Box<[u8]>,
-    /// What its maker calls it.
+    /// Its type of station, as named by the vendor.
     pub type_of_station: Box<[u8]>,
     /// Its VendorID and DeviceID.
     pub identity: Option<(u16, u16)>,
-    /// Its IP address, mask and gateway; 0.0.0.0 where none is set.
+    /// Its IP address, subnet mask and gateway; 0.0.0.0 if not set.
     pub ip: Option<IpSuite>,
     /// Its roles as bits: 1 IO-Device, 2 IO-Controller, 4 IO-Multidevice, 8 IO-Supervisor.
     pub roles: u8,
@@ -76,7 +77,7 @@ impl ProfinetSearch {
         Some(Transmit { port: Port::Ethernet, to: None, len: written.ok()? })
     }
 
-    /// Passes over what is no DCP answer: cyclic data and alarms of others may be on the cable too.
+    /// Handles a frame; ignores everything but DCP answers, such as other stations' cyclic data and alarms.
     pub(super) fn handle_frame(&mut self, frame: &[u8]) {
         let Ok((header, payload)) = EthernetHeader::parse(frame) else { return };
         if header.ether_type != ETHER_TYPE || payload.first_chunk() != Some(&dcp::IDENTIFY_RESPONSE_ID) {
@@ -88,7 +89,7 @@ impl ProfinetSearch {
         }
     }
 
-    /// The station that answers one of our questions.
+    /// Parses the answer of a station to one of our requests.
     fn station(&self, header: &EthernetHeader, payload: &[u8]) -> Option<ProfinetStation> {
         let pdu = Pdu::parse(payload).ok()?;
         let ours = pdu.service == Service::IdentifyResponse

@@ -1,4 +1,4 @@
-//! The EtherNet/IP half of a search: ListIdentity to all (volume 2, 2-4.3).
+//! Search on EtherNet/IP: ListIdentity to all devices (volume 2, 2-4.3).
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -10,22 +10,22 @@ use ethernet_ip::description::Identity;
 use ethernet_ip::discovery::{Found, emit_question};
 use machine::{Duration, Port, Transmit};
 
-/// Who asks, and over which addresses.
+/// Configuration of a search on EtherNet/IP.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct EthernetIpQuestion {
-    /// The UDP port that the questions leave by and the answers come to; 0 for one that the driver chooses.
+    /// Local UDP port of requests and answers; with 0 the driver chooses one.
     pub local_port: u16,
-    /// Broadcast addresses that reach the devices.
+    /// Broadcast addresses to send requests to.
     pub to: Vec<Ipv4Addr>,
 }
 
 impl EthernetIpQuestion {
-    /// Asks by the broadcast of the own subnet and by the limited one, 255.255.255.255: some devices listen to one of
-    /// them only, and one whose mask is wrong would not hear the first.
+    /// Sends requests to the broadcast address of the own subnet and to the limited one, 255.255.255.255: some
+    /// devices listen to one of them only, and a device with a wrong mask would not receive the first.
     #[must_use]
     pub fn from_address(local_port: u16, address: Ipv4Addr, mask: Ipv4Addr) -> Self {
         let subnet = Ipv4Addr::from_bits(address.to_bits() | !mask.to_bits());
-        // A network of one or two hosts has no broadcast of its own.
+        // A network of one or two hosts has no broadcast address.
         let to = [subnet, Ipv4Addr::BROADCAST];
         let to =
             if mask.to_bits().count_zeros() < 2 || subnet == Ipv4Addr::BROADCAST { &to[1..] } else { &to };
@@ -36,22 +36,22 @@ impl EthernetIpQuestion {
 /// An EtherNet/IP device that answered.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct EthernetIpDevice {
-    /// Where its answer came from.
+    /// Source address of its answer.
     pub address: Ipv4Addr,
-    /// Where it says that it listens; another address than the one above is a sign of translation or of a fault.
+    /// The address that it reports; if it differs from the source address, there is address translation or a fault.
     pub listens_at: SocketAddrV4,
-    /// Who it is.
+    /// Its identity.
     pub identity: Identity,
     /// Status word of its Identity: bit 0 owned, bit 2 configured, bits 4 to 7 what I/O does.
     pub status: u16,
-    /// Its product name, as bytes of whatever character set its vendor uses.
+    /// Its product name, in a character set that its vendor chose.
     pub product_name: Box<[u8]>,
     /// State of its Identity: 3 operational.
     pub state: u8,
 }
 
 impl EthernetIpDevice {
-    /// Whether two answers are of one device. Two devices that share an address by mistake stay two.
+    /// Returns whether two answers are from one device. Two devices that share an address by mistake remain two.
     fn is_same(&self, other: &Self) -> bool {
         let key = |device: &Self| (device.address, device.identity.key.vendor, device.identity.serial_number);
         key(self) == key(other)
@@ -62,14 +62,14 @@ impl EthernetIpDevice {
 pub(super) struct EthernetIpSearch {
     question: EthernetIpQuestion,
     answer_within_ms: u16,
-    /// Addresses that the question at hand went to.
+    /// Addresses that the current request was already sent to.
     sent: usize,
     gathered: Gathered<EthernetIpDevice>,
 }
 
 impl EthernetIpSearch {
     pub(super) fn new(question: EthernetIpQuestion, spread: Duration) -> Self {
-        // 0 would mean two seconds to a device.
+        // 0 would mean two seconds for a device.
         let answer_within_ms = u16::try_from(spread.as_millis()).unwrap_or(u16::MAX).max(1);
         let sent = question.to.len();
         Self { question, answer_within_ms, sent, gathered: Gathered::new() }

@@ -1,8 +1,8 @@
-//! Finding devices: who is on this cable, by DCP Identify on PROFINET and by ListIdentity on EtherNet/IP.
+//! Finds the devices on a cable, by DCP Identify on PROFINET and by ListIdentity on EtherNet/IP.
 //!
-//! A [`Search`] of length T asks all devices at 0, T/4 and T/2, so that a question or an answer may be lost, and lets
-//! them spread their answers over T/4; the rest of the time is for those that take longer. It keeps one entry a device
-//! however often that answers, and counts what is no answer to it.
+//! A [`Search`] of length T sends requests to all devices at 0, T/4 and T/2, so that a request or an answer may be
+//! lost. The devices spread their answers over T/4; the remaining time is for slow ones. The search keeps one entry
+//! per device, however often it answers, and counts frames that are no answers to it.
 
 mod identify;
 mod list_identity;
@@ -16,43 +16,43 @@ use identify::ProfinetSearch;
 use list_identity::EthernetIpSearch;
 use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
-/// Questions of one search on each bus.
+/// Requests of one search on each bus.
 pub const QUESTIONS: u32 = 3;
 
-/// Entries that are kept of each bus. More devices than that on one cable are forged.
+/// Largest number of entries per bus. More devices on one cable must be forged.
 pub const MOST_DEVICES: usize = 1024;
 
-/// Whom to ask, and for how long.
+/// Configuration of a search.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SearchConfig {
-    /// From the first question to the end.
+    /// Time from the first request to the end.
     pub length: Duration,
-    /// Asks PROFINET stations, where it is there.
+    /// Search for PROFINET stations, if set.
     pub profinet: Option<ProfinetQuestion>,
-    /// Asks EtherNet/IP devices, where it is there.
+    /// Search for EtherNet/IP devices, if set.
     pub ethernet_ip: Option<EthernetIpQuestion>,
 }
 
 impl SearchConfig {
-    /// Time over which devices are asked to spread their answers.
+    /// Returns the time over which devices are asked to spread their answers.
     #[must_use]
     pub fn spread(&self) -> Duration {
         self.length / 4
     }
 }
 
-/// Answers on one bus.
+/// Counters of the frames on one bus.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Tally {
-    /// Answers of devices that had answered before.
+    /// Answers of devices that had already answered.
     pub repeated: u64,
-    /// What looked like an answer but is broken, or is one to somebody else's question.
+    /// Broken answers, and answers to requests of others.
     pub ignored: u64,
     /// Answers of devices beyond [`MOST_DEVICES`].
     pub surplus: u64,
 }
 
-/// The devices of one bus, one entry each.
+/// The devices found on one bus, one entry each.
 #[derive(Debug)]
 struct Gathered<D> {
     devices: Vec<D>,
@@ -64,7 +64,7 @@ impl<D> Gathered<D> {
         Self { devices: Vec::new(), tally: Tally { repeated: 0, ignored: 0, surplus: 0 } }
     }
 
-    /// Keeps what a device says, in place of what it said before: it may just have got a name or an address.
+    /// Stores a device's answer in place of its earlier one: it may have just got a name or an address.
     fn keep(&mut self, device: D, is_same: impl Fn(&D, &D) -> bool) {
         let known = self.devices.iter().position(|known| is_same(known, &device));
         if let Some(known) = known.and_then(|index| self.devices.get_mut(index)) {
@@ -78,27 +78,27 @@ impl<D> Gathered<D> {
     }
 }
 
-/// The search is over.
+/// Event: the search has ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Over;
+pub struct SearchEnded;
 
-/// Asks all devices of a cable who they are, and gathers the answers.
+/// Asks all devices on a cable for their identity, and collects the answers.
 #[derive(Debug)]
 pub struct Search {
     start: Instant,
     length: Duration,
-    /// Questions whose time has come.
+    /// Requests that are due.
     asked: u32,
-    over: bool,
-    /// [`Over`] waits to be told.
-    telling: bool,
+    ended: bool,
+    /// [`SearchEnded`] was not reported yet.
+    report_end: bool,
     ports: Vec<PortRequest>,
     profinet: Option<ProfinetSearch>,
     ethernet_ip: Option<EthernetIpSearch>,
 }
 
 impl Search {
-    /// A search that asks first at `start`.
+    /// Creates a search that sends its first request at `start`.
     #[must_use]
     pub fn new(config: SearchConfig, start: Instant) -> Self {
         let spread = config.spread();
@@ -109,51 +109,51 @@ impl Search {
             start,
             length: config.length,
             asked: 0,
-            over: false,
-            telling: false,
+            ended: false,
+            report_end: false,
             ports,
             profinet: config.profinet.map(|question| ProfinetSearch::new(question, spread)),
             ethernet_ip: config.ethernet_ip.map(|question| EthernetIpSearch::new(question, spread)),
         }
     }
 
-    /// PROFINET stations that answered, the first one first.
+    /// Returns the PROFINET stations in the order of their first answers.
     #[must_use]
     pub fn profinet_stations(&self) -> &[ProfinetStation] {
         self.profinet.as_ref().map_or(&[], |search| &search.gathered().devices)
     }
 
-    /// EtherNet/IP devices that answered, the first one first.
+    /// Returns the EtherNet/IP devices in the order of their first answers.
     #[must_use]
     pub fn ethernet_ip_devices(&self) -> &[EthernetIpDevice] {
         self.ethernet_ip.as_ref().map_or(&[], |search| &search.gathered().devices)
     }
 
-    /// Whether it asks PROFINET stations.
+    /// Returns whether it searches for PROFINET stations.
     #[must_use]
     pub const fn asks_profinet(&self) -> bool {
         self.profinet.is_some()
     }
 
-    /// Whether it asks EtherNet/IP devices.
+    /// Returns whether it searches for EtherNet/IP devices.
     #[must_use]
     pub const fn asks_ethernet_ip(&self) -> bool {
         self.ethernet_ip.is_some()
     }
 
-    /// What came on PROFINET besides new stations.
+    /// Returns the counters of frames on PROFINET that gave no new station.
     #[must_use]
     pub fn profinet_tally(&self) -> Tally {
         self.profinet.as_ref().map(|search| search.gathered().tally).unwrap_or_default()
     }
 
-    /// What came on EtherNet/IP besides new devices.
+    /// Returns the counters of frames on EtherNet/IP that gave no new device.
     #[must_use]
     pub fn ethernet_ip_tally(&self) -> Tally {
         self.ethernet_ip.as_ref().map(|search| search.gathered().tally).unwrap_or_default()
     }
 
-    /// When question `number`, from 0, is due.
+    /// Returns when request `number`, counted from 0, is due.
     fn due(&self, number: u32) -> Instant {
         self.start + self.length.saturating_mul(number) / 4
     }
@@ -164,14 +164,14 @@ impl Search {
 }
 
 impl Machine for Search {
-    type Event = Over;
+    type Event = SearchEnded;
 
     fn ports(&self) -> &[PortRequest] {
         &self.ports
     }
 
     fn handle_frame(&mut self, _now: Instant, from: Source, frame: &[u8]) {
-        if self.over {
+        if self.ended {
             return;
         }
         match from {
@@ -190,14 +190,14 @@ impl Machine for Search {
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        if self.over {
+        if self.ended {
             return;
         }
         if now >= self.end() {
-            (self.over, self.telling) = (true, true);
+            (self.ended, self.report_end) = (true, true);
             return;
         }
-        // A driver that was late for several questions asks once.
+        // If the driver is late for several requests, it sends one.
         let mut due = false;
         while self.asked < QUESTIONS && self.due(self.asked) <= now {
             self.asked += 1;
@@ -218,12 +218,12 @@ impl Machine for Search {
         profinet.or_else(|| self.ethernet_ip.as_mut().and_then(|search| search.poll_transmit(buf)))
     }
 
-    fn poll_event(&mut self) -> Option<Over> {
-        core::mem::take(&mut self.telling).then_some(Over)
+    fn poll_event(&mut self) -> Option<SearchEnded> {
+        core::mem::take(&mut self.report_end).then_some(SearchEnded)
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        if self.over {
+        if self.ended {
             None
         } else if self.asked < QUESTIONS {
             Some(self.due(self.asked))

@@ -33,11 +33,11 @@ struct Segment {
     now: Instant,
     search: Search,
     devices: Vec<(Ipv4Addr, Box<dyn Machine<Event = LinkEvent>>)>,
-    /// What is under way: when it arrives, at which device or at the search, from where.
+    /// Frames in flight: time of arrival, the device or the search, source.
     in_flight: Vec<(Instant, Option<usize>, Source, Vec<u8>)>,
-    /// When answers left on raw Ethernet.
+    /// When answers on raw Ethernet were sent.
     answered: Vec<Instant>,
-    /// Nothing gets through before.
+    /// Frames before this time are lost.
     open_from: Instant,
     over: bool,
 }
@@ -147,11 +147,11 @@ impl Segment {
                 self.in_flight.push((now + CABLE, Some(index), from, buf[..len].to_vec()));
             }
         }
-        self.over |= self.search.poll_event() == Some(Over);
+        self.over |= self.search.poll_event() == Some(SearchEnded);
     }
 }
 
-/// An answer of a PROFINET station as it goes over the cable.
+/// Builds the answer of a PROFINET station.
 fn answer(mac: Mac, xid: u32, name: &[u8]) -> Vec<u8> {
     let header = EthernetHeader { destination: MAC, source: mac, tag: None, ether_type: ETHER_TYPE };
     let blocks: [Block<'_>; 2] =
@@ -169,21 +169,21 @@ fn from_device(last: u8) -> Source {
     Source { port: Port::Udp(PORT), peer: Some(peer) }
 }
 
-/// A search that has asked once.
+/// Returns a search that has sent its first requests.
 fn asking() -> Search {
     let mut search = search();
     search.handle_timeout(Instant::ZERO);
     search
 }
 
-/// Sends all that waits; how many frames that was.
+/// Sends all waiting frames; returns their number.
 fn sent(search: &mut Search, now: Instant) -> usize {
     let mut buf = [0; 4096];
     core::iter::from_fn(|| search.poll_transmit(now, &mut buf)).count()
 }
 
 #[test]
-fn every_device_of_a_cable_is_found_once_however_often_it_answers() {
+fn every_device_on_a_cable_is_listed_once_however_often_it_answers() {
     let found = Segment::new(40, 5).run().search;
     let mut macs: Vec<_> = found.profinet_stations().iter().map(|station| station.mac).collect();
     macs.sort_unstable();
@@ -200,7 +200,7 @@ fn every_device_of_a_cable_is_found_once_however_often_it_answers() {
     let device = &found.ethernet_ip_devices()[3];
     assert_eq!(device.address, Ipv4Addr::new(192, 168, 64, 103));
     assert_eq!(device.listens_at, SocketAddrV4::new(device.address, ENCAPSULATION_PORT));
-    // Three questions by two broadcasts each.
+    // Three requests with two broadcasts each.
     assert_eq!(found.ethernet_ip_tally(), Tally { repeated: 25, ..Tally::default() });
 }
 
@@ -212,13 +212,13 @@ fn stations_spread_their_answers_over_a_quarter_of_the_search() {
     let mut distinct = first.clone();
     distinct.dedup();
     assert!(distinct.len() > 20, "{distinct:?}");
-    // The last answers of the last question come well before the end.
+    // The last answers to the last request arrive well before the end.
     let last = segment.answered.iter().max().unwrap();
     assert!(*last < Instant::ZERO + LENGTH * 3 / 4 + CABLE * 2, "{last:?}");
 }
 
 #[test]
-fn a_question_that_is_lost_is_made_up_for_by_the_next() {
+fn after_a_lost_request_the_next_one_finds_the_devices() {
     let mut segment = Segment::new(3, 3);
     segment.open_from = Instant::ZERO + LENGTH / 2;
     let found = segment.run().search;
@@ -227,7 +227,7 @@ fn a_question_that_is_lost_is_made_up_for_by_the_next() {
 }
 
 #[test]
-fn the_question_asks_for_every_station_with_a_delay_that_leaves_time_to_answer() {
+fn the_request_asks_every_station_and_gives_a_delay_within_the_search() {
     let mut search = asking();
     let mut buf = [0; 4096];
     let Transmit { port, len, .. } = search.poll_transmit(Instant::ZERO, &mut buf).unwrap();
@@ -246,7 +246,7 @@ fn the_question_asks_for_every_station_with_a_delay_that_leaves_time_to_answer()
 }
 
 #[test]
-fn a_driver_that_was_late_for_two_questions_asks_once_and_keeps_the_end() {
+fn a_driver_that_is_late_for_two_requests_sends_one_and_keeps_the_end() {
     let mut search = asking();
     assert_eq!(sent(&mut search, Instant::ZERO), 3);
     let late = Instant::ZERO + LENGTH * 3 / 5;
@@ -256,7 +256,7 @@ fn a_driver_that_was_late_for_two_questions_asks_once_and_keeps_the_end() {
 }
 
 #[test]
-fn answers_that_are_broken_foreign_or_unasked_for_are_counted_and_change_nothing() {
+fn broken_foreign_and_unrequested_answers_are_counted_and_otherwise_ignored() {
     let mac = Mac([2, 0, 0, 0, 0, 9]);
     let good = answer(mac, XID, b"robot");
     let mut search = asking();
@@ -275,7 +275,7 @@ fn answers_that_are_broken_foreign_or_unasked_for_are_counted_and_change_nothing
     }
     assert_eq!(search.profinet_tally().ignored, hostile.len() as u64);
     assert!(search.profinet_stations().is_empty());
-    // Cyclic data is on the cable too and no answer at all; so is what comes at another port.
+    // Cyclic data is on the cable, too, and is no answer; neither is a datagram at another port.
     search.handle_frame(Instant::ZERO, ETHERNET, &[&good[..14], &[0x80, 0x01, 0, 0]].concat());
     search.handle_frame(Instant::ZERO, Source { port: Port::Udp(PORT + 1), ..from_device(7) }, &good);
     assert_eq!(search.profinet_tally().ignored, hostile.len() as u64);
@@ -287,7 +287,7 @@ fn answers_that_are_broken_foreign_or_unasked_for_are_counted_and_change_nothing
 }
 
 #[test]
-fn a_station_that_is_renamed_while_we_look_has_its_new_name() {
+fn a_station_that_is_renamed_during_the_search_has_its_new_name() {
     let mac = Mac([2, 0, 0, 0, 0, 9]);
     let mut search = asking();
     search.handle_frame(Instant::ZERO, ETHERNET, &answer(mac, XID, b""));
@@ -309,18 +309,18 @@ fn a_flood_of_forged_stations_takes_bounded_memory() {
 }
 
 #[test]
-fn what_comes_after_the_end_is_too_late() {
+fn answers_after_the_end_are_ignored() {
     let mut search = asking();
     let end = Instant::ZERO + LENGTH;
     search.handle_timeout(end);
-    assert_eq!((search.poll_event(), search.poll_event()), (Some(Over), None));
+    assert_eq!((search.poll_event(), search.poll_event()), (Some(SearchEnded), None));
     assert_eq!(search.poll_timeout(), None);
     search.handle_frame(end, ETHERNET, &answer(Mac([2, 0, 0, 0, 0, 9]), XID, b"robot"));
     assert!(search.profinet_stations().is_empty());
 }
 
 #[test]
-fn a_link_of_two_hosts_is_asked_by_the_limited_broadcast_alone() {
+fn a_network_of_two_hosts_uses_only_the_limited_broadcast() {
     let question = EthernetIpQuestion::from_address(PORT, ADDRESS, Ipv4Addr::new(255, 255, 255, 254));
     assert_eq!(question.to, [Ipv4Addr::BROADCAST]);
 }
