@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# What a contributor and CI do, one verb each. `scripts/dev.sh help` lists them.
+# The tasks of a contributor and of CI, a verb each. `scripts/dev.sh help` lists them.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# PROFINET gate: nothing malformed, short or in error, no reserved bit set, nothing on its ports that is not it.
+# PROFINET gate: no malformed or short frame, no error, no reserved bit set, and nothing but PROFINET on its ports.
 PROFINET_TRAFFIC='pn_rt || dcerpc'
 PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn_dcp || dcerpc || lldp || udp.port in {34962 .. 34964}) && (_ws.malformed || _ws.short || _ws.expert.severity >= 0x00600000 || pn_rt.transfer_status != 0 || pn_rt.ds_res3 == 1 || pn_rt.ds_Reserved_2 == 1 || (udp.port == 34964 && !dcerpc && !icmp) || (udp.port in {34962 .. 34963} && !pn_rt && !icmp))'
 
-# The crates that are machines and nothing else: package, and folder.
+# The crates that contain only machines: package, and folder.
 PURE=(fieldbus-machine:protocol/machine profinet-proto:protocol/profinet ethernet-ip-proto:protocol/ethernet-ip
     fieldbus-virtual-time:protocol/virtual-time protocol:protocol)
 
@@ -52,8 +52,8 @@ verb_modules() { #: fail where modules of one folder import each other in a circ
 }
 
 verb_purity() { #: prove that the crates of machines can name no clock, socket, thread or file
-    # They are `no_std`, and so is all that they depend on: a crate for a target without an operating system cannot
-    # reach one. Where that target is not installed, the attribute and the dependencies' features are the proof.
+    # These crates and their dependencies are `no_std`: a crate built for a target without an operating system cannot
+    # use one. If that target is not installed, the attribute and the dependencies' features are checked instead.
     local crate folder found dependency
     local allowed="rand_core rand_pcg thiserror thiserror-impl proc-macro2 quote syn unicode-ident"
     for crate in "${PURE[@]}"; do allowed+=" ${crate%%:*}"; done
@@ -87,7 +87,7 @@ verb_purity() { #: prove that the crates of machines can name no clock, socket, 
     echo "${PURE[*]##*:}: pure; unsafe stands in protocol-linux alone"
 }
 
-# build: every program as the tests have it, so that after `test` nothing is left to build.
+# build: builds every program with the options of the tests, so that after `test` nothing is left to build.
 build() {
     cargo build --workspace --all-features --all-targets --locked
 }
@@ -117,7 +117,7 @@ verb_browser() { #: open reports in a headless Chromium, wide, on a phone and in
     cargo test --workspace --all-features --locked --test browser -- --ignored
 }
 
-# gate_profinet CAPTURE: prints what is wrong in a capture; fails where something is, or where nothing is in it.
+# gate_profinet CAPTURE: prints the faults in a capture; fails if there are any, or if the capture is empty.
 gate_profinet() {
     local frames faults
     frames=$(tshark -n -r "$1" -Y "$PROFINET_TRAFFIC" 2>/dev/null | wc -l)
@@ -126,8 +126,8 @@ gate_profinet() {
     [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
 }
 
-# EtherNet/IP gate: its ports carry nothing else, nothing is malformed, short or in error, and datagrams of I/O have
-# one sequenced address item and one connected data item.
+# EtherNet/IP gate: nothing else on its ports, no malformed or short frame, no error, and one sequenced address item
+# and one connected data item in each I/O datagram.
 ENIP_TRAFFIC='(tcp.port==44818||udp.port==44818||udp.port==2222)&&!icmp'
 gate_ethernet_ip() {
     local dissect=(tshark -n -2 -r "$1" -d "udp.port==2222,cipio" -d "udp.port==44818,enip" -d "tcp.port==44818,enip")
@@ -145,9 +145,9 @@ gate_ethernet_ip() {
     [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
 }
 
-# gate_sees_faults GATE CAPTURE: a gate must see a fault that is there: the same frames, each without its last eight bytes.
-# Bytes changed at random would not do: in a capture of a dozen frames they may hit addresses alone, and what is not ours
-# is no fault.
+# gate_sees_faults GATE CAPTURE: checks that a gate finds faults, in the same capture with the last eight bytes of
+# each frame cut off. Randomly changed bytes would not be enough: in a capture of a dozen frames they may hit only
+# addresses, and a frame that is not ours is no fault.
 gate_sees_faults() {
     local broken verdict
     broken=$(mktemp --suffix .pcapng)
@@ -160,7 +160,7 @@ gate_sees_faults() {
     rm "$broken"
 }
 
-# gate_run GATE DIRECTORY: the captures of both ends of a run.
+# gate_run GATE DIRECTORY: checks the captures of both ends of a run.
 gate_run() {
     local capture
     for capture in "$2/plc.pcapng" "$2/robot.pcapng"; do
@@ -212,7 +212,7 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
     return "$status"
 }
 
-# summarise FILE: prints it, and puts it into the summary of a job of GitHub Actions.
+# summarise FILE: prints it, and adds it to the summary of a GitHub Actions job.
 summarise() {
     cat "$1"
     if [ -n "${GITHUB_STEP_SUMMARY:-}" ]; then
@@ -220,7 +220,7 @@ summarise() {
     fi
 }
 
-# newest_python: a Python that every peer runs on; ethernetip2 needs 3.12.
+# newest_python: prints a Python that can run every peer; ethernetip2 needs 3.12.
 newest_python() {
     local python
     for python in python3 python3.1{4,3,2} ~/.pyenv/versions/3.1[2-9]*/bin/python3; do
@@ -266,10 +266,11 @@ verb_interop() { #: our stacks against those of others, each in a process of its
     done
 }
 
-# Switches that leave glibc its plainest variant of every function, as on a processor without AVX and FMA.
+# Switches that make glibc use its simplest variant of every function, as on a processor without AVX and FMA.
 PLAIN_PROCESSOR="glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-AVX512VL,-AVX_Fast_Unaligned_Load,-FMA,-FMA4,-ERMS,-FSRM"
 
-# virtual_runs DIRECTORY: every application on every setup, with results, traces and captures; a refusal is its message.
+# virtual_runs DIRECTORY: runs every application on every setup, with results, traces and captures; if one is refused,
+# keeps the message.
 virtual_runs() {
     local setup application name capture
     mkdir -p "$1"
@@ -302,7 +303,7 @@ verb_bits() { #: prove that virtual runs are the same bytes whatever glibc picks
     mv "$out/runs" "$out/this"
     GLIBC_TUNABLES=$PLAIN_PROCESSOR virtual_runs "$out/runs"
     mv "$out/runs" "$out/plain"
-    # host.json and the report say when the run was.
+    # host.json and the report contain the time of the run.
     diff --recursive --brief --exclude host.json --exclude report.html "$out/this" "$out/plain"
     compared=$(find "$out/this" -name results.json | wc -l)
     [ "$compared" -ge 10 ] || { cat "$out/this/"*.txt; return 1; }
@@ -318,7 +319,7 @@ verb_timing() { #: how evenly cyclic frames come, beside a bare loop and the ada
     local peers="${CARGO_TARGET_DIR:-$PWD/target}/interop/peers"
     build
     cargo build --manifest-path scripts/interop/peers/Cargo.toml --target-dir "$peers" --locked
-    # All of them with the same priority: what is compared is what a program does with it.
+    # All of them with the same priority: the programs are compared, not their priorities.
     built bench timing "$@" -- chrt --fifo 49 "$peers/debug/ciplink-robot"
 }
 
@@ -334,8 +335,8 @@ verb_user() { #: the same run as an ordinary user, without any privilege (as roo
         ./bench --setup A --reps 1 --out run)
 }
 
-# demo_compose ARGUMENT...: compose, whether it came as the engine's plugin or as a program of its own. That one has the
-# client build, and Debian's client does so by BuildKit without a plugin.
+# demo_compose ARGUMENT...: runs compose, either the engine's plugin or the separate program. The latter lets the
+# docker client build images; Debian's client does so by BuildKit, without a plugin.
 demo_compose() {
     if docker compose version >/dev/null 2>&1; then
         docker compose "$@"
@@ -344,8 +345,8 @@ demo_compose() {
     fi
 }
 
-# demo_engine: an engine of our own, so that nothing of ours stays in another one, with a local image in place of the one
-# that the Dockerfile would pull.
+# demo_engine: starts an engine of our own, so that nothing of ours stays in another one. It has a local image in
+# place of the one that the Dockerfile would pull.
 demo_engine() {
     DEMO_ENGINE=$(mktemp -d)
     export DOCKER_HOST="unix://$DEMO_ENGINE/socket"
@@ -363,7 +364,7 @@ demo_engine() {
     scripts/demo/base-image.sh "$(sed -n 's/^FROM \(.*\) AS build$/\1/p' Dockerfile)"
 }
 
-# demo_end: whatever verb_demo started is gone afterwards.
+# demo_end: removes everything that verb_demo started.
 demo_end() {
     demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
     if [ -n "${DEMO_ENGINE:-}" ]; then
@@ -376,7 +377,7 @@ demo_end() {
     rm -rf "${RUNS:-}"
 }
 
-# demo_up FILE: brings the containers up until the bench ends, as it ends; what they say goes into the file as well.
+# demo_up FILE: runs the containers until the bench ends, with its exit code; also writes their output to the file.
 demo_up() {
     demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$1"
 }

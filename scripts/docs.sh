@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Checks the documentation: every link leads somewhere, and every command shown does what it says.
+# Checks the documentation: every link has a target, and every shown command works.
 #
 #   scripts/docs.sh            self-test, links, reference, commands
 #   scripts/docs.sh self-test  show that the checks below find a broken link and a failing command
@@ -16,10 +16,10 @@ cd "$(dirname "$0")/.."
 export LC_ALL=C.UTF-8 # so that a letter is a letter in anchors
 export PROGRAMS="${CARGO_TARGET_DIR:-$PWD/target}/debug"
 
-# How long one block may take, in s.
+# Longest time of a block, in s.
 LONGEST=300
 
-# prose FILE: its lines with their numbers, without fenced blocks.
+# prose FILE: prints its lines with their numbers, without fenced blocks.
 prose() {
     awk '
         match($0, /^ *(```+|~~~+)/) {
@@ -31,7 +31,8 @@ prose() {
     ' "$1"
 }
 
-# links FILE: its links as LINE:TARGET, from [text](target), [name]: target and src="target"; code is no link.
+# links FILE: prints its links as LINE:TARGET, from [text](target), [name]: target and src="target"; code contains no
+# links.
 links() {
     prose "$1" | sed -E 's/`[^`]*`//g' | awk '
         {
@@ -46,7 +47,7 @@ links() {
         }'
 }
 
-# anchors FILE: the anchors of its headings as GitHub makes them, and those that are written as HTML.
+# anchors FILE: prints the anchors of its headings as GitHub makes them, and those written as HTML.
 anchors() {
     local line text slug
     local -A seen=()
@@ -67,7 +68,7 @@ anchors() {
     grep -oE '(id|name)="[^"]+"' "$1" | sed -E 's/^[^"]*"//; s/"$//' || true
 }
 
-# broken_links DIRECTORY FILE...: prints each link of these files that leads nowhere; fails where there is one.
+# broken_links DIRECTORY FILE...: prints each link of these files without a target; fails if there is one.
 broken_links() {
     local directory=$1 file link target path anchor status=0
     for file in "${@:2}"; do
@@ -96,7 +97,7 @@ broken_links() {
     return "$status"
 }
 
-# split_blocks FILE DIRECTORY: writes each block tagged `sh` to DIRECTORY/LINE.sh, LINE being where it begins.
+# split_blocks FILE DIRECTORY: writes each block tagged `sh` to DIRECTORY/LINE.sh, where LINE is its first line.
 split_blocks() {
     awk -v directory="$2" '
         /^ *```/ && out != "" { close(out); out = ""; next }
@@ -128,7 +129,7 @@ cargo() {
     return 1
 }
 
-# failing_blocks FILE DIRECTORY: runs the blocks of the file in the directory, in order; says which one fails.
+# failing_blocks FILE DIRECTORY: runs the blocks of the file in the directory, in order; names the one that fails.
 failing_blocks() {
     local blocks block line count=0 status=0
     blocks=$(mktemp -d)
@@ -151,8 +152,8 @@ failing_blocks() {
     return "$status"
 }
 
-# paths FILE: its paths as LINE:PATH: what is written as `code` and begins with a folder of this repository. What has a
-# word in capitals, as SETUP.json, stands for something.
+# paths FILE: prints its paths as LINE:PATH: `code` that begins with a folder of this repository. A path with a word
+# in capitals, such as SETUP.json, is a placeholder and left out.
 paths() {
     prose "$1" | awk -v folders="$2" '
         {
@@ -165,7 +166,7 @@ paths() {
         }'
 }
 
-# gone_paths DIRECTORY FILE...: prints each path that these files name and that is not there; fails where there is one.
+# gone_paths DIRECTORY FILE...: prints each path in these files that does not exist; fails if there is one.
 gone_paths() {
     local directory=$1 folders file path status=0
     folders=$(cd "$directory" && find . -maxdepth 1 -type d -name '[a-z]*' ! -name target ! -name runs -printf ' %P ')
@@ -180,7 +181,7 @@ gone_paths() {
     return "$status"
 }
 
-# check_links: all tracked Markdown.
+# check_links: checks all tracked Markdown files.
 check_links() {
     local files
     mapfile -t files < <(git ls-files --cached --others --exclude-standard '*.md')
@@ -189,7 +190,8 @@ check_links() {
     echo "links: ${#files[@]} files, none broken"
 }
 
-# check_commands [FILE...]: each file in a copy of the repository of its own, so that nothing is left in this one.
+# check_commands [FILE...]: runs each file's blocks in a new copy of the repository, so that nothing is left in this
+# one.
 check_commands() {
     local files=("$@") file copy status=0
     [ ${#files[@]} -gt 0 ] || mapfile -t files < <(git ls-files --cached --others --exclude-standard README.md 'docs/*.md')
@@ -203,7 +205,7 @@ check_commands() {
     return "$status"
 }
 
-# undocumented PAGE: prints each line of standard input that PAGE does not have as `code`; fails where there is one.
+# undocumented PAGE: prints each line of standard input that PAGE does not contain as `code`; fails if there is one.
 undocumented() {
     local page=$1 name status=0
     while IFS= read -r name; do
@@ -215,7 +217,7 @@ undocumented() {
     return "$status"
 }
 
-# help_names: the commands and options of every program, by what its --help says.
+# help_names: prints the commands and options of every program, from its --help.
 help_names() {
     local program command
     for program in bench plc-node robot-node; do
@@ -229,7 +231,7 @@ help_names() {
     done | sort -u
 }
 
-# file_keys FILE...: the keys and sections of these TOML files, but for names that their author chose.
+# file_keys FILE...: prints the keys and sections of these TOML files, without names chosen by their author.
 file_keys() {
     sed -E 's/#.*//; s/"[^"]*"//g' "$@" | awk '
         /^\[/ { section = $0; gsub(/[][ ]/, "", section); print section }
@@ -243,7 +245,7 @@ file_keys() {
         }' | sort -u
 }
 
-# check_reference: what the programs and the shipped files have is explained.
+# check_reference: checks that the commands, options and keys of the programs and the shipped files are explained.
 check_reference() {
     help_names | undocumented docs/command-line.md
     file_keys cell/setups/*.toml | undocumented docs/setups.md
@@ -251,7 +253,7 @@ check_reference() {
     echo "reference: every command, option and key is explained"
 }
 
-# expect NAME EXPECTED FOUND: one check of the self-test.
+# expect NAME EXPECTED FOUND: makes one check of the self-test.
 expect() {
     if [ "$2" != "$3" ]; then
         printf 'self-test: %s\n  expected: %s\n  found:    %s\n' "$1" "$2" "$3" >&2
@@ -259,7 +261,7 @@ expect() {
     fi
 }
 
-# self_test: the checks find what is broken, and nothing else.
+# self_test: tests that the checks find what is broken, and nothing else.
 self_test() {
     local here found
     here=$(mktemp -d)
@@ -317,7 +319,7 @@ case ${1:-all} in
     reference) check_reference ;;
     commands) check_commands "${@:2}" ;;
     all)
-        # One by one: in a list with && a failure within a function would not end it.
+        # One by one: in a list with &&, a failure within a function would not end the function.
         self_test
         check_links
         check_reference

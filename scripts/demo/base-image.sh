@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the image that the Dockerfile builds on from what this Debian machine has installed, where none can be pulled:
-# the compiler, the linker, setcap, and the crates that Cargo has downloaded. Usage: base-image.sh TAG
+# Makes the base image of the Dockerfile from the packages installed on this Debian machine, for hosts that cannot
+# pull one: the compiler, the linker, setcap, and the crates that Cargo has downloaded. Usage: base-image.sh TAG
 set -euo pipefail
 
 root=$(mktemp -d)
@@ -9,8 +9,8 @@ mkdir -p "$root"/{tmp,root,usr/{bin,sbin,lib,lib64},usr/local/{rust,cargo}}
 chmod 1777 "$root/tmp"
 for directory in bin sbin lib lib64; do ln -s "usr/$directory" "$root/$directory"; done
 
-# Whole packages with all that they depend on. Their lists name files as before the merge of / and /usr, directories
-# among them, and files that a container's Debian leaves out.
+# Copies whole packages with all their dependencies. Their file lists use the names from before the merge of / and
+# /usr, and contain directories and files that a container's Debian leaves out.
 relations=(--no-recommends --no-suggests --no-conflicts --no-breaks --no-replaces --no-enhances)
 packages() { apt-cache depends --recurse --installed "${relations[@]}" "$@" | grep '^[a-z0-9]' | sort -u; }
 packages gcc libc6-dev dash coreutils sed libcap2-bin | xargs dpkg -L \

@@ -1,13 +1,13 @@
 # shellcheck shell=bash
-# A cell for one interop test, to be sourced by it: a PLC's and a robot's network namespace with a cable between them,
-# a capture of what goes over it, and programs whose output is kept.
+# A cell for one interop test, which sources this file: network namespaces of a PLC and a robot with a cable between
+# them, a capture of the cable, and programs with logs.
 #
-# The test starts itself again in anonymous namespaces, that of the process numbers among them: with the test all its
-# programs, interfaces and namespaces are gone, however it ends.
+# The test restarts itself in unnamed namespaces, including one for process numbers: all its programs, interfaces and
+# namespaces end with the test, however it ends.
 #
 #   NODES  directory of plc-node and robot-node      PEERS  directory of the peers written in Rust
 #   VENV   virtual environment of the Python peers   NODE_MODULES  packages of the Node.js peers
-#   OUT    where output and capture of this test go
+#   OUT    directory for output and capture of this test
 set -euo pipefail
 : "${NODES:?}" "${PEERS:?}" "${VENV:?}" "${NODE_MODULES:?}" "${OUT:?}"
 
@@ -16,18 +16,18 @@ if [ -z "${CELL:-}" ]; then
     mkdir -p "$OUT"
     CELL=1 exec unshare --net --pid --fork --kill-child --mount-proc "$BASH" "$0" "$@"
 fi
-# The first process of a namespace is spared the signals that it does not expect.
+# The kernel does not send the first process of a namespace signals that it has no handler for.
 trap 'exit 130' INT TERM
 
 export PLC_ADDRESS=192.168.64.1 ROBOT_ADDRESS=192.168.64.2
 
-# Programs look their interface up in /sys, which shows the namespace that mounted it.
+# Programs look for their interface in /sys, which shows the namespace of the process that mounted it.
 mount -t sysfs sysfs /sys
 unshare --net --mount sh -c 'mount -t sysfs sysfs /sys; echo there; exec sleep infinity' >"$OUT/robot-namespace.log" &
 robot_namespace=$!
 until grep -sq there "$OUT/robot-namespace.log"; do sleep 0.02; done
 
-# at_plc COMMAND... and at_robot COMMAND...: run it at that end of the cable.
+# at_plc COMMAND... and at_robot COMMAND...: run a command at that end of the cable.
 at_plc() { "$@"; }
 at_robot() { nsenter --net --mount --target "$robot_namespace" -- "$@"; }
 
@@ -41,7 +41,8 @@ fail() { # fail WORDS...: ends the test and shows what its programs said last
     exit 1
 }
 
-# start NAME COMMAND...: runs it beside the test; what it says goes to NAME.log, its process number to the variable NAME.
+# start NAME COMMAND...: runs it beside the test; its output goes to NAME.log, its process number to the variable
+# NAME.
 start() {
     local name=$1
     shift
@@ -49,18 +50,18 @@ start() {
     printf -v "$name" %s $!
 }
 
-# says NAME PATTERN [SECONDS]: waits until the program has said it.
+# says NAME PATTERN [SECONDS]: waits until the program has printed it.
 says() {
     local tenths=$((${3:-10} * 10)) over=
     until grep -sqE -- "$2" "$OUT/$1.log"; do
-        # What a program said last may have come after the look into its log.
+        # The program's last output may have come after its log was read.
         [ -z "$over" ] || fail "$1 did not say /$2/"
         sleep 0.1
         [ $((tenths -= 1)) -gt 0 ] && kill -0 "${!1}" 2>/dev/null || over=1
     done
 }
 
-# ends NAME [SECONDS]: waits until the program has ended, and well.
+# ends NAME [SECONDS]: waits until the program has ended successfully.
 ends() {
     local tenths=$((${2:-10} * 10))
     while kill -0 "${!1}" 2>/dev/null; do
@@ -70,7 +71,7 @@ ends() {
     wait "${!1}" || fail "$1 ended with exit code $?"
 }
 
-# From here on everything that goes over the cable is in the capture.
+# From here on the capture contains everything on the cable.
 start recorder dumpcap -q -i plc -w "$OUT/capture.pcapng"
 says recorder '^File:'
 

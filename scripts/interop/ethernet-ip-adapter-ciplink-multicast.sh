@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Our scanner asks the adapter of the crate `ciplink` for a multicast: it joins the group that the reply names, and gets
-# every byte of the feedback by it.
+# Our scanner requests a multicast from the adapter of the crate `ciplink`: it joins the group in the reply, and
+# receives every byte of the feedback on it.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What our nodes say where something is wrong, read from the nodes themselves: a scanner that asks for what the adapter
-# does not have, one that comes second, and ports that another program holds.
+# The messages of our nodes on errors: a scanner that requests what the adapter does not have, a second scanner, and
+# ports that another program uses.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
-# Programs are started without a shell function around them, so that a signal reaches them and not a shell.
+# Programs are started without a shell function, so that a signal reaches the program and not a shell.
 # shellcheck disable=SC2034 # by name, in holds
 plc_end=()
 robot_end=(nsenter --net --mount --target "${robot_namespace:?}" --)
@@ -25,7 +25,7 @@ asks() {
     start "$name" "$NODES/plc-node" run --setup "$OUT/$name.toml" --interface plc --types rc
 }
 
-# stops NAME: ends it in order; it may end with the exit code of a run that did not come about.
+# stops NAME: ends it in order; it may have the exit code of a run that could not start.
 stops() {
     kill -TERM "${!1}"
     wait "${!1}" || true
@@ -47,7 +47,7 @@ cycle_us=400 asks interval ''
 says interval 'interval cannot be served .*0x0111.*; asked for a packet every 400 .*; by its EDS file the device serves 500 to 10000000 '
 stops interval
 
-# The owner is gone without a word, and the adapter keeps its place for as long as it had asked for: 128 × 20 ms.
+# The owner disappeared without closing, and the adapter keeps its connection for the requested time: 128 × 20 ms.
 cycle_us=20000 asks owner ''
 says owner '^connected'
 kill -KILL "${owner:?}"
@@ -57,7 +57,7 @@ says second '^connected' # once the adapter gave the first one up
 stops second
 stops robot_node
 
-# holds plc|robot ADDRESS udp|tcp PORT: another program has this port at this end of the cable.
+# holds plc|robot ADDRESS udp|tcp PORT: lets another program use this port at this end of the cable.
 holds() {
     local type=SOCK_DGRAM
     [ "$3" = udp ] || type=SOCK_STREAM

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Our search finds the adapter of the crate `ciplink` by ListIdentity, once however often it answers.
+# Our search finds the adapter of the crate `ciplink` by ListIdentity, and lists it once however often it answers.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 

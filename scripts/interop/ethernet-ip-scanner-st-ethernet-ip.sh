@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# st-ethernet-ip as class 1 scanner of our adapter at 10 ms. It leaves without Forward_Close, so that the connection has to
+# st-ethernet-ip as class 1 scanner of our adapter at 10 ms. It ends without Forward_Close, so the connection has to
 # time out.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh

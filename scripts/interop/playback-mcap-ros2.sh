@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# A run's motion.mcap, read by Foxglove's own reader of ROS 2 messages: each message decodes and says what the tables say.
+# A run's motion.mcap, read by Foxglove's reader of ROS 2 messages: every message can be decoded and agrees with the
+# tables.
 set -euo pipefail
 for setup in A B; do
     rm -rf "${OUT:?}/$setup"

@@ -18,17 +18,17 @@ use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, Criterion};
 
-/// Lists the paths whose instructions are counted, one a line.
+/// Option that lists the paths whose instructions are counted, one per line.
 pub const LIST: &str = "--list-hot-paths";
 
-/// Runs the path that is named next, once cold and once in [`COUNTED`].
+/// Option that runs the path named after it, once cold and once in [`COUNTED`].
 pub const RUN: &str = "--run-hot-path";
 
-/// The function in which callgrind counts, as its symbol begins.
+/// The function in which callgrind counts: the start of its symbol.
 pub const COUNTED: &str = "hot_path_counted";
 
-/// Inputs that are made, and results that are kept, at a time: so many that reading the clock costs nothing, and so few
-/// that they stay in the cache as the one path or controller of a robot does.
+/// Number of inputs that are prepared, and of results that are kept, at a time: enough that reading the clock costs
+/// nothing, and few enough that they stay in the cache, as the one path or controller of a robot does.
 const BATCH: BatchSize = BatchSize::NumIterations(16);
 
 type Timed = Box<dyn FnOnce(&mut Criterion)>;
@@ -42,8 +42,8 @@ pub struct HotPaths {
 }
 
 impl HotPaths {
-    /// A path: `input` makes what it starts from, outside of the measure, and `run` is measured. What `run` returns is
-    /// dropped outside of the measure too.
+    /// Adds a path: `input` prepares its input outside of the measurement, and `run` is measured. The result of `run`
+    /// is also dropped outside of the measurement.
     pub fn add<I: 'static, O: 'static>(
         &mut self,
         group: &'static str,
@@ -56,7 +56,7 @@ impl HotPaths {
         self.counted.push((
             format!("{group}/{name}"),
             Box::new(move || {
-                // What is done once at first, such as resolving a symbol, is no part of the path.
+                // Work that is done only the first time, such as resolving a symbol, is not part of the path.
                 drop(black_box(measured(black_box(make()))));
                 let input = black_box(make());
                 drop(black_box(hot_path_counted(&measured, input)));
@@ -65,7 +65,7 @@ impl HotPaths {
         self.add_timed(group, name, input, run);
     }
 
-    /// A path that is only timed: too long to be run under valgrind.
+    /// Adds a path that is only timed, because it is too long for valgrind.
     pub fn add_timed<I: 'static, O: 'static>(
         &mut self,
         group: &'static str,
@@ -82,22 +82,22 @@ impl HotPaths {
     }
 }
 
-/// One run, in a function of its own that callgrind can tell from all else.
+/// Runs once, in a function of its own that callgrind can identify.
 #[inline(never)]
 fn hot_path_counted<I, O>(run: &dyn Fn(I) -> O, input: I) -> O {
     run(input)
 }
 
-/// Finds the step of a repeated sequence that takes longest, whatever the host took away from single passes.
+/// Finds the slowest step of a repeated sequence, without the influence of the host on single passes.
 #[derive(Default, Debug)]
 pub struct Steps {
-    /// The fastest that each step was.
+    /// The fastest time of each step.
     fastest: Vec<Duration>,
     next: usize,
 }
 
 impl Steps {
-    /// A pass begins.
+    /// Begins a pass.
     pub const fn begin(&mut self) {
         self.next = 0;
     }
@@ -115,7 +115,7 @@ impl Steps {
         result
     }
 
-    /// The index of the step whose fastest time is the longest; none before the first.
+    /// Returns the index of the step whose fastest time is the longest; `None` before the first step.
     #[must_use]
     pub fn slowest(&self) -> Option<usize> {
         let steps = self.fastest.iter().enumerate();
@@ -123,7 +123,7 @@ impl Steps {
     }
 }
 
-/// The bench program: times all paths, or does what [`LIST`] or [`RUN`] says.
+/// Main function of a bench program: times all paths, or does what [`LIST`] or [`RUN`] asks for.
 pub fn main(register: impl FnOnce(&mut HotPaths)) {
     let mut paths = HotPaths::default();
     register(&mut paths);
@@ -137,8 +137,8 @@ pub fn main(register: impl FnOnce(&mut HotPaths)) {
                 eprintln!("error: {RUN} wants the name of a path; {LIST} lists them");
                 std::process::exit(2);
             };
-            // The main thread's stack begins where arguments and environment end, and what a copy costs depends on
-            // how its bytes are aligned. That of another thread begins at a page.
+            // The main thread's stack begins behind arguments and environment, so their size would change the
+            // alignment and thus the cost of copies. Another thread's stack begins at a page.
             let counted = std::thread::scope(|scope| scope.spawn(run).join());
             if let Err(panic) = counted {
                 std::panic::resume_unwind(panic);

@@ -1,4 +1,4 @@
-//! Counts the instructions of all hot paths by callgrind and holds them against the committed counts.
+//! Counts the instructions of all hot paths by callgrind and compares them with the committed counts.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,12 +11,12 @@ use clap::Parser;
 use comfy_table::{CellAlignment, Table, presets};
 use serde::{Deserialize, Serialize};
 
-/// A path may take so much more than its committed count.
+/// Largest allowed excess over a path's committed count.
 const LIMIT_PERCENT: f64 = 1.0;
 
-/// glibc picks its copies and sines by what the processor has, and each pick takes another number of instructions (a
-/// class 1 frame 655 or 834). These switches leave it one pick: an emulated EPYC Milan counts the same as an Intel Xeon,
-/// and a Nehalem, which has no AVX at all, not 0.5 % more.
+/// glibc selects its copy and sine functions by the processor, and each selection takes a different number of
+/// instructions (a class 1 frame 655 or 834). These switches leave only one selection: an emulated EPYC Milan then
+/// counts the same as an Intel Xeon, and a Nehalem, which has no AVX, at most 0.5 % more.
 const ONE_PICK: &str =
     "glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-AVX512VL,-AVX_Fast_Unaligned_Load,-FMA,-FMA4,-ERMS,-FSRM";
 
@@ -32,13 +32,13 @@ struct Cli {
     update: bool,
 }
 
-/// Counts, and what they are of: other compilers and libraries make other instructions of the same program.
+/// Counts, with the compiler and library that they depend on.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counts {
-    /// What `rustc --version` says.
+    /// Output of `rustc --version`.
     compiler: String,
-    /// The C library, which has the copies and the sines.
+    /// The C library, which contains the copy and sine functions.
     libc: String,
     /// Instructions of each path.
     instructions: BTreeMap<String, u64>,
@@ -95,7 +95,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(3))
 }
 
-/// The table, and what is wrong.
+/// Returns the table and the list of errors.
 fn compare(committed: &BTreeMap<String, u64>, found: &BTreeMap<String, u64>) -> (Table, Vec<String>) {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
@@ -130,8 +130,8 @@ fn compare(committed: &BTreeMap<String, u64>, found: &BTreeMap<String, u64>) -> 
     (table, wrong)
 }
 
-/// Builds the bench programs as `cargo run` builds the nodes, and counts each of their paths: one on each core at a time,
-/// since what else runs does not change a count.
+/// Builds the bench programs as `cargo run` builds the nodes, and counts each of their paths, one per core at a time:
+/// other load does not change a count.
 fn count_all() -> anyhow::Result<BTreeMap<String, u64>> {
     let mut paths = Vec::new();
     for program in bench_programs()? {
@@ -164,7 +164,7 @@ fn count_all() -> anyhow::Result<BTreeMap<String, u64>> {
     Ok(counts)
 }
 
-/// Instructions of one path.
+/// Counts the instructions of one path.
 fn count(program: &str, name: &str, out: &Path) -> anyhow::Result<u64> {
     let output = Command::new("valgrind")
         .env("GLIBC_TUNABLES", ONE_PICK)
@@ -184,7 +184,8 @@ fn count(program: &str, name: &str, out: &Path) -> anyhow::Result<u64> {
     }
 }
 
-/// The bench programs, in the dev profile and with the features that the tests have, so mostly built already.
+/// Returns the bench programs in the dev profile with the features of the tests, so that most of them are already
+/// built.
 fn bench_programs() -> anyhow::Result<Vec<String>> {
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.args(["build", "--workspace", "--all-features", "--benches", "--locked"]);
@@ -202,7 +203,7 @@ fn bench_programs() -> anyhow::Result<Vec<String>> {
     Ok(programs)
 }
 
-/// What a program says on standard output.
+/// Returns what a program prints on standard output.
 fn said(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
     let output =
         Command::new(program).args(arguments).output().with_context(|| format!("starting {program}"))?;
@@ -219,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_takes_over_one_percent_more_is_named_with_how_much() {
+    fn a_path_that_takes_over_one_percent_more_is_reported_with_its_excess() {
         let committed = counts(&[("encode", 1_000), ("decode", 1_000), ("plan", 1_000)]);
         let found = counts(&[("encode", 1_010), ("decode", 1_011), ("plan", 900)]);
         let (_, wrong) = compare(&committed, &found);
@@ -227,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_came_or_went_wants_its_count_committed() {
+    fn a_new_path_and_a_removed_one_are_reported() {
         let (_, wrong) = compare(&counts(&[("old", 1)]), &counts(&[("new", 1)]));
         assert_eq!(
             wrong,

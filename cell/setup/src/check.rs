@@ -1,4 +1,4 @@
-//! Values that are well formed but make no sense: refused here, with the key, before anything is started.
+//! Checks of well-formed values that make no sense: they are refused here, with their key, before anything starts.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use protocol::stations::ETHERNET_IP_ROBOT;
 
 use crate::{BusKind, Cyclic, Frame, Kinematics, Opw, ProfinetDevice, Setup, Sourced};
 
-/// A key and what is wrong with its value.
+/// A key and the error in its value.
 #[derive(Debug)]
 pub(crate) struct Problem {
     pub(crate) key: String,
@@ -129,7 +129,7 @@ fn ethernet_ip(setup: &Setup) -> Check {
     let bus = &setup.bus;
     let (shortest, longest) = (ETHERNET_IP_ROBOT.min_rpi_us, ETHERNET_IP_ROBOT.max_rpi_us);
     let adapter = bus.ethernet_ip.as_ref().and_then(|ethernet_ip| ethernet_ip.adapter.as_ref());
-    // What another adapter serves, its refusal tells.
+    // If a foreign adapter does not support the interval, it refuses the connection.
     if adapter.is_none() && !(shortest..=longest).contains(&bus.cycle_us.value) {
         let text = format!(
             "{} µs is not a packet interval that the robot serves: {shortest} to {longest} µs",
@@ -195,7 +195,7 @@ fn profinet(setup: &Setup) -> Check {
     profinet.device.as_ref().map_or(Ok(()), profinet_device)
 }
 
-/// A device describes each of its slots and subslots once and in order, as a controller names them in its Connect.
+/// Checks that the description lists each slot and subslot once and in order, as a controller needs for its Connect.
 fn profinet_device(device: &ProfinetDevice) -> Check {
     let key = "bus.profinet.device.modules";
     if !device.modules.is_sorted_by(|one, next| one.slot < next.slot) {
@@ -221,7 +221,8 @@ fn profinet_device(device: &ProfinetDevice) -> Check {
     Ok(())
 }
 
-/// IEC 61158-6-10: labels of letters, digits and hyphens, at most 63 characters each, with dots between them.
+/// Checks a name of station by IEC 61158-6-10: labels of letters, digits and hyphens, at most 63 characters each,
+/// separated by dots.
 fn station_name(key: &str, name: &str) -> Check {
     let label = |label: &str| {
         !label.is_empty()

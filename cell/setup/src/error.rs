@@ -1,18 +1,18 @@
-//! Why a setup cannot be used: what was read, what was found there, what would be right.
+//! Why a setup cannot be used: what was read, what was found, what would be correct.
 
 use std::path::PathBuf;
 
-/// Why a setup cannot be used, or the file of an application not be found.
+/// Why a setup cannot be used, or an application's file cannot be found.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The name is neither built in nor a file.
+    /// The name is neither a built-in one nor a file.
     #[error("there is no {what} `{name}`: built in are {}; or give the path of a .toml file", known.join(", "))]
     Unknown {
         /// "setup" or "application".
         what: &'static str,
-        /// What was asked for.
+        /// The given name.
         name: String,
-        /// Those that are built in.
+        /// The built-in names.
         known: Vec<&'static str>,
     },
     /// The file cannot be read.
@@ -22,31 +22,31 @@ pub enum Error {
         what: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The text is not what the format wants.
+    /// The text does not have the expected format.
     #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}", in_key(key))]
     Format {
-        /// The file, or the built-in's name.
+        /// The file, or the name of a built-in one.
         origin: String,
         /// Line, counted from 1.
         line: usize,
-        /// Path of the key, empty where the text is not TOML at all.
+        /// Path of the key; empty if the text is not TOML.
         key: String,
         /// What was found and what was expected.
         expectation: String,
-        /// The line as it stands in the file.
+        /// The line of the file.
         text: String,
     },
     /// The text is well formed, but a value makes no sense.
     #[error("{origin}: `{key}`: {problem}")]
     Value {
-        /// The file, or the built-in's name.
+        /// The file, or the name of a built-in one.
         origin: String,
         /// Path of the key.
         key: String,
-        /// What is wrong and what would be right.
+        /// What is wrong, and what would be correct.
         problem: String,
     },
     /// A setup cannot be written as TOML.
@@ -74,8 +74,8 @@ fn in_key(key: &str) -> String {
     if key.is_empty() { String::new() } else { format!("in `{key}`: ") }
 }
 
-/// Where `kind` picks the table's format, the parser names the line of the table's header; this is how many lines
-/// further down the unknown key is.
+/// Returns how many lines below the reported one the unknown key is: if `kind` selects the table's format, the parser
+/// reports the line of the table's header.
 fn lines_to_unknown_field(text: &str, line: usize, message: &str) -> usize {
     let name = message.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next());
     let Some(name) = name else { return 0 };

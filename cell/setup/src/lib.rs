@@ -1,7 +1,7 @@
-//! Setups: every number that a user may change, with its unit in the key and its provenance beside it.
+//! Setups: all numbers that a user may change, each with its unit in its key and with its provenance.
 //!
-//! A *setup* is a PLC, a bus and a robot ([`Setup`]), and it names the application that the robot runs. Those that the
-//! project ships are compiled in ([`SETUPS`]); a path names one's own.
+//! A *setup* is a PLC, a bus and a robot ([`Setup`]), and it names the robot's application. The project's own setups
+//! are compiled in ([`SETUPS`]); a path selects a user's setup.
 
 mod check;
 mod error;

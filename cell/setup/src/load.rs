@@ -1,4 +1,4 @@
-//! Finding and reading setups, and finding whatever else is named as they are.
+//! Finds and reads setups, and finds other files that are named in the same way.
 
 use std::path::{Path, PathBuf};
 
@@ -11,13 +11,13 @@ use crate::{Error, Setup};
 pub const SETUPS: &[(&str, &str)] =
     &[("A", include_str!("../../setups/A.toml")), ("B", include_str!("../../setups/B.toml"))];
 
-/// Finds the setup that `name` names: a built-in one, or the path of a file. Its values are checked.
+/// Finds the setup `name`: a built-in one, or the path of a file. Checks its values.
 pub fn setup(name: &str) -> Result<Setup, Error> {
     Ok(setup_with_directory(name)?.0)
 }
 
-/// Finds a setup as [`setup()`] does, and says from which directory it names its application: that of its file, none
-/// for a built-in one.
+/// Finds a setup like [`setup()`], and also returns the directory to which its application's path is relative: that
+/// of its file, `None` for a built-in one.
 pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Error> {
     let Text { origin, path, text } = find("setup", SETUPS, name, None)?;
     let setup = parse(&origin, &text)?;
@@ -25,7 +25,7 @@ pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Erro
     Ok((setup, path.as_deref().and_then(Path::parent).map(Path::to_owned)))
 }
 
-/// Checks a setup that was changed after it was read, say by an option on the command line.
+/// Checks a setup that was changed after it was read, for example by an option on the command line.
 pub fn check(setup: &Setup) -> Result<(), Error> {
     check_setup(setup).map_err(|problem| refuse(format!("setup {}", setup.name), problem))
 }
@@ -37,16 +37,16 @@ fn refuse(origin: String, Problem { key, text }: Problem) -> Error {
 /// A text that was found.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Text {
-    /// What messages call it: the file's path, or the built-in's name.
+    /// Its name in messages: the file's path, or the built-in name.
     pub origin: String,
-    /// The file; none for a built-in one.
+    /// The file; `None` for a built-in one.
     pub path: Option<PathBuf>,
-    /// What it says.
+    /// The text itself.
     pub text: String,
 }
 
-/// Finds the text that `name` names: one of those built in, whatever the case, or a file, its path seen from
-/// `directory`. `what` is what messages call such a thing.
+/// Finds the text `name`: a built-in one, in upper or lower case, or a file, with its path relative to `directory`.
+/// `what` is the kind of text in messages.
 pub fn find(
     what: &'static str,
     built_in: &[(&'static str, &'static str)],

@@ -1,4 +1,4 @@
-//! What a setup file says.
+//! Content of a setup file.
 
 use std::time::Duration;
 
@@ -14,11 +14,11 @@ pub struct Setup {
     pub schema: u32,
     /// Short name, as given to `--setup`.
     pub name: String,
-    /// What stands in the cell.
+    /// Description of the cell.
     pub title: String,
-    /// Which application the measurement runs: a built-in one's name, or a path from this file's directory.
+    /// The measured application: a built-in name, or a path relative to this file's directory.
     pub application: String,
-    /// What the paper measured, if it measured this setup.
+    /// The paper's figures, if it measured this setup.
     pub paper: Option<Paper>,
     /// The PLC.
     pub plc: Plc,
@@ -58,16 +58,16 @@ pub struct Figure {
 pub struct Plc {
     /// Time from one scan to the next, in µs.
     pub scan_cycle_us: Sourced<u32>,
-    /// Time from reading the inputs to writing the outputs, in µs. Modelled in virtual mode; in real mode the
-    /// scan takes what it takes.
+    /// Time from reading the inputs to writing the outputs, in µs. Simulated in virtual mode; in real mode the scan
+    /// takes as long as it takes.
     pub scan_cost_us: Sourced<u32>,
-    /// How many of the image's slots MoveContinuous keeps filled, 1 to 5: how many motions ahead of those that the robot
-    /// has executed the PLC writes. All five where it is left out.
+    /// Number of the image's slots that MoveContinuous keeps filled, 1 to 5: how many motions the PLC writes ahead of
+    /// the motion that the robot executes. If left out, all five.
     pub queue_depth: Option<Sourced<u32>>,
 }
 
 impl Plc {
-    /// How many slots MoveContinuous keeps filled.
+    /// Returns the number of slots that MoveContinuous keeps filled.
     #[must_use]
     pub fn slots_in_use(&self) -> u32 {
         self.queue_depth.as_ref().map_or(protocol::image::SLOTS as u32, |depth| depth.value)
@@ -268,18 +268,18 @@ impl Bus {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Robot {
-    /// Maker's name for it.
+    /// Its manufacturer's name.
     pub model: String,
     /// Interpolation cycle of the controller, in µs.
     pub cycle_us: Sourced<u32>,
-    /// The controller's time quantum in µs: its interpreter notices a new command after a time evenly spread
+    /// The controller's time quantum in µs: its interpreter notices a new command after a time evenly distributed
     /// between 0 and this.
     pub interpreter_quantum_us: Sourced<u32>,
-    /// What else passes before the controller notices the start of a program or of a MoveContinuousSkill, evenly spread
-    /// between 0 and this, in µs; none where it is left out. A single motion does not pay it.
+    /// Additional time until the controller notices the start of a program or of a MoveContinuousSkill, evenly
+    /// distributed between 0 and this, in µs; none if left out. A single motion does not need it.
     pub start_quantum_us: Option<Sourced<u32>>,
-    /// What one skill call costs in the robot controller besides the motion, in µs: the paper's SM pays it per
-    /// motion, RC and CM once. Interpreter dispatch and exact-stop settling.
+    /// Time of one skill call in the robot controller besides the motion, in µs: the paper's SM needs it per motion,
+    /// RC and CM once. Interpreter dispatch and exact-stop settling.
     pub skill_overhead_us: Sourced<u32>,
     /// The arm's geometry.
     pub kinematics: Kinematics,
@@ -291,29 +291,29 @@ pub struct Robot {
     pub path_acceleration_mm_s2: Sourced<f64>,
     /// Highest path jerk in mm/s³.
     pub path_jerk_mm_s3: Sourced<f64>,
-    /// How it presses; a robot without it runs no LIN force.
+    /// Its force controller; a robot without one does not run LIN force.
     pub force: Option<Force>,
-    /// Tool frames by number, from the flange; number 0 is the flange and is not listed.
+    /// Tool frames by number, relative to the flange; number 0 is the flange and is not listed.
     #[serde(default)]
     pub tools: Vec<Frame>,
-    /// Base frames by number, from the robot's root; number 0 is the root and is not listed.
+    /// Base frames by number, relative to the robot's root; number 0 is the root and is not listed.
     #[serde(default)]
     pub bases: Vec<Frame>,
 }
 
-/// How a robot presses: the force controller of LIN force.
+/// A robot's force controller, for LIN force.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Force {
-    /// The highest contact force that may be asked for, in N.
+    /// Largest contact force that may be programmed, in N.
     pub max_n: Sourced<f64>,
-    /// The stiffest surface that the controller is set for, in N/mm: on a stiffer one it may overshoot and swing.
+    /// Stiffest surface that the controller is tuned for, in N/mm: on a stiffer one it may overshoot and oscillate.
     pub stiffest_n_per_mm: Sourced<f64>,
-    /// How far from the force asked for, in N, counts as reached.
+    /// Tolerance around the programmed force, in N.
     pub tolerance_n: Sourced<f64>,
-    /// How long it must stay reached until the motion is done, in ms.
+    /// Time for which the force must stay within the tolerance until the motion is done, in ms.
     pub settling_ms: Sourced<u32>,
-    /// The highest jerk of the tool while it approaches and presses, in mm/s³.
+    /// Largest jerk of the tool while it approaches and presses, in mm/s³.
     pub jerk_mm_s3: Sourced<f64>,
 }
 
@@ -337,15 +337,15 @@ pub enum Kinematics {
     Opw(Box<Opw>),
 }
 
-/// The numbers of a six-axis arm with a parallel base and a spherical wrist, named as by Brandstötter, Angerer and
+/// The parameters of a six-axis arm with a parallel base and a spherical wrist, named as by Brandstötter, Angerer and
 /// Hofbaur (2014).
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Opw {
     /// From axis 1 to axis 2, forward, in mm.
     pub a1_mm: Sourced<f64>,
-    /// From axis 3 to axis 4, across the forearm, in mm; negative where axis 4 lies above axis 3 with the
-    /// forearm level.
+    /// From axis 3 to axis 4, across the forearm, in mm; negative if axis 4 is above axis 3 when the forearm is
+    /// level.
     pub a2_mm: Sourced<f64>,
     /// From the plane of the base to that of the arm, sideways, in mm.
     pub b_mm: Sourced<f64>,
@@ -357,13 +357,13 @@ pub struct Opw {
     pub c3_mm: Sourced<f64>,
     /// From the wrist centre to the flange, in mm.
     pub c4_mm: Sourced<f64>,
-    /// What each joint's zero is away from the upright model's, in degrees.
+    /// Each joint's zero relative to that of the upright model, in degrees.
     pub offsets_deg: Sourced<[f64; 6]>,
-    /// 1 where a joint turns as the model does, −1 where against it.
+    /// 1 if a joint turns in the model's direction, −1 if it turns in the opposite one.
     pub signs: Sourced<[i8; 6]>,
 }
 
-/// The numbers of a SCARA.
+/// The parameters of a SCARA.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scara {
@@ -375,7 +375,7 @@ pub struct Scara {
     pub height_mm: Sourced<f64>,
 }
 
-/// The joints' limits, one entry a joint, in degrees; a linear joint in mm.
+/// The joints' limits, one entry per joint, in degrees; a linear joint in mm.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axes {
@@ -389,7 +389,7 @@ pub struct Axes {
     pub acceleration_deg_s2: Sourced<Vec<f64>>,
     /// Rated jerks in degrees (mm) per second³.
     pub jerk_deg_s3: Sourced<Vec<f64>>,
-    /// Where the arm stands at power-on, in degrees (mm). From there the PLC moves it to the application's start.
+    /// Position at power-on, in degrees (mm). From there the PLC moves the arm to the application's start.
     pub home_deg: Sourced<Vec<f64>>,
 }
 
@@ -397,10 +397,9 @@ pub struct Axes {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motions {
-    /// Programmed velocity as a share of the rated ones, in %: of `path_velocity_mm_s` for LIN, of the axes' speeds
-    /// for PTP.
+    /// Programmed velocity in % of the rated one: of `path_velocity_mm_s` for LIN, of the axes' speeds for PTP.
     pub velocity_percent: Sourced<f64>,
-    /// Programmed acceleration as a share of the rated ones, in %.
+    /// Programmed acceleration in % of the rated one.
     pub acceleration_percent: Sourced<f64>,
     /// Approximation distance of blended motions, in mm.
     pub approximation_mm: Sourced<f64>,

@@ -1,20 +1,20 @@
-//! A number and where it comes from.
+//! A number and its provenance.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Where a number comes from.
+/// Provenance of a number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Provenance {
-    /// The paper states it.
+    /// Given in the paper.
     Paper,
-    /// A datasheet or a public robot description states it.
+    /// Given in a datasheet or a public robot description.
     Datasheet,
-    /// Chosen so that a published figure comes out; never to be shown as a prediction.
+    /// Chosen to reproduce a published figure; never to be shown as a prediction.
     Calibrated,
-    /// Nobody could find it.
+    /// Assumed, since no source was found.
     Assumed,
 }
 
@@ -36,11 +36,11 @@ impl fmt::Display for Provenance {
     expecting = "a value with its provenance: { value = ..., from = \"paper\", \"datasheet\", \"calibrated\" or \"assumed\" }"
 )]
 pub struct Sourced<T> {
-    /// The value, in the unit that its key names.
+    /// The value, in the unit given by its key.
     pub value: T,
-    /// Where it comes from.
+    /// Its provenance.
     pub from: Provenance,
-    /// Which page, or how it was found.
+    /// The page of the source, or how the value was found.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
 }

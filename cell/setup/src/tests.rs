@@ -1,14 +1,14 @@
 use crate::load::parse;
 use crate::{SETUPS, Setup, setup, setup_to_toml, setup_with_directory};
 
-/// Setup A's text with one thing changed.
+/// Returns Setup A's text with one change.
 fn changed(from: &str, to: &str) -> String {
     let (_, text) = SETUPS[0];
     assert!(text.contains(from), "{from}");
     text.replacen(from, to, 1)
 }
 
-/// What is said about a setup file with this text.
+/// Returns the error for a setup file with this text.
 fn refusal(text: &str) -> String {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("my.toml");
@@ -18,17 +18,17 @@ fn refusal(text: &str) -> String {
 }
 
 #[test]
-fn an_unknown_setup_is_answered_by_those_there_are() {
+fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
     insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B; or give the path of a .toml file");
 }
 
 #[test]
-fn a_file_that_is_not_there_is_named() {
+fn the_error_for_a_missing_file_names_it() {
     insta::assert_snapshot!(setup("no/such.toml").unwrap_err(), @"cannot read the setup file no/such.toml: No such file or directory (os error 2)");
 }
 
 #[test]
-fn broken_toml_names_file_line_and_what_was_expected() {
+fn the_error_for_broken_toml_gives_file_line_and_expectation() {
     insta::assert_snapshot!(refusal(&changed("[plc]", "[plc")), @"
     DIR/my.toml:14: unclosed table, expected `]`
        14 | [plc
@@ -36,7 +36,7 @@ fn broken_toml_names_file_line_and_what_was_expected() {
 }
 
 #[test]
-fn an_unknown_key_names_file_line_key_and_the_keys_there_are() {
+fn the_error_for_an_unknown_key_gives_file_line_key_and_the_existing_keys() {
     insta::assert_snapshot!(refusal(&changed("scan_cost_us", "scan_cost_ms")), @r#"
     DIR/my.toml:16: in `plc.scan_cost_ms`: unknown field `scan_cost_ms`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
        16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
@@ -48,7 +48,7 @@ fn an_unknown_key_names_file_line_key_and_the_keys_there_are() {
 }
 
 #[test]
-fn a_value_of_the_wrong_type_names_its_key() {
+fn the_error_for_a_value_of_the_wrong_type_gives_its_key() {
     insta::assert_snapshot!(refusal(&changed("{ value = 150,", "{ value = \"short\",")), @r#"
     DIR/my.toml:16: in `plc.scan_cost_us.value`: invalid type: string "short", expected u32
        16 | scan_cost_us = { value = "short", from = "assumed", note = "a short program on a fast PLC" }
@@ -64,7 +64,7 @@ fn a_value_of_the_wrong_type_names_its_key() {
 }
 
 #[test]
-fn a_missing_key_is_named() {
+fn the_error_for_a_missing_key_names_it() {
     insta::assert_snapshot!(refusal(&changed("model = ", "# model = ")), @"
     DIR/my.toml:34: in `robot`: missing field `model`
        34 | [robot]
@@ -84,7 +84,7 @@ fn a_number_without_its_provenance_is_refused() {
 }
 
 #[test]
-fn values_that_make_no_sense_are_refused_with_their_key() {
+fn wrong_values_are_refused_with_their_key() {
     let refusals = [
         ("schema = 1", "schema = 2"),
         ("scan_cycle_us = { value = 1000", "scan_cycle_us = { value = 0"),
@@ -132,13 +132,13 @@ fn values_that_make_no_sense_are_refused_with_their_key() {
 }
 
 #[test]
-fn the_watchdog_is_bound_by_what_the_cyclic_frames_travel_in() {
+fn the_limit_of_the_watchdog_depends_on_the_rt_class() {
     let text = changed("\"udp\"", "\"rt1\"")
         .replace("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 1921");
     insta::assert_snapshot!(refusal(&text), @"DIR/my.toml: `bus.watchdog_cycles`: 1921 cycles of 1000 µs hold for 1921 ms; PROFINET allows 1920 ms over rt1, so at most 1920 cycles");
 }
 
-/// Setup A driving a device of four bytes each way, with one thing changed.
+/// Returns Setup A with a device of four bytes in each direction, with one change.
 fn with_device(from: &str, to: &str) -> String {
     let text = "robot_station_name = \"skillbench-robot\"\n";
     let device = "[bus.profinet.device]\nvendor = 0x0493\ndevice = 2\nmodules = [\n\
@@ -157,14 +157,14 @@ fn a_device_other_than_our_robot_is_described_by_its_modules() {
 }
 
 #[test]
-fn a_device_that_no_connect_can_name_is_refused() {
+fn a_device_that_no_connect_request_can_describe_is_refused() {
     insta::assert_snapshot!(refusal(&with_device("slot = 4", "slot = 0")), @"DIR/my.toml: `bus.profinet.device.modules`: list every slot once, the lowest first");
     insta::assert_snapshot!(refusal(&with_device("[{ subslot = 1, ident = 1 }]", "[]")), @"DIR/my.toml: `bus.profinet.device.modules[0].submodules`: list every subslot once, the lowest first; a module has at least one");
     insta::assert_snapshot!(refusal(&with_device("input_bytes = 4, ", "")), @"DIR/my.toml: `bus.profinet.device.modules`: the modules have 0 bytes of input and 4 of output; the process image needs both");
 }
 
 #[test]
-fn a_setup_of_ones_own_names_its_application_from_its_directory_and_a_built_in_one_from_anywhere() {
+fn an_application_path_is_relative_to_the_setup_file_and_independent_of_it_for_a_built_in_setup() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("my.toml");
     std::fs::write(&path, changed("name = \"A\"", "name = \"mine\"")).unwrap();
@@ -174,14 +174,14 @@ fn a_setup_of_ones_own_names_its_application_from_its_directory_and_a_built_in_o
 }
 
 #[test]
-fn a_setup_that_is_written_is_read_back_the_same() {
+fn a_written_setup_is_read_back_unchanged() {
     let setup = setup("A").unwrap();
     let text = setup_to_toml(&setup).unwrap();
     assert_eq!(parse::<Setup>("written", &text).unwrap(), setup, "{text}");
 }
 
 #[test]
-fn a_written_setup_reads_like_one() {
+fn a_written_setup_looks_like_a_shipped_one() {
     let text = setup_to_toml(&setup("A").unwrap()).unwrap();
     let opening: Vec<_> = text.lines().take(17).collect();
     insta::assert_snapshot!(opening.join("\n"), @r#"
@@ -206,7 +206,7 @@ fn a_written_setup_reads_like_one() {
 }
 
 #[test]
-fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of_them() {
+fn ethernet_ip_has_a_range_of_packet_intervals_and_eight_timeout_multipliers() {
     let with = |cycle_us: u32, watchdog: u32, section: &str| {
         let text = changed("\"profinet\"", "\"ethernet-ip\"")
             .replacen("cycle_us = { value = 1000, from = \"paper\", note = \"section 6.2\" }\nwatchdog_cycles = { value = 500,",
@@ -230,7 +230,7 @@ fn ethernet_ip_serves_a_range_of_packet_intervals_and_waits_for_eight_numbers_of
 }
 
 #[test]
-fn an_adapter_of_ones_own_is_described_in_the_setup_and_may_serve_other_intervals() {
+fn a_foreign_adapter_is_described_in_the_setup_and_may_support_other_intervals() {
     let with = |route: &str| {
         let adapter = format!(
             "[bus.ethernet_ip]\nmulticast = true\n[bus.ethernet_ip.adapter]\nconsumed_assembly = 770\nconsumed_bytes = 4\n\

@@ -1,17 +1,17 @@
-//! The same setup with one thing changed, for studies that ask what depends on it.
+//! The same setup with one change, for studies of its effect.
 //!
-//! A number that was changed is `assumed` from then on, and its note says so: what was calibrated for the setup as it was is
-//! not calibrated for this one. The caller checks what comes out, as any setup, by [`check`](crate::check).
+//! A changed number becomes `assumed`, and its note says so: what was calibrated for the original setup is not
+//! calibrated for this one. The caller checks the result, like any setup, by [`check`](crate::check).
 
 use std::fmt::Display;
 
 use crate::{Provenance, Setup, Sourced};
 
-/// Bus cycles that a connection bears at least without a frame; 3 is usual.
+/// Fewest bus cycles without a frame that a connection must tolerate; 3 is usual.
 const LEAST_WATCHDOG_CYCLES: u32 = 3;
 
 impl<T: Display> Sourced<T> {
-    /// Another value in its place.
+    /// Returns this number with another value.
     #[must_use]
     pub fn varied(&self, value: T) -> Self {
         Self { note: format!("varied for a study, from {}", self.value), value, from: Provenance::Assumed }
@@ -19,7 +19,7 @@ impl<T: Display> Sourced<T> {
 }
 
 impl Setup {
-    /// With another bus cycle. The watchdog waits as long as before, but for three cycles at least.
+    /// Returns the setup with another bus cycle. The watchdog time stays the same, but is at least three cycles.
     #[must_use]
     pub fn with_bus_cycle(mut self, cycle_us: u32) -> Self {
         let bus = &mut self.bus;
@@ -30,7 +30,7 @@ impl Setup {
         self
     }
 
-    /// With so many of the image's slots in use.
+    /// Returns the setup with this many of the image's slots in use.
     #[must_use]
     pub fn with_queue_depth(mut self, depth: u32) -> Self {
         let before = self.plc.slots_in_use();
@@ -39,14 +39,14 @@ impl Setup {
         self
     }
 
-    /// With a skill call that costs so much besides its motion: the h of SM's penalty, in µs.
+    /// Returns the setup with this time of a skill call besides its motion, in µs: the h of SM's penalty.
     #[must_use]
     pub fn with_skill_overhead(mut self, overhead_us: u32) -> Self {
         self.robot.skill_overhead_us = self.robot.skill_overhead_us.varied(overhead_us);
         self
     }
 
-    /// With a controller that notices every command at once.
+    /// Returns the setup with a controller that notices every command at once.
     #[must_use]
     pub fn without_quanta(mut self) -> Self {
         let robot = &mut self.robot;
@@ -55,29 +55,29 @@ impl Setup {
         self
     }
 
-    /// With motions programmed at this share of the rated speeds, in %.
+    /// Returns the setup with motions at this share of the rated speeds, in %.
     #[must_use]
     pub fn with_velocity(mut self, percent: f64) -> Self {
         self.motions.velocity_percent = self.motions.velocity_percent.varied(percent);
         self
     }
 
-    /// With motions programmed at this share of the rated accelerations, in %.
+    /// Returns the setup with motions at this share of the rated accelerations, in %.
     #[must_use]
     pub fn with_acceleration(mut self, percent: f64) -> Self {
         self.motions.acceleration_percent = self.motions.acceleration_percent.varied(percent);
         self
     }
 
-    /// With this approximation distance in mm.
+    /// Returns the setup with this approximation distance in mm.
     #[must_use]
     pub fn with_approximation(mut self, mm: f64) -> Self {
         self.motions.approximation_mm = self.motions.approximation_mm.varied(mm);
         self
     }
 
-    /// With nothing in it that was chosen to meet a published figure: motions at their rated speeds, calls that cost
-    /// nothing and that are noticed at once.
+    /// Returns the setup without numbers that were chosen to reproduce published figures: motions at their rated
+    /// speeds, and calls that take no time and are noticed at once.
     #[must_use]
     pub fn uncalibrated(self) -> Self {
         self.with_velocity(100.0).with_skill_overhead(0).without_quanta()
@@ -89,7 +89,7 @@ mod tests {
     use crate::{Provenance, check, setup};
 
     #[test]
-    fn the_watchdog_of_another_bus_cycle_waits_as_long_but_for_three_cycles_at_least() {
+    fn the_watchdog_time_stays_with_another_bus_cycle_but_is_at_least_three_cycles() {
         for name in ["A", "B"] {
             let shipped = setup(name).unwrap();
             let hold_us = shipped.bus.cycle_us.value * shipped.bus.watchdog_cycles.value;
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn no_calibrated_number_is_left_in_an_uncalibrated_setup_and_the_changed_ones_say_so() {
+    fn an_uncalibrated_setup_has_no_calibrated_number_and_marks_the_changed_ones() {
         for name in ["A", "B"] {
             let setup = setup(name).unwrap().uncalibrated();
             check(&setup).unwrap();

@@ -1,10 +1,10 @@
-//! Writing a setup back, as a person would.
+//! Writes a setup as a file that a person can read.
 
 use toml::{Table, Value};
 
 use crate::{Error, Setup};
 
-/// The setup as TOML that [`crate::setup`] reads back to the same.
+/// Writes the setup as TOML that [`crate::setup`] reads back unchanged.
 pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
     let table = Table::try_from(setup)?;
     let mut text = String::new();
@@ -12,7 +12,7 @@ pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
     Ok(text)
 }
 
-/// Writes a table's own keys first, then the tables under it, each under its header.
+/// Writes a table's own keys first, then its sub-tables with their headers.
 fn write_table(text: &mut String, path: &str, table: &Table) {
     for (key, value) in table.iter().filter(|(_, value)| is_line(value)) {
         text.push_str(&format!("{key} = {value}\n"));
@@ -35,8 +35,8 @@ fn write_table(text: &mut String, path: &str, table: &Table) {
     }
 }
 
-/// Whether a value stands on the line of its key: all but tables, and of those the ones that are a number with its
-/// provenance or a figure of the paper.
+/// Returns whether a value is on the line of its key: everything except tables, and of the tables a number with its
+/// provenance and a figure of the paper.
 fn is_line(value: &Value) -> bool {
     match value {
         Value::Table(table) => table.contains_key("from") || table.contains_key("aet_ms"),

@@ -1,6 +1,6 @@
-//! What a search found, as tables and as JSON.
+//! Results of a search, as tables and as JSON.
 //!
-//! Names come from devices: whatever bytes they are, they must not reach a terminal as commands.
+//! Names come from devices: whatever their bytes, they must not reach a terminal as control sequences.
 
 use std::fmt;
 use std::net::Ipv4Addr;
@@ -27,21 +27,21 @@ impl fmt::Display for Bus {
     }
 }
 
-/// A bus that was wanted but could not be asked.
+/// A requested bus that could not be searched.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub(super) struct Skipped {
     pub(super) bus: Bus,
     pub(super) reason: String,
 }
 
-/// What was asked and who answered.
+/// The search's parameters and results.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub(super) struct Listing {
     interface: String,
     timeout_ms: u32,
-    /// Null where it was not asked.
+    /// Null if PROFINET was not searched.
     profinet: Option<Vec<Station>>,
-    /// Null where it was not asked.
+    /// Null if EtherNet/IP was not searched.
     ethernet_ip: Option<Vec<Device>>,
     skipped: Vec<Skipped>,
     /// Answers that were broken, foreign or too many.
@@ -64,7 +64,7 @@ struct Station {
 #[derive(Clone, PartialEq, Debug, Serialize)]
 struct Device {
     ip_address: Ipv4Addr,
-    /// Where the device says that it listens.
+    /// The address that the device reports.
     listens_at: String,
     product_name: String,
     vendor_id: u16,
@@ -77,7 +77,7 @@ struct Device {
 }
 
 impl Listing {
-    /// What `search` found; a bus that was neither wanted nor possible is not asked.
+    /// Collects the results of `search`; a bus that was not requested or not available is left out.
     pub(super) fn new(interface: String, timeout_ms: u32, search: &Search, skipped: Vec<Skipped>) -> Self {
         let ignored = |tally: Tally| tally.ignored + tally.surplus;
         let mut profinet: Vec<_> = search.profinet_stations().iter().map(Station::from).collect();
@@ -94,12 +94,12 @@ impl Listing {
         }
     }
 
-    /// The whole listing as JSON, with a line's end.
+    /// Returns the whole listing as JSON, with a newline at the end.
     pub(super) fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 
-    /// A table of one bus, or what was asked in vain.
+    /// Formats the table of one bus, or says that nothing answered.
     fn section<D>(
         &self,
         f: &mut fmt::Formatter<'_>,
@@ -263,15 +263,16 @@ fn state(code: u8) -> String {
     }
 }
 
-/// Bytes of a device as text: what is no UTF-8 and every control character is replaced by `�`.
+/// Converts a device's bytes to text: invalid UTF-8 and every control character become `�`.
 fn printable(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
-    // Behind DCP's padding and in fixed fields of some devices there are zeros.
+    // DCP's padding and fixed-length fields of some devices add zeros.
     let text = text.trim_end_matches('\0').trim();
     text.chars().map(|char| if is_plain(char) { char } else { char::REPLACEMENT_CHARACTER }).collect()
 }
 
-/// Whether a terminal shows the character where it stands: no control, and none that turns the direction of writing.
+/// Returns whether a terminal just shows the character: it is no control character and does not change the writing
+/// direction.
 fn is_plain(char: char) -> bool {
     !char.is_control()
         && !matches!(char, '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
@@ -314,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn each_bus_has_its_table_in_its_own_terms() {
+    fn each_bus_has_a_table_with_its_own_columns() {
         insta::assert_snapshot!(listing().to_string(), @"
         PROFINET: 1 station
         ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -335,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn the_json_has_a_list_for_each_bus_that_was_asked_and_null_for_others() {
+    fn the_json_has_a_list_for_each_searched_bus_and_null_for_others() {
         let skipped = vec![Skipped { bus: Bus::EthernetIp, reason: "no address".to_owned() }];
         let listing = Listing { ethernet_ip: None, skipped, ..listing() };
         insta::assert_snapshot!(listing.to_json().unwrap(), @r#"
@@ -371,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_in_vain_says_what_was_asked() {
+    fn a_search_without_answers_says_what_was_searched() {
         let nothing = Listing {
             profinet: Some(Vec::new()),
             ethernet_ip: Some(Vec::new()),
@@ -386,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_cannot_write_to_the_terminal_but_as_text() {
+    fn control_characters_in_a_name_do_not_reach_the_terminal() {
         assert_eq!(printable(b"\x1b[2Jrobot\x07 \xFF\0\0"), "\u{FFFD}[2Jrobot\u{FFFD} \u{FFFD}");
         assert_eq!(printable("ab\u{202E}c".as_bytes()), "ab\u{FFFD}c");
         assert_eq!(printable("Förderband".as_bytes()), "Förderband");

@@ -1,4 +1,4 @@
-//! `plc-node discover`: which devices are on a cable, for whoever commissions it.
+//! `plc-node discover`: lists the devices on a cable, for commissioning.
 
 mod listing;
 
@@ -63,7 +63,7 @@ impl Wanted {
 }
 
 impl DiscoverCommand {
-    /// Searches, and prints what was found to standard output, and what could not be asked to standard error.
+    /// Searches, prints what was found to standard output, and what could not be searched to standard error.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let interface = Interface::open(&self.interface)?;
         if !interface.is_up()? {
@@ -77,10 +77,10 @@ impl DiscoverCommand {
         let mut config = SearchConfig { length, profinet: None, ethernet_ip: None };
         let mut skipped = Vec::new();
         if self.bus.includes(Bus::Profinet) {
-            // Opened to see whether it can be: the driver opens it again.
+            // Opened only to see whether it is possible; the driver opens it again.
             match OpenPort::open(&interface, profinet::ETHERNET) {
                 Ok(_) => {
-                    // The clock makes the transactions of each search its own.
+                    // The clock gives each search its own transaction numbers.
                     let first_xid = (start.as_nanos() >> 10) as u32;
                     config.profinet = Some(ProfinetQuestion { mac: interface.mac(), first_xid });
                 }
@@ -98,7 +98,7 @@ impl DiscoverCommand {
             anyhow::bail!("nothing can be asked on `{}`: {}", self.interface, reasons.join("; "));
         }
         let mut driver = Driver::new(Search::new(config, start), interface, Notifier::new()?)?;
-        driver.run(&mut UntilOver)?;
+        driver.run(&mut UntilEnd)?;
         let statistics = driver.statistics();
         if statistics.sent == 0
             && let Some(error) = statistics.last_send_error
@@ -115,8 +115,8 @@ impl DiscoverCommand {
     }
 }
 
-/// The question to EtherNet/IP devices. It leaves by a port that the kernel chooses, since a node on this host may have
-/// those of the standard.
+/// Returns the configuration of the search on EtherNet/IP. It uses a port that the kernel chooses, since a node on
+/// this host may use the standard ones.
 fn ethernet_ip(interface: &Interface) -> anyhow::Result<EthernetIpQuestion> {
     let name = interface.name();
     let (address, mask) = interface.address().zip(interface.mask()).with_context(|| {
@@ -129,9 +129,9 @@ fn ethernet_ip(interface: &Interface) -> anyhow::Result<EthernetIpQuestion> {
 }
 
 /// Waits for the search to end.
-struct UntilOver;
+struct UntilEnd;
 
-impl Owner<Search> for UntilOver {
+impl Owner<Search> for UntilEnd {
     fn wake(&mut self, _: Instant, _: &mut Search, _: &Statistics) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
