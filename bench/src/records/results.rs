@@ -278,7 +278,11 @@ impl Results {
     /// # Errors
     ///
     /// A joint exceeded its rating. Then the quality of the motion is added, but not the time: no real arm reaches it.
-    pub fn record(&mut self, execution_type: ExecutionType, measured: &Measured) -> Result<(), RatingExceeded> {
+    pub fn record(
+        &mut self,
+        execution_type: ExecutionType,
+        measured: &Measured,
+    ) -> Result<(), RatingExceeded> {
         let result = self.results.entry(execution_type).get_or_insert_default();
         if let Some(quality) = &measured.quality {
             result.quality.get_or_insert_default().record(quality);

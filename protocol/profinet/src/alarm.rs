@@ -28,7 +28,7 @@ pub enum PduType {
     Data,
     /// A PDU was refused.
     Nack,
-    /// A PDU has come.
+    /// Acknowledges a PDU.
     Ack,
     /// The AR is aborted.
     Error,
@@ -63,7 +63,7 @@ impl From<PduType> for u8 {
 /// Why bytes are not an RTA PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Error {
-    /// It is shorter than its header, or than its VarPartLen.
+    /// It is shorter than its header or its VarPartLen.
     #[error("the RTA PDU is cut: {0}")]
     Truncated(#[from] Truncated),
     /// The version is not 1.
@@ -84,7 +84,7 @@ pub struct Rta {
     pub flags: u8,
     /// SendSeqNum: number of this PDU.
     pub send_sequence: u16,
-    /// AckSeqNum: number of the last PDU that came.
+    /// AckSeqNum: number of the last PDU received.
     pub ack_sequence: u16,
 }
 
@@ -94,7 +94,7 @@ impl Rta {
     /// AddFlags of every other PDU: window of one.
     pub const WINDOW_1: u8 = 0x01;
 
-    /// Takes a PDU apart into the header and the variable part. Bytes after it are padding.
+    /// Parses a PDU into the header and the variable part. Bytes behind it are padding.
     pub fn parse(pdu: &[u8]) -> Result<(Self, &[u8]), Error> {
         let mut reader = Reader::<BigEndian>::new(pdu);
         let destination = reader.u16()?;
@@ -146,7 +146,7 @@ impl Rta {
     }
 }
 
-/// The status in the variable part of an error PDU.
+/// Returns the status in the variable part of an error PDU.
 #[must_use]
 pub fn error_status(variable: &[u8]) -> Option<Status> {
     Reader::<BigEndian>::new(variable).u32().ok().map(Status)
@@ -166,32 +166,32 @@ pub enum Priority {
 pub struct Notification<'a> {
     /// Its priority.
     pub priority: Priority,
-    /// What it is about.
+    /// Its type and source.
     pub head: AlarmHead,
     /// ModuleIdentNumber.
     pub module_ident: u32,
     /// SubmoduleIdentNumber.
     pub submodule_ident: u32,
-    /// AlarmSpecifier: bits 0..11 sequence number, 11.. what diagnosis there is.
+    /// AlarmSpecifier: bits 0..11 sequence number, 11.. kinds of pending diagnosis.
     pub specifier: u16,
     /// UserStructureIdentifier and data, one after another.
     pub items: &'a [u8],
 }
 
-/// An AlarmAck: the application has the alarm.
+/// An AlarmAck: the application received the alarm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Acknowledgement {
     /// Its priority.
     pub priority: Priority,
-    /// What it is about.
+    /// Its type and source.
     pub head: AlarmHead,
     /// AlarmSpecifier of the notification.
     pub specifier: u16,
-    /// What the application thinks of it.
+    /// The application's result.
     pub status: Status,
 }
 
-/// What an alarm is about.
+/// Type and source of an alarm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct AlarmHead {
     /// AlarmType: 1 diagnosis, 2 process, 3 pull, 4 plug, 0x0C diagnosis disappears, ...
@@ -227,7 +227,7 @@ pub enum Alarm<'a> {
 }
 
 impl<'a> Alarm<'a> {
-    /// Reads the variable part of a DATA PDU.
+    /// Parses the variable part of a DATA PDU.
     pub fn parse(variable: &'a [u8]) -> Result<Self, Violation> {
         let mut reader = BlockReader::new(variable);
         let (block_type, mut body) = block::next(&mut reader, |_| Block::AlarmCr)?;
@@ -298,7 +298,7 @@ mod tests {
     const PDU_AT: usize = 20;
 
     #[test]
-    fn every_captured_alarm_frame_is_read_and_comes_out_again() {
+    fn every_captured_alarm_frame_is_parsed_and_written_back_unchanged() {
         let mut seen = 0;
         for (name, text) in captured::ALL.iter().filter(|(name, _)| name.starts_with("alarm_")) {
             let frame = captured::frame(text);

@@ -1,4 +1,4 @@
-//! The head of every block in connection management, records and alarms.
+//! The header of every block in connection management, records and alarms.
 //!
 //! ```text
 //! 0..2 BlockType · 2..4 BlockLength, counted from the next field · 4 BlockVersionHigh · 5 BlockVersionLow · 6.. body
@@ -44,9 +44,9 @@ block_types! {
     AlarmNotificationHigh = 0x0001,
     /// AlarmNotification of low priority.
     AlarmNotificationLow = 0x0002,
-    /// Head of a Write.
+    /// Header of a Write.
     WriteRequest = 0x0008,
-    /// Head of a Read.
+    /// Header of a Read.
     ReadRequest = 0x0009,
     /// I&M0: identification.
     IdentificationAndMaintenance0 = 0x0020,
@@ -94,9 +94,9 @@ block_types! {
     AlarmAckHigh = 0x8001,
     /// AlarmAck of low priority.
     AlarmAckLow = 0x8002,
-    /// Head of the answer to a Write.
+    /// Header of the answer to a Write.
     WriteResponse = 0x8008,
-    /// Head of the answer to a Read.
+    /// Header of the answer to a Read.
     ReadResponse = 0x8009,
     /// ARBlockRes.
     ArResponse = 0x8101,
@@ -122,7 +122,8 @@ block_types! {
     PrmBeginResponse = 0x8118,
 }
 
-/// The next block: its type and a reader over its body. `faulty` is the block that is blamed for a wrong head.
+/// Reads the next block: returns its type and a reader of its body. `faulty` is the block to name in the error for a
+/// wrong header.
 pub fn next<'a>(
     reader: &mut BlockReader<'a>,
     faulty: impl Fn(BlockType) -> Block,
@@ -141,7 +142,7 @@ pub fn next<'a>(
     Ok((block_type, block))
 }
 
-/// Writes a block: its head, then what `body` writes, then the length that came of it.
+/// Writes a block: its header, then what `body` writes; then fills in the length.
 pub fn write(writer: &mut BlockWriter<'_>, block_type: BlockType, body: impl FnOnce(&mut BlockWriter<'_>)) {
     writer.u16(block_type.into());
     let length_at = writer.len();
@@ -152,7 +153,7 @@ pub fn write(writer: &mut BlockWriter<'_>, block_type: BlockType, body: impl FnO
     writer.patch_u16(length_at, u16::try_from(length).unwrap_or(u16::MAX));
 }
 
-/// Gives a block's missing bytes the name of its block: a field past the end is a wrong BlockLength.
+/// Converts missing bytes to a violation of this block: a field beyond the end is a wrong BlockLength.
 pub(crate) fn short(block: Block) -> impl Fn(machine::wire::Truncated) -> Violation {
     move |_| Violation::Head(block, HeadField::Length)
 }
@@ -162,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_block_is_as_long_as_its_head_says() {
+    fn a_block_has_the_length_in_its_header() {
         let mut buf = [0; 16];
         let mut writer = BlockWriter::new(&mut buf);
         write(&mut writer, BlockType::Unknown(0x7777), |w| w.u32(5));
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_length_of_zero_or_past_the_end_and_another_version_are_told_apart() {
+    fn a_length_of_zero_or_beyond_the_end_and_another_version_are_different_violations() {
         let parse = |bytes: &[u8]| next(&mut BlockReader::new(bytes), |_| Block::Iocr).map(|_| ());
         let wrong = |field| Err(Violation::Head(Block::Iocr, field));
         assert_eq!(parse(&[1, 2, 0, 0, 1, 0]), wrong(HeadField::Length));

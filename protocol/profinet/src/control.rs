@@ -10,7 +10,7 @@ use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::status::{Block, HeadField, Violation};
 use machine::wire::Truncated;
 
-/// What a control block says.
+/// The command of a control block.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Command {
     /// All parameters are written.
@@ -19,14 +19,14 @@ pub enum Command {
     ApplicationReady,
     /// The AR ends.
     Release,
-    /// Parameters will be written anew.
+    /// The controller will write parameters again.
     PrmBegin,
 }
 
 impl Command {
     const ALL: [Self; 4] = [Self::PrmEnd, Self::ApplicationReady, Self::Release, Self::PrmBegin];
 
-    /// ControlCommand of the request.
+    /// Returns the ControlCommand of the request.
     #[must_use]
     pub const fn code(self) -> u16 {
         match self {
@@ -55,7 +55,7 @@ impl Command {
         }
     }
 
-    /// The block that is blamed where its control block is wrong.
+    /// Returns the block to name in the error for a wrong control block.
     #[must_use]
     pub const fn block(self) -> Block {
         match self {
@@ -66,7 +66,7 @@ impl Command {
         }
     }
 
-    /// The violation of naming another session.
+    /// Returns the violation for a wrong session key.
     #[must_use]
     pub const fn wrong_session(self) -> Violation {
         match self {
@@ -90,10 +90,10 @@ impl Command {
 /// ControlCommand of every response.
 const DONE: u16 = 1 << 3;
 
-/// A control block. A request says what is to be done, a response that it is.
+/// A control block. A request contains a command, a response confirms it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Control {
-    /// What it is about.
+    /// The command.
     pub command: Command,
     /// ARUUID.
     pub ar: Uuid,
@@ -104,12 +104,12 @@ pub struct Control {
 }
 
 impl Control {
-    /// Reads a request. Blocks after it (a SubmoduleListBlock after PrmBegin) are ignored.
+    /// Parses a request. Blocks after it (a SubmoduleListBlock after PrmBegin) are ignored.
     pub fn parse_request(blocks: &[u8]) -> Result<Self, Violation> {
         Self::parse(blocks, Command::request_type, Command::code)
     }
 
-    /// Reads a response.
+    /// Parses a response.
     pub fn parse_response(blocks: &[u8]) -> Result<Self, Violation> {
         Self::parse(blocks, Command::response_type, |_| DONE)
     }
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn captured_control_blocks_are_read_and_come_out_again() {
+    fn captured_control_blocks_are_parsed_and_written_back_unchanged() {
         let mut buf = [0; 64];
         for (command, asked, answered) in [
             (Command::PrmEnd, captured::PRMEND_REQ, captured::PRMEND_RES),

@@ -1,4 +1,4 @@
-//! The station as DCP sees it: its name, its address, and the answers to Identify, Get and Set.
+//! The station from DCP's point of view: its name, its address, and the answers to Identify, Get and Set.
 
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
@@ -11,18 +11,18 @@ use crate::description::Description;
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Duration, Instant};
 
-/// Blocks that one Set or Get can name; what comes after them is not answered.
+/// Largest number of blocks in one Set or Get; further ones are not answered.
 const MOST_BLOCKS: usize = 16;
 
-/// Answers that can wait at a time.
+/// Largest number of waiting answers.
 const MOST_REPLIES: usize = 8;
 
-/// How long the owner has to put an address on the interface. Who asked has given up by then.
+/// Time for the owner to set an address on the interface. After it the requester has given up.
 const ADDRESS_TIME: Duration = Duration::from_secs(3);
 
-/// Role of an IO-Device, which takes its name and address from others.
+/// Role of an IO-Device, which gets its name and address from others.
 const IO_DEVICE: u8 = 1;
-/// Role of an IO-Controller, which has its name and address from its own configuration.
+/// Role of an IO-Controller, which has its name and address in its own configuration.
 const IO_CONTROLLER: u8 = 2;
 
 /// The options that can be read or set, as Identify lists them.
@@ -38,7 +38,7 @@ pub(super) struct Station {
     factory_name: Vec<u8>,
     ip: IpSuite,
     replies: [Option<Reply>; MOST_REPLIES],
-    /// When the first of them is due.
+    /// When the first one is due.
     reply_due: Option<Instant>,
     setting: Option<Setting>,
 }
@@ -53,7 +53,7 @@ struct Reply {
     results: Results,
 }
 
-/// What became of each block of a Set, or which ones a Get wants.
+/// Results of the blocks of a Set, or the options that a Get requests.
 #[derive(Clone, Copy, Debug)]
 struct Results {
     entries: [(Code, BlockError); MOST_BLOCKS],
@@ -75,7 +75,7 @@ impl Results {
     }
 }
 
-/// A Set of the address that the owner has not finished yet.
+/// A Set of the address that the owner has not completed yet.
 #[derive(Clone, Copy, Debug)]
 struct Setting {
     reply: Reply,
@@ -83,33 +83,33 @@ struct Setting {
     deadline: Instant,
 }
 
-/// What follows from a DCP PDU for the rest of the device.
+/// Effects of a DCP PDU on the rest of the device.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(super) struct Effect {
-    /// The owner is to put this address on the interface.
+    /// The address that the owner must set on the interface.
     pub(super) address: Option<IpSuite>,
-    /// The station has another name now.
+    /// The station's name was changed.
     pub(super) renamed: bool,
     /// The station was reset.
     pub(super) reset: bool,
 }
 
-/// Why a DCP PDU was not taken.
+/// Why a DCP PDU was ignored.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Refusal {
-    /// It broke the format.
+    /// It is malformed.
     Malformed,
     /// It is not for this station, or there is no room for the answer.
     Foreign,
 }
 
 impl Station {
-    /// The station of an IO-Device, which DCP may name and address.
+    /// Creates the station of an IO-Device, whose name and address DCP may set.
     pub(super) fn device(mac: Mac, description: Description, name: &[u8], ip: Option<IpSuite>) -> Self {
         Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS))
     }
 
-    /// The station of an IO-Controller, which DCP can find and read but not set.
+    /// Creates the station of an IO-Controller, which DCP can find and read but not set.
     pub(super) fn controller(mac: Mac, description: Description, name: &[u8], ip: IpSuite) -> Self {
         Self::new(mac, IO_CONTROLLER, description, name, ip)
     }
@@ -140,7 +140,7 @@ impl Station {
         self.ip
     }
 
-    /// Takes a DCP PDU from an Ethernet frame.
+    /// Handles a DCP PDU in an Ethernet frame.
     pub(super) fn handle_frame(
         &mut self,
         now: Instant,
@@ -175,7 +175,7 @@ impl Station {
         }
     }
 
-    /// Whether an Identify request asks for this station: all of its blocks match.
+    /// Returns whether an Identify request is for this station: all of its blocks match.
     fn is_meant(&self, pdu: &Pdu<'_>) -> Result<bool, Refusal> {
         let mut any = false;
         for block in pdu.blocks() {
@@ -213,10 +213,10 @@ impl Station {
     fn set(&mut self, now: Instant, pdu: &Pdu<'_>, mut reply: Reply) -> Result<Effect, Refusal> {
         if self.setting.is_some_and(|setting| (setting.reply.xid, setting.reply.to) == (reply.xid, reply.to))
         {
-            // A repetition of what is being done.
+            // A repetition of the Set in progress.
             return Ok(Effect::default());
         }
-        // All blocks must be readable before any is carried out.
+        // All blocks must be well-formed before any of them is executed.
         if pdu.blocks().any(|block| block.is_err()) {
             return Err(Refusal::Malformed);
         }
@@ -270,7 +270,7 @@ impl Station {
         true
     }
 
-    /// The owner put the address on the interface, or could not. Returns whether the address is another one now.
+    /// Reports whether the owner could set the address on the interface. Returns whether the address changed.
     pub(super) fn address_set(&mut self, now: Instant, done: bool) -> bool {
         let Some(Setting { mut reply, suite, .. }) = self.setting.take() else { return false };
         if done {
@@ -284,7 +284,7 @@ impl Station {
             address.for_each(|(_, error)| *error = BlockError::NotPossible);
         }
         reply.due = now;
-        // Without room for the answer the controller asks again and is answered at once.
+        // If there is no room for the answer, the controller asks again and is answered at once.
         let _ = self.queue(reply);
         done
     }
@@ -306,7 +306,7 @@ impl Station {
         Instant::earlier(self.reply_due, self.setting.as_ref().map(|setting| setting.deadline))
     }
 
-    /// Writes the next answer that is due, as an Ethernet frame; returns its length.
+    /// Writes the next due answer as an Ethernet frame; returns its length.
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
         self.reply_due.filter(|due| *due <= now)?;
         let is_due = |reply: &Option<Reply>| reply.as_ref().is_some_and(|reply| reply.due <= now);
@@ -344,7 +344,7 @@ impl Station {
         emitted.ok()
     }
 
-    /// The block that tells an option's value.
+    /// Returns the block with an option's value.
     fn block(&self, code: Code) -> Option<Block<'_>> {
         let identity = self.description.identity;
         let content = match code {
@@ -368,7 +368,7 @@ impl Station {
 const NO_ADDRESS: IpSuite =
     IpSuite { address: Ipv4Addr::UNSPECIFIED, mask: Ipv4Addr::UNSPECIFIED, gateway: Ipv4Addr::UNSPECIFIED };
 
-/// Whether a station can have this address: a host's, or none at all, with a mask without gaps.
+/// Returns whether a station can have this address: a host address or none, with a contiguous mask.
 fn is_allowed(suite: IpSuite) -> bool {
     let IpSuite { address, mask, .. } = suite;
     let mask = u32::from(mask);
@@ -377,8 +377,8 @@ fn is_allowed(suite: IpSuite) -> bool {
     contiguous && (suite == NO_ADDRESS || host && !address.is_unspecified() && address.octets()[0] < 224)
 }
 
-/// Whether DCP allows this name: labels of lower-case letters, digits and hyphens, up to 63 bytes each, separated by
-/// dots, up to 240 bytes in all; or no name (IEC 61158-6-10, NameOfStationValue).
+/// Returns whether DCP allows this name: labels of lower-case letters, digits and hyphens, up to 63 bytes each,
+/// separated by dots, up to 240 bytes in total; or no name (IEC 61158-6-10, NameOfStationValue).
 #[must_use]
 pub fn is_station_name(name: &[u8]) -> bool {
     let label = |label: &[u8]| {

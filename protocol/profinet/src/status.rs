@@ -14,46 +14,46 @@ use core::fmt;
 pub struct Status(pub u32);
 
 impl Status {
-    /// All went well.
+    /// Success.
     pub const OK: Self = Self(0);
 
-    /// A status from its four bytes.
+    /// Creates a status from its four bytes.
     #[must_use]
     pub const fn new(code: u8, decode: u8, code1: u8, code2: u8) -> Self {
         Self(u32::from_be_bytes([code, decode, code1, code2]))
     }
 
-    /// Whether all went well.
+    /// Returns whether it is success.
     #[must_use]
     pub const fn is_ok(self) -> bool {
         self.0 == 0
     }
 
-    /// ErrorCode: the service that failed, as [`Service::error_code`] has it.
+    /// Returns ErrorCode: the service that failed, see [`Service::error_code`].
     #[must_use]
     pub const fn code(self) -> u8 {
         self.0.to_be_bytes()[0]
     }
 
-    /// ErrorDecode: 0x80 for PNIORW, 0x81 for PNIO.
+    /// Returns ErrorDecode: 0x80 for PNIORW, 0x81 for PNIO.
     #[must_use]
     pub const fn decode(self) -> u8 {
         self.0.to_be_bytes()[1]
     }
 
-    /// ErrorCode1: the block, the state machine or the class of an access error.
+    /// Returns ErrorCode1: the block, the state machine or the class of an access error.
     #[must_use]
     pub const fn code1(self) -> u8 {
         self.0.to_be_bytes()[2]
     }
 
-    /// ErrorCode2: the field of the block, or the reason.
+    /// Returns ErrorCode2: the field of the block, or the reason.
     #[must_use]
     pub const fn code2(self) -> u8 {
         self.0.to_be_bytes()[3]
     }
 
-    /// What the status says.
+    /// Returns the status as text.
     #[must_use]
     pub fn text(self) -> &'static str {
         if self.is_ok() {
@@ -86,7 +86,7 @@ impl fmt::Debug for Status {
 
 /// ErrorDecode of read and write access.
 const PNIORW: u8 = 0x80;
-/// ErrorDecode of all else.
+/// ErrorDecode of everything else.
 const PNIO: u8 = 0x81;
 
 /// The service that a status answers.
@@ -109,7 +109,7 @@ pub enum Service {
 }
 
 impl Service {
-    /// ErrorCode of this service.
+    /// Returns the ErrorCode of this service.
     #[must_use]
     pub const fn error_code(self) -> u8 {
         match self {
@@ -124,12 +124,12 @@ impl Service {
     }
 }
 
-/// A field that every block has, and that can be wrong in each.
+/// A field of every block's header.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum HeadField {
-    /// BlockType: not the block that belongs here, or one too many.
+    /// BlockType: not the expected block, or one too many.
     Type,
-    /// BlockLength: past the end of the PDU, or not that of its fields.
+    /// BlockLength: beyond the end of the PDU, or not the length of its fields.
     Length,
     /// BlockVersionHigh: not 1.
     VersionHigh,
@@ -146,7 +146,7 @@ macro_rules! blocks {
         impl Block {
             const ALL: &[Self] = &[$(Self::$name),*];
 
-            /// ErrorCode1 of this block.
+            /// Returns the ErrorCode1 of this block.
             #[must_use]
             pub const fn code1(self) -> u8 {
                 match self { $(Self::$name => $code1,)* }
@@ -174,7 +174,7 @@ blocks! {
     Mcr = 6, "MCRBlockReq";
     /// ARRPCBlockReq.
     ArRpc = 7, "ARRPCBlockReq";
-    /// The head of a Read or Write.
+    /// The header of a Read or Write.
     Record = 8, "the head of the record";
     /// IRInfoBlock.
     IrInfo = 9, "IRInfoBlock";
@@ -214,10 +214,10 @@ blocks! {
 
 macro_rules! violations {
     ($($name:ident = $decode:ident $code1:literal $code2:literal $text:literal)*) => {
-        /// What a peer did wrong. [`Violation::status`] is the answer to it.
+        /// A peer's violation of the protocol. [`Violation::status`] is the answer to it.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         pub enum Violation {
-            /// The head of a block is wrong.
+            /// The header of a block is wrong.
             Head(Block, HeadField),
             $(#[doc = $text] $name,)*
         }
@@ -225,7 +225,7 @@ macro_rules! violations {
         impl Violation {
             const NAMED: &[Self] = &[$(Self::$name),*];
 
-            /// ErrorDecode, ErrorCode1 and ErrorCode2.
+            /// Returns ErrorDecode, ErrorCode1 and ErrorCode2.
             #[must_use]
             pub const fn codes(self) -> [u8; 3] {
                 match self {
@@ -234,7 +234,7 @@ macro_rules! violations {
                 }
             }
 
-            /// What is wrong.
+            /// Returns the violation as text.
             #[must_use]
             pub const fn text(self) -> &'static str {
                 match self {
@@ -246,7 +246,7 @@ macro_rules! violations {
     };
 }
 
-// Which violation gives which status. Codes: IEC 61158-6-10, values of ErrorCode1 and ErrorCode2.
+// The status of each violation. Codes: IEC 61158-6-10, values of ErrorCode1 and ErrorCode2.
 violations! {
     ArType = PNIO 1 4 "ARBlockReq: this ARType is not supported"
     ArUuid = PNIO 1 5 "ARBlockReq: the ARUUID is nil"
@@ -363,7 +363,7 @@ violations! {
 }
 
 impl Violation {
-    /// The status that answers this violation of a service.
+    /// Returns the status that answers this violation of a service.
     #[must_use]
     pub const fn status(self, service: Service) -> Status {
         let [decode, code1, code2] = self.codes();
@@ -376,7 +376,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_violation_gives_its_status_and_the_status_says_it_in_words() {
+    fn a_violation_gives_its_status_and_the_status_its_text() {
         let status = Violation::IoDataOffset.status(Service::Connect);
         assert_eq!(status, Status::new(0xDB, 0x81, 0x02, 0x18));
         assert_eq!(status.text(), "IOCRBlockReq: an IODataObject lies past DataLength or over another one");
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_code_of_an_access_error_is_the_users_own() {
+    fn the_text_of_an_access_error_does_not_depend_on_its_second_code() {
         assert_eq!(Status(0xDE80_B0FF).text(), "there is no record of this index");
         assert!(Status(0xDE99_0000).text().starts_with("a status that has no name here"));
     }

@@ -1,10 +1,11 @@
-//! UUIDs, which on the wire come in two forms: inside blocks as they are written, inside RPC headers in its order.
+//! UUIDs. They are encoded in two forms: inside blocks most significant byte first, inside RPC headers in the
+//! header's byte order.
 
 use core::fmt;
 
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
-/// A UUID, most significant byte first as people write it.
+/// A UUID, most significant byte first, as in its text form.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Uuid(pub [u8; 16]);
 
@@ -12,7 +13,7 @@ impl Uuid {
     /// All zero: no object.
     pub const NIL: Self = Self([0; 16]);
 
-    /// Reads a UUID whose first three fields are in the reader's byte order.
+    /// Reads a UUID whose first three fields have the reader's byte order.
     pub fn read<O: ByteOrder>(reader: &mut Reader<'_, O>) -> Result<Self, Truncated> {
         let time_low = reader.u32()?.to_be_bytes();
         let time_mid = reader.u16()?.to_be_bytes();
@@ -35,7 +36,7 @@ impl Uuid {
         writer.bytes(&rest);
     }
 
-    /// Whether all bits are zero.
+    /// Returns whether all bits are zero.
     #[must_use]
     pub fn is_nil(&self) -> bool {
         *self == Self::NIL
@@ -65,7 +66,7 @@ mod tests {
     const INTERFACE: Uuid = Uuid(0xDEA0_0001_6C97_11D1_8271_00A0_2442_DF7D_u128.to_be_bytes());
 
     #[test]
-    fn the_byte_order_turns_the_first_three_fields_only() {
+    fn the_byte_order_applies_to_the_first_three_fields_only() {
         let mut buf = [0; 16];
         INTERFACE.write(&mut Writer::<LittleEndian>::new(&mut buf));
         assert_eq!(

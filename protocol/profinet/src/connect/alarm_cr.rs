@@ -20,9 +20,9 @@ pub struct AlarmCr {
     pub lt: u16,
     /// AlarmCRProperties.
     pub properties: u32,
-    /// RTATimeoutFactor, in 100 ms: when an alarm is repeated.
+    /// RTATimeoutFactor, in 100 ms: time until an alarm is repeated.
     pub rta_timeout: u16,
-    /// RTARetries: how often.
+    /// RTARetries: number of repetitions.
     pub rta_retries: u16,
     /// LocalAlarmReference: the controller's alarm endpoint.
     pub local_reference: u16,

@@ -28,13 +28,13 @@ impl ArProperties {
     /// Advanced startup mode; without it, legacy.
     pub const ADVANCED_STARTUP: u32 = 1 << 30;
 
-    /// Bits 0 to 2: State.
+    /// Returns bits 0 to 2: State.
     #[must_use]
     pub const fn state(self) -> u32 {
         self.0 & 7
     }
 
-    /// Whether all bits of `mask` are set.
+    /// Returns whether all bits of `mask` are set.
     #[must_use]
     pub const fn has(self, mask: u32) -> bool {
         self.0 & mask == mask
@@ -46,17 +46,17 @@ impl ArProperties {
 pub struct Ar {
     /// ARType; 1 = IOCARSingle.
     pub ar_type: u16,
-    /// ARUUID: names the AR in every later request.
+    /// ARUUID: identifies the AR in every later request.
     pub uuid: Uuid,
-    /// SessionKey: counts the controller's attempts.
+    /// SessionKey: number of the controller's attempt.
     pub session: u16,
     /// CMInitiatorMACAdd.
     pub initiator_mac: Mac,
-    /// CMInitiatorObjectUUID: the object of calls to the controller.
+    /// CMInitiatorObjectUUID: the object in calls to the controller.
     pub initiator_object: Uuid,
     /// ARProperties.
     pub properties: ArProperties,
-    /// CMInitiatorActivityTimeoutFactor, in 100 ms: how long one step of the connection may take.
+    /// CMInitiatorActivityTimeoutFactor, in 100 ms: longest time of one step of the connection's establishment.
     pub activity_timeout: u16,
     /// CMInitiatorUDPRTPort.
     pub initiator_rt_port: u16,

@@ -1,4 +1,4 @@
-//! ModuleDiffBlock: where the device's modules are not those that the controller expects.
+//! ModuleDiffBlock: the differences between the device's modules and the ones that the controller expects.
 //!
 //! ```text
 //! NumberOfAPIs u16 · each: API u32 · NumberOfModules u16
@@ -15,13 +15,13 @@ use crate::status::{Block, HeadField, Violation};
 /// ModuleState.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum ModuleState {
-    /// Nothing is in the slot.
+    /// The slot is empty.
     NoModule,
     /// Another module is in the slot.
     WrongModule,
-    /// The module is the expected one; a submodule of it is not.
+    /// The module is the expected one, but one of its submodules is not.
     ProperModule,
-    /// Another module is in the slot and does instead.
+    /// Another module is in the slot, and can replace the expected one.
     Substitute,
     /// A state that this version does not know; it survives a round trip.
     Unknown(u16),
@@ -58,12 +58,12 @@ pub struct SubmoduleState(pub u16);
 impl SubmoduleState {
     /// IdentInfo: the submodule is the expected one.
     pub const PROPER: Self = Self(0x8000);
-    /// IdentInfo: another submodule is there.
+    /// IdentInfo: another submodule is plugged.
     pub const WRONG: Self = Self(0x9000);
-    /// IdentInfo: no submodule is there.
+    /// IdentInfo: no submodule is plugged.
     pub const NONE: Self = Self(0x9800);
 
-    /// Whether IdentInfo says that the submodule can be used: the expected one, or one that does instead.
+    /// Returns whether the submodule can be used by its IdentInfo: the expected one, or one that can replace it.
     #[must_use]
     pub const fn is_usable(self) -> bool {
         (self.0 >> 11) & 0xF < 2
@@ -75,22 +75,22 @@ impl SubmoduleState {
 pub struct DiffSubmodule {
     /// Subslot number.
     pub subslot: u16,
-    /// SubmoduleIdentNumber of what is there; 0 where nothing is.
+    /// SubmoduleIdentNumber of the plugged submodule; 0 if there is none.
     pub ident: u32,
     /// How it differs.
     pub state: SubmoduleState,
 }
 
-/// A module that is not as expected.
+/// A module that differs from the expected one.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct DiffModule {
     /// Slot number.
     pub slot: u16,
-    /// ModuleIdentNumber of what is there; 0 where nothing is.
+    /// ModuleIdentNumber of the plugged module; 0 if there is none.
     pub ident: u32,
     /// How it differs.
     pub state: ModuleState,
-    /// Its submodules that are not as expected.
+    /// Its submodules that differ from the expected ones.
     pub submodules: Vec<DiffSubmodule>,
 }
 

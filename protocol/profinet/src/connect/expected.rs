@@ -19,9 +19,9 @@ pub struct ExpectedSubmodule {
     pub subslot: u16,
     /// SubmoduleIdentNumber.
     pub ident: u32,
-    /// Bits 2 and up of SubmoduleProperties, in their place.
+    /// Bits 2 and up of SubmoduleProperties, not shifted.
     pub properties: u16,
-    /// Bytes from device to controller; a submodule without I/O has 0, and a provider status all the same.
+    /// Bytes from device to controller; a submodule without I/O has 0, and still a provider status.
     pub input_len: Option<u16>,
     /// Bytes from controller to device.
     pub output_len: Option<u16>,
@@ -41,7 +41,7 @@ pub struct ExpectedModule {
 }
 
 impl ExpectedSubmodule {
-    /// Whether it has no I/O: its only data is an input of no bytes.
+    /// Returns whether it has no I/O: its only data is an input of zero bytes.
     #[must_use]
     pub const fn has_no_io(&self) -> bool {
         matches!((self.input_len, self.output_len), (Some(0), None))
@@ -124,7 +124,7 @@ impl ExpectedModule {
     }
 }
 
-/// Reads one block, which may hold several modules, and adds its modules to those of the blocks before.
+/// Parses one block, which may contain several modules, and adds them to those of the blocks before.
 pub(super) fn parse(body: &mut BlockReader<'_>, modules: &mut Vec<ExpectedModule>) -> Result<(), Violation> {
     let short = short(Block::ExpectedSubmodule);
     let apis = body.u16().map_err(&short)?;

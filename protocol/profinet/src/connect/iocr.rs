@@ -50,7 +50,7 @@ impl From<IocrType> for u16 {
     }
 }
 
-/// RTClass: which way cyclic frames go and which FrameIDs they have.
+/// RTClass: transport and FrameIDs of cyclic frames.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum RtClass {
     /// RT_CLASS_1 with the FrameIDs of legacy devices, 0xC000 to 0xFBFF.
@@ -85,7 +85,7 @@ impl From<RtClass> for u8 {
     }
 }
 
-/// Where a submodule's data with its provider status, or its consumer status, is in the frame.
+/// Position in the frame of a submodule's data with its provider status, or of its consumer status.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Object {
     /// Slot number.
@@ -107,7 +107,7 @@ pub struct Iocr {
     pub lt: u16,
     /// RTClass, bits 0 to 3 of IOCRProperties.
     pub rt_class: RtClass,
-    /// The other bits of IOCRProperties, in their place.
+    /// The other bits of IOCRProperties, not shifted.
     pub properties: u32,
     /// DataLength: the C_SDU's length in bytes.
     pub data_length: u16,
@@ -115,17 +115,17 @@ pub struct Iocr {
     pub frame_id: u16,
     /// SendClockFactor: the send clock in units of 31.25 µs.
     pub send_clock_factor: u16,
-    /// ReductionRatio: a frame every so many send clocks.
+    /// ReductionRatio: send clocks per frame.
     pub reduction_ratio: u16,
-    /// Phase: in which send clock of the ratio, from 1.
+    /// Phase: the send clock within the ratio, from 1.
     pub phase: u16,
-    /// Sequence: place within the phase; 0 = any.
+    /// Sequence: position within the phase; 0 = any.
     pub sequence: u16,
     /// FrameSendOffset in ns within the send clock; 0xFFFFFFFF = best effort.
     pub frame_send_offset: u32,
     /// WatchdogFactor, in cycles.
     pub watchdog_factor: u16,
-    /// DataHoldFactor, in cycles: without a frame for as long, the data no longer holds.
+    /// DataHoldFactor, in cycles: after this time without a frame the data is no longer valid.
     pub data_hold_factor: u16,
     /// IOCRTagHeader: the 802.1Q tag of its frames.
     pub tag_header: u16,
@@ -141,13 +141,13 @@ impl Iocr {
     /// FrameSendOffset that lets the sender choose.
     pub const BEST_EFFORT: u32 = 0xFFFF_FFFF;
 
-    /// Time from one frame to the next: SendClockFactor × ReductionRatio × 31.25 µs.
+    /// Returns the time from one frame to the next: SendClockFactor × ReductionRatio × 31.25 µs.
     #[must_use]
     pub fn period(&self) -> Duration {
         Duration::from_nanos(31_250 * u64::from(self.send_clock_factor) * u64::from(self.reduction_ratio))
     }
 
-    /// Time without a frame after which the data no longer holds.
+    /// Returns the time without a frame after which the data is no longer valid.
     #[must_use]
     pub fn data_hold_time(&self) -> Duration {
         self.period() * u32::from(self.data_hold_factor)
@@ -254,7 +254,7 @@ pub struct IocrResponse {
     pub iocr_type: IocrType,
     /// IOCRReference of the request.
     pub reference: u16,
-    /// FrameID that holds; the device chooses that of the output IOCR.
+    /// The FrameID in use; that of the output IOCR is chosen by the device.
     pub frame_id: u16,
 }
 

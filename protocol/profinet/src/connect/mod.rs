@@ -24,19 +24,19 @@ use alloc::vec::Vec;
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::status::{Block, HeadField, Violation};
 
-/// The only API there is for a device without profiles.
+/// The only API of a device without profiles.
 pub const API: u32 = 0;
 
-/// The most IOCRs, modules, submodules or objects that a request can name.
+/// Largest number of IOCRs, modules, submodules or objects in a request.
 pub const COUNT_LIMIT: usize = 512;
 
-/// A station name as it is on the wire, at most 240 bytes.
+/// A station name as in the blocks, at most 240 bytes.
 pub type StationName = Vec<u8>;
 
 /// A Connect request.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ConnectRequest {
-    /// The AR that is wanted.
+    /// The requested AR.
     pub ar: Ar,
     /// Its cyclic connections.
     pub iocrs: Vec<Iocr>,
@@ -47,8 +47,8 @@ pub struct ConnectRequest {
 }
 
 impl ConnectRequest {
-    /// Reads the blocks of a request. Blocks of options that we do not have (ARVendor, MCR, PrmServer, IR, SR, RS
-    /// info, ARFSU, ARRPC) are passed over; a block that does not belong in a Connect is refused.
+    /// Parses the blocks of a request. Blocks of options that we do not support (ARVendor, MCR, PrmServer, IR, SR, RS
+    /// info, ARFSU, ARRPC) are skipped; a block that does not belong in a Connect is refused.
     pub fn parse(blocks: &[u8]) -> Result<Self, Violation> {
         let mut reader = BlockReader::new(blocks);
         let (first, mut body) = block::next(&mut reader, |_| Block::Ar)?;
@@ -100,18 +100,18 @@ impl ConnectRequest {
 pub struct ConnectResponse {
     /// The AR.
     pub ar: ArResponse,
-    /// Its cyclic connections, with the FrameIDs that hold.
+    /// Its cyclic connections, with the FrameIDs in use.
     pub iocrs: Vec<IocrResponse>,
     /// Its alarm connection.
     pub alarm_cr: Option<AlarmCrResponse>,
-    /// Where the modules are not those that were expected; empty if all are.
+    /// The modules that differ from the expected ones; empty if none does.
     pub diff: Vec<DiffModule>,
-    /// The device's station name; only where the controller starts up in advanced mode.
+    /// The device's station name; only if the controller uses advanced startup mode.
     pub server: Option<StationName>,
 }
 
 impl ConnectResponse {
-    /// Reads the blocks of an answer. Blocks that are not known are passed over.
+    /// Parses the blocks of an answer. Unknown blocks are skipped.
     pub fn parse(blocks: &[u8]) -> Result<Self, Violation> {
         let mut reader = BlockReader::new(blocks);
         let (first, mut body) = block::next(&mut reader, |_| Block::ArRes)?;

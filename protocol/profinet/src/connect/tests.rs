@@ -17,7 +17,7 @@ fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
 }
 
 #[test]
-fn the_connect_of_a_siemens_controller_is_read_whole() {
+fn the_connect_of_a_siemens_controller_is_parsed_completely() {
     let request = ConnectRequest::parse(&request_blocks()).unwrap();
     assert_eq!(request.ar.session, 2);
     assert_eq!(request.ar.initiator_name, b"plcxbbench.profinetxainterfacexb25fbd");
@@ -38,12 +38,12 @@ fn the_connect_of_a_siemens_controller_is_read_whole() {
 }
 
 #[test]
-fn the_same_blocks_come_out_again_in_our_order() {
+fn the_same_blocks_are_written_in_our_order() {
     let blocks = request_blocks();
     let request = ConnectRequest::parse(&blocks).unwrap();
     let ours = emitted(|writer| request.emit(writer));
     assert_eq!(ConnectRequest::parse(&ours).unwrap(), request);
-    // The alarm CR comes last in the capture and before the expected submodules from us.
+    // The alarm CR is last in the capture; we write it before the expected submodules.
     let alarm_cr = blocks.len() - 26;
     let expected = blocks.windows(2).position(|pair| pair == [1, 4]).unwrap();
     let reordered = [&blocks[..expected], &blocks[alarm_cr..], &blocks[expected..alarm_cr]].concat();
@@ -51,7 +51,7 @@ fn the_same_blocks_come_out_again_in_our_order() {
 }
 
 #[test]
-fn the_answer_of_p_net_is_read_and_comes_out_again_byte_for_byte() {
+fn the_answer_of_p_net_is_parsed_and_written_back_byte_for_byte() {
     let datagram = captured::datagram(captured::CONNECT_RES);
     let (header, body) = Header::parse(&datagram).unwrap();
     let args = ResponseArgs::parse(&header, body).unwrap();
@@ -70,7 +70,7 @@ fn every_cut_of_the_blocks_is_refused_or_ends_between_two_blocks() {
 }
 
 #[test]
-fn unwanted_blocks_are_refused_and_unsupported_options_passed_over() {
+fn wrong_blocks_are_refused_and_unsupported_options_skipped() {
     let mut blocks = request_blocks();
     let ar_len = 95;
     let twice = [&blocks[..], &blocks[..ar_len]].concat();
@@ -86,7 +86,7 @@ fn unwanted_blocks_are_refused_and_unsupported_options_passed_over() {
 }
 
 #[test]
-fn wrong_modules_are_told_slot_by_slot() {
+fn wrong_modules_are_reported_slot_by_slot() {
     let response = ConnectResponse {
         ar: ArResponse {
             ar_type: 1,

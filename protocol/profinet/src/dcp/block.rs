@@ -23,7 +23,7 @@ impl Code {
     pub const MAC_ADDRESS: Self = Self(0x0101);
     /// IP address, mask and gateway.
     pub const IP: Self = Self(0x0102);
-    /// What the maker calls the station.
+    /// Type of station, chosen by the vendor.
     pub const TYPE_OF_STATION: Self = Self(0x0201);
     /// The station's name.
     pub const NAME_OF_STATION: Self = Self(0x0202);
@@ -37,7 +37,7 @@ impl Code {
     pub const ALIAS_NAME: Self = Self(0x0206);
     /// Instance of the device.
     pub const DEVICE_INSTANCE: Self = Self(0x0207);
-    /// Identity of the maker whose product is sold under another name.
+    /// Identity of the OEM, whose product is sold under another name.
     pub const OEM_DEVICE_ID: Self = Self(0x0208);
     /// Start of a transaction of Set requests.
     pub const START: Self = Self(0x0501);
@@ -45,33 +45,33 @@ impl Code {
     pub const END: Self = Self(0x0502);
     /// Flash a lamp.
     pub const SIGNAL: Self = Self(0x0503);
-    /// What became of an option that was to be set or read.
+    /// Result of setting or reading an option.
     pub const RESPONSE: Self = Self(0x0504);
-    /// Forget name, address and parameters.
+    /// Reset name, address and parameters.
     pub const FACTORY_RESET: Self = Self(0x0505);
-    /// Forget what the qualifier names.
+    /// Reset what the qualifier selects.
     pub const RESET_TO_FACTORY: Self = Self(0x0506);
-    /// Whether the station says Hello on its own.
+    /// Whether the station sends Hello by itself.
     pub const INITIATIVE: Self = Self(0x0601);
     /// Every station, in an Identify request.
     pub const ALL: Self = Self(0xFFFF);
 }
 
-/// An IP address with what belongs to it.
+/// An IP address with subnet mask and gateway.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct IpSuite {
     /// The station's own address.
     pub address: Ipv4Addr,
     /// Its subnet mask.
     pub mask: Ipv4Addr,
-    /// Its gateway; its own address where there is none.
+    /// Its gateway; its own address if there is none.
     pub gateway: Ipv4Addr,
 }
 
 /// Why an option was not set or read.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum BlockError {
-    /// Nothing is wrong.
+    /// No error.
     None,
     /// The station does not have the option.
     OptionNotSupported,
@@ -119,18 +119,18 @@ impl From<BlockError> for u8 {
     }
 }
 
-/// What a block carries.
+/// Value of a block.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Content<'a> {
     /// The station's MAC address.
     MacAddress(Mac),
     /// IP address, mask and gateway.
     Ip(IpSuite),
-    /// What the maker calls the station.
+    /// Type of station, chosen by the vendor.
     TypeOfStation(&'a [u8]),
     /// The station's name, lower-case ASCII.
     NameOfStation(&'a [u8]),
-    /// Who made it and what it is.
+    /// Vendor and device.
     DeviceId {
         /// VendorID.
         vendor: u16,
@@ -145,7 +145,7 @@ pub enum Content<'a> {
     AliasName(&'a [u8]),
     /// Instance of the device.
     DeviceInstance(u16),
-    /// Who really made it and what it is.
+    /// OEM and device.
     OemDeviceId {
         /// VendorID.
         vendor: u16,
@@ -158,18 +158,18 @@ pub enum Content<'a> {
     End,
     /// Flash a lamp; 0x0100 is once.
     Signal(u16),
-    /// What became of an option.
+    /// Result for an option.
     Response {
         /// The option that was to be set or read.
         code: Code,
-        /// What is wrong with it, if anything.
+        /// The error, if any.
         error: BlockError,
     },
-    /// Forget name, address and parameters.
+    /// Reset name, address and parameters.
     FactoryReset,
-    /// Forget what the qualifier names.
+    /// Reset what the qualifier selects.
     ResetToFactory,
-    /// 1 if the station says Hello on its own.
+    /// 1 if the station sends Hello by itself.
     Initiative(u16),
     /// Every station.
     All,
@@ -180,8 +180,8 @@ pub enum Content<'a> {
 /// One block.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Block<'a> {
-    /// BlockInfo in answers (an IP address: 0 not set, 1 set, 2 by DHCP, bit 7 conflict), BlockQualifier in Set
-    /// requests (bit 0: keep it); 0 where neither is on the wire.
+    /// BlockInfo in answers (for an IP address: 0 not set, 1 set, 2 by DHCP, bit 7 conflict), BlockQualifier in Set
+    /// requests (bit 0: store permanently); 0 in blocks that have neither.
     pub qualifier: u16,
     /// The value.
     pub content: Content<'a>,
@@ -194,7 +194,7 @@ impl<'a> From<Content<'a>> for Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Option and suboption.
+    /// Returns option and suboption.
     #[must_use]
     pub const fn code(&self) -> Code {
         match self.content {

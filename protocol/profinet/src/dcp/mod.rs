@@ -20,10 +20,10 @@ use machine::Duration;
 use machine::ethernet::Mac;
 use machine::wire::{BigEndian, Reader, Truncated, Writer};
 
-/// Where Identify requests go.
+/// Destination of Identify requests.
 pub const IDENTIFY_MULTICAST: Mac = Mac([0x01, 0x0E, 0xCF, 0x00, 0x00, 0x00]);
 
-/// Where Hello requests go.
+/// Destination of Hello requests.
 pub const HELLO_MULTICAST: Mac = Mac([0x01, 0x0E, 0xCF, 0x00, 0x00, 0x01]);
 
 /// The FrameIDs of DCP, first and last.
@@ -32,7 +32,7 @@ pub const FRAME_IDS: core::ops::RangeInclusive<u16> = 0xFEFC..=0xFEFF;
 /// First bytes of every answer to an Identify request: its FrameID.
 pub const IDENTIFY_RESPONSE_ID: [u8; 2] = 0xFEFF_u16.to_be_bytes();
 
-/// Most steps of 10 ms over which answers can be spread (IEC 61158-5-10, ResponseDelayFactor 1…0x1900).
+/// Largest number of steps of 10 ms over which answers are spread (IEC 61158-5-10, ResponseDelayFactor 1…0x1900).
 pub const MAX_DELAY_FACTOR: u16 = 0x1900;
 
 /// Longest station name in bytes.
@@ -46,24 +46,24 @@ const TYPE_REQUEST: u8 = 0;
 const TYPE_RESPONSE: u8 = 1;
 const TYPE_NOT_SUPPORTED: u8 = 5;
 
-/// What a DCP PDU wants.
+/// Service of a DCP PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum Service {
-    /// Which stations match all of these blocks? Multicast.
+    /// Asks which stations match all of these blocks. Multicast.
     IdentifyRequest,
-    /// This station does.
+    /// Answer of a matching station.
     IdentifyResponse,
-    /// What are these options of yours?
+    /// Asks for the values of options.
     GetRequest,
-    /// They are these.
+    /// Returns the values of options.
     GetResponse,
-    /// Set these options.
+    /// Sets options.
     SetRequest,
-    /// What became of each of them.
+    /// Returns the result for each option.
     SetResponse,
-    /// This station came up. Multicast.
+    /// A station came up. Multicast.
     Hello,
-    /// The station does not know the service that was asked for with this FrameID and ServiceID.
+    /// The station does not support the requested service, with its FrameID and ServiceID.
     NotSupported(u16, u8),
 }
 
@@ -95,25 +95,25 @@ impl Service {
         })
     }
 
-    /// Whether the PDU asks for an answer.
+    /// Returns whether the PDU is a request that needs an answer.
     #[must_use]
     pub const fn is_request(self) -> bool {
         matches!(self, Self::IdentifyRequest | Self::GetRequest | Self::SetRequest)
     }
 
-    /// Whether blocks of this PDU start with BlockInfo or BlockQualifier.
+    /// Returns whether blocks of this PDU start with BlockInfo or BlockQualifier.
     const fn has_qualifiers(self) -> bool {
         matches!(self, Self::IdentifyResponse | Self::GetResponse | Self::SetRequest | Self::Hello)
     }
 }
 
-/// A DCP PDU that broke the format.
+/// A malformed DCP PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Violation {
     /// The PDU or one of its blocks ends early.
     #[error("DCP: {0}")]
     Truncated(#[from] Truncated),
-    /// FrameID, ServiceID and ServiceType do not go together.
+    /// FrameID, ServiceID and ServiceType do not match.
     #[error("DCP: FrameID 0x{frame_id:04X} with ServiceID {service} and ServiceType {service_type}")]
     Service {
         /// FrameID of the frame.
@@ -123,7 +123,7 @@ pub enum Violation {
         /// ServiceType.
         service_type: u8,
     },
-    /// A block is not as long as its kind wants.
+    /// A block does not have the length of its kind.
     #[error("DCP: block 0x{:04X} with {len} bytes", code.0)]
     BlockLength {
         /// Option and suboption.
@@ -133,20 +133,20 @@ pub enum Violation {
     },
 }
 
-/// A DCP PDU that was received.
+/// A received DCP PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Pdu<'a> {
-    /// What it wants.
+    /// Its service.
     pub service: Service,
     /// Number of the transaction.
     pub xid: u32,
-    /// Over how many steps of 10 ms the answers to an Identify request are to be spread; see [`response_delay`].
+    /// Number of steps of 10 ms over which the answers to an Identify request are spread; see [`response_delay`].
     pub response_delay_factor: u16,
     body: &'a [u8],
 }
 
 impl<'a> Pdu<'a> {
-    /// Reads the PDU from the payload of an Ethernet frame; padding behind it is passed over.
+    /// Parses the PDU in the payload of an Ethernet frame; ignores the padding behind it.
     pub fn parse(payload: &'a [u8]) -> Result<Self, Violation> {
         let mut reader = Reader::<BigEndian>::new(payload);
         let (frame_id, service, service_type) = (reader.u16()?, reader.u8()?, reader.u8()?);
@@ -162,7 +162,7 @@ impl<'a> Pdu<'a> {
         Ok(Self { service, xid, response_delay_factor, body })
     }
 
-    /// The blocks, up to the first one that breaks the format. None in a Get request.
+    /// Returns the blocks, up to the first malformed one. None in a Get request.
     pub fn blocks(&self) -> impl Iterator<Item = Result<Block<'a>, Violation>> + use<'a> {
         let body = if self.service == Service::GetRequest { &[] } else { self.body };
         let qualifiers = self.service.has_qualifiers();
@@ -179,7 +179,7 @@ impl<'a> Pdu<'a> {
         })
     }
 
-    /// The options that a Get request asks for. None in other PDUs.
+    /// Returns the options that a Get request asks for. None in other PDUs.
     pub fn wanted(&self) -> impl Iterator<Item = Code> + use<'a> {
         let body = if self.service == Service::GetRequest { self.body } else { &[] };
         let mut reader = Reader::<BigEndian>::new(body);
@@ -187,7 +187,7 @@ impl<'a> Pdu<'a> {
     }
 }
 
-/// Writes a PDU with these blocks, from the FrameID on. `response_delay_factor` is 0 but in Identify requests.
+/// Writes a PDU with these blocks, from the FrameID on. `response_delay_factor` is 0 except in Identify requests.
 pub fn emit<'b>(
     writer: &mut Writer<'_, BigEndian>,
     service: Service,
@@ -232,8 +232,8 @@ fn emit_pdu(
     writer.patch_u16(len_at, u16::try_from(len).unwrap_or(u16::MAX));
 }
 
-/// How long a station waits before it answers an Identify request, so that answers do not all come at once: its
-/// MAC address picks one of `factor` steps of 10 ms.
+/// Returns how long a station waits before it answers an Identify request, so that not all stations answer at once:
+/// its MAC address selects one of `factor` steps of 10 ms.
 #[must_use]
 pub fn response_delay(mac: Mac, factor: u16) -> Duration {
     let [.., high, low] = mac.0;
@@ -241,23 +241,23 @@ pub fn response_delay(mac: Mac, factor: u16) -> Duration {
     Duration::from_millis(10).saturating_mul(u32::from(step))
 }
 
-/// What an Identify response or a Hello says of a station.
+/// The station described by an Identify response or a Hello.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Station<'a> {
-    /// Its name; empty where none is set. Lower-case ASCII unless the station breaks the rules.
+    /// Its name; empty if none is set. Lower-case ASCII if the station follows the standard.
     pub name: &'a [u8],
-    /// What its maker calls it.
+    /// Its type of station, chosen by the vendor.
     pub type_of_station: &'a [u8],
     /// Its VendorID and DeviceID.
     pub identity: Option<(u16, u16)>,
-    /// Its IP address, mask and gateway; 0.0.0.0 where none is set.
+    /// Its IP address, subnet mask and gateway; 0.0.0.0 if not set.
     pub ip: Option<IpSuite>,
     /// Its roles as bits: 1 IO-Device, 2 IO-Controller, 4 IO-Multidevice, 8 IO-Supervisor.
     pub roles: u8,
 }
 
 impl<'a> Station<'a> {
-    /// Gathers the blocks of an Identify response or a Hello.
+    /// Collects the blocks of an Identify response or a Hello.
     pub fn from_pdu(pdu: &Pdu<'a>) -> Result<Self, Violation> {
         let mut station = Self { name: &[], type_of_station: &[], identity: None, ip: None, roles: 0 };
         for block in pdu.blocks() {

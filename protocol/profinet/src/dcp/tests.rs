@@ -44,7 +44,7 @@ const SUITE: IpSuite = IpSuite {
 };
 
 #[test]
-fn set_ip_and_its_answer_are_the_bytes_of_the_siemens_controller_and_of_p_net() {
+fn set_ip_and_its_answer_have_the_bytes_of_the_siemens_controller_and_of_p_net() {
     let request = [Content::Ip(SUITE).into()];
     assert_eq!(emitted(|w| emit(w, Service::SetRequest, 0x0300_012D, 0, request)), SET_REQUEST);
     let response = [Content::Response { code: Code::IP, error: BlockError::None }.into()];
@@ -58,7 +58,7 @@ fn set_ip_and_its_answer_are_the_bytes_of_the_siemens_controller_and_of_p_net() 
 }
 
 #[test]
-fn an_identify_response_says_who_the_station_is() {
+fn an_identify_response_describes_the_station() {
     let pdu = Pdu::parse(IDENTIFY_RESPONSE).unwrap();
     let none = Ipv4Addr::UNSPECIFIED;
     assert_eq!(
@@ -119,7 +119,7 @@ fn a_frame_id_that_does_not_fit_the_service_is_refused() {
 }
 
 #[test]
-fn answers_are_spread_by_the_mac_address() {
+fn the_mac_address_determines_the_delay_of_an_answer() {
     let mac = Mac([0, 0, 0, 0, 0x01, 0x05]);
     assert_eq!(response_delay(mac, 0), Duration::ZERO);
     assert_eq!(response_delay(mac, 1), Duration::ZERO);
@@ -128,7 +128,7 @@ fn answers_are_spread_by_the_mac_address() {
 
 proptest! {
     #[test]
-    fn no_bytes_make_the_parser_panic_or_run_on(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+    fn no_bytes_make_the_parser_panic_or_loop(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
         let mut framed = vec![0xFE, 0xFF, 5, 1, 0, 0, 0, 1, 0, 0, 0, bytes.len() as u8];
         framed.extend_from_slice(&bytes);
         for candidate in [&framed, &bytes] {

@@ -1,6 +1,6 @@
-//! Whether an AR can be had for a Connect: every field that the standard bounds, and the modules.
+//! Checks whether a Connect can be accepted: every field that the standard limits, and the modules.
 //!
-//! The checks follow the CheckingRules of IEC 61158-6-10 for each block; the first violation found is the answer.
+//! The checks follow the CheckingRules of IEC 61158-6-10 for each block; the answer contains the first violation.
 
 use alloc::vec::Vec;
 
@@ -14,15 +14,15 @@ use crate::description::Description;
 use crate::rt::{CycleTime, FRAME_IDS_RT_CLASS_1_UDP, FRAME_IDS_RT_CLASS_2, MAX_C_SDU_LEN, Transport};
 use crate::status::Violation;
 
-/// A Connect for which an AR can be had.
+/// A Connect that is accepted.
 #[derive(Debug)]
 pub(super) struct Admission<'a> {
     pub(super) input: &'a Iocr,
     pub(super) output: &'a Iocr,
     pub(super) alarm_cr: &'a AlarmCr,
-    /// FrameID of the output IOCR: the one proposed if it fits, else one of ours.
+    /// FrameID of the output IOCR: the proposed one if it is allowed, otherwise one of ours.
     pub(super) output_frame_id: u16,
-    /// Where the modules are not the expected ones.
+    /// The modules that differ from the expected ones.
     pub(super) diff: Vec<DiffModule>,
 }
 
@@ -63,7 +63,7 @@ pub(super) fn admit<'a>(
     Ok(Admission { input, output, alarm_cr, output_frame_id: output_frame_id(input, output), diff })
 }
 
-/// What carries an IOCR's frames. [`admit`] has refused the classes that are not known.
+/// Returns the transport of an IOCR's frames. [`admit`] has refused unknown classes.
 pub(super) const fn transport(iocr: &Iocr) -> Transport {
     match iocr.rt_class {
         RtClass::Udp => Transport::Udp,
@@ -148,7 +148,7 @@ fn check_objects(iocr: &Iocr, expected: &[ExpectedModule]) -> Result<(), Violati
     }
     for object in &iocr.consumer_statuses {
         let submodule = find(object, expected, Violation::IocsSlot, Violation::IocsSubslot)?;
-        // A consumer status goes the other way than its data.
+        // A consumer status travels in the opposite direction of its data.
         let data = if is_input { submodule.output_len } else { submodule.input_len };
         check(data.is_some(), Violation::IocsSubslot)?;
         take(object, 1, Violation::IocsOffset)?;
@@ -180,8 +180,8 @@ fn check_alarm_cr(alarm_cr: &AlarmCr) -> Result<(), Violation> {
     check(over_udp || alarm_cr.tag_low >> 13 == 5, Violation::AlarmCrTagHeaderLow)
 }
 
-/// Compares the expected modules with the device's. A submodule of the right kind but with other lengths is an error
-/// of the engineering, not another module.
+/// Compares the expected modules with the device's. A submodule of the right kind but with other lengths is a
+/// configuration error, not another module.
 fn compare(expected: &[ExpectedModule], description: &Description) -> Result<Vec<DiffModule>, Violation> {
     let mut diff = Vec::new();
     for module in expected {

@@ -1,5 +1,5 @@
-//! The device's end of the alarm connection: it acknowledges what the controller sends and refuses alarms, of which a
-//! controller has none for a device.
+//! The device's end of the alarm connection: acknowledges the controller's PDUs and refuses alarms, since a
+//! controller has no alarms for a device.
 
 use crate::ETHER_TYPE;
 use crate::alarm::{
@@ -25,9 +25,9 @@ pub(super) struct AlarmEndpoint {
 
 #[derive(Clone, Copy, Debug)]
 struct Channel {
-    /// Number of the last DATA PDU that this side sent.
+    /// Number of the last DATA PDU sent.
     sent: u16,
-    /// Number of the last DATA PDU that came.
+    /// Number of the last DATA PDU received.
     acknowledged: u16,
     acknowledge: bool,
     refuse: Option<Acknowledgement>,
@@ -38,14 +38,14 @@ impl Channel {
     const NEW: Self = Self { sent: 0xFFFE, acknowledged: 0xFFFE, acknowledge: false, refuse: None };
 }
 
-/// What a PDU of the alarm connection meant.
+/// Result of receiving a PDU on the alarm connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum AlarmReceived {
-    /// It was taken.
+    /// It was accepted.
     Taken,
-    /// It came twice or out of order.
+    /// It was a duplicate or out of order.
     Late,
-    /// It broke the format.
+    /// It was malformed.
     Malformed,
     /// It is for another connection.
     Foreign,
@@ -58,7 +58,7 @@ impl AlarmEndpoint {
         Self { route, own_reference, peer_reference, high: Channel::NEW, low: Channel::NEW }
     }
 
-    /// Takes an RTA PDU, from behind its FrameID on.
+    /// Handles an RTA PDU, which begins behind its FrameID.
     pub(super) fn handle_pdu(&mut self, priority: Priority, pdu: &[u8]) -> AlarmReceived {
         let Ok((rta, variable)) = Rta::parse(pdu) else { return AlarmReceived::Malformed };
         if (rta.destination, rta.source) != (self.own_reference, self.peer_reference) {
@@ -108,7 +108,7 @@ impl AlarmEndpoint {
         None
     }
 
-    /// The last words on this connection: an error PDU.
+    /// Returns the last PDU of this connection: an error PDU.
     pub(super) const fn farewell(&self, status: Status) -> Farewell {
         let rta = Rta {
             destination: self.peer_reference,
@@ -151,7 +151,7 @@ impl Channel {
     }
 }
 
-/// An error PDU that is sent when its AR is gone already.
+/// An error PDU that is sent after its AR has ended.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Farewell {
     route: Route,
@@ -165,7 +165,7 @@ impl Farewell {
     }
 }
 
-/// Numbers run 0xFFFE, 0xFFFF and then around in 15 bits (IEC 61158-6-10, SendSeqNum).
+/// Returns the next number: 0xFFFE, 0xFFFF and then 15 bits that wrap around (IEC 61158-6-10, SendSeqNum).
 const fn next(sequence: u16) -> u16 {
     if sequence >= 0xFFFE { sequence.wrapping_add(1) } else { (sequence + 1) & 0x7FFF }
 }
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn an_alarm_from_the_controller_is_refused_by_name() {
+    fn an_alarm_from_the_controller_is_refused_with_its_status() {
         let mut endpoint = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 0, 0);
         let frame = captured::frame(captured::ALARM_PROCESS_NOTIF);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();

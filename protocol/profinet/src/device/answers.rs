@@ -1,4 +1,4 @@
-//! What was answered, kept so that a repeated request gets the same answer and is not carried out twice.
+//! Stores answers, so that a repeated request gets the same answer and is not executed twice.
 
 use core::net::SocketAddrV4;
 
@@ -9,15 +9,15 @@ use crate::status::Status;
 use machine::wire::Overflow;
 use machine::{Port, Transmit};
 
-/// Callers whose last answer is kept.
+/// Number of callers whose last answer is stored.
 const CALLERS: usize = 4;
 
-/// The last answer to each of the last few callers.
+/// The last answer to each of the most recent callers.
 #[derive(Debug)]
 pub(super) struct Answers {
     callers: [Answer; CALLERS],
     uses: u64,
-    /// Datagrams may wait to be sent.
+    /// Whether datagrams may wait to be sent.
     pending: bool,
 }
 
@@ -28,14 +28,14 @@ struct Answer {
     last_use: u64,
 }
 
-/// What is known of a request before it is carried out.
+/// Status of a request before it is executed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Known {
     /// It is new.
     New,
-    /// It was answered, and the answer is on its way once more.
+    /// It was answered, and the answer is queued again.
     Answered,
-    /// Its caller has made another call since.
+    /// Its caller has made another call since then.
     Old,
 }
 
@@ -45,7 +45,7 @@ impl Answers {
         Self { callers: core::array::from_fn(answer), uses: 0, pending: false }
     }
 
-    /// Looks a request up; one that was answered is answered again, to whichever port it came from.
+    /// Looks up a request. If it was answered, queues the answer again, to the port that the request came from.
     pub(super) fn look_up(&mut self, request: &Header, from: SocketAddrV4) -> Known {
         let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request)) else {
             return Known::New;
@@ -59,14 +59,14 @@ impl Answers {
                 self.pending = true;
                 Known::Answered
             }
-            // A caller that does not count its calls is served all the same.
+            // A caller that does not number its calls is also served.
             0 => Known::New,
             1..=0x7FFF_FFFF => Known::New,
             _ => Known::Old,
         }
     }
 
-    /// Whether the call that a ping asks for was answered; the answer is then on its way once more.
+    /// Returns whether the call of a ping was answered, and queues its answer again.
     pub(super) fn look_up_ping(&mut self, ping: &Header, from: SocketAddrV4) -> bool {
         let mut callers = self.callers.iter_mut();
         let answered =
@@ -79,7 +79,7 @@ impl Answers {
         })
     }
 
-    /// Answers a request by a status and blocks.
+    /// Answers a request with a status and blocks.
     pub(super) fn answer(
         &mut self,
         request: &Header,
@@ -91,7 +91,7 @@ impl Answers {
         self.answer_with(request, to, |body| ResponseArgs::emit(status, maximum, body, blocks))
     }
 
-    /// Answers a request by a body.
+    /// Answers a request with a body.
     pub(super) fn answer_with(
         &mut self,
         request: &Header,

@@ -1,4 +1,4 @@
-//! The records that the device has, and what a controller may write.
+//! The device's records, and which of them a controller may write.
 
 use crate::block::BlockWriter;
 use crate::connect::API;
@@ -8,14 +8,14 @@ use crate::record::{
 };
 use crate::status::{Service, Status, Violation};
 
-/// The longest record, in bytes.
+/// Length of the longest record, in bytes.
 pub(super) const RECORD_CAPACITY: usize = 2048;
 
-/// Records of an interface or port that a controller writes to adjust the physical device; they are taken and have
-/// no effect, since the operating system owns the interface.
+/// Records of an interface or port that a controller writes to configure the physical device. They are accepted
+/// without effect, since the operating system owns the interface.
 const PHYSICAL_DEVICE: core::ops::RangeInclusive<u16> = 0x8020..=0x80FF;
 
-/// What becomes of one record of a Write.
+/// Returns the result of writing one record.
 pub(super) fn write_status(description: &Description, write: &WriteRequest<'_>) -> Status {
     check_write(description, &write.address)
         .map_or_else(|violation| violation.status(Service::Write), |()| Status::OK)
@@ -36,7 +36,7 @@ fn check_write(description: &Description, address: &Address) -> Result<(), Viola
     }
 }
 
-/// The answers to a Write, or to each Write in a MultipleWrite.
+/// Writes the answers to a Write, or to each Write in a MultipleWrite.
 pub(super) fn emit_write_answer(
     description: &Description,
     write: &WriteRequest<'_>,
@@ -52,7 +52,7 @@ pub(super) fn emit_write_answer(
     }
 }
 
-/// Writes the record that is wanted into `record` and returns its length.
+/// Writes the requested record into `record` and returns its length.
 pub(super) fn read(
     description: &Description,
     read: &ReadRequest,
@@ -60,7 +60,7 @@ pub(super) fn read(
 ) -> Result<usize, Violation> {
     let Address { api, slot, subslot, index, .. } = read.address;
     let mut writer = BlockWriter::new(record);
-    // Records of the whole device are addressed with any slot.
+    // Records of the whole device can be addressed with any slot.
     let is_of_device = matches!(index, index::REAL_IDENTIFICATION_AR | index::REAL_IDENTIFICATION_API);
     if !is_of_device && api != API {
         return Err(Violation::InvalidApi);

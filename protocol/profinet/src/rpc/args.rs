@@ -12,14 +12,14 @@ use machine::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Writer
 /// The NDR numbers before the blocks of a request.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RequestArgs<'a> {
-    /// ArgsMaximum: the longest answer, in bytes of blocks, that the caller takes.
+    /// ArgsMaximum: the longest answer, in bytes of blocks, that the caller accepts.
     pub maximum: u32,
     /// The blocks.
     pub blocks: &'a [u8],
 }
 
 impl<'a> RequestArgs<'a> {
-    /// Takes a request's body apart.
+    /// Parses a request's body.
     pub fn parse(header: &Header, body: &'a [u8]) -> Result<Self, Violation> {
         let (first, blocks) = split_args(header, body).ok_or(Violation::ArgsLength)?;
         Ok(Self { maximum: first, blocks })
@@ -40,12 +40,12 @@ impl<'a> RequestArgs<'a> {
 pub struct ResponseArgs<'a> {
     /// PNIOStatus.
     pub status: Status,
-    /// The blocks; mostly none where the status is not OK.
+    /// The blocks; usually none if the status is not OK.
     pub blocks: &'a [u8],
 }
 
 impl<'a> ResponseArgs<'a> {
-    /// Takes a response's body apart.
+    /// Parses a response's body.
     pub fn parse(header: &Header, body: &'a [u8]) -> Result<Self, Violation> {
         let (first, blocks) = split_args(header, body).ok_or(Violation::ArgsLength)?;
         Ok(Self { status: Status(first), blocks })

@@ -30,7 +30,7 @@ const NDR: Uuid = Uuid(0x8A88_5D04_1CEB_11C9_9FE8_0800_2B10_4860_u128.to_be_byte
 /// Length in bytes of the annotation's text.
 const ANNOTATION_LEN: usize = 64;
 
-/// Why a Lookup cannot be answered.
+/// Why a Lookup request cannot be parsed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum LookupError {
     /// It is cut.
@@ -38,17 +38,17 @@ pub enum LookupError {
     Truncated(#[from] Truncated),
 }
 
-/// A Lookup request, as far as the answer depends on it.
+/// The fields of a Lookup request on which the answer depends.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Lookup {
     /// Whether this is the first call of an inquiry: its handle is nil.
     pub first: bool,
-    /// The most entries that the answer may have.
+    /// Largest number of entries in the answer.
     pub most_entries: u32,
 }
 
 impl Lookup {
-    /// Reads a request's body in the order that its header says.
+    /// Parses a request's body in the byte order of its header.
     pub fn parse(header: &Header, body: &[u8]) -> Result<Self, LookupError> {
         match header.order {
             Order::Big => Self::parse_in::<BigEndian>(body),
@@ -65,8 +65,8 @@ impl Lookup {
         Ok(Self { first: attributes == 0 && handle.is_nil(), most_entries })
     }
 
-    /// Writes the answer's body, big-endian: the first call gets the device's interface, the next one that there
-    /// are no more. Returns its length.
+    /// Writes the answer's body, big-endian: the first call gets the device's interface, the next one the end of the
+    /// list. Returns its length.
     pub fn answer(
         &self,
         object: Uuid,
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_lookup_names_the_port_and_the_second_ends_the_inquiry() {
+    fn the_first_lookup_returns_the_port_and_the_second_ends_the_inquiry() {
         let mut request = [0; 76];
         request[75] = 1;
         let lookup = Lookup::parse(&header(), &request).unwrap();

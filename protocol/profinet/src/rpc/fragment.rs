@@ -1,4 +1,4 @@
-//! Messages longer than a datagram.
+//! Fragmentation of messages longer than a datagram.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -7,18 +7,18 @@ use super::{BODY_CAPACITY, FRAGMENT_LEN, HEADER_LEN, Header, Kind, Order, flags}
 use crate::Uuid;
 use machine::wire::Overflow;
 
-/// A message that is kept so that it can be sent, and sent again.
+/// A message that is stored so that it can be sent, and sent again.
 #[derive(Debug)]
 pub struct Message {
     header: Option<Header>,
     body: Box<[u8]>,
     len: usize,
-    /// Number of the fragment that is sent next; none once all are sent.
+    /// Number of the fragment to send next; `None` once all are sent.
     next: Option<u16>,
 }
 
 impl Message {
-    /// No message yet. This is where its memory is taken; nothing later allocates.
+    /// Creates an empty message. Its memory is allocated here; nothing later allocates.
     #[must_use]
     pub fn new() -> Self {
         Self { header: None, body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, next: None }
@@ -37,13 +37,13 @@ impl Message {
         Ok(())
     }
 
-    /// The header of the message, if there is one.
+    /// Returns the header of the message, if there is one.
     #[must_use]
     pub const fn header(&self) -> Option<&Header> {
         self.header.as_ref()
     }
 
-    /// Queues the message once more from its first fragment.
+    /// Queues the message again from its first fragment.
     pub fn repeat(&mut self) {
         if let Some(header) = &mut self.header {
             header.serial = header.serial.wrapping_add(1);
@@ -51,19 +51,19 @@ impl Message {
         }
     }
 
-    /// Whether something is queued.
+    /// Returns whether fragments are queued.
     #[must_use]
     pub const fn is_queued(&self) -> bool {
         self.header.is_some() && self.next.is_some()
     }
 
-    /// Forgets the message.
+    /// Removes the message.
     pub const fn clear(&mut self) {
         self.header = None;
         self.next = None;
     }
 
-    /// Writes the next datagram and returns its length; none once all are written.
+    /// Writes the next datagram and returns its length; `None` once all are written.
     pub fn poll(&mut self, datagram: &mut [u8]) -> Option<usize> {
         let (fragment, header) = (self.next?, self.header.as_ref()?);
         let body = self.body.get(..self.len)?;
@@ -93,19 +93,19 @@ impl Default for Message {
     }
 }
 
-/// What came of a PDU that may be a fragment.
+/// Result of receiving a PDU that may be a fragment.
 #[derive(Debug)]
 pub enum Received<'a> {
-    /// The body is whole.
+    /// The body is complete.
     Whole(&'a [u8]),
-    /// More fragments are to come.
+    /// More fragments follow.
     Part,
-    /// The fragment does not follow the one before, or the body got too long: the call is dropped and its
-    /// repetition is awaited.
+    /// The fragment does not follow the previous one, or the body is too long: the call is dropped until the caller
+    /// repeats it.
     Refused,
 }
 
-/// Puts fragments of one call together, in their order. A new call takes the place of an unfinished one.
+/// Reassembles the fragments of one call, in their order. A new call replaces an unfinished one.
 #[derive(Debug)]
 pub struct Reassembly {
     body: Box<[u8]>,
@@ -123,13 +123,13 @@ struct Call {
 }
 
 impl Reassembly {
-    /// No call yet. This is where the memory is taken; nothing later allocates.
+    /// Creates an empty reassembly. The memory is allocated here; nothing later allocates.
     #[must_use]
     pub fn new() -> Self {
         Self { body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, call: None }
     }
 
-    /// Takes a PDU in. One that is not a fragment is whole by itself.
+    /// Takes a PDU. One that is not a fragment is complete.
     pub fn take<'a>(&'a mut self, header: &Header, body: &'a [u8]) -> Received<'a> {
         if !header.is_fragment() {
             return Received::Whole(body);

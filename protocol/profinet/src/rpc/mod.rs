@@ -27,10 +27,10 @@ pub const HEADER_LEN: usize = 80;
 /// Length in bytes of the five NDR numbers before the blocks.
 pub const ARGS_LEN: usize = 20;
 
-/// Body bytes that go into one datagram; a longer body is sent in fragments of this length.
+/// Body bytes of one datagram; a longer body is sent in fragments of this length.
 pub const FRAGMENT_LEN: usize = 1312;
 
-/// The longest body, in bytes, that is taken together from fragments or sent in fragments.
+/// Length of the longest body in bytes that is reassembled from fragments or sent in fragments.
 pub const BODY_CAPACITY: usize = 8192;
 
 /// InterfaceUUID of an IO-Device.
@@ -54,7 +54,7 @@ pub fn object(instance: u16, identity: Identity) -> Uuid {
     Uuid((0xDEA0_0000_6C97_11D1_8271_0000_0000_0000_u128 | node).to_be_bytes())
 }
 
-/// The order in which the sender of an RPC header writes numbers.
+/// Byte order of an RPC header's sender.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Order {
     /// Most significant byte first.
@@ -63,30 +63,30 @@ pub enum Order {
     Little,
 }
 
-/// What kind of PDU this is.
+/// Kind of a PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
     /// A call.
     Request,
-    /// Is my call still being worked on?
+    /// Asks whether the call is still being executed.
     Ping,
     /// The answer to a call.
     Response,
-    /// The call was begun and failed; the body is one status of RPC.
+    /// The call was started and failed; the body is one RPC status.
     Fault,
-    /// The call is being worked on.
+    /// The call is being executed.
     Working,
-    /// This call is not known; the answer to a ping.
+    /// The call is unknown; the answer to a ping.
     NoCall,
-    /// The call was not begun; the body is one status of RPC.
+    /// The call was not started; the body is one RPC status.
     Reject,
-    /// The response has come.
+    /// Acknowledges the response.
     Ack,
-    /// Give this call up.
+    /// Cancels the call.
     Cancel,
-    /// A fragment has come.
+    /// Acknowledges a fragment.
     FragmentAck,
-    /// The call is given up.
+    /// Acknowledges a Cancel.
     CancelAck,
     /// A kind that this version does not know; it survives a round trip.
     Unknown(u8),
@@ -130,7 +130,7 @@ impl From<Kind> for u8 {
     }
 }
 
-/// What a call does: the operation number of the device and controller interfaces.
+/// Operation of a call: the operation number of the device and controller interfaces.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Operation {
     /// Connect: sets an AR up.
@@ -183,11 +183,11 @@ pub mod flags {
     pub const LAST_FRAGMENT: u8 = 0x02;
     /// One fragment of several.
     pub const FRAGMENT: u8 = 0x04;
-    /// No FragmentAck is wanted.
+    /// No FragmentAck is requested.
     pub const NO_FRAGMENT_ACK: u8 = 0x08;
-    /// No answer is wanted.
+    /// No answer is requested.
     pub const MAYBE: u8 = 0x10;
-    /// The call may be carried out twice.
+    /// Executing the call twice is harmless.
     pub const IDEMPOTENT: u8 = 0x20;
     /// The call goes to everyone.
     pub const BROADCAST: u8 = 0x40;
@@ -195,9 +195,9 @@ pub mod flags {
 
 /// Statuses of RPC itself, the body of a Reject or Fault (C706, appendix E).
 pub mod rpc_status {
-    /// No operation has this number.
+    /// There is no operation with this number.
     pub const OPERATION_RANGE: u32 = 0x1C01_0002;
-    /// The interface is not served here.
+    /// The interface is not offered here.
     pub const UNKNOWN_INTERFACE: u32 = 0x1C01_0003;
     /// The protocol was violated.
     pub const PROTOCOL_ERROR: u32 = 0x1C01_000B;
@@ -208,13 +208,13 @@ pub mod rpc_status {
 /// Why a datagram is not an RPC PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Error {
-    /// It is shorter than its header, or than the body that the header promises.
+    /// It is shorter than its header, or than the body length in the header.
     #[error("the RPC PDU is cut: {0}")]
     Truncated(#[from] Truncated),
     /// RPCVersion is not 4.
     #[error("RPC version {0}, where connectionless RPC has 4")]
     Version(u8),
-    /// It wants authentication, which PROFINET does not have.
+    /// It requests authentication, which PROFINET does not have.
     #[error("authentication protocol {0}, where PROFINET has none (0)")]
     Authentication(u8),
 }
@@ -222,23 +222,23 @@ pub enum Error {
 /// An RPC header.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Header {
-    /// What the PDU is.
+    /// Kind of the PDU.
     pub kind: Kind,
     /// [`flags`].
     pub flags: u8,
     /// Flags2: bit 1 = cancel pending.
     pub flags2: u8,
-    /// The sender's order of this header and of the NDR numbers.
+    /// The sender's byte order of this header and of the NDR numbers.
     pub order: Order,
-    /// Counts the PDUs of one call, fragments and repetitions alike.
+    /// Number of the PDU within one call; fragments and repetitions count.
     pub serial: u16,
-    /// The station that is called.
+    /// The called station.
     pub object: Uuid,
-    /// The interface that is called.
+    /// The called interface.
     pub interface: Uuid,
-    /// The caller's thread of calls.
+    /// The caller's activity: the sequence of its calls.
     pub activity: Uuid,
-    /// When the server started, in its own units; 0 where the caller does not know.
+    /// When the server started, in its own units; 0 if the caller does not know it.
     pub server_boot: u32,
     /// Version of the interface; 1 for PROFINET, 3 for the endpoint mapper.
     pub interface_version: u32,
@@ -255,7 +255,7 @@ pub struct Header {
 }
 
 impl Header {
-    /// The header of a call.
+    /// Creates the header of a call.
     #[must_use]
     pub const fn request(
         operation: Operation,
@@ -292,7 +292,7 @@ impl Header {
         }
     }
 
-    /// The header of the answer to this call.
+    /// Creates the header of the answer to this call.
     #[must_use]
     pub const fn answer(&self, kind: Kind) -> Self {
         Self {
@@ -306,19 +306,19 @@ impl Header {
         }
     }
 
-    /// Whether `other` belongs to the same call.
+    /// Returns whether `other` belongs to the same call.
     #[must_use]
     pub fn is_same_call(&self, other: &Self) -> bool {
         self.activity == other.activity && self.sequence == other.sequence
     }
 
-    /// Whether this is one fragment of several.
+    /// Returns whether this is one fragment of several.
     #[must_use]
     pub const fn is_fragment(&self) -> bool {
         self.flags & flags::FRAGMENT != 0
     }
 
-    /// Takes a datagram apart into the header and its body. Bytes after the body are ignored.
+    /// Parses a datagram into the header and its body. Bytes after the body are ignored.
     pub fn parse(datagram: &[u8]) -> Result<(Self, &[u8]), Error> {
         let mut reader = Reader::<BigEndian>::new(datagram);
         let version = reader.u8()?;
@@ -408,7 +408,7 @@ impl Header {
     }
 }
 
-/// The status in the body of a Reject or Fault.
+/// Reads the status in the body of a Reject or Fault.
 #[must_use]
 pub fn read_rpc_status(header: &Header, body: &[u8]) -> Option<u32> {
     match header.order {

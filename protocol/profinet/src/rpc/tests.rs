@@ -3,7 +3,7 @@ use crate::captured;
 use crate::status::Violation;
 
 #[test]
-fn a_captured_request_is_read_little_endian_and_written_back_the_same() {
+fn a_captured_little_endian_request_is_parsed_and_written_back_unchanged() {
     let datagram = captured::datagram(captured::CONNECT_REQ);
     let (header, body) = Header::parse(&datagram).unwrap();
     assert_eq!(header.kind, Kind::Request);
@@ -19,7 +19,7 @@ fn a_captured_request_is_read_little_endian_and_written_back_the_same() {
 }
 
 #[test]
-fn a_captured_answer_has_the_header_that_we_would_answer_with() {
+fn a_captured_answer_has_the_header_of_our_answer() {
     let request = captured::datagram(captured::CONNECT_REQ);
     let (request, _) = Header::parse(&request).unwrap();
     let response = captured::datagram(captured::CONNECT_RES);
@@ -73,7 +73,7 @@ fn fragments(message: &mut Message) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn a_long_body_goes_out_in_fragments_and_is_put_together_again() {
+fn a_long_body_is_sent_in_fragments_and_reassembled() {
     let fragments = fragments(&mut long_message(4000));
     assert_eq!(fragments.len(), 4);
     let mut reassembly = Reassembly::new();
@@ -91,7 +91,7 @@ fn a_long_body_goes_out_in_fragments_and_is_put_together_again() {
 }
 
 #[test]
-fn a_fragment_twice_changes_nothing_a_missing_one_drops_the_call_and_a_repetition_begins_anew() {
+fn a_duplicate_fragment_is_ignored_a_missing_one_drops_the_call_and_a_repetition_starts_again() {
     let fragments = fragments(&mut long_message(4000));
     let mut reassembly = Reassembly::new();
     let mut take = |index: usize| {

@@ -24,7 +24,7 @@ pub use timing::{CycleTime, Transport, UnfitCycle, cycle_counter};
 
 use machine::wire::{BigEndian, Reader, Truncated, Writer};
 
-/// UDP port of RT_CLASS_UDP, both ends.
+/// UDP port of RT_CLASS_UDP, at both ends.
 pub const UDP_PORT: u16 = 0x8892;
 
 /// FrameIDs of unicast cyclic data of RT_CLASS_1 in the numbering that is now used (RTClass 2 in the IOCR).
@@ -33,7 +33,7 @@ pub const FRAME_IDS_RT_CLASS_2: core::ops::RangeInclusive<u16> = 0x8000..=0xBBFF
 /// FrameIDs of unicast cyclic data of RT_CLASS_UDP, and of RT_CLASS_1 in the older numbering (RTClass 1 in the IOCR).
 pub const FRAME_IDS_RT_CLASS_1_UDP: core::ops::RangeInclusive<u16> = 0xC000..=0xF7FF;
 
-/// Whether a FrameID is one of unicast cyclic data, of whichever class.
+/// Returns whether a FrameID is one of unicast cyclic data, of any class.
 #[must_use]
 pub fn is_cyclic(frame_id: u16) -> bool {
     FRAME_IDS_RT_CLASS_2.contains(&frame_id) || FRAME_IDS_RT_CLASS_1_UDP.contains(&frame_id)
@@ -45,22 +45,22 @@ pub const MAX_C_SDU_LEN: usize = 1440;
 /// FrameID in front of the C_SDU and status behind it, in bytes.
 const OVERHEAD: usize = 6;
 
-/// Status of a submodule's data, as provider (IOPS) or consumer (IOCS): bit 7 is good or bad, bits 5 and 6 say who
-/// found it bad, bit 0 that another byte follows (IEC 61158-6-10, 4.7.2.3).
+/// Status of a submodule's data, by its provider (IOPS) or consumer (IOCS): bit 7 is good or bad, bits 5 and 6 tell
+/// who detected it, bit 0 that another byte follows (IEC 61158-6-10, 4.7.2.3).
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub struct IoxStatus(pub u8);
 
 impl IoxStatus {
-    /// The data are good.
+    /// The data is good.
     pub const GOOD: Self = Self(0x80);
-    /// The data are bad, found so by the submodule.
+    /// The data is bad, detected by the submodule.
     pub const BAD: Self = Self(0x00);
-    /// The data are bad, found so by the device.
+    /// The data is bad, detected by the device.
     pub const BAD_BY_DEVICE: Self = Self(0x40);
-    /// The data are bad, found so by the controller.
+    /// The data is bad, detected by the controller.
     pub const BAD_BY_CONTROLLER: Self = Self(0x60);
 
-    /// Whether the data are good.
+    /// Returns whether the data is good.
     #[must_use]
     pub const fn is_good(self) -> bool {
         self.0 & 0x80 != 0
@@ -74,11 +74,11 @@ pub struct DataStatus(pub u8);
 impl DataStatus {
     /// Primary of a redundant pair, or the only one.
     pub const PRIMARY: u8 = 1 << 0;
-    /// In a backup: no primary is there.
+    /// In a backup: there is no primary.
     pub const REDUNDANCY: u8 = 1 << 1;
-    /// The data may be used.
+    /// The data is valid.
     pub const VALID: u8 = 1 << 2;
-    /// The provider runs; it is in stop otherwise.
+    /// The provider is in run; without this bit it is in stop.
     pub const RUN: u8 = 1 << 4;
     /// The provider has no problem to report.
     pub const NORMAL: u8 = 1 << 5;
@@ -91,13 +91,13 @@ impl DataStatus {
     /// Primary, valid, no problem, but the provider is in stop: 0x25.
     pub const STOPPED: Self = Self(Self::PRIMARY | Self::VALID | Self::NORMAL);
 
-    /// Whether all of these bits are set.
+    /// Returns whether all of these bits are set.
     #[must_use]
     pub const fn contains(self, bits: u8) -> bool {
         self.0 & bits == bits
     }
 
-    /// Whether the data may be acted on: valid, from a provider that runs, and not to be ignored.
+    /// Returns whether the data may be used: valid, from a running provider, and not to be ignored.
     #[must_use]
     pub const fn is_usable(self) -> bool {
         self.contains(Self::VALID | Self::RUN) && !self.contains(Self::IGNORE)
@@ -121,12 +121,12 @@ pub struct CyclicFrame<'a> {
     pub cycle_counter: u16,
     /// State of the provider.
     pub data_status: DataStatus,
-    /// 0 unless the frame was damaged on the way.
+    /// 0 unless the frame was damaged in transit.
     pub transfer_status: u8,
 }
 
 impl<'a> CyclicFrame<'a> {
-    /// Reads a frame whose C_SDU is `c_sdu_len` bytes long; what stands behind its status is padding.
+    /// Parses a frame whose C_SDU is `c_sdu_len` bytes long; bytes behind its status are padding.
     pub fn parse(payload: &'a [u8], c_sdu_len: usize) -> Result<Self, Truncated> {
         let mut reader = Reader::<BigEndian>::new(payload);
         Ok(Self {
@@ -138,7 +138,7 @@ impl<'a> CyclicFrame<'a> {
         })
     }
 
-    /// Length in bytes on the wire.
+    /// Returns the length in bytes.
     #[must_use]
     pub const fn buffer_len(&self) -> usize {
         self.c_sdu.len() + OVERHEAD

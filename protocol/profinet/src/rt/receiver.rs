@@ -1,4 +1,4 @@
-//! The consumer of an IOCR: takes frames in order, counts those that are missing, watches the time between them.
+//! The consumer of an IOCR: accepts frames in order, counts missing ones, and monitors the time between them.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -6,24 +6,24 @@ use alloc::vec::Vec;
 use super::{CycleTime, CyclicFrame, DataStatus};
 use machine::{Duration, Instant};
 
-/// How far a cycle counter may be ahead of the last one, in counts: 1.92 s. What is further "ahead" comes from the
-/// 128 ms before it and is late.
+/// How far a cycle counter may be ahead of the last one, in counts: 1.92 s. A counter further "ahead" is from the 128
+/// ms before the last one: that frame is late.
 const NEWER_WINDOW: u16 = 61_440;
 
-/// What became of a frame with this receiver's FrameID.
+/// Result of receiving a frame with this receiver's FrameID.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Received {
-    /// It is the newest; its data are taken over.
+    /// It is the newest; its data was accepted.
     New,
-    /// It is as old as one that was taken over already, or older.
+    /// It is not newer than an accepted one.
     Late,
-    /// Its DataStatus says to ignore it.
+    /// Its DataStatus tells to ignore it.
     Ignored,
-    /// It is too short, or its TransferStatus says that it was damaged.
+    /// It is too short, or its TransferStatus reports damage.
     Malformed,
 }
 
-/// Receives one IOCR's frames and watches that they keep coming.
+/// Receives one IOCR's frames and monitors that they keep coming.
 #[derive(Debug)]
 pub struct CyclicReceiver {
     frame_id: u16,
@@ -39,7 +39,8 @@ pub struct CyclicReceiver {
 }
 
 impl CyclicReceiver {
-    /// A receiver of frames with `c_sdu_len` bytes of data, that expires `hold` after `now` or after the last frame.
+    /// Creates a receiver of frames with `c_sdu_len` bytes of data. It expires `hold` after `now` or after the last
+    /// frame.
     #[must_use]
     pub fn new(frame_id: u16, time: CycleTime, c_sdu_len: usize, hold: Duration, now: Instant) -> Self {
         Self {
@@ -56,13 +57,13 @@ impl CyclicReceiver {
         }
     }
 
-    /// The FrameID of the frames that are for this receiver.
+    /// Returns the FrameID of this receiver's frames.
     #[must_use]
     pub const fn frame_id(&self) -> u16 {
         self.frame_id
     }
 
-    /// Takes a frame, from the FrameID on. The caller has looked at FrameID and sender.
+    /// Handles a frame, from the FrameID on. The caller has checked FrameID and sender.
     pub fn handle_frame(&mut self, now: Instant, payload: &[u8]) -> Received {
         let frame = match CyclicFrame::parse(payload, self.c_sdu.len()) {
             Ok(frame) if frame.transfer_status == 0 => frame,
@@ -77,7 +78,7 @@ impl CyclicReceiver {
                 self.late += 1;
                 return Received::Late;
             }
-            // Nearly always it is the next one, and a division takes as long as all the rest here.
+            // Nearly always it is the next one; avoid the division then, which takes as long as all the rest here.
             if ahead != self.counts {
                 // Half a cycle of jitter in the provider's grid is not a lost frame.
                 let cycles = (u32::from(ahead) + u32::from(self.counts) / 2) / u32::from(self.counts);
@@ -92,56 +93,56 @@ impl CyclicReceiver {
         Received::New
     }
 
-    /// The data of the newest frame, if one came and says that they may be acted on. They stay until the owner asks
-    /// [`is_expired`](Self::is_expired).
+    /// Returns the data of the newest frame, if its status allows to use it. The data stays even after the watchdog
+    /// time; check [`is_expired`](Self::is_expired).
     #[must_use]
     pub fn usable(&self) -> Option<&[u8]> {
         (self.last.is_some() && self.data_status.is_usable()).then_some(&self.c_sdu[..])
     }
 
-    /// The data of the newest frame, whatever its status; none before the first one.
+    /// Returns the data of the newest frame, whatever its status; `None` before the first one.
     #[must_use]
     pub fn c_sdu(&self) -> Option<&[u8]> {
         self.last.is_some().then_some(&self.c_sdu[..])
     }
 
-    /// DataStatus of the newest frame; 0 before the first one.
+    /// Returns the DataStatus of the newest frame; 0 before the first one.
     #[must_use]
     pub const fn data_status(&self) -> DataStatus {
         self.data_status
     }
 
-    /// Starts the watchdog anew, as if a frame had come.
+    /// Restarts the watchdog, as if a frame had arrived.
     pub fn rearm(&mut self, now: Instant) {
         self.deadline = now + self.hold;
     }
 
-    /// Whether no frame came in time.
+    /// Returns whether the watchdog time has passed without a frame.
     #[must_use]
     pub fn is_expired(&self, now: Instant) -> bool {
         now >= self.deadline
     }
 
-    /// When the receiver expires unless a frame comes.
+    /// Returns when the receiver expires unless a frame arrives.
     #[must_use]
     pub const fn poll_timeout(&self) -> Instant {
         self.deadline
     }
 
-    /// Frames taken over.
+    /// Returns the number of accepted frames.
     #[must_use]
     pub const fn received(&self) -> u64 {
         self.received
     }
 
-    /// Frames that were late or came twice.
+    /// Returns the number of late or duplicate frames.
     #[must_use]
     pub const fn late(&self) -> u64 {
         self.late
     }
 
-    /// Cycles of the provider for which no frame came, by its counter; those that it skipped itself are among them.
-    /// A frame that is late was counted as lost before.
+    /// Returns the number of the provider's cycles without a received frame, by its counter; cycles that the provider
+    /// skipped are included. A late frame was counted as lost before.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost

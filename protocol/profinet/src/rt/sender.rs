@@ -11,14 +11,14 @@ use machine::ethernet::{EthernetHeader, Mac};
 use machine::wire::{BigEndian, Writer};
 use machine::{Cycle, Instant, Port, Transmit};
 
-/// The way a cyclic frame takes.
+/// Transport and addresses of a cyclic frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Route {
     /// RT_CLASS_1.
     Ethernet {
-        /// The station that sends.
+        /// The sending station.
         source: Mac,
-        /// The station that receives.
+        /// The receiving station.
         destination: Mac,
     },
     /// RT_CLASS_UDP, to this address.
@@ -39,7 +39,7 @@ pub struct CyclicSender {
 }
 
 impl CyclicSender {
-    /// A sender whose C_SDU is `c_sdu_len` zero bytes until it is written, first at `first`.
+    /// Creates a sender whose C_SDU is `c_sdu_len` zero bytes until it is written, with its first frame at `first`.
     #[must_use]
     pub fn new(route: Route, frame_id: u16, time: CycleTime, c_sdu_len: usize, first: Instant) -> Self {
         Self {
@@ -54,38 +54,38 @@ impl CyclicSender {
         }
     }
 
-    /// The data that go out with every frame from the next one on.
+    /// Returns the data of the next and all later frames, to write it.
     pub fn c_sdu_mut(&mut self) -> &mut [u8] {
         &mut self.c_sdu
     }
 
-    /// The DataStatus that goes out with every frame from the next one on.
+    /// Sets the DataStatus of the next and all later frames.
     pub const fn set_data_status(&mut self, data_status: DataStatus) {
         self.data_status = data_status;
     }
 
-    /// Frames sent.
+    /// Returns the number of frames sent.
     #[must_use]
     pub const fn sent(&self) -> u64 {
         self.sent
     }
 
-    /// Cycles without a frame because the sender was called too late.
+    /// Returns the number of cycles without a frame because the sender was called too late.
     #[must_use]
     pub const fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// When the next frame is due.
+    /// Returns when the next frame is due.
     #[must_use]
     pub const fn poll_timeout(&self) -> Instant {
         self.cycle.next()
     }
 
-    /// Time has passed. A frame that is due now goes out with the next [`poll_transmit`](Self::poll_transmit).
+    /// Handles a timeout. A frame that is due now is sent by the next [`poll_transmit`](Self::poll_transmit).
     pub fn handle_timeout(&mut self, now: Instant) {
         if let Some(tick) = self.cycle.tick(now) {
-            // The counter tells the last grid point that has passed, so that a late frame does not look old.
+            // The counter is that of the last grid point, so that a late frame does not look old.
             self.due = Some(self.cycle.next() - self.cycle.period());
             self.skipped += tick.skipped;
         }

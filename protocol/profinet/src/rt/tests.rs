@@ -31,7 +31,7 @@ fn receiver() -> CyclicReceiver {
 }
 
 #[test]
-fn the_siemens_controllers_frame_reads_as_what_it_sent_and_is_written_the_same() {
+fn the_siemens_controllers_frame_is_parsed_and_written_back_unchanged() {
     let (_, payload) = EthernetHeader::parse(&FROM_SIEMENS).unwrap();
     let parsed = CyclicFrame::parse(payload, 40).unwrap();
     assert_eq!((parsed.frame_id, parsed.cycle_counter), (0x8001, 0xE400));
@@ -101,7 +101,7 @@ fn late_and_duplicate_frames_are_dropped_and_missing_ones_counted() {
 }
 
 #[test]
-fn a_stale_counter_is_taken_as_a_new_start_once_it_cannot_be_a_late_frame() {
+fn an_old_counter_counts_as_a_new_start_once_it_cannot_be_a_late_frame() {
     let mut receiver = receiver();
     let running = DataStatus::RUNNING;
     assert_eq!(receiver.handle_frame(Instant::ZERO, &frame(10_000, running, &[1])), Received::New);
@@ -110,7 +110,7 @@ fn a_stale_counter_is_taken_as_a_new_start_once_it_cannot_be_a_late_frame() {
 }
 
 #[test]
-fn the_watchdog_runs_from_the_last_frame_that_was_taken() {
+fn the_watchdog_time_starts_with_the_last_accepted_frame() {
     let mut receiver = receiver();
     assert!(!receiver.is_expired(Instant::from_micros(2_999)));
     assert!(receiver.is_expired(Instant::from_millis(3)));
@@ -120,7 +120,7 @@ fn the_watchdog_runs_from_the_last_frame_that_was_taken() {
 }
 
 #[test]
-fn data_are_usable_only_from_a_provider_that_runs_and_calls_them_valid() {
+fn data_is_usable_only_if_valid_and_from_a_running_provider() {
     let mut receiver = receiver();
     assert_eq!(receiver.usable(), None);
     receiver.handle_frame(Instant::ZERO, &frame(32, DataStatus::STOPPED, &[1]));
@@ -133,7 +133,7 @@ fn data_are_usable_only_from_a_provider_that_runs_and_calls_them_valid() {
 }
 
 #[test]
-fn a_cycle_is_told_as_send_clock_and_reduction_ratio() {
+fn a_cycle_is_expressed_as_send_clock_and_reduction_ratio() {
     let cycle = |micros, transport| {
         CycleTime::new(Duration::from_micros(micros), transport)
             .map(|cycle| (cycle.send_clock_factor, cycle.reduction_ratio))

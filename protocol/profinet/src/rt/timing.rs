@@ -1,12 +1,12 @@
-//! How the cycle of an IOCR is agreed and told: send clock, reduction ratio, cycle counter.
+//! The cycle of an IOCR: send clock, reduction ratio and cycle counter.
 
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
 
-/// One count of the cycle counter, and of the send clock: 31.25 µs.
+/// One count of the cycle counter and unit of the send clock: 31.25 µs.
 const COUNT_NANOS: u64 = 31_250;
 
-/// The cycle counter at `at`: the clock in counts of 31.25 µs, 16 bits of it.
+/// Returns the cycle counter at `at`: the clock in counts of 31.25 µs, modulo 2^16.
 #[must_use]
 pub const fn cycle_counter(at: Instant) -> u16 {
     (at.as_nanos() / COUNT_NANOS) as u16
@@ -31,7 +31,7 @@ impl Transport {
         }
     }
 
-    /// Largest reduction ratio.
+    /// Returns the largest reduction ratio.
     #[must_use]
     pub const fn max_reduction_ratio(self) -> u16 {
         match self {
@@ -40,7 +40,7 @@ impl Transport {
         }
     }
 
-    /// Longest watchdog and data hold time.
+    /// Returns the longest watchdog time and data hold time.
     #[must_use]
     pub const fn max_hold_time(self) -> Duration {
         match self {
@@ -55,7 +55,7 @@ impl Transport {
 pub struct CycleTime {
     /// The send clock in counts of 31.25 µs: a power of two up to 128.
     pub send_clock_factor: u16,
-    /// Every how many send clocks a frame is sent.
+    /// Number of send clocks per frame.
     pub reduction_ratio: u16,
 }
 
@@ -69,7 +69,7 @@ pub struct CycleTime {
 pub struct UnfitCycle(pub Duration);
 
 impl CycleTime {
-    /// The factors of a cycle of `period`: at 1 ms and above the send clock is 1 ms, which every device has.
+    /// Finds the factors of a cycle of `period`. From 1 ms on the send clock is 1 ms, which every device supports.
     pub fn new(period: Duration, transport: Transport) -> Result<Self, UnfitCycle> {
         let unfit = UnfitCycle(period);
         let nanos = u64::try_from(period.as_nanos()).map_err(|_| unfit)?;
@@ -86,26 +86,26 @@ impl CycleTime {
         if fits { Ok(cycle) } else { Err(unfit) }
     }
 
-    /// Time from one frame to the next, in counts of the cycle counter.
+    /// Returns the time from one frame to the next, in counts of the cycle counter.
     #[must_use]
     pub const fn counts(self) -> u32 {
         self.send_clock_factor as u32 * self.reduction_ratio as u32
     }
 
-    /// Time from one frame to the next.
+    /// Returns the time from one frame to the next.
     #[must_use]
     pub const fn period(self) -> Duration {
         Duration::from_nanos(COUNT_NANOS * self.counts() as u64)
     }
 
-    /// `factor` cycles, as a watchdog or a data hold time.
+    /// Returns `factor` cycles, as a watchdog time or a data hold time.
     #[must_use]
     pub fn times(self, factor: u16) -> Duration {
         self.period().saturating_mul(u32::from(factor))
     }
 
-    /// When a station with this address sends first after `now`: on the grid of its clock, shifted by its address so
-    /// that stations which started together do not all send at once.
+    /// Returns when a station with this address sends its first frame after `now`: on the grid of its clock, shifted
+    /// by its address, so that stations that started together do not all send at once.
     #[must_use]
     pub fn first(self, now: Instant, mac: Mac) -> Instant {
         let [.., low] = mac.0;
