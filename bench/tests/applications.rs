@@ -24,8 +24,9 @@ fn aet(results: &Results, execution_type: ExecutionType) -> f64 {
 
 #[test]
 fn each_application_runs_on_both_setups_and_is_fastest_as_a_program_and_slowest_as_single_motions() {
-    for (setup, (name, _)) in
-        ["A", "B"].into_iter().flat_map(|it| planning::APPLICATIONS.iter().map(move |application| (it, application)))
+    for (setup, (name, _)) in ["A", "B"]
+        .into_iter()
+        .flat_map(|it| planning::APPLICATIONS.iter().map(move |application| (it, application)))
     {
         let results = run_on(setup, name, 1);
         let [rc, sm, cm] = [Rc, Sm, Cm].map(|execution_type| aet(&results, execution_type));
