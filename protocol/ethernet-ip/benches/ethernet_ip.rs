@@ -1,4 +1,4 @@
-//! EtherNet/IP on the wire: the class 1 frame of 256 bytes, and the request that opens a connection.
+//! Encoding and decoding of EtherNet/IP: the class 1 frame of 256 bytes, and the request that opens a connection.
 
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a benchmark ends by panicking")]
 

@@ -23,13 +23,13 @@ const ITEMS: u16 = 2;
 /// Connection and sequence number, in bytes.
 const ADDRESS_LEN: u16 = 8;
 
-/// What the sequence count adds to the data, in bytes.
+/// Length of the sequence count before the data, in bytes.
 pub const SEQUENCE_LEN: u16 = 2;
 
-/// What the run/idle header adds to the data, in bytes.
+/// Length of the run/idle header before the data, in bytes.
 pub const RUN_IDLE_LEN: u16 = 4;
 
-/// A datagram is no class 1 frame.
+/// Why a datagram is not a class 1 frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum FrameError {
     /// It ends before a field does.
@@ -38,7 +38,7 @@ pub enum FrameError {
     /// Its first two items are not an address with a sequence number and connected data.
     #[error("the frame's items are not a sequenced address and connected data")]
     WrongItems,
-    /// There is more behind its items.
+    /// The datagram continues behind its items.
     #[error("the datagram goes on behind the frame")]
     TrailingBytes,
 }
@@ -52,12 +52,12 @@ pub struct Frame<'a> {
     pub sequence: u32,
     /// Changes with the data.
     pub count: u16,
-    /// Run/idle header, if the connection has it, and data.
+    /// The run/idle header, if the connection has one, and the data.
     pub payload: &'a [u8],
 }
 
 impl<'a> Frame<'a> {
-    /// Reads a datagram.
+    /// Parses a datagram.
     pub fn parse(datagram: &'a [u8]) -> Result<Self, FrameError> {
         let mut reader = Reader::new(datagram);
         if reader.u16()? != ITEMS || reader.u16()? != kind::SEQUENCED_ADDRESS || reader.u16()? != ADDRESS_LEN
@@ -76,7 +76,7 @@ impl<'a> Frame<'a> {
         Ok(Self { connection, sequence, count: data.u16()?, payload: data.rest() })
     }
 
-    /// Splits off the run/idle header: whether the sender runs, and the data.
+    /// Splits off the run/idle header: returns whether the sender is in run, and the data.
     pub fn run_and_data(&self) -> Result<(bool, &'a [u8]), Truncated> {
         let mut reader = Reader::new(self.payload);
         let run = reader.u32()? & 1 != 0;
@@ -84,7 +84,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Writes a frame with a run/idle header where `run` says what stands in it. Returns its length in bytes.
+/// Writes a frame, with a run/idle header if `run` is set. Returns its length in bytes.
 pub fn emit(
     buf: &mut [u8],
     (connection, sequence, count): (u32, u32, u16),

@@ -1,4 +1,4 @@
-//! The common packet format: a count and so many items, each with a type and a length (volume 2, 2-6).
+//! The common packet format: a number of items, each with a type and a length (volume 2, 2-6).
 //!
 //! ```text
 //! 0..2  item count  u16
@@ -17,7 +17,7 @@ use machine::wire::{BigEndian, Truncated};
 pub mod kind {
     /// Null address: for unconnected messages.
     pub const NULL_ADDRESS: u16 = 0x0000;
-    /// What a device says in ListIdentity.
+    /// A device's answer to ListIdentity.
     pub const LIST_IDENTITY: u16 = 0x000C;
     /// The connection that connected data belongs to.
     pub const CONNECTED_ADDRESS: u16 = 0x00A1;
@@ -25,13 +25,13 @@ pub mod kind {
     pub const CONNECTED_DATA: u16 = 0x00B1;
     /// An unconnected message.
     pub const UNCONNECTED_DATA: u16 = 0x00B2;
-    /// What a device says in ListServices.
+    /// A device's answer to ListServices.
     pub const LIST_SERVICES: u16 = 0x0100;
-    /// Where O→T data is to go.
+    /// Destination of O→T data.
     pub const SOCKET_ADDRESS_O_T: u16 = 0x8000;
-    /// Where T→O data is to go.
+    /// Destination of T→O data.
     pub const SOCKET_ADDRESS_T_O: u16 = 0x8001;
-    /// A connection and a sequence number, of cyclic data.
+    /// Connection and sequence number of cyclic data.
     pub const SEQUENCED_ADDRESS: u16 = 0x8002;
 }
 
@@ -42,7 +42,7 @@ pub enum Item<'a> {
     NullAddress,
     /// The connection that the data belongs to.
     ConnectedAddress(u32),
-    /// The connection and the frame's number in it.
+    /// The connection, and the number of the frame in it.
     SequencedAddress {
         /// The connection.
         connection: u32,
@@ -53,11 +53,11 @@ pub enum Item<'a> {
     ConnectedData(&'a [u8]),
     /// An unconnected message.
     UnconnectedData(&'a [u8]),
-    /// Where O→T data is to go.
+    /// Destination of O→T data.
     SocketAddressOT(SocketAddrV4),
-    /// Where T→O data is to go.
+    /// Destination of T→O data.
     SocketAddressTO(SocketAddrV4),
-    /// Anything else.
+    /// An item of another type.
     Unknown(u16, &'a [u8]),
 }
 
@@ -109,21 +109,21 @@ impl<'a> Iterator for Items<'a> {
     }
 }
 
-/// The address and the data of a message, with the socket addresses beside them.
+/// The address and the data of a message, with its socket addresses.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Packet<'a> {
     /// The first item.
     pub address: Option<Item<'a>>,
     /// The second item.
     pub data: Option<Item<'a>>,
-    /// Where O→T data is to go, if the sender says so.
+    /// Destination of O→T data, if the sender gives one.
     pub socket_o_t: Option<SocketAddrV4>,
-    /// Where T→O data is to go, if the sender says so.
+    /// Destination of T→O data, if the sender gives one.
     pub socket_t_o: Option<SocketAddrV4>,
 }
 
 impl<'a> Packet<'a> {
-    /// Reads all items. Those of unknown types behind the first two are passed over.
+    /// Parses all items. Items of unknown types behind the first two are skipped.
     pub fn parse(reader: Reader<'a>) -> Result<Self, Truncated> {
         let mut packet = Self::default();
         for (index, item) in Items::parse(reader)?.enumerate() {
@@ -139,7 +139,7 @@ impl<'a> Packet<'a> {
     }
 }
 
-/// A socket address is written most significant byte first, unlike everything else (volume 2, 2-6.3.3).
+/// Parses a socket address. It is written most significant byte first, unlike everything else (volume 2, 2-6.3.3).
 pub(super) fn read_address(reader: Reader<'_>) -> Result<SocketAddrV4, Truncated> {
     let mut reader = reader.in_order::<BigEndian>();
     reader.skip(2)?;
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_count_or_a_length_past_the_end_is_an_error() {
+    fn a_count_or_a_length_beyond_the_end_is_an_error() {
         assert!(Packet::parse(Reader::new(b"\xFF\xFF\x00\x00\x00\x00")).is_err());
         assert!(Packet::parse(Reader::new(b"\x01\x00\xB1\x00\xFF\xFFabc")).is_err());
         assert!(Packet::parse(Reader::new(b"\x01")).is_err());
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn an_item_whose_length_does_not_fit_its_type_is_not_taken_for_that_type() {
+    fn an_item_whose_length_does_not_match_its_type_is_unknown() {
         let packet = Packet::parse(Reader::new(b"\x01\x00\xA1\x00\x02\x00ab")).unwrap();
         assert_eq!(packet.address, Some(Item::Unknown(kind::CONNECTED_ADDRESS, b"ab")));
     }

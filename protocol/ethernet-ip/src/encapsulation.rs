@@ -1,12 +1,12 @@
-//! The encapsulation header and how it comes out of a TCP stream (volume 2, chapter 2).
+//! The encapsulation header, and how messages are reassembled from a TCP stream (volume 2, chapter 2).
 //!
 //! ```text
 //! 0..2    command         u16
 //! 2..4    length          u16  of what follows the header, in bytes
 //! 4..8    session handle  u32
 //! 8..12   status          u32  0 in requests
-//! 12..20  sender context       comes back as it was sent
-//! 20..24  options         u32  0; anything else is to be thrown away
+//! 12..20  sender context       returned unchanged in the reply
+//! 20..24  options         u32  0; messages with other values are to be discarded
 //! 24..    command-specific data
 //! ```
 
@@ -19,14 +19,14 @@ use machine::wire::{FRAME_CAPACITY, Overflow, Truncated};
 /// Length of the header in bytes.
 pub const HEADER_LEN: usize = 24;
 
-/// The longest message taken, header included, in bytes.
+/// Length of the longest accepted message, with its header, in bytes.
 pub const MAX_MESSAGE_LEN: usize = FRAME_CAPACITY;
 
 /// The protocol version that RegisterSession and the List commands carry.
 pub const PROTOCOL_VERSION: u16 = 1;
 
 codes! {
-    /// What a message is for (volume 2, table 2-3.2).
+    /// Command of a message (volume 2, table 2-3.2).
     Command: u16 {
         Nop = 0x00: "NOP",
         ListServices = 0x04: "ListServices",
@@ -40,7 +40,7 @@ codes! {
 }
 
 codes! {
-    /// What a reply says of its request (volume 2, table 2-3.3).
+    /// Result of a request (volume 2, table 2-3.3).
     Status: u32 {
         Success = 0x00: "success",
         InvalidCommand = 0x01: "the command is not supported, or not here",
@@ -55,34 +55,34 @@ codes! {
 /// The header of every message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Header {
-    /// What the message is for.
+    /// The command.
     pub command: Command,
     /// Bytes that follow the header.
     pub length: u16,
-    /// The session that the message belongs to, 0 where none is needed.
+    /// The session of the message, 0 if none is needed.
     pub session: u32,
-    /// What a reply says of its request.
+    /// The result, in a reply.
     pub status: Status,
-    /// Whatever the sender of a request put there.
+    /// Value chosen by the sender of the request.
     pub context: [u8; 8],
     /// Zero.
     pub options: u32,
 }
 
 impl Header {
-    /// The header of a request.
+    /// Creates the header of a request.
     #[must_use]
     pub const fn request(command: Command, session: u32) -> Self {
         Self { command, length: 0, session, status: Status::Success, context: [0; 8], options: 0 }
     }
 
-    /// The header of the reply to this request.
+    /// Returns the header of the reply to this request.
     #[must_use]
     pub const fn reply(self, status: Status) -> Self {
         Self { length: 0, status, options: 0, ..self }
     }
 
-    /// Reads a header.
+    /// Parses a header.
     pub fn parse(message: &[u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::new(message);
         Ok(Self {
@@ -95,7 +95,7 @@ impl Header {
         })
     }
 
-    /// Writes a message: this header with the length of what `body` writes behind it. Returns the whole length.
+    /// Writes a message: this header with the length of what `body` writes behind it. Returns the total length.
     pub fn emit(&self, buf: &mut [u8], body: impl FnOnce(&mut Writer<'_>)) -> Result<usize, Overflow> {
         let mut writer = Writer::new(buf);
         writer.u16(self.command.into());
@@ -111,25 +111,25 @@ impl Header {
     }
 }
 
-/// Puts messages together from a TCP stream that is cut anywhere.
+/// Reassembles messages from a TCP stream that may be cut anywhere.
 ///
-/// It holds one message that is not complete and one more frame. A longer message than [`MAX_MESSAGE_LEN`] is passed
-/// over without being kept, so that the ones behind it are still found.
+/// It holds one incomplete message and one more frame. A message longer than [`MAX_MESSAGE_LEN`] is skipped without
+/// being stored, so that the messages behind it are still found.
 #[derive(Debug)]
 pub struct Reassembly {
     buf: Box<[u8]>,
     start: usize,
     end: usize,
-    /// Bytes of a message that is too long, still to come.
+    /// Remaining bytes of a message that is too long.
     skip: usize,
 }
 
-/// What came out of the stream.
+/// Result of the reassembly.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Message<'a> {
-    /// A whole message.
+    /// A complete message.
     Whole(Header, &'a [u8]),
-    /// The header of a message that is too long; its data is passed over.
+    /// The header of a message that is too long; its data is skipped.
     TooLong(Header),
 }
 
@@ -140,12 +140,12 @@ impl Default for Reassembly {
 }
 
 impl Reassembly {
-    /// Forgets all bytes: for a new connection.
+    /// Drops all bytes, for a new connection.
     pub const fn clear(&mut self) {
         (self.start, self.end, self.skip) = (0, 0, 0);
     }
 
-    /// Takes the next bytes of the stream. Fails where there is no room, because messages were not taken out.
+    /// Adds the next bytes of the stream. Fails if there is no room because messages were not taken out.
     pub fn push(&mut self, bytes: &[u8]) -> Result<(), Overflow> {
         let bytes = self.pass_over(bytes);
         if self.start > 0 {
@@ -159,7 +159,7 @@ impl Reassembly {
         Ok(())
     }
 
-    /// The next message, if all of it is here.
+    /// Returns the next message, if it is complete.
     pub fn next_message(&mut self) -> Option<Message<'_>> {
         let held = self.buf.get(self.start..self.end)?;
         let header = Header::parse(held).ok()?;
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_comes_back_as_it_was_written() {
+    fn a_written_header_is_parsed_unchanged() {
         let header = Header::parse(REGISTER).unwrap();
         assert_eq!(
             (header.command, header.length, &header.context),
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_come_out_of_a_stream_that_is_cut_at_every_byte() {
+    fn messages_are_reassembled_from_a_stream_that_is_cut_at_every_byte() {
         let mut reassembly = Reassembly::default();
         for byte in &REGISTER[..REGISTER.len() - 1] {
             reassembly.push(&[*byte]).unwrap();
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_that_are_glued_together_come_out_one_by_one() {
+    fn messages_without_a_gap_are_separated() {
         let mut reassembly = Reassembly::default();
         reassembly.push(&[REGISTER, REGISTER, &REGISTER[..9]].concat()).unwrap();
         assert_eq!(commands(&mut reassembly).len(), 2);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_is_too_long_is_passed_over_and_the_next_one_is_found() {
+    fn a_message_that_is_too_long_is_skipped_and_the_next_one_is_found() {
         let mut long = REGISTER.to_vec();
         long[2..4].copy_from_slice(&60_000_u16.to_le_bytes());
         long.resize(HEADER_LEN + 60_000, 0xEE);
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_whose_messages_nobody_takes_overflows_and_does_not_grow() {
+    fn a_stream_whose_messages_are_not_taken_overflows_and_does_not_grow() {
         let mut reassembly = Reassembly::default();
         let pushed = (0..1_000).take_while(|_| reassembly.push(REGISTER).is_ok()).count();
         assert_eq!(pushed, 2 * MAX_MESSAGE_LEN / REGISTER.len());

@@ -1,5 +1,5 @@
-//! Answers to the question that went to every device: each device waits a while of its own, so that not all answer at
-//! once (volume 2, 2-4.2).
+//! Answers to requests that went to every device: each device waits for its own delay, so that not all answer at once
+//! (volume 2, 2-4.2).
 
 use alloc::vec::Vec;
 use core::net::SocketAddrV4;
@@ -10,17 +10,17 @@ use rand_pcg::Pcg64Mcg;
 use crate::encapsulation::Header;
 use machine::{Duration, Instant};
 
-/// Questions that wait for their answer at most. Who asks while so many wait is not answered: the question comes again,
-/// or it is a flood.
+/// Largest number of waiting requests. Further requests are not answered: the requester repeats them, or they are a
+/// flood.
 const ROOM: usize = 8;
 
-/// The longest delay where the question leaves it to the device, in ms.
+/// Longest delay in ms if the request leaves it to the device.
 const DEFAULT_MS: u16 = 2_000;
 
-/// The least that the longest delay may be, in ms: a question that names less means this.
+/// Smallest value of the longest delay, in ms: a request with a smaller one means this.
 const LEAST_MS: u16 = 500;
 
-/// A question to all that waits for its answer.
+/// A request to all devices whose answer is delayed.
 #[derive(Debug)]
 struct Waiting {
     due: Instant,
@@ -28,7 +28,7 @@ struct Waiting {
     header: Header,
 }
 
-/// All of them.
+/// All such requests.
 #[derive(Debug)]
 pub(super) struct Delayed {
     waiting: Vec<Waiting>,
@@ -36,12 +36,12 @@ pub(super) struct Delayed {
 }
 
 impl Delayed {
-    /// Devices with different seeds wait for different times.
+    /// Creates an empty list. Devices with different seeds wait for different times.
     pub(super) fn new(seed: u64) -> Self {
         Self { waiting: Vec::with_capacity(ROOM), random: Pcg64Mcg::seed_from_u64(seed) }
     }
 
-    /// Takes a question. The first two bytes of its context are MaxResponseDelay, in ms.
+    /// Adds a request. The first two bytes of its context are MaxResponseDelay, in ms.
     pub(super) fn ask(&mut self, now: Instant, peer: SocketAddrV4, header: Header) {
         let [low, high, ..] = header.context;
         let longest = match u16::from_le_bytes([low, high]) {
@@ -55,7 +55,7 @@ impl Delayed {
         }
     }
 
-    /// The next question whose answer is due.
+    /// Returns the next request whose answer is due.
     pub(super) fn next_due(&mut self, now: Instant) -> Option<(SocketAddrV4, Header)> {
         let index = self.waiting.iter().position(|waiting| waiting.due <= now)?;
         let Waiting { peer, header, .. } = self.waiting.swap_remove(index);

@@ -1,4 +1,4 @@
-//! Class 3 connections: explicit messages with a sequence count, so that a repeated request is not run twice.
+//! Class 3 connections: explicit messages with a sequence count, so that a repeated request is not executed twice.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -6,14 +6,14 @@ use alloc::vec;
 use crate::connection::{Triad, Watchdog};
 use machine::{Instant, StreamId};
 
-/// The longest message of a connection either way, sequence count included, in bytes.
+/// Length of the longest message of a connection in either direction, with its sequence count, in bytes.
 pub(super) const MAX_SIZE: u16 = 1_504;
 
 /// A class 3 connection.
 #[derive(Debug)]
 pub(super) struct ExplicitConnection {
     pub(super) triad: Triad,
-    /// The TCP connection that it was opened over, and that carries it.
+    /// The TCP connection over which it was opened, and which carries it.
     pub(super) stream: StreamId,
     pub(super) o_t_id: u32,
     pub(super) t_o_id: u32,
@@ -22,7 +22,7 @@ pub(super) struct ExplicitConnection {
     pub(super) watchdog: Watchdog,
 }
 
-/// A place for a connection and for its last reply, which goes out again if the request comes again.
+/// A place for a connection and for its last reply, which is sent again if the request is repeated.
 #[derive(Debug)]
 struct Slot {
     connection: Option<ExplicitConnection>,
@@ -35,7 +35,7 @@ struct Slot {
 #[derive(Debug)]
 pub(super) struct ExplicitConnections {
     slots: Box<[Slot]>,
-    /// How many of them hold a connection: most of the time none.
+    /// Number of open connections: usually none.
     open: usize,
 }
 
@@ -89,7 +89,7 @@ impl ExplicitConnections {
         self.keep(|_| false);
     }
 
-    /// Ends the connections that expired and returns how many they were.
+    /// Ends the expired connections and returns their number.
     pub(super) fn remove_expired(&mut self, now: Instant) -> usize {
         self.keep(|connection| !connection.watchdog.expired(now))
     }
@@ -116,7 +116,7 @@ impl ExplicitConnections {
         self.open().map(|connection| connection.watchdog.deadline()).min()
     }
 
-    /// The connection of this number on this TCP connection, for a request that just came.
+    /// Returns the connection of this number on this TCP connection, for a request that was just received.
     pub(super) fn heard(
         &mut self,
         now: Instant,
@@ -130,14 +130,14 @@ impl ExplicitConnections {
         Some(connection)
     }
 
-    /// The reply to a request that came before.
+    /// Returns the reply if the request is a repetition.
     pub(super) fn repeated(&self, o_t_id: u32, count: u16) -> Option<&[u8]> {
         let slot = self.slots.iter().find(|slot| slot.is(o_t_id))?;
         let (_, len) = slot.last.filter(|(last, _)| *last == count)?;
         slot.reply.get(..len)
     }
 
-    /// Keeps a reply, in case its request comes again.
+    /// Stores a reply, in case its request is repeated.
     pub(super) fn remember(&mut self, o_t_id: u32, count: u16, reply: &[u8]) {
         if let Some(slot) = self.slots.iter_mut().find(|slot| slot.is(o_t_id))
             && let Some(place) = slot.reply.get_mut(..reply.len())

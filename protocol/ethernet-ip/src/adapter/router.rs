@@ -1,4 +1,4 @@
-//! The message router: which object a request goes to. The Connection Manager's own services are here.
+//! The message router: finds the object of a request. The Connection Manager's own services are here.
 
 use super::state::{Context, State};
 use crate::cip::{General, Path, PathError, Request, Segment, Violation, answer, class, refuse, service};
@@ -7,11 +7,11 @@ use crate::objects::{multiple_service, serve};
 use crate::{Reader, Writer, objects};
 use machine::{Down, DownCause};
 
-/// How deep services may stand in each other: Unconnected_Send, Multiple_Service, and one service.
+/// Largest nesting of services: Unconnected_Send, Multiple_Service, and one service.
 const MAX_DEPTH: u8 = 2;
 
 impl State {
-    /// Answers a request. Returns the reply's length, 0 where there is no room for any.
+    /// Answers a request. Returns the reply's length, 0 if there is no room for a reply.
     pub(super) fn route(&mut self, context: &mut Context, message: &[u8], reply: &mut [u8]) -> usize {
         let request = match Request::parse(message) {
             Ok(request) => request,
@@ -28,7 +28,7 @@ impl State {
                     return refuse(reply, request.service, Violation::NestedTooDeep, |_| {});
                 }
                 context.depth += 1;
-                // One Multiple_Service in another is never meant.
+                // A Multiple_Service within another is not allowed.
                 let depth = core::mem::replace(&mut context.depth, MAX_DEPTH);
                 let len = multiple_service(data, reply, |one, reply| self.route(context, one, reply));
                 context.depth = depth - 1;
@@ -154,7 +154,7 @@ impl State {
         Ok(message)
     }
 
-    /// Whether a segment of a route leads to this device itself.
+    /// Checks that a segment of a route leads to this device itself.
     fn check_route(&self, segment: Result<Segment<'_>, PathError>) -> Result<(), Violation> {
         let Ok(Segment::Port { port, link }) = segment else { return Err(Violation::InvalidSegmentInPath) };
         if port != objects::PORT_NUMBER {
@@ -172,7 +172,7 @@ fn write_refused(writer: &mut Writer<'_>, refused: Option<Refused>) {
     }
 }
 
-/// Whether a Forward_Close names the assemblies that were opened; the configuration may be left out.
+/// Returns whether a Forward_Close names the assemblies that were opened; the configuration may be left out.
 fn same_points(named: [Option<u32>; 3], opened: [Option<u32>; 3]) -> bool {
     let [_, consumed, produced] = opened;
     named == opened || named == [consumed, produced, None]

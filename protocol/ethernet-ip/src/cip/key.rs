@@ -1,4 +1,4 @@
-//! The electronic key: which device a connection is meant for (volume 1, C-1.4.2.5).
+//! The electronic key: the device that a connection is intended for (volume 1, C-1.4.2.5).
 //!
 //! ```text
 //! 0      segment type    0x34
@@ -6,7 +6,7 @@
 //! 2..4   vendor          u16  0 is any
 //! 4..6   device type     u16  0 is any
 //! 6..8   product code    u16  0 is any
-//! 8      major revision  bits 0..7, 0 is any; bit 7: a compatible revision will do
+//! 8      major revision  bits 0..7, 0 is any; bit 7: a compatible revision is accepted
 //! 9      minor revision  u8   0 is any
 //! ```
 
@@ -14,16 +14,16 @@ use super::super::{Reader, Writer};
 use super::violation::Violation;
 use machine::wire::Truncated;
 
-/// A revision as devices carry it.
+/// A device's revision.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Revision {
-    /// 1 to 127; another one behaves differently.
+    /// 1 to 127; devices with different major revisions behave differently.
     pub major: u8,
     /// 1 to 255.
     pub minor: u8,
 }
 
-/// Which device a connection is meant for.
+/// The device that a connection is intended for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ElectronicKey {
     /// ODVA vendor number, 0 for any.
@@ -34,11 +34,11 @@ pub struct ElectronicKey {
     pub product_code: u16,
     /// Revision, 0 for any.
     pub revision: Revision,
-    /// Whether a device that can stand in for this revision will do.
+    /// Whether a device that is compatible with this revision is accepted.
     pub compatible: bool,
 }
 
-/// What about a device does not fit the key, in the order in which it is checked.
+/// Which property of a device does not match the key, in the order of the checks.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum KeyMismatch {
     /// Vendor or product code.
@@ -60,10 +60,10 @@ impl From<KeyMismatch> for Violation {
 }
 
 impl ElectronicKey {
-    /// The key format that every device knows.
+    /// The key format that every device supports.
     pub const FORMAT: u8 = 4;
 
-    /// Reads what stands behind the key format.
+    /// Parses the key behind the key format.
     pub fn parse(reader: &mut Reader<'_>) -> Result<Self, Truncated> {
         let (vendor, device_type, product_code) = (reader.u16()?, reader.u16()?, reader.u16()?);
         let (major, minor) = (reader.u8()?, reader.u8()?);
@@ -81,7 +81,7 @@ impl ElectronicKey {
         writer.u8(self.revision.minor);
     }
 
-    /// Whether `device`, which has no zeros in it, is the one that the key is meant for.
+    /// Checks `device`, which contains no zeros, against this key.
     pub fn check(&self, device: &Self) -> Result<(), KeyMismatch> {
         let fits = |wanted: u16, there: u16| wanted == 0 || wanted == there;
         if !fits(self.vendor, device.vendor) || !fits(self.product_code, device.product_code) {
@@ -92,7 +92,7 @@ impl ElectronicKey {
         }
         let (wanted, there) = (self.revision, device.revision);
         let fits = if self.compatible {
-            // A newer minor revision stands in for an older one; the key must say which one it means.
+            // A newer minor revision can replace an older one; the key must give the minor revision.
             wanted.major == there.major && wanted.minor != 0 && wanted.minor <= there.minor
                 || wanted.major == 0 && wanted.minor == 0
         } else {
@@ -116,7 +116,7 @@ mod tests {
     };
 
     #[test]
-    fn a_key_of_zeros_fits_every_device() {
+    fn a_key_of_zeros_matches_every_device() {
         let any = ElectronicKey {
             vendor: 0,
             device_type: 0,
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn each_field_that_does_not_fit_is_named() {
+    fn each_field_that_does_not_match_is_reported() {
         assert_eq!(ElectronicKey { vendor: 8, ..DEVICE }.check(&DEVICE), Err(KeyMismatch::VendorOrProduct));
         assert_eq!(
             ElectronicKey { product_code: 8, ..DEVICE }.check(&DEVICE),
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_comes_back_as_it_was_written() {
+    fn a_written_key_is_parsed_unchanged() {
         let mut buf = [0; 10];
         let mut writer = Writer::new(&mut buf);
         let key = ElectronicKey { compatible: true, ..DEVICE };

@@ -45,16 +45,16 @@ pub mod service {
 /// A request.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Request<'a> {
-    /// What is to be done.
+    /// The requested service.
     pub service: u8,
-    /// Which object is to do it.
+    /// The object that executes it.
     pub path: Path<'a>,
-    /// What it needs for that.
+    /// Its parameters.
     pub data: &'a [u8],
 }
 
 impl<'a> Request<'a> {
-    /// Reads a request. The service stands beside an error, for the reply.
+    /// Parses a request. An error includes the service, for the reply.
     pub fn parse(message: &'a [u8]) -> Result<Self, (u8, Violation)> {
         let mut reader = Reader::new(message);
         let Ok(service) = reader.u8() else { return Err((0, Violation::TooShort)) };
@@ -84,18 +84,18 @@ impl<'a> Request<'a> {
 /// A reply.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Reply<'a> {
-    /// The service that was asked for, bit 7 cleared.
+    /// The requested service, with bit 7 cleared.
     pub service: u8,
-    /// How it went.
+    /// The result.
     pub general: General,
     /// Additional status words as bytes.
     pub additional: &'a [u8],
-    /// What the service has to say.
+    /// The data that the service returns.
     pub data: &'a [u8],
 }
 
 impl<'a> Reply<'a> {
-    /// Reads a reply.
+    /// Parses a reply.
     pub fn parse(message: &'a [u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::new(message);
         let service = reader.u8()? & 0x7F;
@@ -106,7 +106,7 @@ impl<'a> Reply<'a> {
         Ok(Self { service, general, additional, data: reader.rest() })
     }
 
-    /// Additional status word `index`.
+    /// Returns the additional status word `index`.
     #[must_use]
     pub fn word(&self, index: usize) -> Option<u16> {
         let mut reader = Reader::new(self.additional);
@@ -115,7 +115,7 @@ impl<'a> Reply<'a> {
     }
 }
 
-/// Writes the reply to `service`: what `data` writes where it can, its violation where not. Returns the length.
+/// Writes the reply to `service`: what `data` writes, or its violation. Returns the length.
 pub fn answer(
     buf: &mut [u8],
     service: u8,
@@ -134,7 +134,7 @@ pub fn answer(
     }
 }
 
-/// Writes the reply to `service` that refuses it, with what `data` writes behind the status. Returns the length.
+/// Writes a reply that refuses `service`, with what `data` writes behind the status. Returns the length.
 pub fn refuse(
     buf: &mut [u8],
     service: u8,
@@ -161,14 +161,14 @@ mod tests {
     }
 
     #[test]
-    fn a_request_that_is_cut_off_names_its_service_if_it_has_one() {
+    fn the_error_for_a_truncated_request_has_its_service_if_it_contains_one() {
         assert_eq!(Request::parse(b""), Err((0, Violation::TooShort)));
         assert_eq!(Request::parse(b"\x0E"), Err((0x0E, Violation::TooShort)));
         assert_eq!(Request::parse(b"\x0E\xFF\x20\x01"), Err((0x0E, Violation::PathSize)));
     }
 
     #[test]
-    fn a_reply_that_does_not_fit_is_replaced_by_one_that_says_so() {
+    fn a_reply_that_is_too_large_is_replaced_by_an_error_reply() {
         let mut buf = [0; 8];
         let len = answer(&mut buf, 1, |w| {
             w.zeros(100);

@@ -1,4 +1,4 @@
-//! CIP explicit messages: paths, requests, replies and what a reply's status says (volume 1).
+//! CIP explicit messages: paths, requests, replies and their statuses (volume 1).
 
 mod key;
 mod message;
@@ -12,7 +12,7 @@ pub use path::{Application, Logical, Path, PathError, Segment, Target, write_log
 pub use status::{Extended, General};
 pub use violation::{Status, Violation};
 
-/// Class codes of the objects that the stack knows (volume 1, table 5-1.1; volume 2, chapter 5).
+/// Class codes of the objects that the stack supports (volume 1, table 5-1.1; volume 2, chapter 5).
 pub mod class {
     /// Identity.
     pub const IDENTITY: u32 = 0x01;

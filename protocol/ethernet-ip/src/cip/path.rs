@@ -17,7 +17,7 @@ use super::violation::Violation;
 use machine::Duration;
 use machine::wire::Truncated;
 
-/// What a logical segment numbers.
+/// Kind of number in a logical segment.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Logical {
     /// A class.
@@ -35,18 +35,18 @@ pub enum Logical {
 /// One segment.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Segment<'a> {
-    /// Out by this port of the device to this address behind it.
+    /// A route through this port of the device to this address behind it.
     Port {
         /// Number of the port.
         port: u16,
-        /// Address of the next device, as that network writes it.
+        /// Address of the next device, in that network's form.
         link: &'a [u8],
     },
     /// A class, instance and so on.
     Logical(Logical, u32),
-    /// The device that is meant.
+    /// The electronic key of the intended device.
     Key(ElectronicKey),
-    /// How long the target is to keep quiet between two productions.
+    /// Shortest time between two productions of the target.
     ProductionInhibit(Duration),
     /// Another network segment, by its type.
     Network(u8, &'a [u8]),
@@ -59,13 +59,13 @@ pub enum Segment<'a> {
 /// What is wrong with a path.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum PathError {
-    /// A segment ends after the path does.
+    /// A segment ends behind the path.
     #[error("a segment is cut off: {0}")]
     Truncated(#[from] Truncated),
-    /// The first byte of a segment is none that the standard has.
+    /// The first byte of a segment is not one of the standard's.
     #[error("no segment starts with 0x{0:02X}")]
     UnknownSegment(u8),
-    /// The electronic key is of a format that is not known.
+    /// The electronic key has an unknown format.
     #[error("an electronic key of format {0}; only 4 is known")]
     KeyFormat(u8),
 }
@@ -75,13 +75,13 @@ pub enum PathError {
 pub struct Path<'a>(pub &'a [u8]);
 
 impl<'a> Path<'a> {
-    /// The segments one by one; after the first error no more.
+    /// Returns the segments one by one; none after the first error.
     #[must_use]
     pub const fn segments(self) -> Segments<'a> {
         Segments { reader: Reader::new(self.0) }
     }
 
-    /// Reads the path as that of a request to an object of this device.
+    /// Interprets the path as that of a request to an object of this device.
     pub fn target(self) -> Result<Target, Violation> {
         let mut target = Target::default();
         for segment in self.segments() {
@@ -100,7 +100,7 @@ impl<'a> Path<'a> {
         Ok(target)
     }
 
-    /// Reads the path as that of a Forward_Open.
+    /// Interprets the path as that of a Forward_Open.
     pub fn application(self) -> Result<Application<'a>, Violation> {
         let mut application = Application::default();
         for segment in self.segments() {
@@ -122,7 +122,7 @@ impl<'a> Path<'a> {
     }
 }
 
-/// The object that a request is for.
+/// The object of a request.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Target {
     /// Class.
@@ -135,14 +135,14 @@ pub struct Target {
     pub member: Option<u32>,
 }
 
-/// What a Forward_Open wants to connect to.
+/// What a Forward_Open connects to.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Application<'a> {
-    /// The device that is meant.
+    /// The electronic key of the intended device.
     pub key: Option<ElectronicKey>,
     /// The last class named.
     pub class: Option<u32>,
-    /// Instances or connection points in their order.
+    /// Instances or connection points, in their order.
     pub points: [Option<u32>; 3],
     /// Production inhibit time.
     pub inhibit: Option<Duration>,
@@ -265,7 +265,7 @@ impl<'a> Iterator for Segments<'a> {
     }
 }
 
-/// Writes a logical segment in its shortest form: 8 bits where they will do.
+/// Writes a logical segment in its shortest form: with 8 bits if possible.
 pub fn write_logical(writer: &mut Writer<'_>, kind: Logical, value: u32) {
     let first = 0x20
         | match kind {
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn logical_segments_of_8_16_and_32_bits_say_the_same() {
+    fn logical_segments_of_8_16_and_32_bits_have_the_same_meaning() {
         let expected = Segment::Logical(Logical::Class, 4);
         for path in [&[0x20, 4][..], &[0x21, 0, 4, 0], &[0x22, 0, 4, 0, 0, 0]] {
             assert_eq!(segments(path).as_deref(), Ok(&[expected][..]), "{path:02X?}");
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn every_segment_that_is_cut_off_is_an_error() {
+    fn every_truncated_segment_is_an_error() {
         for path in [
             &[0x34, 4, 1, 0][..],
             &[0x20],

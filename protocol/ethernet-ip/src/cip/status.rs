@@ -1,4 +1,4 @@
-//! General statuses of every reply, and extended statuses of the Connection Manager, with their words.
+//! General statuses of all replies, and extended statuses of the Connection Manager, with their texts.
 
 use super::super::codes;
 

@@ -1,21 +1,21 @@
-//! What a request can do wrong, and which status goes back for it: the one table.
+//! The violations that a request can contain, and the status of each: the only such table.
 
 use super::super::Writer;
 use super::status::{Extended as E, General as G};
 
-/// What goes back: a general status and, for the Connection Manager, an extended one with what belongs to it.
+/// The status of a reply: a general status and, for the Connection Manager, an extended one with its additional word.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Status {
     /// The general status.
     pub general: G,
     /// The extended status.
     pub extended: Option<E>,
-    /// A word behind the extended status: the size that the device has, in bytes.
+    /// A word behind the extended status: the device's size, in bytes.
     pub extra: Option<u16>,
 }
 
 impl Status {
-    /// Writes general status, count of the additional words, and those.
+    /// Writes the general status, the number of additional words, and these words.
     pub fn emit(&self, writer: &mut Writer<'_>) {
         writer.u8(self.general.into());
         let words = [self.extended.map(u16::from), self.extra];
@@ -26,14 +26,14 @@ impl Status {
 
 macro_rules! violations {
     ($($(#[$doc:meta])* $name:ident $(($field:ident))? => $general:ident $($extended:ident)?,)*) => {
-        /// What a request did wrong.
+        /// A violation in a request.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         pub enum Violation {
             $($(#[$doc])* $name $((violations!(@type $field)))?,)*
         }
 
         impl Violation {
-            /// The status that goes back for it.
+            /// Returns the status of the reply to it.
             #[must_use]
             pub const fn status(self) -> Status {
                 match self {
@@ -55,33 +55,33 @@ macro_rules! violations {
 
 violations! {
     // Requests to any object.
-    /// A segment that is not known, or has no place in a request to an object.
+    /// An unknown segment, or one that does not belong in a request to an object.
     PathSegment => PathSegmentError,
     /// The path ends before its last segment, or the request before its path.
     PathSize => PathSizeInvalid,
-    /// No such class or instance.
+    /// There is no such class or instance.
     UnknownObject => PathDestinationUnknown,
-    /// No such instance of a class that is there.
+    /// The class exists, but not the instance.
     UnknownInstance => ObjectDoesNotExist,
-    /// The object does not have the service.
+    /// The object does not support the service.
     UnknownService => ServiceNotSupported,
     /// The object does not have the attribute.
     UnknownAttribute => AttributeNotSupported,
     /// The attribute can only be read.
     NotSettable => AttributeNotSettable,
-    /// The attribute can be set, but not to this.
+    /// The attribute can be set, but not to this value.
     BadAttributeValue => InvalidAttributeValue,
-    /// A parameter of the service is out of its range.
+    /// A parameter of the service is out of range.
     BadParameter => InvalidParameter,
     /// The request ends before its data does.
     TooShort => NotEnoughData,
-    /// The request goes on behind its data.
+    /// The request continues behind its data.
     TooLong => TooMuchData,
-    /// What is to go back does not fit.
+    /// The reply does not fit.
     ReplyTooLarge => ReplyDataTooLarge,
-    /// Services within services within services.
+    /// Services are nested too deeply.
     NestedTooDeep => ResourceUnavailable,
-    /// Another host asks to close a connection that is not its own.
+    /// A host requests to close a connection of another host.
     ForeignOriginator => PrivilegeViolation,
     /// The device is in use and cannot be reset.
     InUse => DeviceStateConflict,
@@ -91,15 +91,15 @@ violations! {
     DuplicateForwardOpen => ConnectionFailure ConnectionInUse,
     /// The outputs have an owner.
     OutputsOwned => ConnectionFailure OwnershipConflict,
-    /// Closing or changing a connection that is not there.
+    /// There is no such connection to close or to change.
     ConnectionNotFound => ConnectionFailure ConnectionNotFound,
-    /// The device was told to take no connections.
+    /// The device was told to accept no connections.
     NotConfigured => ConnectionFailure NotConfigured,
     /// Every connection of the device is in use.
     OutOfConnections => ConnectionFailure OutOfConnections,
     /// Every connection of this kind is in use.
     TargetOutOfConnections => ConnectionFailure TargetOutOfConnections,
-    /// Listen-only, and nobody to listen to.
+    /// A listen-only connection without a connection to listen to.
     NothingToListenTo => ConnectionFailure NonListenOnlyNotOpened,
 
     // Forward_Open: the electronic key.
@@ -111,7 +111,7 @@ violations! {
     RevisionMismatch => ConnectionFailure RevisionMismatch,
 
     // Forward_Open: transport and timing.
-    /// Class and trigger that do not go together.
+    /// Class and trigger do not match.
     TransportNotSupported => ConnectionFailure TransportNotSupported,
     /// Neither class 1 nor class 3.
     TransportClassNotSupported => ConnectionFailure TransportClassNotSupported,
@@ -135,7 +135,7 @@ violations! {
     OtPriority => ConnectionFailure InvalidOtPriority,
     /// T→O priority that the transport class does not have.
     ToPriority => ConnectionFailure InvalidToPriority,
-    /// O→T neither point to point nor null where both are.
+    /// O→T is not point to point, and not null together with T→O.
     OtType => ConnectionFailure InvalidOtType,
     /// T→O of a reserved type, or null where O→T is not.
     ToType => ConnectionFailure InvalidToType,

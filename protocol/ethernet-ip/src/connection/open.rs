@@ -37,10 +37,10 @@ use super::parameters::{Parameters, Transport};
 use cip::{Path, Violation};
 use machine::wire::Truncated;
 
-/// Priority/tick 10 and 240 ticks: what an originator grants a request, 2^10 ms × 240, on the way over routers.
+/// Priority/tick 10 and 240 ticks: the time 2^10 ms × 240 that an originator grants a request to pass routers.
 const TIME_TICK: [u8; 2] = [0x0A, 0xF0];
 
-/// What tells a connection from every other one in the world.
+/// Worldwide unique identity of a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct Triad {
     /// Number that the originator gave the connection.
@@ -66,13 +66,13 @@ impl Triad {
 /// The request of a Forward_Open or Large_Forward_Open.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct OpenRequest<'a> {
-    /// Number of the O→T connection; the target picks its own for point to point.
+    /// Number of the O→T connection; for point to point the target chooses its own.
     pub o_t_id: u32,
     /// Number of the T→O connection.
     pub t_o_id: u32,
-    /// Which connection it is.
+    /// Identity of the connection.
     pub triad: Triad,
-    /// Code of the timeout multiplier, which may be one that there is not.
+    /// Code of the timeout multiplier, possibly an undefined one.
     pub multiplier: u8,
     /// Requested packet interval O→T in µs.
     pub o_t_rpi_us: u32,
@@ -89,7 +89,7 @@ pub struct OpenRequest<'a> {
 }
 
 impl<'a> OpenRequest<'a> {
-    /// Reads a request; `large` tells the Large_Forward_Open.
+    /// Parses a request; `large` for a Large_Forward_Open.
     pub fn parse(data: &'a [u8], large: bool) -> Result<Self, Violation> {
         let mut reader = Reader::new(data);
         let request = Self::parse_fields(&mut reader, large).map_err(|_| Violation::TooShort)?;
@@ -117,7 +117,7 @@ impl<'a> OpenRequest<'a> {
         Ok(Self { o_t_id, t_o_id, triad, multiplier, o_t_rpi_us, o_t, t_o_rpi_us, t_o, transport, path })
     }
 
-    /// Writes the request; `large` makes it a Large_Forward_Open.
+    /// Writes the request; `large` for a Large_Forward_Open.
     pub fn emit(&self, writer: &mut Writer<'_>, large: bool) {
         let parameters = |writer: &mut Writer<'_>, parameters: Parameters| {
             if large { writer.u32(parameters.to_large()) } else { writer.u16(parameters.to_plain()) }
@@ -137,7 +137,7 @@ impl<'a> OpenRequest<'a> {
     }
 }
 
-/// The path of a connection, which ends the request. Forward_Close has a zero byte before it.
+/// Parses the path of a connection at the end of a request. In a Forward_Close a zero byte precedes it.
 fn parse_path<'a>(reader: &mut Reader<'a>, reserved: bool) -> Result<Path<'a>, Violation> {
     let words = reader.u8().map_err(|_| Violation::TooShort)?;
     if reserved {
@@ -154,16 +154,16 @@ pub struct Opened {
     pub o_t_id: u32,
     /// Number of the T→O connection.
     pub t_o_id: u32,
-    /// Which connection it is.
+    /// Identity of the connection.
     pub triad: Triad,
-    /// Real packet interval O→T in µs.
+    /// Actual packet interval O→T in µs.
     pub o_t_api_us: u32,
-    /// Real packet interval T→O in µs.
+    /// Actual packet interval T→O in µs.
     pub t_o_api_us: u32,
 }
 
 impl Opened {
-    /// Reads the reply's data.
+    /// Parses the reply's data.
     pub fn parse(data: &[u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::new(data);
         Ok(Self {
@@ -189,25 +189,25 @@ impl Opened {
 /// The data behind the status of a target that refused to open or to close a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Refused {
-    /// Which connection it was about.
+    /// Identity of the connection.
     pub triad: Triad,
 }
 
 impl Refused {
-    /// Writes the data. No word of the path is left: there is no router behind this device.
+    /// Writes the data. The remaining path has no words, since there is no router behind this device.
     pub fn emit(&self, writer: &mut Writer<'_>) {
         self.triad.emit(writer);
         writer.u16(0);
     }
 
-    /// What can be said of a request that may be cut off: the triad, if it is there.
+    /// Reads the triad from a request that may be truncated.
     #[must_use]
     pub fn of_open(data: &[u8]) -> Option<Self> {
         let triad = data.get(10..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
         triad.map(|triad| Self { triad })
     }
 
-    /// The same for a Forward_Close.
+    /// Reads the triad from a Forward_Close that may be truncated.
     #[must_use]
     pub fn of_close(data: &[u8]) -> Option<Self> {
         let triad = data.get(2..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
@@ -218,14 +218,14 @@ impl Refused {
 /// The request of a Forward_Close.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct CloseRequest<'a> {
-    /// Which connection is to be closed.
+    /// Identity of the connection to close.
     pub triad: Triad,
-    /// The path that it was opened with, or none.
+    /// The path with which it was opened, or none.
     pub path: Path<'a>,
 }
 
 impl<'a> CloseRequest<'a> {
-    /// Reads a request.
+    /// Parses a request.
     pub fn parse(data: &'a [u8]) -> Result<Self, Violation> {
         let mut reader = Reader::new(data);
         reader.skip(2).map_err(|_| Violation::TooShort)?;
@@ -246,7 +246,7 @@ impl<'a> CloseRequest<'a> {
 /// The reply of a target that closed the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Closed {
-    /// Which connection it is.
+    /// Identity of the connection.
     pub triad: Triad,
 }
 
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_plain_and_large_come_back_as_they_were_and_are_refused_at_every_cut() {
+    fn plain_and_large_requests_are_parsed_as_written_and_refused_when_truncated_anywhere() {
         let path = [0x20, 4, 0x2C, 150, 0x2C, 100];
         for large in [false, true] {
             let mut buf = [0; 128];
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_forward_close_comes_back_as_it_was_and_is_refused_at_every_cut() {
+    fn a_forward_close_is_parsed_as_written_and_refused_when_truncated_anywhere() {
         let close = CloseRequest { triad: TRIAD, path: Path(&[0x20, 4, 0x2C, 150, 0x2C, 100]) };
         let mut buf = [0; 64];
         let mut writer = Writer::new(&mut buf);

@@ -12,20 +12,20 @@
 //! transport  7 target is server · 4..7 trigger: cyclic, change of state, application · 0..4 class
 //! ```
 
-/// How data of one direction finds its receivers.
+/// Type of the data's transport in one direction.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum ConnectionType {
-    /// No data goes this way.
+    /// There is no data in this direction.
     Null,
     /// One sender, many receivers.
     Multicast,
     /// One sender, one receiver.
     PointToPoint,
-    /// A code without meaning.
+    /// A reserved code.
     Reserved,
 }
 
-/// How urgent data is; the QoS object has a DSCP for each.
+/// Priority of data; the QoS object has a DSCP for each.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Priority {
     /// Low.
@@ -41,11 +41,11 @@ pub enum Priority {
 /// The parameters of one direction.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Parameters {
-    /// Whether several owners send the same direction.
+    /// Whether several owners send in this direction.
     pub redundant_owner: bool,
-    /// How the data finds its receivers.
+    /// Type of the data's transport.
     pub kind: ConnectionType,
-    /// How urgent it is.
+    /// Priority of the data.
     pub priority: Priority,
     /// Whether its size may vary.
     pub variable: bool,
@@ -57,31 +57,32 @@ impl Parameters {
     /// The largest size that the 9 bits of a plain Forward_Open hold, in bytes.
     pub const MAX_PLAIN_SIZE: u16 = 511;
 
-    /// Reads the field of a plain Forward_Open.
+    /// Parses the field of a plain Forward_Open.
     #[must_use]
     pub const fn from_plain(field: u16) -> Self {
         Self::from_flags(field >> 9, field & 0x1FF)
     }
 
-    /// Reads the field of a Large_Forward_Open.
+    /// Parses the field of a Large_Forward_Open.
     #[must_use]
     pub const fn from_large(field: u32) -> Self {
         Self::from_flags((field >> 25) as u16, field as u16)
     }
 
-    /// The field of a plain Forward_Open; the size must fit.
+    /// Returns the field of a plain Forward_Open; the size must fit.
     #[must_use]
     pub const fn to_plain(self) -> u16 {
         self.flags() << 9 | self.size & 0x1FF
     }
 
-    /// The field of a Large_Forward_Open.
+    /// Returns the field of a Large_Forward_Open.
     #[must_use]
     pub const fn to_large(self) -> u32 {
         (self.flags() as u32) << 25 | self.size as u32
     }
 
-    /// Both fields have the same flags above the size: variable in bit 0, priority 1..3, type 4..6, owner 6.
+    /// Parses the flags above the size, which are the same in both fields: variable in bit 0, priority 1..3, type
+    /// 4..6, owner 6.
     const fn from_flags(flags: u16, size: u16) -> Self {
         Self {
             redundant_owner: flags & 1 << 6 != 0,
@@ -119,7 +120,7 @@ impl Parameters {
     }
 }
 
-/// What makes the target produce.
+/// The event that makes the target produce.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Trigger {
     /// Time: once every packet interval.
@@ -128,7 +129,7 @@ pub enum Trigger {
     ChangeOfState,
     /// The application, and time.
     Application,
-    /// A code without meaning.
+    /// A reserved code.
     Reserved,
 }
 
@@ -142,19 +143,19 @@ impl Transport {
     /// Class 3, application, the target as server: explicit messages.
     pub const EXPLICIT: Self = Self(0xA3);
 
-    /// The transport class.
+    /// Returns the transport class.
     #[must_use]
     pub const fn class(self) -> u8 {
         self.0 & 0x0F
     }
 
-    /// Whether the target is the server.
+    /// Returns whether the target is the server.
     #[must_use]
     pub const fn is_server(self) -> bool {
         self.0 & 0x80 != 0
     }
 
-    /// What makes the target produce.
+    /// Returns the event that makes the target produce.
     #[must_use]
     pub const fn trigger(self) -> Trigger {
         match self.0 >> 4 & 7 {
@@ -172,7 +173,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_usual_io_parameters_are_read_as_what_they_mean() {
+    fn the_usual_io_parameters_are_parsed_correctly() {
         // 0x4906: point to point, scheduled, fixed, 262 bytes: what a scanner asks of 256 bytes O→T.
         let parameters = Parameters::from_plain(0x4906);
         assert_eq!(
@@ -190,7 +191,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_field_comes_back_as_it_was(plain: u16, large: u32) {
+        fn every_field_is_written_as_it_was_parsed(plain: u16, large: u32) {
             prop_assert_eq!(Parameters::from_plain(plain & !0x1000).to_plain(), plain & !0x1000);
             let large = large & 0xEE00_FFFF;
             prop_assert_eq!(Parameters::from_large(large).to_large(), large);

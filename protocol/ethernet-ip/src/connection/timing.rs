@@ -1,8 +1,8 @@
-//! When a connection is given up, when it may produce again, and which frames are new.
+//! Timing of a connection: its timeout, its inhibit time, and which frames are new.
 
 use machine::{Duration, Instant};
 
-/// How many packet intervals a consumer waits: 4 << code, code 0 to 7 (volume 1, 3-5.5.1.4).
+/// Number of packet intervals that a consumer waits: 4 << code, code 0 to 7 (volume 1, 3-5.5.1.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct TimeoutMultiplier(u8);
 
@@ -10,13 +10,13 @@ impl TimeoutMultiplier {
     /// 128 packet intervals: enough for a host that stalls for 100 intervals.
     pub const CODE_5: Self = Self(5);
 
-    /// The multiplier of this code, if there is one.
+    /// Returns the multiplier of this code, if it is defined.
     #[must_use]
     pub const fn new(code: u8) -> Option<Self> {
         if code <= 7 { Some(Self(code)) } else { None }
     }
 
-    /// The smallest multiplier that waits for so many packet intervals at least, if there is one.
+    /// Returns the smallest multiplier of at least this many packet intervals, if there is one.
     #[must_use]
     pub const fn covering(intervals: u32) -> Option<Self> {
         let mut code = 0;
@@ -29,29 +29,29 @@ impl TimeoutMultiplier {
         None
     }
 
-    /// How many packet intervals a consumer waits: 4 to 512.
+    /// Returns the number of packet intervals that a consumer waits: 4 to 512.
     #[must_use]
     pub const fn intervals(self) -> u32 {
         4 << self.0
     }
 
-    /// The code on the wire.
+    /// Returns the code.
     #[must_use]
     pub const fn code(self) -> u8 {
         self.0
     }
 
-    /// How long a consumer of this packet interval waits: 4 to 512 intervals.
+    /// Returns how long a consumer with this packet interval waits: 4 to 512 intervals.
     #[must_use]
     pub fn timeout(self, packet_interval: Duration) -> Duration {
         packet_interval.saturating_mul(self.intervals())
     }
 }
 
-/// How long the first frame of a connection may take at least (volume 1, 3-4.6.2).
+/// Shortest time that a consumer waits for the first frame of a connection (volume 1, 3-4.6.2).
 const FIRST_FRAME: Duration = Duration::from_secs(10);
 
-/// Tells when the other end of a connection has been silent for too long.
+/// Detects that the other end of a connection has been silent for too long.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Watchdog {
     timeout: Duration,
@@ -59,24 +59,24 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Starts with the connection: the first frame may take 10 s, or longer where the timeout is longer.
+    /// Starts with the connection: the first frame may take 10 s, or longer if the timeout is longer.
     #[must_use]
     pub fn start(now: Instant, timeout: Duration) -> Self {
         Self { timeout, deadline: now + timeout.max(FIRST_FRAME) }
     }
 
-    /// A frame came.
+    /// Restarts the time: a frame was received.
     pub fn feed(&mut self, now: Instant) {
         self.deadline = now + self.timeout;
     }
 
-    /// When the connection is given up.
+    /// Returns when the connection times out.
     #[must_use]
     pub const fn deadline(&self) -> Instant {
         self.deadline
     }
 
-    /// Whether the connection is to be given up.
+    /// Returns whether the connection has timed out.
     #[must_use]
     pub fn expired(&self, now: Instant) -> bool {
         now >= self.deadline
@@ -91,38 +91,38 @@ pub struct Inhibit {
 }
 
 impl Inhibit {
-    /// A producer that may produce at once.
+    /// Creates the limit for a producer that may produce at once.
     #[must_use]
     pub const fn new(time: Duration, now: Instant) -> Self {
         Self { time, free_at: now }
     }
 
-    /// The inhibit time.
+    /// Returns the inhibit time.
     #[must_use]
     pub const fn time(&self) -> Duration {
         self.time
     }
 
-    /// When the producer may produce again.
+    /// Returns when the producer may produce again.
     #[must_use]
     pub const fn free_at(&self) -> Instant {
         self.free_at
     }
 
-    /// The producer produced.
+    /// Restarts the inhibit time: the producer has produced.
     pub fn produced(&mut self, now: Instant) {
         self.free_at = now + self.time;
     }
 }
 
-/// Tells new frames from late ones by the 32-bit sequence number (volume 2, 3-4.1).
+/// Distinguishes new frames from late ones by the 32-bit sequence number (volume 2, 3-4.1).
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct SequenceCheck {
     last: Option<u32>,
 }
 
 impl SequenceCheck {
-    /// Whether a frame is newer than all before it, and then how many between them are missing.
+    /// Returns `None` unless a frame is newer than all before it; otherwise how many frames between them are missing.
     pub fn accept(&mut self, sequence: u32) -> Option<u32> {
         let missing = match self.last {
             None => 0,
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sequence_goes_on_over_its_wrap_and_late_or_repeated_frames_are_refused() {
+    fn a_sequence_continues_after_its_wrap_and_late_or_repeated_frames_are_refused() {
         let mut check = SequenceCheck::default();
         assert_eq!(check.accept(u32::MAX - 1), Some(0));
         assert_eq!(check.accept(u32::MAX - 1), None);

@@ -1,4 +1,4 @@
-//! Connection Manager, class 06: what became of the requests to open and close (volume 1, 3-5).
+//! Connection Manager, class 06: counters of the requests to open and close (volume 1, 3-5).
 
 use super::super::Writer;
 use super::super::cip::{Extended, Violation};
@@ -11,7 +11,7 @@ pub(in super::super) struct ManagerCounters {
 }
 
 impl ManagerCounters {
-    /// A Forward_Open came, and was refused for this reason, if it was.
+    /// Counts a Forward_Open and, if it was refused, the reason.
     pub(in super::super) fn opened(&mut self, refused: Option<Violation>) {
         let [requests, format, resource, other, ..] = &mut self.counts;
         *requests = requests.wrapping_add(1);
@@ -26,7 +26,7 @@ impl ManagerCounters {
         *reject = reject.wrapping_add(1);
     }
 
-    /// A Forward_Close came, and was refused for this reason, if it was.
+    /// Counts a Forward_Close and, if it was refused, the reason.
     pub(in super::super) fn closed(&mut self, refused: Option<Violation>) {
         let [_, _, _, _, requests, format, other, _] = &mut self.counts;
         *requests = requests.wrapping_add(1);
@@ -38,7 +38,7 @@ impl ManagerCounters {
         *reject = reject.wrapping_add(1);
     }
 
-    /// A connection timed out.
+    /// Counts a connection that timed out.
     pub(in super::super) fn timed_out(&mut self) {
         let [.., timeouts] = &mut self.counts;
         *timeouts = timeouts.wrapping_add(1);
@@ -68,7 +68,7 @@ impl Object for ConnectionManager {
         Ok(())
     }
 
-    /// The counters can be set, to count from there.
+    /// The counters can be set, and count on from there.
     fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
         let value = u16::from_le_bytes(exactly(data)?);
         let index = usize::from(attribute).checked_sub(1);

@@ -4,7 +4,7 @@ use super::super::Writer;
 use super::super::cip::Violation;
 use super::{Device, Object, write_short_string};
 
-/// What the interface is taken for: the bus of the paper's cells.
+/// Speed that the interface reports: that of the bus in the paper's cells.
 const SPEED_MBIT_S: u16 = 100;
 
 /// Flags: link up, full duplex, settings negotiated.
@@ -14,8 +14,8 @@ pub(super) struct EthernetLink;
 
 impl Object for EthernetLink {
     const REVISION: u16 = 4;
-    /// Without 4 and 5, the counters of the interface and of its medium: those are the operating system's, which
-    /// counts what other programs send as well, and zeros would say that nothing was ever sent.
+    /// Attributes 4 and 5, the counters of the interface and of its medium, are left out: they belong to the
+    /// operating system, which also counts other programs' frames, and zeros would claim that nothing was ever sent.
     const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 6, 7, 8, 9, 10, 11];
     const ALL: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 
@@ -29,7 +29,7 @@ impl Object for EthernetLink {
             1 => writer.u32(SPEED_MBIT_S.into()),
             2 => writer.u32(FLAGS),
             3 => writer.bytes(&device.network.mac),
-            // What Get_Attributes_All has in place of the attributes that are not there.
+            // Values of the missing attributes in Get_Attributes_All.
             4 => writer.zeros(11 * 4),
             5 => writer.zeros(12 * 4),
             // Interface control: negotiation on, no forced speed.

@@ -1,4 +1,4 @@
-//! Identity, class 01: who the device is (volume 1, 5-2).
+//! Identity, class 01: the identity of the device (volume 1, 5-2).
 
 use super::super::cip::{ElectronicKey, General, Violation, service};
 use super::super::cpf::{kind, write_address, write_item};
@@ -7,16 +7,16 @@ use super::super::{ENCAPSULATION_PORT, Writer};
 use super::{Device, Object, write_short_string};
 use core::net::SocketAddrV4;
 
-/// What the Identity's status says of cyclic connections.
+/// State of cyclic connections in the Identity's status.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(in super::super) struct IoState {
     /// The outputs have an owner.
     pub(in super::super) owned: bool,
     /// Class 1 connections that are open.
     pub(in super::super) connections: usize,
-    /// The owner's frames say run.
+    /// The owner's frames report run.
     pub(in super::super) running: bool,
-    /// The last owner's connection timed out and nobody opened another one since.
+    /// The last owner's connection timed out, and none was opened since.
     pub(in super::super) faulted: bool,
 }
 
@@ -26,8 +26,8 @@ const OPERATIONAL: u8 = 3;
 pub(super) struct Identity;
 
 impl Device {
-    /// The status word (volume 1, table 5-2.4): bit 0 owned, bit 2 configured, bits 4 to 7 what I/O does, bit 8
-    /// minor recoverable fault.
+    /// Returns the status word (volume 1, table 5-2.4): bit 0 owned, bit 2 configured, bits 4 to 7 state of I/O, bit
+    /// 8 minor recoverable fault.
     fn identity_status(&self) -> u16 {
         let IoState { owned, connections, running, faulted } = self.io;
         let io = match (faulted, connections, running) {
@@ -66,7 +66,7 @@ impl Object for Identity {
         Ok(())
     }
 
-    /// Reset: of type 0 or of type 1, which takes the settings back as well. A robot in use is not reset.
+    /// Handles Reset: of type 0 or of type 1, which also resets the settings. A robot in use is not reset.
     fn own_service(
         device: &mut Device,
         instance: u32,
@@ -96,13 +96,13 @@ impl Object for Identity {
     }
 }
 
-/// Writes the item that ListIdentity answers with (volume 2, table 2-4.4).
+/// Writes the item of the answer to ListIdentity (volume 2, table 2-4.4).
 pub(in super::super) fn write_identity_item(device: &Device, writer: &mut Writer<'_>) {
     write_item(writer, kind::LIST_IDENTITY, |writer| {
         writer.u16(PROTOCOL_VERSION);
         write_address(writer, SocketAddrV4::new(device.network.address, ENCAPSULATION_PORT));
         for attribute in 1..=8 {
-            // Every attribute is there.
+            // All of these attributes exist.
             let _ = Identity::get(device, 1, attribute, writer);
         }
     });

@@ -32,7 +32,7 @@ impl Object for MessageRouter {
         match attribute {
             1 => writer.u16(Self::REVISION),
             2 | 3 => writer.u16(1),
-            // Optional attributes and services that are there, with their count before them.
+            // Supported optional attributes and services, preceded by their number.
             4 => [2, 1, 2].iter().for_each(|number| writer.u16(*number)),
             5 => [1, service::MULTIPLE_SERVICE.into()].iter().for_each(|number| writer.u16(*number)),
             6 => writer.u16(7),
@@ -66,7 +66,7 @@ fn answer_each(
     reply: &mut [u8],
     mut one: impl FnMut(&[u8], &mut [u8]) -> usize,
 ) -> Result<usize, Violation> {
-    /// Length of the reply's head, before the count.
+    /// Length of the reply's header, before the count.
     const HEAD: usize = 4;
 
     let mut reader = Reader::new(data);

@@ -1,4 +1,4 @@
-//! Port, class F4: the ports by which a message could leave the device (volume 1, 3-7). There is one.
+//! Port, class F4: the ports by which a message can leave the device (volume 1, 3-7). There is one.
 
 use super::super::Writer;
 use super::super::cip::{Violation, class};
@@ -23,7 +23,7 @@ struct Dotted {
 impl Dotted {
     fn new(address: Ipv4Addr) -> Self {
         let mut dotted = Self { text: [0; 15], len: 0 };
-        // 15 characters hold every address.
+        // Every address fits into 15 characters.
         let _ = write!(dotted, "{address}");
         dotted
     }
@@ -59,7 +59,7 @@ impl Object for Port {
             3 => write_instance_path(writer, class::TCP_IP_INTERFACE),
             4 => write_short_string(writer, "EtherNet/IP"),
             7 => {
-                // A port segment with the device's own address behind it.
+                // A port segment, followed by the device's own address.
                 let address = Dotted::new(device.network.address);
                 let link = address.as_bytes();
                 writer.bytes(&[0x10 | PORT_NUMBER as u8, link.len() as u8]);
@@ -75,9 +75,9 @@ impl Object for Port {
         match attribute {
             1 => writer.u16(Self::REVISION),
             2 | 3 => writer.u16(1),
-            // Entry port: the one that the request came in by.
+            // Entry port: the one by which the request arrived.
             8 => writer.u16(1),
-            // Type and number of each port, beginning with an instance 0 that is none.
+            // Type and number of each port, beginning with an undefined instance 0.
             9 => [0, 0, ETHERNET_IP, PORT_NUMBER].iter().for_each(|number| writer.u16(*number)),
             6 => writer.u16(9),
             7 => writer.u16(7),

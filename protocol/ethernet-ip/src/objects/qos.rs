@@ -1,11 +1,11 @@
-//! QoS, class 48: which DSCP each kind of traffic carries (volume 2, 5-7).
+//! QoS, class 48: the DSCP of each kind of traffic (volume 2, 5-7).
 
 use super::super::Writer;
 use super::super::cip::Violation;
 use super::super::connection::Priority;
 use super::{Device, Object, exactly};
 
-/// DSCP values, 0 to 63. The driver puts them into the IP header.
+/// DSCP values, 0 to 63. The driver writes them into the IP header.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(in super::super) struct Qos {
     urgent: u8,
@@ -23,12 +23,12 @@ impl Default for Qos {
 }
 
 impl Qos {
-    /// The DSCP of explicit messages.
+    /// Returns the DSCP of explicit messages.
     pub(in super::super) const fn explicit(&self) -> u8 {
         self.explicit
     }
 
-    /// The DSCP of cyclic data of this priority.
+    /// Returns the DSCP of cyclic data of this priority.
     pub(in super::super) const fn cyclic(&self, priority: Priority) -> u8 {
         match priority {
             Priority::Low => self.low,

@@ -6,13 +6,13 @@ use super::{Device, Object, exactly, write_instance_path};
 use core::net::Ipv4Addr;
 use machine::Duration;
 
-/// Attribute 13 from the start (volume 2, 5-4.3.13).
+/// Initial value of attribute 13 (volume 2, 5-4.3.13).
 const DEFAULT_INACTIVITY_S: u16 = 120;
 
-/// Multicast addresses that the device keeps for itself (volume 2, 3-5.3).
+/// Multicast addresses reserved for each device (volume 2, 3-5.3).
 const MULTICASTS: u16 = 32;
 
-/// The device's place in the network.
+/// The device's addresses in the network.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(in super::super) struct Network {
     pub(in super::super) address: Ipv4Addr,
@@ -36,19 +36,19 @@ impl Network {
         self.inactivity_s = DEFAULT_INACTIVITY_S;
     }
 
-    /// How long a TCP connection may be silent; none where it may be so for ever.
+    /// Returns how long a TCP connection may be silent; `None` if there is no limit.
     pub(in super::super) fn inactivity(&self) -> Option<Duration> {
         (self.inactivity_s > 0).then(|| Duration::from_secs(self.inactivity_s.into()))
     }
 
-    /// The first of the device's own multicast addresses: 239.192.1.0 + 32 · (host − 1) (volume 2, 3-5.3).
+    /// Returns the first of the device's own multicast addresses: 239.192.1.0 + 32 · (host − 1) (volume 2, 3-5.3).
     pub(in super::super) fn multicast(&self) -> Ipv4Addr {
         let host = self.address.to_bits() & !self.mask.to_bits() & 0x3FF;
         let base = Ipv4Addr::new(239, 192, 1, 0).to_bits();
         Ipv4Addr::from_bits(base + u32::from(MULTICASTS) * host.saturating_sub(1))
     }
 
-    /// Whether this address is on the device's subnet.
+    /// Returns whether this address is in the device's subnet.
     pub(in super::super) fn is_local(&self, address: Ipv4Addr) -> bool {
         (self.address.to_bits() ^ address.to_bits()) & self.mask.to_bits() == 0
     }
@@ -67,12 +67,12 @@ impl Object for TcpIpInterface {
         writer: &mut Writer<'_>,
     ) -> Result<(), Violation> {
         let network = &device.network;
-        // Addresses are numbers like all others here: least significant byte first.
+        // Addresses are written like all numbers here: least significant byte first.
         let address = |writer: &mut Writer<'_>, address: Ipv4Addr| writer.u32(address.to_bits());
         match attribute {
-            // Status: the interface is configured, by its operating system.
+            // Status: the interface is configured by its operating system.
             1 => writer.u32(1),
-            // Capability and control: nothing can be configured from here; static.
+            // Capability and control: static, and nothing can be configured by this object.
             2 | 3 => writer.u32(0),
             4 => write_instance_path(writer, class::ETHERNET_LINK),
             5 => {
@@ -92,7 +92,7 @@ impl Object for TcpIpInterface {
                 writer.u16(MULTICASTS);
                 address(writer, network.multicast());
             }
-            // Address conflict detection is off, and so has seen none.
+            // Address conflict detection is off, so there are no conflicts.
             10 => writer.u8(0),
             11 => writer.zeros(35),
             // Quick connect is off.

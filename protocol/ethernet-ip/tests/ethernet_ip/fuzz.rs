@@ -1,4 +1,4 @@
-//! Bytes that nobody thought of: well-formed messages changed anywhere, and any bytes at all.
+//! Unexpected bytes: well-formed messages with arbitrary changes, and arbitrary bytes.
 
 use std::net::Ipv4Addr;
 
@@ -15,7 +15,7 @@ use crate::client::{
 };
 use crate::hostile::{VENDOR, rig};
 
-/// Messages that a fuzzer starts from: well-formed ones of every kind.
+/// Returns the messages that a fuzzer starts from: well-formed ones of every kind.
 fn seeds(session: u32) -> Vec<Vec<u8>> {
     let rr = |cip: &[u8]| message(Command::SendRRData, session, &unconnected(cip));
     let mut null = owner(9);
@@ -40,7 +40,7 @@ fn seeds(session: u32) -> Vec<Vec<u8>> {
     ]
 }
 
-/// A well-formed message with some bytes changed, cut or grown; or any bytes at all.
+/// Generates a well-formed message with some bytes changed, removed or added; or arbitrary bytes.
 fn hostile_bytes() -> impl Strategy<Value = (usize, Vec<(usize, u8)>, usize, Vec<u8>)> {
     (
         0..20_usize,
@@ -80,7 +80,7 @@ proptest! {
             rig.advance(Duration::from_micros(300));
             prop_assert!(rig.adapter.poll_timeout().is_some_and(|at| at >= rig.now), "a deadline that is not met");
         }
-        // What the bad client opened is its own; what the good one has is untouched.
+        // The bad client may open connections of its own; the good one's must not be affected.
         rig.assert_good_scanner_is_served_beside(rig.adapter.connections().0);
     }
 
@@ -96,20 +96,20 @@ proptest! {
                 0 => rig.datagram(IO_PORT, peer(PLC, IO_PORT), &bytes),
                 1 => rig.broadcast(ENCAPSULATION_PORT, peer(ROBOT, 5_000), &bytes),
                 2 => rig.send(bad.stream, &bytes),
-                // Whatever it is, over a class 3 connection that is open.
+                // Any other message, over an open class 3 connection.
                 _ => {
                     let bytes = &bytes[..bytes.len().min(500)];
                     let data = connected(opened.o_t_id, 1, bytes);
                     rig.send(bad.stream, &message(Command::SendUnitData, bad.session, &data));
                 }
             }
-            // Not at the end alone: after each one.
+            // After each one, not only at the end.
             rig.assert_good_scanner_is_served_beside(rig.adapter.connections().0);
         }
     }
 
     #[test]
-    fn no_bytes_keep_an_adapter_that_nobody_is_connected_to_from_serving_the_first_who_comes(
+    fn no_bytes_keep_an_adapter_without_connections_from_serving_the_next_client(
         inputs in prop::collection::vec((0..4_u8, hostile_bytes()), 1..12),
     ) {
         let mut rig = Rig::new();
@@ -125,8 +125,8 @@ proptest! {
             rig.advance(Duration::from_micros(300));
             prop_assert!(rig.adapter.poll_timeout().is_none_or(|at| at >= rig.now), "a deadline that is not met");
         }
-        // A mutation may have opened the owner's connection; it gives it back, or runs into its first timeout: of 512
-        // packet intervals of 10 s at the longest.
+        // A mutation may have opened the owner's connection. It closes it, or it lasts until its first timeout: at
+        // most 512 packet intervals of 10 s.
         rig.hang_up(registered.stream);
         rig.advance(Duration::from_secs(512 * 10));
         prop_assert_eq!(rig.adapter.connections().0, 0);
