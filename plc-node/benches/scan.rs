@@ -1,4 +1,4 @@
-//! The PLC's scan, beside a bus without a protocol.
+//! The PLC's scan, over a connection without a bus protocol.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 

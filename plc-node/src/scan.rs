@@ -4,9 +4,9 @@ use machine::{Cycle, Duration, Instant, Lateness, Tick};
 
 /// When the program runs and when its outputs reach the bus.
 ///
-/// Inputs are read at the start of a scan; the outputs are written `cost` later, which models the program's run time
-/// where CPU time is not real. A bus frame that leaves in between still carries the old outputs. A scan that costs
-/// more than the cycle delays the next one, as a PLC's does; grid points that pass meanwhile are skipped.
+/// Inputs are read at the start of a scan. Outputs are written `cost` later, which models the program's run time
+/// where CPU time is not real. A bus frame that is sent in between still carries the old outputs. A scan that costs
+/// more than the cycle delays the next one, as in a real PLC; grid points that pass meanwhile are skipped.
 #[derive(Clone, Debug)]
 pub struct Scan {
     cycle: Cycle,
@@ -16,13 +16,13 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Scans at `first` and every `period` after it, each writing its outputs `cost` after it read its inputs.
+    /// Creates scans at `first` and every `period` after it; each writes its outputs `cost` after it read its inputs.
     #[must_use]
     pub fn new(first: Instant, period: Duration, cost: Duration) -> Self {
         Self { cycle: Cycle::new(first, period), cost, outputs_due: None, lateness: Lateness::default() }
     }
 
-    /// Starts the scan that is due at `now`, if one is and the one before has written its outputs.
+    /// Starts the scan that is due at `now`, if there is one and the previous scan has written its outputs.
     pub fn begin(&mut self, now: Instant) -> Option<Tick> {
         if self.outputs_due.is_some() {
             return None;
@@ -33,17 +33,17 @@ impl Scan {
         Some(tick)
     }
 
-    /// Whether the outputs of the scan are to be written now; says so once.
+    /// Returns whether the scan's outputs must be written now; true only once per scan.
     pub fn take_outputs(&mut self, now: Instant) -> bool {
         self.outputs_due.take_if(|due| *due <= now).is_some()
     }
 
-    /// Gives up the outputs of the scan that is under way: the connection they were meant for is gone.
+    /// Drops the outputs of the current scan: their connection is gone.
     pub const fn drop_outputs(&mut self) {
         self.outputs_due = None;
     }
 
-    /// When [`take_outputs`](Self::take_outputs) or [`begin`](Self::begin) has something to do next.
+    /// Returns when [`take_outputs`](Self::take_outputs) or [`begin`](Self::begin) next has something to do.
     #[must_use]
     pub const fn poll_timeout(&self) -> Instant {
         match self.outputs_due {
@@ -52,13 +52,13 @@ impl Scan {
         }
     }
 
-    /// Time from one scan to the next.
+    /// Returns the time from one scan to the next.
     #[must_use]
     pub const fn period(&self) -> Duration {
         self.cycle.period()
     }
 
-    /// How late scans started.
+    /// Returns the lateness of the scans' starts.
     #[must_use]
     pub const fn lateness(&self) -> &Lateness {
         &self.lateness
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scan_that_costs_more_than_the_cycle_delays_the_next_one_and_skips_what_passed() {
+    fn a_scan_that_costs_more_than_the_cycle_delays_the_next_one_and_skips_cycles() {
         let mut scan = Scan::new(Instant::ZERO, MS, Duration::from_micros(2_500));
         assert!(scan.begin(Instant::ZERO).is_some());
         assert!(scan.begin(Instant::from_millis(1)).is_none(), "the program still runs");

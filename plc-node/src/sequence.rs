@@ -1,4 +1,4 @@
-//! The sequence as a PLC program steps through it, in each of the paper's three execution types.
+//! The sequence as a PLC program executes it, in each of the paper's three execution types.
 
 use machine::Instant;
 use planning::{Stop, Switch};
@@ -11,7 +11,7 @@ use crate::function_blocks::{
 use crate::motion_source::Section;
 use crate::{AxesGroup, ExecutionType, MotionSource};
 
-/// One instance of each block, as the program declares them.
+/// One instance of each function block, as the program declares them.
 #[derive(Clone, Default, Debug)]
 struct Blocks {
     run_program: RunProgram,
@@ -24,7 +24,7 @@ struct Blocks {
     lin_force: MoveLinForceCartesian,
 }
 
-/// What a block says after its call.
+/// Outputs of a block after its call.
 #[derive(Clone, Copy, Debug)]
 struct Answer {
     outputs: Outputs,
@@ -32,16 +32,16 @@ struct Answer {
     tally: Tally,
 }
 
-/// Where the program stands after a scan.
+/// State of the program after a scan.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Progress {
-    /// A skill is under way, or the next one starts with the next scan.
+    /// A skill is being executed, or the next one starts in the next scan.
     Running,
     /// The last skill is done.
     Done,
-    /// The robot gave the skill up.
+    /// The robot aborted the skill.
     Aborted,
-    /// The block of this motion found an error.
+    /// The block of this motion reported an error.
     Failed { motion: u32, error: BlockError },
 }
 
@@ -52,11 +52,11 @@ enum Stage {
     Skill,
     /// Switches an output.
     Switch(Switch),
-    /// Waits until that has taken effect.
+    /// Waits for the switch to take effect.
     Wait { until: Instant },
 }
 
-/// What a sequence has come to so far.
+/// Totals of a sequence so far.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(crate) struct Totals {
     pub(crate) executed: u32,
@@ -76,12 +76,12 @@ impl Totals {
 
 /// The program that runs a sequence once.
 ///
-/// SM steps as a chain of a PLC program of today does: a step calls its block with `Execute`; when `Done` shows, the
-/// step variable is set, and the next scan is the first of the next step. So one scan passes from the `Done` of a
-/// motion to the `Execute` of the next. CM does so from one continuous motion to the next.
+/// SM works like a step sequence in a PLC program: a step calls its block with `Execute`; when `Done` is set, the
+/// program sets the step variable, and the next scan is the first of the next step. So there is one scan between the
+/// `Done` of a motion and the `Execute` of the next. CM does the same from one continuous motion to the next.
 ///
-/// What is switched at a stop is a step of its own: its first scan sets the output and starts a timer, and the scan in
-/// which that has elapsed is its last. RC leaves all that to the robot's program.
+/// Switching an output at a stop is a step of its own: its first scan sets the output and starts a timer, and its
+/// last scan is the one in which the timer has elapsed. RC leaves all this to the robot's program.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
     execution_type: ExecutionType,
@@ -89,9 +89,9 @@ pub(crate) struct Sequence {
     blocks: Blocks,
     /// Motions before the current skill.
     step: u32,
-    /// SM: the motion of the current step, fetched when the step begins.
+    /// SM: the motion of the current step, read when the step begins.
     motion: Option<Motion>,
-    /// CM: the block was called for this continuous motion.
+    /// CM: whether the block was called for this continuous motion.
     is_called: bool,
     stage: Stage,
     /// Skills before the current one.
@@ -100,7 +100,7 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
-    /// `queue_depth` is how many motions CM writes ahead of those that are executed.
+    /// Creates the program; `queue_depth` is how many motions CM writes ahead of the executed ones.
     pub(crate) fn new(execution_type: ExecutionType, program: u16, queue_depth: u32) -> Self {
         Self {
             execution_type,
@@ -123,8 +123,8 @@ impl Sequence {
         self.ended.plus(self.current)
     }
 
-    /// One scan of the program, which began at `now`; the first one sets the start edge. `stops` says where the
-    /// continuous motions end.
+    /// Executes one scan of the program, which began at `now`; the first one sets the start edge. `stops` tells where
+    /// the continuous motions end.
     pub(crate) fn scan(
         &mut self,
         now: Instant,
@@ -192,7 +192,7 @@ impl Sequence {
             Some(error @ BlockError::Robot { motion, .. }) => {
                 Progress::Failed { motion: self.step.saturating_add(motion), error }
             }
-            // A source counts all motions, a block those of its skill.
+            // A source counts all motions, a block only those of its skill.
             Some(BlockError::SourceEnded { index, .. }) => {
                 let index = self.step.saturating_add(index);
                 Progress::Failed { motion: index, error: BlockError::SourceEnded { index, total } }
@@ -201,12 +201,12 @@ impl Sequence {
         }
     }
 
-    /// The step variable is set: the next scan is the first of the next step, if there is one.
+    /// Sets the step variable: the next scan is the first of the next step, if there is one.
     const fn next_step(&self, total: u32) -> Progress {
         if self.step >= total { Progress::Done } else { Progress::Running }
     }
 
-    /// Calls the block of the current continuous motion, with a falling edge first if it ran the one before.
+    /// Calls the block of the current continuous motion; if it ran the previous one, with a falling edge first.
     fn continuous_motion(&mut self, motions: &mut Section<'_>, group: &mut AxesGroup) -> Answer {
         let block = &mut self.blocks.move_continuous;
         if self.step > 0 && !self.is_called {
@@ -217,8 +217,8 @@ impl Sequence {
         Answer { outputs, error: block.error(), tally: block.tally() }
     }
 
-    /// Calls the block of the current step. A step that begins first shows its block a falling edge, since the step
-    /// before may have used the same instance.
+    /// Calls the block of the current step. A step first calls its block with a falling edge, since the previous step
+    /// may have used the same instance.
     fn single_motion(
         &mut self,
         motions: &mut dyn MotionSource,

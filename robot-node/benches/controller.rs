@@ -1,4 +1,4 @@
-//! The controller's cycle where it has most to do: motions are checked before a skill starts, and taken while it runs.
+//! The controller's cycle at its largest load: motions are checked before a skill starts, and accepted while it runs.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
@@ -10,10 +10,10 @@ use planning::PROGRAM;
 use protocol::image::{Command, Control, Motion, MotionKind, Skill, State};
 use robot_node::{Controller, RobotConfig};
 
-/// Motions of the program: more than are checked in one cycle, and than the queue holds.
+/// Motions of the program: more than are checked in one cycle, and more than fit into the queue.
 const MOTIONS: usize = 16;
 
-/// Passes over a run, of which the fastest cycle counts: what the host took away is not the robot's.
+/// Passes over a run. For each cycle the fastest pass counts, which removes the influence of the host.
 const PASSES: usize = 20;
 
 fn main() {
@@ -34,7 +34,7 @@ struct Cell {
 }
 
 impl Cell {
-    /// Rounded corners all along a zigzag around the first line of the setup's application.
+    /// Builds a zigzag with rounded corners around the first line of the setup's application.
     fn of(setup: &str, kind: MotionKind) -> Self {
         let (setup, application) = planning::setup_with_application(setup).unwrap();
         let config = RobotConfig {
@@ -54,7 +54,7 @@ impl Cell {
         Self { config, motions: motions.collect() }
     }
 
-    /// The cycles of a whole run, one after another, from the one that takes up the command on.
+    /// Runs the cycles of a whole run, one after another, from the one that accepts the command on.
     fn run(&self, mut cycle: impl FnMut(&mut Controller, Instant, &Command)) {
         let programs = vec![(PROGRAM, self.motions.clone().into())];
         let mut controller = Controller::new(self.config.clone(), programs, 1);
@@ -76,7 +76,7 @@ impl Cell {
         assert_eq!(controller.feedback().executed as usize, MOTIONS, "{:?}", controller.feedback());
     }
 
-    /// The controller before its cycle of this index, and what that cycle is called with.
+    /// Returns the controller before the cycle of this index, and that cycle's arguments.
     fn before(&self, index: usize) -> (Controller, Instant, Command) {
         let (mut found, mut next) = (None, 0);
         self.run(|controller, at, command| {
@@ -89,7 +89,7 @@ impl Cell {
         found.unwrap()
     }
 
-    /// The first cycle after that of this index in which a motion is taken while the arm moves.
+    /// Returns the first cycle after this index in which a motion is accepted while the arm moves.
     fn taking(&self) -> usize {
         let (mut index, mut found) = (0, None);
         self.run(|controller, at, command| {

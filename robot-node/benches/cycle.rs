@@ -1,4 +1,4 @@
-//! The robot's cycle, beside a bus without a protocol.
+//! The robot's cycle, over a connection without a bus protocol.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 

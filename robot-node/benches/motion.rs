@@ -1,4 +1,4 @@
-//! The robot's motions: what one more costs when it is appended to the path, and what a tick of interpolation costs.
+//! The robot's motions: the cost of appending one to the path, and of a tick of interpolation.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
@@ -9,13 +9,13 @@ use protocol::image::{Motion, MotionKind};
 use robot_node::RobotConfig;
 use robot_node::motion::Interpolator;
 
-/// Motions that are on the path already, as many as the controller keeps.
+/// Number of motions already on the path: as many as the controller keeps.
 const AHEAD: usize = 5;
 
-/// Ticks whose mean is told: fewer than the shortest way takes.
+/// Number of ticks of which the mean is measured: fewer than the shortest path takes.
 const TICKS: usize = 500;
 
-/// Passes over a path, of which the fastest tick counts: what the host took away is not the robot's.
+/// Passes over a path. For each tick the fastest pass counts, which removes the influence of the host.
 const PASSES: usize = 20;
 
 fn main() {
@@ -35,7 +35,7 @@ fn main() {
     });
 }
 
-/// A robot and the way that it goes.
+/// A robot and its path.
 #[derive(Clone)]
 struct Cell {
     config: RobotConfig,
@@ -43,7 +43,8 @@ struct Cell {
 }
 
 impl Cell {
-    /// The robot of a setup with the paper's application, and one circle and two splines to and fro before its end.
+    /// Builds the robot of a setup with the paper's application, and one circle and two splines to and fro before its
+    /// end.
     fn of(setup: &str) -> Self {
         let (setup, application) = planning::setup_with_application(setup).unwrap();
         let config = RobotConfig::from_setup(&setup).unwrap();
@@ -76,7 +77,7 @@ impl Cell {
         black_box(interpolator.append(segment, index + 1 == self.motions.len()));
     }
 
-    /// A path with as many motions as fit before the one of this index.
+    /// Returns a path with as many motions as fit before the one of this index.
     fn before(&self, index: usize) -> Interpolator {
         let mut interpolator = self.at_rest();
         for before in 0..index {
@@ -102,7 +103,7 @@ impl Cell {
         );
     }
 
-    /// Drives the way, or so many ticks of it, each by `tick`. The path is kept full.
+    /// Drives along the path, or for this many ticks, each by `tick`. The path is kept full.
     fn drive(&self, ticks: usize, mut tick: impl FnMut(&mut Interpolator)) -> Interpolator {
         let mut interpolator = self.at_rest();
         let mut next = 0;
@@ -120,7 +121,7 @@ impl Cell {
     }
 
     fn add_ticks(&self, paths: &mut HotPaths, arm: &str) {
-        // The mean of a tick, with its share of what appending motions costs.
+        // The mean of a tick, including its share of the cost of appending motions.
         let cell = self.clone();
         let name = format!("{TICKS} ticks of a run, {arm}");
         paths.add(
@@ -159,7 +160,7 @@ impl Cell {
         );
     }
 
-    /// The index of the tick that takes longest.
+    /// Returns the index of the tick that takes longest.
     fn worst_tick(&self) -> usize {
         let mut steps = Steps::default();
         for _ in 0..PASSES {

@@ -1,4 +1,5 @@
-//! Commands, faults and cut cables in any order: each run ends exactly once, and the robot always gets ready again.
+//! Commands, faults and cut cables in random order: each run ends exactly once, and the robot always becomes ready
+//! again.
 
 use machine::Duration;
 use plc_node::{ExecutionType, PlcEvent};
@@ -37,7 +38,7 @@ fn action() -> impl Strategy<Value = Action> {
     ]
 }
 
-/// Runs of which the node said that it accepted them, and how many ended.
+/// Counts accepted runs and ended runs.
 #[derive(Default, Debug)]
 struct Book {
     accepted: u32,
@@ -73,7 +74,7 @@ impl Book {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
     #[test]
-    fn each_run_ends_exactly_once_and_the_robot_gets_ready_again(
+    fn each_run_ends_exactly_once_and_the_robot_becomes_ready_again(
         script in proptest::collection::vec((action(), 0..60_000_u64), 1..30),
     ) {
         let mut cell = cell(6);

@@ -1,4 +1,4 @@
-//! RC, SM and CM in virtual time against a robot that takes as long as the test says.
+//! RC, SM and CM in virtual time against a robot whose skills take the times that the test sets.
 
 use crate::scripted::{
     BUS, CABLE, COST, Phases, ROBOT, SCAN, cell, cell_with, config, motions, pause, run, until_ready,
@@ -6,15 +6,15 @@ use crate::scripted::{
 use machine::Duration;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
 
-/// What the handshake adds to a skill at least and at most: the command waits for the bus and for the robot's cycle,
-/// the end waits for the bus and for the scan.
+/// Returns the least and the most that the handshake adds to a skill: the command waits for the bus and for the
+/// robot's cycle, the end waits for the bus and for the scan.
 fn handshake() -> (Duration, Duration) {
     let fixed = COST + 2 * CABLE;
     (fixed, fixed + 2 * BUS + ROBOT + SCAN)
 }
 
 #[test]
-fn each_execution_type_takes_what_the_robot_takes_and_the_handshake_in_every_phase() {
+fn each_execution_type_takes_the_robots_time_and_the_handshake_in_every_phase() {
     let skill = 25 * ROBOT;
     let (least, most) = handshake();
     let mut seen = Vec::new();
@@ -24,12 +24,12 @@ fn each_execution_type_takes_what_the_robot_takes_and_the_handshake_in_every_pha
         let mut cell = cell_with(config(motions(13)), phases);
         until_ready(&mut cell);
         for execution_type in ExecutionType::ALL {
-            // Without a pause every start would lie where the end of the run before put it in the robot's cycle.
+            // Without a pause, every start would have the phase in the robot's cycle at which the previous run ended.
             pause(&mut cell, Duration::from_micros(phase * 523 % 4_000));
             let execution = run(&mut cell, execution_type);
             let took = Duration::from_nanos(execution.execution_time_ns);
             let skills = if execution_type == Sm { 13 } else { 1 };
-            // Between two single motions the chain takes one scan to its next step.
+            // Between two single motions, the step sequence takes one scan.
             let fixed = 13 * skill + (skills - 1) * SCAN;
             let (from, to) = (fixed + skills * least, fixed + skills * most);
             assert!(
@@ -48,13 +48,13 @@ fn each_execution_type_takes_what_the_robot_takes_and_the_handshake_in_every_pha
 }
 
 #[test]
-fn with_known_phases_the_time_is_known_to_the_nanosecond() {
+fn with_known_phases_the_execution_time_is_known_to_the_nanosecond() {
     let mut cell = cell_with(config(motions(13)), Phases([0, 300, 700, 1_900]));
     until_ready(&mut cell);
     let execution = run(&mut cell, Rc);
     // The scan that reports `Ready` is at 3 ms, so the one with the start edge is at 4 ms. Its outputs are written at
-    // 4.15, leave at 4.3 and are there at 4.325; the robot's tick at 5.9 takes the command up, and the one 13 × 25
-    // ticks later, at 1305.9, is the end. It leaves at 1306.7, is there at 1306.725 and is seen by the scan at 1307.
+    // 4.15, sent at 4.3 and received at 4.325. The robot's tick at 5.9 starts the command, and the one 13 × 25 ticks
+    // later, at 1305.9, is the end. It is sent at 1306.7, received at 1306.725 and seen by the scan at 1307.
     assert_eq!(execution.execution_time_ns, 1_303_000_000);
     assert_eq!(execution.scans, 1_303);
     assert_eq!((execution.frames.sent, execution.frames.received), (1_303, 1_303));

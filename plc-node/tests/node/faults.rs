@@ -1,4 +1,4 @@
-//! What goes wrong in a run: each ends in words, and the robot is led back to `Ready` where it can be.
+//! Faults during a run: each ends the run with a reason, and the PLC brings the robot back to `Ready` if possible.
 
 use machine::{Duration, Instant};
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
@@ -20,7 +20,7 @@ fn ready_cell(fault: Fault) -> Cell {
     cell
 }
 
-/// Takes the fault back and shows that the next run of each type ends as wanted.
+/// Removes the fault and checks that the next run of each type succeeds.
 fn works_again(cell: &mut Cell) {
     cell.command_b(|robot, _| robot.fault = Fault::None);
     until_ready(cell);
@@ -60,7 +60,7 @@ fn a_killed_robot_fails_the_run() {
 }
 
 #[test]
-fn an_error_of_the_robot_names_its_number_and_the_motion_of_the_sequence() {
+fn an_error_of_the_robot_is_reported_with_its_number_and_the_motion_of_the_sequence() {
     for execution_type in ExecutionType::ALL {
         let number = ErrorNumber::AxisLimit;
         let mut cell = ready_cell(Fault::Error { at: 8, number });
@@ -72,14 +72,14 @@ fn an_error_of_the_robot_names_its_number_and_the_motion_of_the_sequence() {
 }
 
 #[test]
-fn an_error_number_that_this_version_does_not_know_is_shown_as_a_number() {
+fn an_unknown_error_number_is_reported_as_a_number() {
     let mut cell = ready_cell(Fault::Error { at: 1, number: ErrorNumber::Unknown(4_711) });
     let failure = run_to_failure(&mut cell, Rc);
     assert!(failure.to_string().contains("error number 4711"), "{failure}");
 }
 
 #[test]
-fn a_robot_that_gives_the_skill_up_by_itself_fails_the_run() {
+fn a_robot_that_aborts_the_skill_by_itself_fails_the_run() {
     let mut cell = ready_cell(Fault::Abort { at: 3 });
     let failure = run_to_failure(&mut cell, Sm);
     assert_eq!(failure.cause, FailureCause::RobotHalted);
@@ -96,7 +96,7 @@ fn a_life_counter_that_stands_still_fails_the_run_after_the_set_time() {
 }
 
 #[test]
-fn a_robot_that_does_not_take_the_command_up_fails_the_run_after_the_set_time() {
+fn a_robot_that_does_not_accept_the_command_fails_the_run_after_the_set_time() {
     let mut cell = ready_cell(Fault::Deaf);
     let started = cell.now();
     let failure = run_to_failure(&mut cell, Cm);
@@ -124,7 +124,7 @@ fn an_abort_fails_the_run_at_once_and_halts_the_robot() {
 }
 
 #[test]
-fn a_start_is_refused_in_words_unless_the_robot_is_ready_and_idle() {
+fn a_start_is_refused_with_a_reason_unless_the_robot_is_ready_and_idle() {
     let mut cell = cell(13);
     let refused = cell.command_a(|plc, now| plc.start(now, Rc));
     assert_eq!(refused, Err(StartError::NotConnected));

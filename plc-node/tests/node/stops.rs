@@ -1,4 +1,4 @@
-//! A plan of several continuous motions: the PLC stops between them, switches its outputs and waits.
+//! A plan of several continuous motions: between them the PLC stops, switches its outputs and waits.
 
 use crate::scripted::{
     Cell, Fault, Phases, SCAN, cell, cell_with, config, motions, run, run_to_failure, until_ready,
@@ -12,7 +12,8 @@ use protocol::image::ErrorNumber;
 const GRIP: Duration = Duration::from_millis(150);
 const RELEASE: Duration = Duration::from_millis(100);
 
-/// The paper's pick and place as it was planned: to the grip position, to the release position, to the end.
+/// Returns the stops of the paper's pick and place as planned: at the grip position, at the release position, at the
+/// end.
 fn stops() -> Vec<Stop> {
     let switch = |set, wait| Some(Switch { output: 2, set, wait });
     vec![
@@ -29,7 +30,7 @@ fn with_stops(stops: Vec<Stop>) -> Cell {
 }
 
 #[test]
-fn cm_runs_one_move_continuous_after_another_and_grips_and_releases_in_between() {
+fn cm_runs_several_move_continuous_skills_and_grips_and_releases_in_between() {
     let mut cell = with_stops(stops());
     let execution = run(&mut cell, Cm);
     assert_eq!(execution.motions, 13);
@@ -47,13 +48,13 @@ fn cm_runs_one_move_continuous_after_another_and_grips_and_releases_in_between()
         .zip(robot.skills.iter().skip(1))
         .map(|((_, at, _), (_, began)): (&(u32, Instant, u16), _)| began.since(*at))
         .collect();
-    // The robot's cycle quantises what it sees of both: the switch and the start.
+    // The robot sees the switch and the start only once per cycle.
     let around = |wait: Duration| wait - 4 * SCAN..=wait + 6 * SCAN;
     assert!(around(GRIP).contains(&waits[0]) && around(RELEASE).contains(&waits[1]), "{waits:?}");
 }
 
 #[test]
-fn sm_grips_and_releases_between_its_single_motions_as_well() {
+fn sm_also_grips_and_releases_between_its_single_motions() {
     let mut cell = with_stops(stops());
     assert_eq!(run(&mut cell, Sm).motions, 13);
     assert_eq!(cell.b().skills.len(), 13);
@@ -70,7 +71,7 @@ fn rc_leaves_the_gripper_to_the_robots_program() {
 }
 
 #[test]
-fn a_switch_at_the_very_end_is_waited_for_before_the_run_is_finished() {
+fn a_run_ends_only_after_the_wait_for_a_switch_at_its_end() {
     let switch = Switch { output: 0, set: true, wait: GRIP };
     let with = |then| {
         let mut cell = with_stops(vec![Stop { after: 13, then }]);
@@ -81,7 +82,7 @@ fn a_switch_at_the_very_end_is_waited_for_before_the_run_is_finished() {
 }
 
 #[test]
-fn one_continuous_motion_takes_the_same_to_the_nanosecond_with_its_stop_named_or_not() {
+fn one_continuous_motion_takes_the_same_nanoseconds_with_or_without_a_listed_stop() {
     let mut plain = cell(13);
     until_ready(&mut plain);
     let mut named = with_stops(vec![Stop { after: 13, then: None }]);
@@ -92,7 +93,7 @@ fn one_continuous_motion_takes_the_same_to_the_nanosecond_with_its_stop_named_or
 }
 
 #[test]
-fn a_motion_that_fails_after_a_stop_is_named_by_its_number_in_the_sequence() {
+fn a_motion_that_fails_after_a_stop_is_reported_with_its_number_in_the_sequence() {
     for execution_type in [Sm, Cm] {
         let mut cell = with_stops(stops());
         cell.command_b(|robot, _| robot.fault = Fault::Error { at: 8, number: ErrorNumber::AxisLimit });

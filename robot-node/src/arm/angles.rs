@@ -1,14 +1,15 @@
 //! Angles of vectors in the plane and vectors of angles, several at once, in degrees.
 //!
-//! An inverse kinematics ends in an arc tangent for each joint and a forward one begins with a sine and a cosine of each;
-//! those of a library come one after the other. Here all of them are worked on side by side, without a branch, in the
-//! processor's vectors, and in sums and products alone: the same bits on every machine.
+//! An inverse kinematics ends with an arc tangent for each joint, and a forward kinematics begins with a sine and a
+//! cosine of each; library functions compute them one after another. Here all of them are computed side by side,
+//! without branches, in the processor's vector units, and only from sums and products: the same bits on every
+//! computer.
 
 /// tan(22.5°)
 const TAN: f64 = core::f64::consts::SQRT_2 - 1.0;
 
-/// The polynomial in u that is nearest to atan(√u)/√u, in degrees, from u = 0 to tan²(22.5°): a Chebyshev fit, off by
-/// 2·10⁻¹⁵° at most, which is less than rounding. The highest power first, and then two powers at a time: pairs need not
+/// The polynomial in u that approximates atan(√u)/√u, in degrees, from u = 0 to tan²(22.5°): a Chebyshev fit with an
+/// error of at most 2·10⁻¹⁵°, less than rounding. The highest coefficient first, then two at a time: pairs need not
 /// wait for each other.
 const ANGLE_HIGHEST: f64 = 1.210_967_680_369_910_5;
 const ANGLE_PAIRS: [[f64; 2]; 5] = [
@@ -19,7 +20,8 @@ const ANGLE_PAIRS: [[f64; 2]; 5] = [
     [-19.098_593_171_024_635, 57.295_779_513_082_316],
 ];
 
-/// The polynomial in u that is nearest to sin(√u°)/√u, from u = 0 to 45²: a Chebyshev fit, off by 2·10⁻¹⁷ of itself.
+/// The polynomial in u that approximates sin(√u°)/√u, from u = 0 to 45²: a Chebyshev fit with a relative error of
+/// 2·10⁻¹⁷.
 const SINE_HIGHEST: f64 = 2.216_456_005_957_463_2e-33;
 const SINE_PAIRS: [[f64; 2]; 3] = [
     [-1.146_756_482_356_073_4e-27, 4.141_266_538_492_003e-22],
@@ -27,7 +29,7 @@ const SINE_PAIRS: [[f64; 2]; 3] = [
     [-8.860_961_557_012_953e-7, 0.017_453_292_519_943_295],
 ];
 
-/// The polynomial in u that is nearest to cos(√u°), likewise, off by 4·10⁻¹⁷.
+/// The polynomial in u that approximates cos(√u°), in the same way, with a relative error of 4·10⁻¹⁷.
 const COSINE_HIGHEST: f64 = 3.511_377_951_827_021e-42;
 const COSINE_PAIRS: [[f64; 2]; 4] = [
     [-2.791_617_520_664_019e-36, 1.667_982_087_225_27e-30],
@@ -36,8 +38,8 @@ const COSINE_PAIRS: [[f64; 2]; 4] = [
     [-0.000_152_308_709_893_354_3, 1.0],
 ];
 
-/// Added to a number and taken away again, this leaves the nearest whole number; between the two, the lowest bits are that
-/// number's.
+/// Adding this to a number and subtracting it again gives the nearest whole number; the lowest bits of the sum are
+/// that number's.
 const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
 
 /// Angles up to this are taken as they are, in degrees; of larger ones the full turns are taken away first.
@@ -81,7 +83,8 @@ fn polynomials<const N: usize>(highest: f64, pairs: &[[f64; 2]], at: &[f64; N]) 
     sum
 }
 
-/// The angles in degrees, −180 to 180, of the vectors (x, y), to some 10⁻¹⁴°; about 0 for one without length.
+/// Returns the angles in degrees, −180 to 180, of the vectors (x, y), accurate to some 10⁻¹⁴°; about 0 for a vector
+/// without length.
 pub(super) fn degrees<const N: usize>(x: [f64; N], y: [f64; N]) -> [f64; N] {
     let (mut tangent, mut square) = ([0.0; N], [0.0; N]);
     for i in 0..N {
@@ -107,7 +110,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_axes_and_their_bisectors_are_met_and_no_vector_has_no_angle() {
+    fn the_angles_of_the_axes_and_their_bisectors_are_exact_and_that_of_a_zero_vector_is_0() {
         let x = [1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0, 1.0, 0.0];
         let y = [0.0, 1.0, 1.0, 1.0, 0.0, -1.0, -1.0, -1.0, 0.0];
         let expected = [0.0, 45.0, 90.0, 135.0, 180.0, -135.0, -90.0, -45.0, 0.0];
@@ -117,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_has_no_angle() {
+    fn a_vector_of_nan_has_the_angle_nan() {
         assert!(degrees([f64::NAN, 1.0], [1.0, f64::NAN]).iter().all(|angle| angle.is_nan()));
     }
 
@@ -130,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_angle_has_no_sine() {
+    fn an_angle_that_is_not_finite_has_the_sine_nan() {
         let (sines, cosines) = sin_cos([f64::NAN, f64::INFINITY]);
         assert!(sines.iter().chain(&cosines).all(|value| value.is_nan()), "{sines:?} {cosines:?}");
     }
@@ -143,7 +146,7 @@ mod tests {
         ) {
             let ([sine], [cosine]) = sin_cos([degrees + turns]);
             let (expected_sine, expected_cosine) = libm::sincos(degrees.to_radians());
-            // The library's angle in radians is off by its last bit.
+            // The library's angle in radians has an error of its last bit.
             let off = 2e-16 + degrees.abs().max(360.0).to_radians() * f64::EPSILON;
             prop_assert!((sine - expected_sine).abs() < off, "sin {degrees}°: {sine}");
             prop_assert!((cosine - expected_cosine).abs() < off, "cos {degrees}°: {cosine}");

@@ -1,4 +1,4 @@
-//! The arm: from joints to poses and back, and what each joint may do.
+//! The arm: conversion between joints and poses, and the limits of the joints.
 
 mod angles;
 mod frame;
@@ -18,29 +18,29 @@ pub use surface::{Surface, contact_force};
 pub(crate) use violation::{LEAST_WAY_MM, SINGULAR_SHARE, TURNED_OVER_DEG};
 pub use violation::{Rated, Violation};
 
-/// Joints that an arm has at most. Those that an arm lacks stay 0.
+/// Largest number of joints of an arm. Joints that an arm does not have stay 0.
 pub const AXES: usize = 6;
 
-/// One value a joint: degrees, mm on a linear joint.
+/// One value per joint: degrees, or mm for a linear joint.
 pub type Joints = [f64; AXES];
 
-/// The geometry of an arm. Limits of joints are not its business but [`Arm`]'s.
+/// The geometry of an arm. [`Arm`] adds the limits of the joints.
 pub trait Kinematics: Debug + Send + Sync {
-    /// How many joints it has, at most [`AXES`].
+    /// Returns the number of joints, at most [`AXES`].
     fn axes(&self) -> usize;
 
-    /// Whether a full turn of this joint, counted from 0, brings the arm back to the same pose.
+    /// Returns whether a full turn of this joint, counted from 0, leads to the same pose.
     fn is_rotary(&self, axis: usize) -> bool;
 
-    /// The flange in the root.
+    /// Returns the pose of the flange in the root frame.
     fn forward(&self, joints: &Joints) -> Frame;
 
-    /// The joints that bring the flange there, in the configuration (elbow, wrist) of `near`; rotary joints by any
-    /// number of turns.
+    /// Returns the joints for this pose of the flange, in the configuration (elbow, wrist) of `near`; rotary joints
+    /// may be off by full turns.
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation>;
 }
 
-/// Range, rated speed, acceleration and jerk of every joint. A joint that the arm lacks has no limits.
+/// Range, rated speed, acceleration and jerk of every joint. A joint that the arm does not have has no limits.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct AxisLimits {
     /// Lowest values, in degrees (mm).
@@ -65,31 +65,31 @@ impl AxisLimits {
         jerk: [f64::INFINITY; AXES],
     };
 
-    /// The joint that such speeds load most, and the share of its rated speed.
+    /// Returns the joint that these speeds load most, and the share of its rated speed.
     #[must_use]
     pub fn speed_load(&self, speeds: &Joints) -> Load {
         Load::highest(speeds, &self.speed)
     }
 
-    /// The joint that such accelerations load most, and the share of its rated acceleration.
+    /// Returns the joint that these accelerations load most, and the share of its rated acceleration.
     #[must_use]
     pub fn acceleration_load(&self, accelerations: &Joints) -> Load {
         Load::highest(accelerations, &self.acceleration)
     }
 
-    /// The joint that such jerks load most, and the share of its rated jerk.
+    /// Returns the joint that these jerks load most, and the share of its rated jerk.
     #[must_use]
     pub fn jerk_load(&self, jerks: &Joints) -> Load {
         Load::highest(jerks, &self.jerk)
     }
 }
 
-/// The joint that is nearest to its limit.
+/// The joint closest to its limit.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Load {
-    /// Which joint, from 1.
+    /// Number of the joint, from 1.
     pub axis: u8,
-    /// What it does as a share of its limit; 1 is the limit.
+    /// Share of its limit; 1 is the limit.
     pub share: f64,
 }
 
@@ -112,12 +112,12 @@ pub struct Arm {
     kinematics: Arc<dyn Kinematics>,
     limits: AxisLimits,
     axes: usize,
-    /// Which joints are rotary.
+    /// Whether each joint is rotary.
     rotary: [bool; AXES],
 }
 
 impl Arm {
-    /// An arm of this geometry within these limits.
+    /// Creates an arm of this geometry within these limits.
     #[must_use]
     pub fn new(kinematics: Arc<dyn Kinematics>, limits: AxisLimits) -> Self {
         let axes = kinematics.axes();
@@ -125,26 +125,26 @@ impl Arm {
         Self { kinematics, limits, axes, rotary }
     }
 
-    /// How many joints it has.
+    /// Returns the number of joints.
     #[must_use]
     pub const fn axes(&self) -> usize {
         self.axes
     }
 
-    /// What the joints may do.
+    /// Returns the limits of the joints.
     #[must_use]
     pub const fn limits(&self) -> &AxisLimits {
         &self.limits
     }
 
-    /// The flange in the root.
+    /// Returns the pose of the flange in the root frame.
     #[must_use]
     pub fn forward(&self, joints: &Joints) -> Frame {
         self.kinematics.forward(joints)
     }
 
-    /// The joints that bring the flange there without a turn or a change of configuration from `near`: for the next
-    /// point of a path.
+    /// Returns the joints for this pose of the flange without a turn or a change of configuration from `near`: for
+    /// the next point of a path.
     pub fn follow(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
         let mut joints = self.kinematics.inverse(flange, near)?;
         for ((joint, near), is_rotary) in joints.iter_mut().zip(near).zip(self.rotary) {
@@ -156,8 +156,8 @@ impl Arm {
         Ok(joints)
     }
 
-    /// The joints that bring the flange there in the configuration of `near`, each rotary joint on the shortest way
-    /// that its range allows: for a target that the arm reaches point to point.
+    /// Returns the joints for this pose of the flange in the configuration of `near`, each rotary joint by the
+    /// shortest turn within its range: for a target of a point-to-point motion.
     pub fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
         let mut joints = self.kinematics.inverse(flange, near)?;
         let range = self.limits.lower.iter().zip(&self.limits.upper);
@@ -174,7 +174,8 @@ impl Arm {
         Ok(joints)
     }
 
-    /// The rotary joint (from 1) that turns most from one point of a path to the next one, and by how many degrees.
+    /// Returns the rotary joint (from 1) that turns most from one point of a path to the next, and its turn in
+    /// degrees.
     #[must_use]
     pub fn largest_turn(&self, from: &Joints, to: &Joints) -> (u8, f64) {
         let mut largest = (1, 0.0);
@@ -187,11 +188,11 @@ impl Arm {
         largest
     }
 
-    /// Whether every joint is within its range.
+    /// Returns whether every joint is within its range.
     pub fn within_range(&self, joints: &Joints) -> Result<(), Violation> {
         let AxisLimits { lower, upper, .. } = &self.limits;
         for (axis, ((value, lower), upper)) in joints.iter().zip(lower).zip(upper).enumerate() {
-            // A target on the limit itself is allowed, whatever rounding makes of it.
+            // A target on the limit itself is allowed in spite of rounding.
             if *value < lower - 1e-6 || *value > upper + 1e-6 {
                 return Err(Violation::Axis {
                     axis: axis as u8 + 1,
@@ -205,7 +206,7 @@ impl Arm {
     }
 }
 
-/// The same turn within [−180, 180].
+/// Returns the same turn within [−180, 180].
 fn shortest_turn(degrees: f64) -> f64 {
     if degrees.abs() <= 180.0 { degrees } else { degrees - 360.0 * (degrees / 360.0).round() }
 }
