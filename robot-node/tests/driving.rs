@@ -308,6 +308,32 @@ fn a_spline_that_nearly_turns_back_keeps_the_tools_jerk() {
     assert!(jerk <= most * TOLERANCE, "{jerk} mm/s³ of {most}");
 }
 
+/// The properties above once found this one: the samples leave out some of the second piece.
+#[test]
+fn a_spline_with_a_sharp_bend_keeps_the_jerk_of_every_joint() {
+    let motion = |kind, target, acceleration, approximation| Motion {
+        kind,
+        target,
+        velocity: 400,
+        acceleration,
+        approximation,
+        base: 1,
+        ..Motion::EMPTY
+    };
+    let motions = [
+        motion(MotionKind::LinCartesian, [0.0, 0.0, 10.0, 0.0, 0.0, 180.0], 500, 0),
+        motion(MotionKind::Spline, [74.31517, -31.034372, 58.709312, 0.0, 0.0, 186.40344], 500, 1),
+        motion(
+            MotionKind::Spline,
+            [54.77734, -42.203716, 37.9035, 49.090546, -7.3967624, 176.79823],
+            2_230,
+            1,
+        ),
+        motion(MotionKind::Spline, [117.89546, 55.276047, 131.55905, 19.222416, 0.0, 180.0], 500, 0),
+    ];
+    run("B", &motions, &[]).unwrap().keeps_limits().unwrap();
+}
+
 #[test]
 fn nothing_is_measured_that_is_not_there() {
     let mut watched = Watched::at_home(&config("A"));

@@ -15,7 +15,7 @@ use arrayvec::ArrayVec;
 use super::curve::Curve;
 use super::derivatives::{Channel, Derivatives, NODES, PLACES, SHARES, Samples, largest, most};
 use super::profile::Limits;
-use super::split::{Bend, Split, Stretch};
+use super::split::{Bend, Split};
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve for what the samples do not show. Where they leave out more, the curve is cut.
@@ -59,7 +59,7 @@ pub(super) struct Followed {
 /// The ways along a curve that were looked at, and the joints there.
 type Trail = ArrayVec<(f64, Joints), { PIECES as usize * NODES }>;
 
-/// Follows a curve that starts at the joints `from`.
+/// Follows a curve that starts at the joints `from`. The limits are the best ones for a way of this length from rest to rest.
 ///
 /// # Errors
 ///
@@ -81,9 +81,9 @@ pub(super) fn along(
         let unit = curve.length() / f64::from(PIECES);
         let (start, width) = (unit * f64::from(done), unit * f64::from(size));
         let (samples, end, turn) = sampled(curve, &joints, start, width, arm)?;
-        let (way, (axis, turn_deg)) = turn;
+        let (turned, (axis, turn_deg)) = turn;
         if size == 1 && turn_deg > TURNED_OVER_DEG {
-            return Err(Violation::Configuration { axis, turn_deg, way, length: curve.length() });
+            return Err(Violation::Configuration { axis, turn_deg, way: turned, length: curve.length() });
         }
         if size > 1 && turn_deg >= RESOLVED_DEG {
             size /= 2;
@@ -110,18 +110,32 @@ pub(super) fn along(
         return Err(Violation::Singular { axis: slowest_axis, share: limits.speed / programmed.speed });
     }
     if limits != programmed {
-        let off = if count == 1 { 0.0 } else { 1.0 };
-        let stretches = pieces.each_ref().map(|derivatives| Stretch { derivatives, off });
-        let split = Split { stretches: &stretches[..count], bend, programmed, arm, reserve: RESERVE };
-        let is_known =
-            |limits: &Limits| count > 1 || holds_with_what_is_left_out(limits, curve, &pieces[0], arm);
-        limits = split.fastest(way, limits, is_known);
+        limits = better(limits, (curve, way), &pieces[..count], bend, programmed, arm);
     }
     let length = curve.length();
     let from_start = unambiguous(from, trail.iter().map(|(way, joints)| (*way, joints)), length / 2.0, arm);
     let from_end = trail.iter().rev().map(|(way, joints)| (length - way, joints));
     let zones = [from_start, unambiguous(&joints, from_end, length / 2.0, arm)];
     Ok(Followed { end: joints, limits, zones })
+}
+
+/// Limits with which `way`, driven from rest to rest along the curve's pieces, takes less time than with those that are
+/// known, if there are any.
+fn better(
+    known: Limits,
+    (curve, way): (&Curve, f64),
+    pieces: &[Derivatives],
+    bend: Bend,
+    programmed: Limits,
+    arm: &Arm,
+) -> Limits {
+    let is_cut = pieces.len() > 1;
+    let mut split = Split::new(bend, programmed);
+    pieces.iter().for_each(|piece| split.add(piece, arm, RESERVE, if is_cut { 1.0 } else { 0.0 }));
+    // Of what the samples leave out little is known: the safe limits have more room for it.
+    let is_allowed =
+        |limits: &Limits| pieces.iter().all(|piece| holds_with_what_is_left_out(limits, curve, piece, arm));
+    split.fastest(way, known, is_allowed)
 }
 
 /// How far from a corner, at most `half`, no rotary joint turns by more than [`UNAMBIGUOUS_DEG`] from where it is in the

@@ -28,7 +28,7 @@ use crate::arm::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 pub(super) const BORDER_SLOPE: f64 = 2.0;
 
 /// Zones whose motions would take times that are this near to each other, as a share, are left as they are.
-const MATCHED: f64 = 0.95;
+const MATCHED: f64 = 0.8;
 
 /// A zone is found to this share of itself; it errs to the smaller side.
 const ZONE_ACCURACY: f64 = 1e-3;

@@ -9,15 +9,15 @@
 //! over |q'| left, and the tool likewise. A long curve is best driven at a high speed, a short one with a high acceleration:
 //! the speed is sought at which the way takes the least time from rest to rest.
 
-use super::derivatives::{Derivatives, most};
+use arrayvec::ArrayVec;
+
+use super::derivatives::{Channel, Derivatives, most};
 use super::profile::{Limits, reachable_speed};
-use crate::arm::Arm;
+use crate::arm::{AXES, Arm};
 
-/// Shares of the highest speed that are tried first.
-const SHARES: [f64; 7] = [1.0, 0.92, 0.84, 0.75, 0.65, 0.54, 0.42];
-
-/// By how much the best of them is changed then, to and fro.
-const STEPS: [f64; 3] = [0.04, 0.02, 0.01];
+/// Shares of the highest speed that are tried one after the other, until the way takes longer again: so far apart, so many.
+const STEP: f64 = 0.15;
+const STEPS: u32 = 5;
 
 /// The highest speed that is tried, as a share of that at which nothing is left for speeding up.
 const BELOW_NOTHING: f64 = 0.99;
@@ -26,12 +26,20 @@ const BELOW_NOTHING: f64 = 0.99;
 /// the speeding up.
 const TURNING: f64 = 0.5;
 
-/// A stretch of a curve: how joints and tool change along it.
-pub(super) struct Stretch<'a> {
-    pub(super) derivatives: &'a Derivatives,
-    /// The share of what the derivatives may be off that counts as there.
-    pub(super) off: f64,
+/// A joint along a stretch of a curve, and what it may do.
+struct Joint<'a> {
+    channel: &'a Channel,
+    /// The share of what its derivatives may be off that counts as there.
+    off: f64,
+    /// Its largest derivatives: slope, bend and twist.
+    largest: [f64; 3],
+    speed: f64,
+    acceleration: f64,
+    jerk: f64,
 }
+
+/// Joints along all stretches.
+const JOINTS: usize = 2 * AXES;
 
 /// How the tool's path bends: its curvature in 1/mm, and how that changes across the path, in 1/mm².
 #[derive(Clone, Copy, PartialEq, Default, Debug)]
@@ -48,36 +56,62 @@ impl Bend {
 
 /// What limits the speed along a curve.
 pub(super) struct Split<'a> {
-    pub(super) stretches: &'a [Stretch<'a>],
-    pub(super) bend: Bend,
-    pub(super) programmed: Limits,
-    pub(super) arm: &'a Arm,
-    /// What is kept in reserve of the axes' limits.
-    pub(super) reserve: f64,
+    joints: ArrayVec<Joint<'a>, JOINTS>,
+    bend: Bend,
+    programmed: Limits,
 }
 
-impl Split<'_> {
+impl<'a> Split<'a> {
+    /// Of a tool that may do what is programmed, and so far without joints.
+    pub(super) const fn new(bend: Bend, programmed: Limits) -> Self {
+        Self { joints: ArrayVec::new_const(), bend, programmed }
+    }
+
+    /// Adds what an arm's joints do along a stretch of the curve, with the shares of their limits that they may use, and of
+    /// what the derivatives may be off that counts as there.
+    pub(super) fn add(&mut self, stretch: &'a Derivatives, arm: &Arm, share: f64, off: f64) {
+        let rated = arm.limits();
+        for (axis, channel) in stretch.joints().iter().enumerate().take(arm.axes()) {
+            if self.joints.is_full() {
+                return;
+            }
+            self.joints.push(Joint {
+                channel,
+                off,
+                largest: [0, 1, 2].map(|order| channel.largest(order, off)),
+                speed: share * rated.speed[axis],
+                acceleration: share * rated.acceleration[axis],
+                jerk: share * rated.jerk[axis],
+            });
+        }
+    }
+
     /// The limits with which a way takes the least time from rest to rest: `known` ones, or better ones that are `allowed`.
     pub(super) fn fastest(&self, way: f64, known: Limits, allowed: impl Fn(&Limits) -> bool) -> Limits {
         let highest = self.highest_speed();
-        let mut best = (duration(way, &known), known, known.speed / highest);
+        let mut best = (duration(way, &known), known);
         let mut attempt = |share: f64| {
-            let limits = self.limits(share.min(1.0) * highest);
-            let Some(limits) = limits else { return best.2 };
+            let Some(limits) = self.limits(share * highest) else { return f64::INFINITY };
             let duration = duration(way, &limits);
             if duration < best.0 && allowed(&limits) {
-                best = (duration, limits, share);
+                best = (duration, limits);
             }
-            best.2
+            duration
         };
-        let mut share = 1.0;
-        for next in SHARES {
-            share = attempt(next);
-        }
-        for step in STEPS {
-            let middle = share;
-            attempt(middle + step);
-            share = attempt(middle - step);
+        // How long it takes at the last three shares.
+        let mut last = [f64::INFINITY, f64::INFINITY, attempt(1.0)];
+        for step in 1..STEPS {
+            let share = 1.0 - STEP * f64::from(step);
+            let [_, before, now] = last;
+            last = [before, now, attempt(share)];
+            if last[2] >= last[1] {
+                // The least lies between: where the parabola through the three has it.
+                let [above, middle, below] = last;
+                let bend = above - 2.0 * middle + below;
+                let off = if bend.is_finite() && bend > 0.0 { (below - above) / (2.0 * bend) } else { -0.5 };
+                attempt((share + STEP + off * STEP).min(1.0));
+                break;
+            }
         }
         best.1
     }
@@ -90,16 +124,11 @@ impl Split<'_> {
             .sqrt()
             .min(libm::cbrt(jerk / change))
             .min(libm::cbrt(jerk / (curvature * curvature)));
-        let rated = self.arm.limits();
         let mut speed = speed;
-        for Stretch { derivatives, off } in self.stretches {
-            for (axis, joint) in derivatives.joints().iter().enumerate().take(self.arm.axes()) {
-                let [slope, bend, twist] = [0, 1, 2].map(|order| joint.largest(order, *off));
-                speed = speed.min(self.reserve * rated.speed[axis] / slope);
-                highest = highest
-                    .min((self.reserve * rated.acceleration[axis] / bend).sqrt())
-                    .min(libm::cbrt(self.reserve * rated.jerk[axis] / twist));
-            }
+        for joint in &self.joints {
+            let [slope, bend, twist] = joint.largest;
+            speed = speed.min(joint.speed / slope);
+            highest = highest.min((joint.acceleration / bend).sqrt()).min(libm::cbrt(joint.jerk / twist));
         }
         speed.min(BELOW_NOTHING * highest)
     }
@@ -113,35 +142,30 @@ impl Split<'_> {
         let changing = change * cube;
         let turning = TURNING * (whole_jerk - changing) / (3.0 * curvature * speed);
         let mut acceleration = along(whole, curvature * square).min(turning);
-        let reserve = self.reserve;
-        let rated = self.arm.limits();
-        for (axis, joint, off) in self.joints() {
-            let (most_acceleration, most_jerk) =
-                (reserve * rated.acceleration[axis], reserve * rated.jerk[axis]);
-            let size = |order: usize, at: usize| joint.size(order, at, off);
-            least(&mut acceleration, |at| (most_acceleration - size(1, at) * square, size(0, at)));
-            least(&mut acceleration, |at| {
-                (TURNING * (most_jerk - size(2, at) * cube), 3.0 * size(1, at) * speed)
-            });
+        for joint in &self.joints {
+            let [slope, bend, twist] = joint.largest;
+            let size = |order: usize, at: usize| joint.channel.size(order, at, joint.off);
+            // As a rule a joint has more left than others.
+            if slope * acceleration + bend * square > joint.acceleration {
+                least(&mut acceleration, |at| (joint.acceleration - size(1, at) * square, size(0, at)));
+            }
+            if 3.0 * bend * speed * acceleration > TURNING * (joint.jerk - twist * cube) {
+                least(&mut acceleration, |at| {
+                    (TURNING * (joint.jerk - size(2, at) * cube), 3.0 * size(1, at) * speed)
+                });
+            }
         }
         let across = changing + 3.0 * curvature * speed * acceleration;
         let mut jerk = along(whole_jerk, across) - curvature * curvature * cube;
-        for (axis, joint, off) in self.joints() {
-            let most_jerk = reserve * rated.jerk[axis];
-            let size = |order: usize, at: usize| joint.size(order, at, off);
-            least(&mut jerk, |at| {
-                let taken = size(2, at) * cube + 3.0 * size(1, at) * speed * acceleration;
-                (most_jerk - taken, size(0, at))
-            });
+        let turning = 3.0 * speed * acceleration;
+        for joint in &self.joints {
+            let [slope, bend, twist] = joint.largest;
+            let size = |order: usize, at: usize| joint.channel.size(order, at, joint.off);
+            if slope * jerk + bend * turning + twist * cube > joint.jerk {
+                least(&mut jerk, |at| (joint.jerk - size(2, at) * cube - size(1, at) * turning, size(0, at)));
+            }
         }
         (acceleration > 0.0 && jerk > 0.0).then_some(Limits { speed, acceleration, jerk })
-    }
-
-    fn joints(&self) -> impl Iterator<Item = (usize, &super::derivatives::Channel, f64)> {
-        let axes = self.arm.axes();
-        self.stretches.iter().flat_map(move |Stretch { derivatives, off }| {
-            derivatives.joints().iter().enumerate().take(axes).map(move |(axis, joint)| (axis, joint, *off))
-        })
     }
 }
 
