@@ -1,5 +1,5 @@
-//! Motions that cannot be run: refused before anything moves, or in a stream after the last good one, with the
-//! motion's number, the quantity and its limit.
+//! Motions that cannot be run: they are refused before anything moves, or in a stream after the last good one, with
+//! the motion's number, the quantity and its limit.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -12,7 +12,7 @@ use machine::wire::BigEndian;
 use protocol::image::{ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
 use robot_node::{Program, RobotConfig};
 
-/// A good motion, changed into a bad one.
+/// Returns a good motion, changed into a bad one.
 fn but(good: Motion, change: impl FnOnce(&mut Motion)) -> Motion {
     let mut motion = good;
     change(&mut motion);
@@ -23,7 +23,7 @@ fn circle(x: f32, y: f32, through: [f32; 3]) -> Motion {
     Motion { kind: MotionKind::Circular, auxiliary: through, ..lin(x, y, 90.0) }
 }
 
-/// What is wrong with a motion that starts at (0, 40, 90) in base 1 of Setup A.
+/// Returns motions from (0, 40, 90) in base 1 of Setup A that are bad in one way each.
 fn cases() -> Vec<(&'static str, Motion, ErrorNumber)> {
     let good = lin(50.0, 40.0, 90.0);
     let down = |force| Motion { target: [0.0, 40.0, 60.0, 0.0, 0.0, 180.0], ..press(60.0, force) };
@@ -99,7 +99,7 @@ fn cases() -> Vec<(&'static str, Motion, ErrorNumber)> {
     ]
 }
 
-/// What the PLC reads from the image.
+/// Returns what the PLC reads from the image.
 fn over_the_wire(feedback: &Feedback) -> Feedback {
     let mut image = [0; IMAGE_LEN];
     feedback.emit::<BigEndian>(&mut image);
@@ -130,7 +130,7 @@ fn each_is_refused_before_anything_moves_with_number_quantity_and_limit() {
 }
 
 #[test]
-fn in_a_stream_the_run_stops_exactly_at_the_last_good_motion() {
+fn in_a_stream_the_run_stops_exactly_after_the_last_good_motion() {
     for (what, motion, error) in cases() {
         let mut robot = at_the_start();
         let mut motions: Vec<Motion> = (1..=8)
@@ -155,7 +155,7 @@ fn in_a_stream_the_run_stops_exactly_at_the_last_good_motion() {
 }
 
 #[test]
-fn one_behind_a_lin_force_is_refused_before_anything_moves_as_well() {
+fn a_bad_motion_behind_a_lin_force_is_also_refused_before_anything_moves() {
     let mut robot = at_the_start();
     let before = *robot.controller.joints();
     let down = Motion { target: [0.0, 40.0, 60.0, 0.0, 0.0, 180.0], ..press(60.0, 25.0) };
@@ -178,7 +178,7 @@ fn a_bad_motion_in_a_program_is_refused_before_anything_moves_however_late_it_co
 }
 
 #[test]
-fn a_robot_without_a_force_controller_says_so() {
+fn a_robot_without_a_force_controller_refuses_lin_force_with_that_reason() {
     let mut robot = Driven::ready(RobotConfig { force: None, ..bare("A") }, Program::default());
     robot.run(vec![ptp(100.0, 40.0, 20.0), press(5.0, 25.0)]);
     assert_eq!(
@@ -190,7 +190,8 @@ fn a_robot_without_a_force_controller_says_so() {
 #[test]
 fn a_line_through_a_singular_position_is_refused_on_six_axes() {
     let mut config = bare("B");
-    // The wrist is nearly stretched: on a line across it joints 4 and 6 would have to turn against each other at once.
+    // The wrist is nearly stretched: on a line across it, joints 4 and 6 would have to turn in opposite directions at
+    // once.
     config.home = [0.0, 0.0, 0.0, 0.0, 0.3, 0.0];
     let flange = config.arm.forward(&config.home).to_mm_deg().map(|coordinate| coordinate as f32);
     let mut target = flange;
@@ -204,10 +205,10 @@ fn a_line_through_a_singular_position_is_refused_on_six_axes() {
     assert_eq!(*robot.controller.joints(), before);
 }
 
-/// A zone reaches over at most half of the shorter neighbour, as in every controller of the field: one that is larger is
-/// no error but shrinks. The plan warns of it, and so does the bench before a run.
+/// A zone covers at most half of the shorter adjacent motion, as in common robot controllers: a larger one is not an
+/// error but shrinks. The plan warns of it, and so does the bench before a run.
 #[test]
-fn a_blend_larger_than_its_motions_shrinks_and_the_run_ends_as_wanted() {
+fn a_blend_larger_than_its_motions_shrinks_and_the_run_succeeds() {
     let mut robot = at_the_start();
     let large = Motion { approximation: 60_000, ..lin(20.0, 40.0, 90.0) };
     robot.run(vec![large, lin(20.0, 60.0, 90.0)]);

@@ -14,7 +14,7 @@ use robot_node::RobotConfig;
 use robot_node::arm::{AXES, Arm, Joints, length};
 use robot_node::motion::{Interpolator, Segment};
 
-/// How much of a limit may be exceeded.
+/// Largest allowed ratio to a limit.
 const TOLERANCE: f64 = 1.001;
 
 /// The interpolator's cycle, in s.
@@ -24,8 +24,8 @@ fn config(setup: &str) -> RobotConfig {
     RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
 }
 
-/// A motion to somewhere within the part of base 1 that both arms reach; a circle goes through a point beside its
-/// chord.
+/// Generates a motion to a target in the part of base 1 that both arms reach; a circle goes through a point beside
+/// its chord.
 fn motion(setup: &'static str) -> impl Strategy<Value = Motion> {
     let place = (-60.0..330.0_f32, -60.0..110.0_f32, 10.0..150.0_f32);
     let tilt = if setup == "A" { 0.0..1e-9_f32 } else { -12.0..12.0_f32 };
@@ -57,7 +57,7 @@ fn motion(setup: &'static str) -> impl Strategy<Value = Motion> {
     )
 }
 
-/// A motion as the arm can run it from these joints, if it can.
+/// Prepares a motion as the arm can run it from these joints, if it can.
 fn prepared(motion: &Motion, from: &Joints, config: &RobotConfig) -> Option<Segment> {
     let mut motion = *motion;
     if motion.kind == MotionKind::PtpJoint {
@@ -71,21 +71,21 @@ fn prepared(motion: &Motion, from: &Joints, config: &RobotConfig) -> Option<Segm
         motion.auxiliary =
             core::array::from_fn(|i| (start[i] as f32 + motion.target[i]) / 2.0 + motion.auxiliary[i]);
     }
-    // Close to a singular position a motion may take minutes, which shows nothing more.
+    // Close to a singular position a motion may take minutes without showing anything new.
     Segment::prepare(&motion, from, config)
         .ok()
         .filter(|segment| segment.curve.length() < 20.0 * segment.limits.speed)
 }
 
-/// An arm that is watched at every cycle.
+/// An arm that is measured in every cycle.
 struct Watched {
     arm: Arm,
     interpolator: Interpolator,
-    /// The last four places: joints and tool.
+    /// The last four positions: joints and tool.
     last: Vec<(Joints, [f64; 3])>,
-    /// The highest shares so far of rated speed, acceleration and jerk.
+    /// The largest ratios so far to rated speed, acceleration and jerk.
     loads: [f64; 3],
-    /// The tool's highest acceleration and jerk so far, in mm/s² and mm/s³.
+    /// The tool's largest acceleration and jerk so far, in mm/s² and mm/s³.
     tool: [f64; 2],
     suppressed: u32,
 }
@@ -142,7 +142,7 @@ impl Watched {
         Ok(())
     }
 
-    /// Puts the next motion on the path if there is room for it.
+    /// Appends the next motion to the path if there is room.
     fn feed(&mut self, motions: &mut std::slice::Iter<'_, Motion>, accepted: &mut u32, config: &RobotConfig) {
         if (*accepted - self.interpolator.path().executed()) as usize >= SLOTS {
             return;
@@ -158,7 +158,7 @@ impl Watched {
     }
 }
 
-/// What happens: after some cycles another override, and motions that come late for some cycles.
+/// An event: after some cycles another override, and motions that are late for some cycles.
 #[derive(Clone, Copy, Debug)]
 struct Event {
     cycles: u32,
@@ -172,7 +172,7 @@ fn event() -> impl Strategy<Value = Event> {
         .prop_map(|(cycles, factor, late_cycles)| Event { cycles, factor, late_cycles })
 }
 
-/// Drives all motions, with events on the way and then undisturbed to the end.
+/// Runs all motions, first with events and then undisturbed to the end.
 fn run(setup: &str, motions: &[Motion], events: &[Event]) -> Result<Watched, TestCaseError> {
     let config = config(setup);
     let mut watched = Watched::at_home(&config);
@@ -203,7 +203,7 @@ fn undisturbed(setup: &str, motions: &[Motion]) -> Result<(), TestCaseError> {
     watched.keeps_limits()
 }
 
-/// Stops at some moment: within a second of the last change the arm stands, and stays.
+/// Stops at some moment: within a second of the last change the arm must stand still, and stay.
 fn stopped(setup: &str, motions: &[Motion], events: &[Event]) -> Result<(), TestCaseError> {
     let config = config(setup);
     let mut watched = Watched::at_home(&config);
@@ -285,7 +285,7 @@ proptest! {
     }
 }
 
-/// The property above once found this one.
+/// A case that the property above found.
 #[test]
 fn a_spline_that_nearly_turns_back_keeps_the_tools_jerk() {
     let motion = |kind, [x, y, z]: [f32; 3], approximation| Motion {
@@ -335,7 +335,7 @@ fn a_spline_with_a_sharp_bend_keeps_the_jerk_of_every_joint() {
 }
 
 #[test]
-fn nothing_is_measured_that_is_not_there() {
+fn the_measurement_shows_a_jump_of_a_joint() {
     let mut watched = Watched::at_home(&config("A"));
     watched.last[3].0[0] += watched.arm.limits().speed[0] * CYCLE_S * 1.01;
     let moved = watched.last[3];

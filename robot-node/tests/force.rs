@@ -1,4 +1,5 @@
-//! LIN force against a simulated surface: reached without overshoot, held, and given up in every way.
+//! LIN force against a simulated surface: the force is reached without overshoot and held, and the motion is stopped
+//! in every way.
 
 mod driven;
 
@@ -6,7 +7,7 @@ use driven::{Driven, bare, lin, press, ptp, seat};
 use protocol::image::{Control, ErrorNumber, Motion, Skill, State, Status};
 use robot_node::{Program, RobotConfig, RobotEvent};
 
-/// Setup A's robot above a surface at z = 8 of 40 N/mm, its tool at z = 20.
+/// Returns Setup A's robot above a surface at z = 8 of 40 N/mm, with its tool at z = 20.
 fn above_the_seat() -> Driven {
     above(40.0)
 }
@@ -27,7 +28,7 @@ fn assert_force(robot: &Driven, wanted: f32) {
 }
 
 #[test]
-fn as_a_single_skill_it_is_done_when_the_force_stands_and_then_holds_it() {
+fn as_a_single_skill_it_is_done_once_the_force_is_stable_and_then_holds_it() {
     let mut robot = above_the_seat();
     robot.call(Skill::MoveLinForceCartesian, vec![press(5.0, 25.0)]);
     robot.wait_for_end();
@@ -45,7 +46,7 @@ fn as_a_single_skill_it_is_done_when_the_force_stands_and_then_holds_it() {
 }
 
 #[test]
-fn the_tool_goes_at_the_programmed_speed_and_never_faster() {
+fn the_tool_moves_at_the_programmed_speed_and_never_faster() {
     for tenths_mm_s in [1, 10, 50, 73, 100] {
         for percent in [20, 100] {
             let mut robot = above_the_seat();
@@ -56,7 +57,7 @@ fn the_tool_goes_at_the_programmed_speed_and_never_faster() {
             );
             let programmed = f64::from(tenths_mm_s) / 10.0 * f64::from(percent) / 100.0;
             let (mut fastest, mut before) = (0.0_f64, robot.controller.joints()[2]);
-            // A second of the approach: on this arm joint 3 is the tool's height.
+            // A second of the approach: for this arm, joint 3 is the height of the tool.
             for _ in 0..250 {
                 robot.tick();
                 let height = robot.controller.joints()[2];
@@ -70,7 +71,7 @@ fn the_tool_goes_at_the_programmed_speed_and_never_faster() {
 }
 
 #[test]
-fn on_any_surface_up_to_the_stiffest_it_settles_and_presses_no_harder_than_wanted() {
+fn on_any_surface_up_to_the_stiffest_the_force_settles_without_overshoot() {
     for stiffness in [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 35.0, 50.0] {
         for (force, tenths_mm_s) in [(2.0, 10), (2.0, 18), (25.0, 10), (25.0, 100), (100.0, 200)] {
             let mut robot = above(stiffness);
@@ -95,7 +96,7 @@ fn on_any_surface_up_to_the_stiffest_it_settles_and_presses_no_harder_than_wante
 }
 
 #[test]
-fn within_a_continuous_motion_it_is_entered_and_left_by_an_exact_stop() {
+fn within_a_continuous_motion_it_begins_and_ends_with_an_exact_stop() {
     let mut robot = above_the_seat();
     let blended = |motion: Motion| Motion { approximation: 500, ..motion };
     let motions = vec![
@@ -120,7 +121,7 @@ fn within_a_continuous_motion_it_is_entered_and_left_by_an_exact_stop() {
 }
 
 #[test]
-fn a_line_that_ends_without_contact_is_an_error_that_says_what_was_found() {
+fn a_line_that_ends_without_contact_is_an_error_with_the_force_found() {
     let mut robot = above_the_seat();
     robot.run(vec![lin(100.0, 40.0, 30.0), press(8.0, 25.0), lin(100.0, 40.0, 60.0)]);
     let feedback = *robot.feedback();
@@ -141,8 +142,8 @@ fn a_line_that_ends_without_contact_is_an_error_that_says_what_was_found() {
 }
 
 #[test]
-fn it_is_done_at_the_lines_end_if_the_force_there_is_within_its_tolerance() {
-    // 8 − 25/40 mm is where it would rest: 0.4 N less are 0.01 mm.
+fn it_is_done_at_the_end_of_the_line_if_the_force_there_is_within_its_tolerance() {
+    // At 8 − 25/40 mm it would come to rest: 0.4 N less are 0.01 mm.
     for short_mm in [0.0, 0.004, 0.008, 0.01] {
         let mut robot = above_the_seat();
         robot.run(vec![press(8.0 - 25.0 / 40.0 + short_mm, 25.0)]);
@@ -152,7 +153,7 @@ fn it_is_done_at_the_lines_end_if_the_force_there_is_within_its_tolerance() {
 }
 
 #[test]
-fn a_line_that_starts_with_more_than_the_force_is_an_error_since_there_is_no_way_back() {
+fn a_line_that_starts_with_too_much_force_is_an_error_since_it_cannot_move_back() {
     let mut robot = above_the_seat();
     robot.run(vec![press(5.0, 50.0)]);
     assert!(robot.is_done());
@@ -163,7 +164,7 @@ fn a_line_that_starts_with_more_than_the_force_is_an_error_since_there_is_no_way
 }
 
 #[test]
-fn suspended_in_contact_it_rests_and_goes_on_to_the_force_when_resumed() {
+fn suspended_in_contact_it_stands_still_and_goes_on_to_the_force_when_resumed() {
     let mut robot = above(5.0);
     robot.call(Skill::MoveLinForceCartesian, vec![press(-10.0, 25.0)]);
     robot.wait(|feedback| feedback.contact_force > 5.0);
@@ -180,7 +181,7 @@ fn suspended_in_contact_it_rests_and_goes_on_to_the_force_when_resumed() {
 }
 
 #[test]
-fn suspended_once_the_force_stands_it_is_not_done_before_it_is_resumed() {
+fn suspended_with_a_stable_force_it_is_not_done_before_it_is_resumed() {
     let mut robot = above_the_seat();
     robot.call(Skill::MoveLinForceCartesian, vec![press(5.0, 25.0)]);
     robot.wait(|feedback| feedback.contact_force > 24.6);
@@ -193,7 +194,7 @@ fn suspended_once_the_force_stands_it_is_not_done_before_it_is_resumed() {
 }
 
 #[test]
-fn halted_while_pressing_it_stays_where_it_is_and_the_next_motion_leads_away() {
+fn halted_while_pressing_it_keeps_its_position_and_the_next_motion_leads_away() {
     let mut robot = above(5.0);
     robot.call(Skill::MoveLinForceCartesian, vec![press(-10.0, 25.0)]);
     robot.wait(|feedback| feedback.contact_force > 5.0);
@@ -211,7 +212,7 @@ fn halted_while_pressing_it_stays_where_it_is_and_the_next_motion_leads_away() {
 }
 
 #[test]
-fn a_halt_ends_the_holding_and_so_does_a_lost_connection() {
+fn a_halt_and_a_lost_connection_end_the_holding_of_the_force() {
     for lose in [false, true] {
         let mut robot = above_the_seat();
         robot.run(vec![press(5.0, 25.0)]);
@@ -244,7 +245,7 @@ fn with_the_connection_lost_while_pressing_it_stops_and_can_be_led_away_later() 
 }
 
 #[test]
-fn override_slows_the_approach_and_changes_nothing_in_the_force() {
+fn the_override_slows_the_approach_and_does_not_change_the_force() {
     let mut times = Vec::new();
     for percent in [100, 50] {
         let mut robot = above_the_seat();
@@ -258,7 +259,7 @@ fn override_slows_the_approach_and_changes_nothing_in_the_force() {
 }
 
 #[test]
-fn a_program_of_the_robot_presses_switches_its_output_waits_and_leaves() {
+fn a_program_of_the_robot_presses_switches_its_output_waits_and_moves_away() {
     let config = bare("A");
     let surfaces = vec![seat(&config, 8.0, 40.0)];
     let motions = vec![ptp(100.0, 40.0, 20.0), press(5.0, 25.0), lin(100.0, 40.0, 30.0)];

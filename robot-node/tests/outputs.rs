@@ -1,4 +1,4 @@
-//! The robot's digital outputs: who switches them, and what keeps them.
+//! The robot's digital outputs: what switches them, and what does not change them.
 
 mod driven;
 
@@ -11,7 +11,7 @@ use robot_node::Program;
 
 const GRIP: u16 = 1 << 2;
 
-/// Grips after its first motion for 150 ms, and goes on.
+/// Returns a program that grips after its first motion for 150 ms, and goes on.
 fn gripping() -> Program {
     let motions = vec![ptp(0.0, 40.0, 90.0), lin(50.0, 40.0, 90.0), lin(0.0, 40.0, 90.0)];
     let then = Some(Switch { output: 2, set: true, wait: Duration::from_millis(150) });
@@ -30,7 +30,7 @@ fn a_change_of_the_plcs_outputs_switches_the_robots() {
 }
 
 #[test]
-fn neither_a_lost_connection_nor_a_plc_that_starts_anew_drops_the_part() {
+fn neither_a_lost_connection_nor_a_restarted_plc_drops_the_part() {
     let mut robot = Driven::ready(bare("A"), Program::default());
     robot.command.outputs = GRIP;
     robot.tick();
@@ -44,7 +44,7 @@ fn neither_a_lost_connection_nor_a_plc_that_starts_anew_drops_the_part() {
 }
 
 #[test]
-fn a_program_stops_exactly_switches_waits_and_goes_on_and_the_output_stays() {
+fn a_program_stops_exactly_switches_waits_and_goes_on_and_the_output_keeps_its_state() {
     let mut robot = Driven::ready(bare("A"), gripping());
     robot.call(Skill::RunProgram, Vec::new());
     robot.wait(|feedback| feedback.inputs == GRIP);
@@ -52,7 +52,7 @@ fn a_program_stops_exactly_switches_waits_and_goes_on_and_the_output_stays() {
     let [x, y, z, ..] = robot.feedback().pose;
     assert!(x.abs() < 1e-3 && (y - 40.0).abs() < 1e-3 && (z - 90.0).abs() < 1e-3);
     let switched = robot.at;
-    // The path ended within this cycle: it is the next one that finds the arm at rest.
+    // The path ended within this cycle: only the next cycle finds the arm at rest.
     robot.tick();
     robot.wait(|feedback| !feedback.status.contains(Status::AT_REST));
     let waited = robot.at.since(switched).as_millis();

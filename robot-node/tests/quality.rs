@@ -1,4 +1,4 @@
-//! What the robot tells of how well it moved, against what is known of the motion.
+//! The robot's figures of its motion's quality, compared with known figures of the motion.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -8,7 +8,7 @@ use plc::{Cell, application, lin, ptp};
 use protocol::image::{Control, Motion, Skill};
 use robot_node::{Quality, RobotEvent};
 
-/// Where the tests start, in mm.
+/// Start of the tests, in mm.
 const START: [f32; 3] = [0.0, 40.0, 40.0];
 
 fn cell_at_start() -> Cell {
@@ -35,13 +35,13 @@ fn quality_of(motions: Vec<Motion>) -> Quality {
 }
 
 #[test]
-fn a_straight_line_is_on_its_path_without_a_stop_and_as_quick_as_programmed() {
+fn a_straight_line_has_no_deviation_no_stop_and_the_programmed_acceleration() {
     let up = lin(0.0, 40.0, 140.0, 0);
     let quality = quality_of(vec![up]);
     assert_eq!((quality.stops(), quality.rests, quality.path_deviation_mm), (0, 1, 0.0));
     let share = quality.tool_acceleration.peak / up.acceleration_mm_s2();
     assert!((0.95..1.001).contains(&share), "{share} of the programmed acceleration");
-    // Only the linear joint moves: to the programmed speed once, and back to rest.
+    // Only the linear joint moves: it accelerates once to the programmed speed, and brakes once.
     let limits = *plc::config().arm.limits();
     let velocity = up.velocity_mm_s();
     let expected = velocity * velocity / (limits.speed[2] * limits.acceleration[2]);
@@ -50,7 +50,7 @@ fn a_straight_line_is_on_its_path_without_a_stop_and_as_quick_as_programmed() {
 }
 
 #[test]
-fn a_blended_corner_is_cut_without_a_stop_and_costs_less_than_one_that_is_not() {
+fn a_blended_corner_is_cut_without_a_stop_and_costs_less_than_an_exact_one() {
     let corner =
         |approximation_mm| vec![lin(100.0, 40.0, 40.0, approximation_mm), lin(160.0, 100.0, 40.0, 0)];
     let (blended, exact) = (quality_of(corner(10)), quality_of(corner(0)));
@@ -63,7 +63,7 @@ fn a_blended_corner_is_cut_without_a_stop_and_costs_less_than_one_that_is_not() 
 }
 
 #[test]
-fn a_reversal_is_a_stop_although_the_arm_stands_in_no_cycle() {
+fn a_reversal_counts_as_a_stop_although_the_arm_stands_still_in_no_cycle() {
     let quality =
         quality_of(vec![lin(0.0, 40.0, 140.0, 0), lin(0.0, 40.0, 50.0, 0), lin(0.0, 40.0, 120.0, 0)]);
     assert_eq!(quality.stops(), 2);
@@ -87,7 +87,7 @@ fn the_program_stops_only_where_it_reverses_and_single_skills_stop_after_each_mo
 }
 
 #[test]
-fn a_hold_on_the_way_is_a_stop() {
+fn a_suspended_motion_counts_as_a_stop() {
     let mut cell = cell_at_start();
     cell.call(Skill::MoveLinCartesian, vec![lin(0.0, 40.0, 140.0, 0)]);
     cell.wait(|feedback| feedback.pose[2] > 80.0);

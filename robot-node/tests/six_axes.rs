@@ -11,10 +11,10 @@ use robot_node::arm::{AXES, Joints};
 use robot_node::motion::Segment;
 use robot_node::{Controller, RobotConfig};
 
-/// How much of a limit may be exceeded: what sampling and single precision leave.
+/// Largest allowed ratio to a limit: due to sampling and single precision.
 const TOLERANCE: f64 = 1.001;
 
-/// Setup B with a controller that costs nothing.
+/// Returns Setup B with a controller whose skill calls take no time.
 fn config() -> RobotConfig {
     RobotConfig {
         interpreter_quantum: Duration::ZERO,
@@ -29,7 +29,7 @@ fn application() -> Vec<Motion> {
     found.plan(&setup).unwrap().wire_motions(&setup)
 }
 
-/// Runs motions as one continuous one and shows `watch` the joints of every cycle. Returns the last feedback.
+/// Runs motions as one continuous motion and shows `watch` the joints of every cycle. Returns the last feedback.
 fn run(config: RobotConfig, motions: &[Motion], mut watch: impl FnMut(&Joints)) -> Feedback {
     let cycle = config.cycle;
     let mut controller = Controller::new(config, Vec::new(), 1);
@@ -61,13 +61,13 @@ fn run(config: RobotConfig, motions: &[Motion], mut watch: impl FnMut(&Joints)) 
     *controller.feedback()
 }
 
-/// A motion to where the flange is at these joints.
+/// Returns a motion to the pose of the flange at these joints.
 fn to_joints(kind: MotionKind, joints: Joints) -> Motion {
     let target = config().arm.forward(&joints).to_mm_deg().map(|coordinate| coordinate as f32);
     Motion { kind, target, velocity: 1_000, acceleration: 2_000, ..Motion::EMPTY }
 }
 
-/// The error, the number of the motion it speaks of, and whether the arm has moved.
+/// Returns the error, the number of its motion, and whether the arm has moved.
 fn refused(home: Joints, motions: &[Motion]) -> (ErrorNumber, u32, bool) {
     let mut moved = false;
     let feedback = run(RobotConfig { home, ..config() }, motions, |joints| moved |= *joints != home);
@@ -76,7 +76,7 @@ fn refused(home: Joints, motions: &[Motion]) -> (ErrorNumber, u32, bool) {
 }
 
 #[test]
-fn the_arm_starts_where_the_application_ends_and_keeps_a_tenth_of_every_range() {
+fn the_arm_starts_where_the_application_ends_with_a_tenth_of_every_range_to_spare() {
     let limits = *config().arm.limits();
     let mut last = [0.0; AXES];
     let feedback = run(config(), &application(), |joints| {
@@ -103,7 +103,7 @@ fn a_line_that_turns_the_wrist_over_is_refused_before_anything_moves() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_refused_with_the_motions_number_before_anything_moves() {
+fn a_target_out_of_reach_is_refused_with_the_motions_number_before_anything_moves() {
     let home = config().home;
     let mut far = *application().first().unwrap();
     far.target[2] = 500.0;
@@ -161,7 +161,7 @@ proptest! {
             (before, step) = (*joints, next);
         });
         if feedback.status.contains(Status::ERROR) {
-            // The strip at the edge of the reach, or an axis 6 that the motions before have wound up: what cannot be
+            // At the edge of the reach, or with an axis 6 that earlier motions turned far, a motion that cannot be
             // driven is refused, never tried.
             let reasons = [
                 ErrorNumber::Unreachable,

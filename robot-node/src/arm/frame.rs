@@ -1,4 +1,4 @@
-//! Poses and their algebra: a rotation and a displacement.
+//! Poses and operations on them: a rotation and a displacement.
 
 use core::ops::Mul;
 
@@ -15,27 +15,28 @@ impl Rotation {
     /// No rotation.
     pub const IDENTITY: Self = Self { w: 1.0, v: [0.0; 3] };
 
-    /// The rotation by `angle` degrees about the unit vector `axis`.
+    /// Returns the rotation by `angle` degrees about the unit vector `axis`.
     #[must_use]
     pub fn about(axis: [f64; 3], angle: f64) -> Self {
         let ([sin], [cos]) = sin_cos([angle / 2.0]);
         Self { w: cos, v: axis.map(|part| part * sin) }
     }
 
-    /// A tool that points straight down, turned by `yaw` degrees about the upward z axis: a = yaw, b = 0, c = 180.
+    /// Returns the rotation of a tool that points straight down, turned by `yaw` degrees about the upward z axis: a =
+    /// yaw, b = 0, c = 180.
     #[must_use]
     pub fn pointing_down(yaw: f64) -> Self {
         let ([sin], [cos]) = sin_cos([yaw / 2.0]);
         Self { w: 0.0, v: [cos, sin, 0.0] }
     }
 
-    /// From the angles a, b, c in degrees about z, y' and x''.
+    /// Converts the angles a, b, c in degrees about z, y' and x''.
     #[must_use]
     pub fn from_angles([a, b, c]: [f64; 3]) -> Self {
         Self::about([0.0, 0.0, 1.0], a) * Self::about([0.0, 1.0, 0.0], b) * Self::about([1.0, 0.0, 0.0], c)
     }
 
-    /// The angles a, b, c in degrees about z, y' and x''; a and c within (−180, 180].
+    /// Returns the angles a, b, c in degrees about z, y' and x''; a and c within (−180, 180].
     #[must_use]
     pub fn angles(self) -> [f64; 3] {
         let Self { w, v: [x, y, z] } = self;
@@ -45,20 +46,20 @@ impl Rotation {
         [half_open(a.to_degrees()), libm::asin(sin_b).to_degrees(), half_open(c.to_degrees())]
     }
 
-    /// The unit quaternion w, x, y, z.
+    /// Returns the unit quaternion w, x, y, z.
     #[must_use]
     pub const fn quaternion(self) -> [f64; 4] {
         let [x, y, z] = self.v;
         [self.w, x, y, z]
     }
 
-    /// From a quaternion w, x, y, z as it is. One that is not of length 1 is only good for products, and for the ratios
-    /// of their parts.
+    /// Converts a quaternion w, x, y, z without normalising it. If its length is not 1, it may only be used in
+    /// products and in ratios of their parts.
     pub(super) const fn from_parts([w, x, y, z]: [f64; 4]) -> Self {
         Self { w, v: [x, y, z] }
     }
 
-    /// From a quaternion w, x, y, z of any length but zero.
+    /// Converts a quaternion w, x, y, z of any length except zero.
     #[must_use]
     pub fn from_quaternion(quaternion: [f64; 4]) -> Self {
         let scale = 1.0 / quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
@@ -66,13 +67,13 @@ impl Rotation {
         Self { w, v: [x, y, z] }
     }
 
-    /// The rotation that undoes this one.
+    /// Returns the inverse rotation.
     #[must_use]
     pub fn inverse(self) -> Self {
         Self { w: self.w, v: self.v.map(|part| -part) }
     }
 
-    /// Unit axis and angle in degrees, 0…180: the shorter way round.
+    /// Returns unit axis and angle in degrees, 0…180, of the shorter rotation.
     #[must_use]
     pub fn axis_angle(self) -> ([f64; 3], f64) {
         let sign = if self.w < 0.0 { -1.0 } else { 1.0 };
@@ -83,34 +84,34 @@ impl Rotation {
         (self.v.map(|part| sign * part / sin), 2.0 * libm::atan2(sin, sign * self.w).to_degrees())
     }
 
-    /// The rotated z axis.
+    /// Returns the rotated z axis.
     #[must_use]
     pub fn z_axis(self) -> [f64; 3] {
         let Self { w, v: [x, y, z] } = self;
         [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
     }
 
-    /// The square of the sine of half of [`tilt_from_down`](Self::tilt_from_down).
+    /// Returns the square of the sine of half of [`tilt_from_down`](Self::tilt_from_down).
     #[must_use]
     pub fn half_tilt_square(self) -> f64 {
         self.w * self.w + self.v[2] * self.v[2]
     }
 
-    /// The angle in degrees between the rotated z axis and straight down.
+    /// Returns the angle in degrees between the rotated z axis and straight down.
     #[must_use]
     pub fn tilt_from_down(self) -> f64 {
         let Self { w, v: [x, y, z] } = self;
         2.0 * libm::atan2((w * w + z * z).sqrt(), (x * x + y * y).sqrt()).to_degrees()
     }
 
-    /// Half of the angle by which a tool that points straight down is turned about z, as its cosine and sine.
+    /// Returns cosine and sine of half of the angle by which a tool that points straight down is turned about z.
     #[must_use]
     pub const fn half_yaw_pointing_down(self) -> [f64; 2] {
         let [cos, sin, _] = self.v;
         [cos, sin]
     }
 
-    /// A vector, rotated.
+    /// Rotates a vector.
     #[must_use]
     pub fn rotate(self, vector: [f64; 3]) -> [f64; 3] {
         let twice = cross(self.v, vector).map(|part| 2.0 * part);
@@ -122,7 +123,7 @@ impl Rotation {
 impl Mul for Rotation {
     type Output = Self;
 
-    /// First `rhs`, then `self`: the frames of a chain from left to right.
+    /// Combines two rotations: first `rhs`, then `self`, as frames of a chain from left to right.
     fn mul(self, rhs: Self) -> Self {
         let (p, q) = (self.v, rhs.v);
         let turned = cross(p, q);
@@ -133,7 +134,7 @@ impl Mul for Rotation {
     }
 }
 
-/// A pose of one frame in another: where its origin is and how it is turned.
+/// Pose of one frame in another: position of its origin and orientation.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Frame {
     /// Origin, in mm.
@@ -143,35 +144,35 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame itself.
+    /// The identity.
     pub const IDENTITY: Self = Self { position: [0.0; 3], rotation: Rotation::IDENTITY };
 
-    /// From x, y, z in mm and a, b, c in degrees about z, y', x''.
+    /// Converts x, y, z in mm and a, b, c in degrees about z, y', x''.
     #[must_use]
     pub fn from_mm_deg([x, y, z, a, b, c]: [f64; 6]) -> Self {
         Self { position: [x, y, z], rotation: Rotation::from_angles([a, b, c]) }
     }
 
-    /// x, y, z in mm and a, b, c in degrees about z, y', x''.
+    /// Returns x, y, z in mm and a, b, c in degrees about z, y', x''.
     #[must_use]
     pub fn to_mm_deg(self) -> [f64; 6] {
         let ([x, y, z], [a, b, c]) = (self.position, self.rotation.angles());
         [x, y, z, a, b, c]
     }
 
-    /// Where a point that is given in this frame is in the outer one, in mm.
+    /// Converts a point of this frame to the outer frame, in mm.
     #[must_use]
     pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
         sum(self.position, self.rotation.rotate(point))
     }
 
-    /// Where the origin of a frame that is given in this one is in the outer one, in mm.
+    /// Returns the origin in the outer frame, in mm, of a frame that is given in this one.
     #[must_use]
     pub fn origin_of(&self, inner: &Self) -> [f64; 3] {
         if *inner == Self::IDENTITY { self.position } else { self.point(inner.position) }
     }
 
-    /// The pose of the outer frame in this one.
+    /// Returns the pose of the outer frame in this one.
     #[must_use]
     pub fn inverse(self) -> Self {
         let rotation = self.rotation.inverse();
@@ -182,7 +183,7 @@ impl Frame {
 impl Mul for Frame {
     type Output = Self;
 
-    /// The pose of `rhs`, which is given in `self`, in the frame that `self` is given in.
+    /// Returns the pose of `rhs`, which is given in `self`, in the outer frame of `self`.
     fn mul(self, rhs: Self) -> Self {
         Self {
             position: sum(self.position, self.rotation.rotate(rhs.position)),
@@ -191,13 +192,13 @@ impl Mul for Frame {
     }
 }
 
-/// Distance in mm between two points.
+/// Returns the distance in mm between two points.
 #[must_use]
 pub fn distance(from: [f64; 3], to: [f64; 3]) -> f64 {
     length(core::array::from_fn(|i| to[i] - from[i]))
 }
 
-/// Length of a vector.
+/// Returns the length of a vector.
 #[must_use]
 pub fn length(vector: [f64; 3]) -> f64 {
     dot(vector, vector).sqrt()
@@ -215,7 +216,7 @@ pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// −180 and 180 are one direction; a display that flickers between both helps nobody.
+/// Maps −180 to 180: both are the same direction, and a display should not alternate between them.
 fn half_open(degrees: f64) -> f64 {
     if degrees <= -180.0 + 1e-9 { degrees + 360.0 } else { degrees }
 }
@@ -232,14 +233,14 @@ mod tests {
     }
 
     #[test]
-    fn a_base_turned_by_90_degrees_carries_its_x_along_the_roots_y() {
+    fn the_x_axis_of_a_base_turned_by_90_degrees_is_the_roots_y_axis() {
         let base = Frame::from_mm_deg([300.0, -150.0, 40.0, 90.0, 0.0, 0.0]);
         let target = Frame::from_mm_deg([100.0, 20.0, 5.0, 0.0, 0.0, 180.0]);
         assert_near((base * target).to_mm_deg(), [280.0, -50.0, 45.0, 90.0, 0.0, 180.0]);
     }
 
     #[test]
-    fn a_tool_that_points_down_is_c_180() {
+    fn a_tool_that_points_down_has_c_180() {
         assert_near(
             Frame { position: [0.0; 3], rotation: Rotation::pointing_down(30.0) }.to_mm_deg(),
             [0.0, 0.0, 0.0, 30.0, 0.0, 180.0],

@@ -8,10 +8,10 @@
 use super::angles::{degrees, sin_cos};
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
-/// How far the commanded orientation may be off from straight down, in degrees: what single precision leaves.
+/// Largest deviation of the commanded orientation from straight down, in degrees: due to single precision.
 const TILT_TOLERANCE_DEG: f64 = 0.01;
 
-/// Half of that in radians, which is its sine.
+/// Half of the tolerance in radians, which equals its sine.
 const HALF_TILT_TOLERANCE: f64 = TILT_TOLERANCE_DEG.to_radians() / 2.0;
 
 /// The geometry of a SCARA. Joints 1, 2 and 4 are in degrees, joint 3 in mm upward.
@@ -64,7 +64,7 @@ impl Kinematics for Scara {
         let cos_2 = cos_2.clamp(-1.0, 1.0);
         let elbow = if near[1] < 0.0 { -1.0 } else { 1.0 };
         let sin_2 = elbow * (1.0 - cos_2 * cos_2).sqrt();
-        // One arc tangent of the rotated target instead of a difference of two.
+        // One arc tangent of the rotated target instead of a difference of two arc tangents.
         let (along, across) = (l1 + l2 * cos_2, l2 * sin_2);
         let [half_cos, half_sin] = flange.rotation.half_yaw_pointing_down();
         let [q1, q2, half_yaw] =
@@ -93,13 +93,13 @@ mod tests {
     }
 
     #[test]
-    fn stretched_out_it_reaches_half_a_metre_along_x() {
+    fn the_straight_arm_reaches_half_a_metre_along_x() {
         let flange = KR6_R500.forward(&[0.0, 0.0, 120.0, 0.0, 0.0, 0.0]);
         assert!(distance(flange.position, [500.0, 0.0, 120.0]) < 1e-9);
     }
 
     #[test]
-    fn what_it_cannot_reach_is_refused_with_the_reach() {
+    fn a_target_out_of_reach_is_refused_with_the_reach() {
         let target = Frame::from_mm_deg([400.0, 400.0, 0.0, 0.0, 0.0, 180.0]);
         let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
         insta::assert_snapshot!(error, @"the target is 565.685 mm from axis 1; the arm reaches from 50.000 to 500.000 mm");

@@ -1,19 +1,20 @@
-//! Bringing a quantity to a wanted value, one robot cycle after another: as fast as its change, and the change of that,
-//! may be, and without passing it.
+//! Brings a quantity to a target value, one robot cycle after another: as fast as the limits of its change and of the
+//! difference of successive changes allow, and without overshoot.
 //!
-//! A law of time is no help where the wanted value is known for this cycle only, as with a contact force, or where the
-//! arm has left its path. What counts then are the differences from one cycle to the next, and these keep their limits
+//! A motion profile over time does not help if the target value is known for this cycle only, as for a contact force,
+//! or if the arm has left its path. Then the limits apply to the differences between cycles, and they are kept
 //! exactly.
 
-/// The next change, in one cycle, of a quantity that is `missing` from its wanted value and was changed by `change` in
-/// the last cycle.
+/// Returns the next change, in one cycle, of a quantity that is `missing` from its target value and was changed by
+/// `change` in the last cycle.
 ///
-/// It is at most `most`, and differs from the last one by at most `step`. Where the quantity already changes too fast to
-/// end at the wanted value it passes it, and comes back.
+/// It is at most `most`, and differs from the last one by at most `step`. If the quantity already changes too fast to
+/// stop at the target value, it overshoots and comes back.
 pub(crate) fn next_change(missing: f64, change: f64, most: f64, step: f64) -> f64 {
     let sign = 1.0_f64.copysign(missing);
     let (missing, change) = (missing.abs(), sign * change);
-    // From a change y on, with y − step, y − 2·step … after it, the quantity still goes y·n − step·n·(n − 1)/2 in all.
+    // After a change y, followed by y − step, y − 2·step …, the quantity has changed by y·n − step·n·(n − 1)/2 in
+    // total.
     let cycles = (((1.0 + 8.0 * missing / step).sqrt() - 1.0) / 2.0).ceil();
     let highest = if cycles > 0.0 { missing / cycles + step * (cycles - 1.0) / 2.0 } else { 0.0 };
     let (slower, faster) = (change - step, (change + step).min(most));
@@ -27,7 +28,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_wanted_value_is_reached_and_kept_within_both_limits(
+        fn the_target_value_is_reached_and_kept_within_both_limits(
             start in -100.0..100.0_f64,
             most in 0.1..20.0_f64,
             step in 0.01..5.0_f64,
@@ -46,7 +47,7 @@ mod tests {
         }
 
         #[test]
-        fn from_rest_the_wanted_value_is_never_passed(
+        fn from_rest_there_is_no_overshoot(
             start in 0.0..100.0_f64, most in 0.1..20.0_f64, step in 0.01..5.0_f64,
         ) {
             let (mut missing, mut change) = (start, 0.0);
