@@ -1,38 +1,38 @@
-//! How the program ends: the exit codes, and which error leads to which.
+//! The exit codes, and which error leads to which.
 
 use std::process::ExitCode;
 
 use robot_node::quality::RatingExceeded;
 
-/// How the program ends. The numbers are part of its interface: scripts and CI read them.
+/// The program's exit code. The numbers are part of its interface: scripts and CI read them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Exit {
     /// All was done as asked.
     Pass = 0,
-    /// A fault of the program itself, or of the disk that it writes to.
+    /// An error of the program itself, or of the disk that it writes to.
     Internal = 1,
-    /// The command line, a setup or an application is wrong.
+    /// An error in the command line, a setup or an application.
     Usage = 2,
     /// A figure differs from its baseline by more than its tolerance. Reserved for the gate.
     TimingRegression = 3,
-    /// A repetition failed; those before it are saved.
+    /// A repetition failed; earlier ones are saved.
     RunFailed = 4,
-    /// This machine or this user lacks what real mode needs.
+    /// This computer or this user lacks what real mode needs.
     EnvironmentUnusable = 5,
-    /// A joint exceeded its rated speed, acceleration or jerk; the repetitions before it are saved.
+    /// A joint exceeded its rated speed, acceleration or jerk; earlier repetitions are saved.
     RatingExceeded = 6,
     /// Ctrl-C or SIGTERM; the results so far are saved.
     Interrupted = 130,
 }
 
 impl Exit {
-    /// How the program ends where a repetition failed for this reason.
+    /// Returns the exit code of a run in which a repetition failed for this reason.
     #[must_use]
     pub fn of_run(error: &anyhow::Error) -> Self {
         if error.is::<RatingExceeded>() { Self::RatingExceeded } else { Self::RunFailed }
     }
 
-    /// Whether a repetition failed.
+    /// Returns whether a repetition failed.
     #[must_use]
     pub const fn is_failed_run(self) -> bool {
         matches!(self, Self::RunFailed | Self::RatingExceeded)
@@ -45,37 +45,37 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// An error and the code that the program ends with for it.
+/// An error and its exit code.
 #[derive(Debug)]
 pub struct Failure {
-    /// The code.
+    /// The exit code.
     pub exit: Exit,
     /// What was being done, what was found, what to do.
     pub error: anyhow::Error,
 }
 
 impl Failure {
-    /// A failure that ends the program with `exit`.
+    /// Creates a failure that ends the program with `exit`.
     pub fn new(exit: Exit, error: impl Into<anyhow::Error>) -> Self {
         Self { exit, error: error.into() }
     }
 }
 
-/// What is wrong with a setup is for the user to put right.
+/// The user can correct an error in a setup.
 impl From<setup::Error> for Failure {
     fn from(error: setup::Error) -> Self {
         Self::new(Exit::Usage, error)
     }
 }
 
-/// So is what is wrong with an application.
+/// The user can correct an error in an application.
 impl From<planning::Error> for Failure {
     fn from(error: planning::Error) -> Self {
         Self::new(Exit::Usage, error)
     }
 }
 
-/// Whatever has no code of its own is internal.
+/// An error without a code of its own is internal.
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         let exit = if error.is::<RatingExceeded>() { Exit::RatingExceeded } else { Exit::Internal };

@@ -1,17 +1,17 @@
-//! What a person or another program gets to see.
+//! Output of the bench, for people and for other programs.
 //!
 //! ```text
-//! table      what is printed; quality is its second part, screen lays both out
+//! table      the printed table; quality is its second part, screen lays both out
 //! progress   the live view
-//! report     report.html of a run, and runs beside each other; html has what all pages share
-//! export     the results once more, in the forms that other programs read
-//! timeline   a trace as Perfetto opens it
-//! playback   a trace as Foxglove and Rerun open it, where it is built in
+//! report     report.html of a run, and comparisons of runs; html has what all pages share
+//! export     the results in formats of other programs
+//! timeline   a trace for Perfetto
+//! playback   a trace for Foxglove and Rerun, if it is built in
 //! exit       the exit codes
 //! ```
 //!
-//! Here are `print!` and `println!` for a reader that may be gone; [`errln!`] is that of the nodes.
-//! Words that are lost although somebody wants them, on a full disk for instance, are a failure: they were to be kept.
+//! This module has `print!` and `println!` for a reader that may be gone; [`errln!`] is the nodes'. Output that is lost
+//! although there is a reader, for example on a full disk, is a failure, because it was meant to be kept.
 
 pub mod exit;
 pub mod export;
@@ -33,19 +33,19 @@ use node::output;
 
 use exit::Exit;
 
-/// As [`print!`], and no panic where nobody reads any more.
+/// Prints like [`print!`], without a panic if the reader is gone.
 #[macro_export]
 macro_rules! out {
     ($($words:tt)*) => { $crate::output::to_stdout(format_args!($($words)*)) };
 }
 
-/// As [`println!`], and no panic where nobody reads any more.
+/// Prints like [`println!`], without a panic if the reader is gone.
 #[macro_export]
 macro_rules! outln {
     ($($words:tt)*) => { $crate::out!("{}\n", format_args!($($words)*)) };
 }
 
-/// What [`out!`] does. Ends the program where the words cannot be written although somebody wants them.
+/// Writes to standard output, for [`out!`]. Ends the program if writing fails although there is a reader.
 pub fn to_stdout(words: Arguments<'_>) {
     if let Err(error) = output::to_stdout(words) {
         errln!("error: cannot write to standard output: {error}");

@@ -1,4 +1,4 @@
-//! How well the arm moved, as a table.
+//! Quality of the arm's motion, as a table.
 
 use plc_node::ExecutionType;
 
@@ -7,7 +7,7 @@ use super::screen::{self, drawn, styled};
 use crate::records::quality::{Load, MotionQuality};
 use crate::records::results::Results;
 
-/// What is shown, with its unit.
+/// The shown quantities, with their units.
 pub const COLUMNS: [[&str; 2]; 7] = [
     ["off path", "mm"],
     ["stops", ""],
@@ -18,7 +18,7 @@ pub const COLUMNS: [[&str; 2]; 7] = [
     ["energy proxy", "ms"],
 ];
 
-/// The columns that both the screen and the report show, in the units of [`COLUMNS`].
+/// Formats the columns for the screen and for the report, in the units of [`COLUMNS`].
 #[must_use]
 pub fn cells(quality: &MotionQuality) -> [String; COLUMNS.len()] {
     let stops = quality.stops;
@@ -37,14 +37,14 @@ pub fn cells(quality: &MotionQuality) -> [String; COLUMNS.len()] {
     ]
 }
 
-/// What the columns mean, in sentences.
+/// Meaning of the columns, in sentences.
 pub const LEGEND: [&str; 3] = [
     "Peak / root mean square over the time in which the arm moves, by differences from one robot cycle to the next.",
     "Worst joint: the one nearest to its rated acceleration; worst jerk: of the joint nearest to its rated jerk.",
     "Energy proxy: sum over the joints of ∫ |acceleration · speed| dt, each by its rated value: ms at rated power.",
 ];
 
-/// What single skills cost more than one MoveContinuousSkill, in a sentence; none without both.
+/// Returns a sentence on what single skills cost more than one MoveContinuousSkill; `None` if either is missing.
 #[must_use]
 pub fn summary(results: &Results) -> Option<String> {
     let quality = |execution_type| results.results.get(execution_type).and_then(|result| result.quality);
@@ -63,7 +63,7 @@ pub fn summary(results: &Results) -> Option<String> {
     ))
 }
 
-/// The second table on screen; none where no robot said how it moved.
+/// Formats the second table of the screen; `None` if the robot did not report the quality of its motion.
 #[must_use]
 pub fn table(results: &Results) -> Option<String> {
     let mut table = styled();

@@ -1,4 +1,4 @@
-//! Runs beside each other: a table on screen, and a page with the samples on one axis.
+//! Comparison of runs: a table on screen, and a page with the samples on one axis.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ use crate::records::schedule::repetitions;
 
 const TEMPLATE: &str = include_str!("compare.html");
 
-/// A run, told from the others by a number.
+/// A run, identified by a number.
 #[derive(Serialize)]
 struct Column {
     number: usize,
@@ -49,7 +49,7 @@ const ROWS: [&str; 10] = [
     "AETi",
 ];
 
-/// Runs beside each other; the others are set against the first.
+/// Several runs, compared with the first.
 #[derive(Debug)]
 pub struct Comparison {
     runs: Vec<Run>,
@@ -60,18 +60,18 @@ impl Comparison {
     ///
     /// # Errors
     ///
-    /// A directory holds no run.
+    /// A directory contains no run.
     pub fn load(directories: &[PathBuf]) -> Result<Self, Failure> {
         Ok(Self { runs: directories.iter().map(|path| Run::load(path)).collect::<Result<_, _>>()? })
     }
 
-    /// The table for the screen.
+    /// Formats the table for the screen.
     #[must_use]
     pub fn table(&self) -> String {
         table(&columns(&self.runs))
     }
 
-    /// The page, as HTML.
+    /// Returns the page as HTML.
     ///
     /// # Errors
     ///

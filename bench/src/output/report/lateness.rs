@@ -1,4 +1,4 @@
-//! How late the cycles of a real run were, as histograms with logarithmic axes: the rare stall is what matters.
+//! Lateness of the cycles of a real run, as histograms with logarithmic axes: rare stalls are what matters.
 
 use plotters::element::Rectangle;
 use plotters::prelude::{Color, RGBColor};
@@ -11,12 +11,12 @@ use crate::records::results::Cycles;
 const PANEL: f64 = 120.0;
 const TITLE: f64 = 30.0;
 
-/// The buckets are a sixteenth of a power of two wide.
+/// Lower bound of a bucket relative to its upper bound: buckets are a sixteenth of a power of two wide.
 const BUCKET: f64 = 1.0 - 1.0 / 17.0;
 
 const BAR: RGBColor = RGBColor(0x6B, 0x5F, 0xC7);
 
-/// Draws the figure; none where no cycle was late, as in virtual time.
+/// Draws the figure; `None` if no cycle was late, as in virtual time.
 pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<(&str, &CycleLateness)> = [("PLC scans", &cycles.plc), ("Robot cycles", &cycles.robot)]
         .into_iter()
@@ -48,7 +48,7 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
         let mut chart = axes.draw(format, &panel.area)?;
         let bars = cycle.buckets.iter().map(|(upper_us, count)| {
             let left = libm::log10((upper_us * BUCKET).max(1.0));
-            // A single cycle is drawn too: log 1 is 0.
+            // A single cycle must be visible, too: log 1 is 0.
             let height = libm::log10(f64::from(*count) * 1.25);
             Rectangle::new([(left, 0.0), (libm::log10(upper_us.max(1.07)), height)], BAR.filled())
         });
@@ -58,7 +58,7 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
     Ok(Some(svg))
 }
 
-/// A power of ten by its exponent; nothing between them.
+/// Formats a power of ten, given its exponent; empty between two powers.
 fn power(exponent: &f64) -> String {
     if (exponent - exponent.round()).abs() > 1e-6 {
         return String::new();

@@ -29,22 +29,22 @@ use run::Run;
 /// The report's name in the run directory.
 pub const FILE: &str = "report.html";
 
-/// Draws the report of a run into its directory and says where it is.
+/// Writes the report of a run into its directory and returns its path.
 ///
 /// # Errors
 ///
-/// As [`render`], or the report cannot be written.
+/// The same as for [`render`], or the report cannot be written.
 pub fn write(directory: &Path) -> Result<PathBuf, Failure> {
     let path = directory.join(FILE);
     replace(&path, render(directory)?, Durability::Synced)?;
     Ok(path)
 }
 
-/// The report of a run as HTML.
+/// Returns the report of a run as HTML.
 ///
 /// # Errors
 ///
-/// There is no run, or it is of another version.
+/// There is no run, or it has another version.
 pub fn render(directory: &Path) -> Result<String, Failure> {
     Ok(page::render(&Run::load(directory)?)?)
 }

@@ -1,4 +1,4 @@
-//! The numbers of a run's setup, each with where it comes from.
+//! The numbers of a run's setup, each with its provenance.
 
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ pub(super) struct Number {
     note: String,
 }
 
-/// Every number that has a provenance; what was calibrated first, what is known last.
+/// Returns every number with a provenance; calibrated ones first, known ones last.
 pub(super) fn of(run: &Run) -> anyhow::Result<Vec<Number>> {
     let mut numbers = Vec::new();
     if let Some(setup) = &run.setup {

@@ -1,4 +1,4 @@
-//! The report's words, tables and figures, as its template takes them.
+//! The report's texts, tables and figures, for its template.
 
 use plc_node::ExecutionType;
 use serde::Serialize;
@@ -59,7 +59,7 @@ struct Banner {
     text: String,
 }
 
-/// A type's line of the table.
+/// A type's row of the table.
 #[derive(Serialize)]
 struct Row {
     name: String,
@@ -82,7 +82,7 @@ struct Improvement {
     paper: String,
 }
 
-/// How the arm moved in the runs of a type.
+/// Quality of the arm's motion in the runs of a type.
 #[derive(Serialize)]
 struct QualityRow {
     name: String,
@@ -91,7 +91,7 @@ struct QualityRow {
 
 const NONE: &str = "–";
 
-/// The report as HTML.
+/// Returns the report as HTML.
 pub(super) fn render(run: &Run) -> anyhow::Result<String> {
     fill(TEMPLATE, &page(run)?)
 }
@@ -153,7 +153,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
             traced(&|trace| queue::draw(trace, format))
         })?,
         lateness: Figure::draw("Histograms of the cycles' lateness", |format| {
-            // The rounding between two clocks is no lateness.
+            // In virtual time the only lateness is rounding between two clocks.
             if results.mode == "real" { lateness::draw(&results.cycle, format) } else { Ok(None) }
         })?,
         cycles: cycles(results),
@@ -207,7 +207,7 @@ fn banner(results: &Results) -> Option<Banner> {
     }
 }
 
-/// The result in a sentence or two.
+/// Returns the result in one or two sentences.
 fn summary(results: &Results) -> Option<String> {
     let figure = |execution_type| results.figure(execution_type);
     let (rc, sm, cm) = (figure(ExecutionType::Rc)?, figure(ExecutionType::Sm)?, figure(ExecutionType::Cm)?);
@@ -228,7 +228,7 @@ fn summary(results: &Results) -> Option<String> {
     ))
 }
 
-/// What one run can say about CM against RC, whatever the host did to both.
+/// Returns what this one run shows about CM against RC, independent of the host's influence on both.
 fn ratio(results: &Results) -> Option<String> {
     let samples = |execution_type| Some(results.results.get(execution_type)?.samples_ms.as_slice());
     let found = Ratio::of(samples(ExecutionType::Cm)?, samples(ExecutionType::Rc)?, results.seed)?;

@@ -1,4 +1,4 @@
-//! The path of the tool from above and from the side, with the targets and where the path may leave them.
+//! The tool's path from above and from the side, with the targets and their approximation distances.
 
 use planning::Application;
 use plc_node::ExecutionType;
@@ -11,7 +11,7 @@ use setup::Setup;
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
 use crate::records::trace::Trace;
 
-/// One of the two views: which coordinates lie along its axes.
+/// One of the two views: the coordinates on its axes.
 struct View {
     title: &'static str,
     x: (usize, &'static str),
@@ -26,17 +26,17 @@ const VIEWS: [View; 2] = [
 /// Height of a view's title in pixels.
 const TITLE: f64 = 54.0;
 
-/// Least extent of an axis in mm, so that a path in a plane is seen as one.
+/// Smallest extent of an axis in mm, so that a path in a plane looks plane.
 const LEAST: f64 = 40.0;
 
-/// A target and the radius in which the path may leave it, in mm.
+/// A target and its approximation distance, in mm.
 struct Target {
     number: usize,
     at: [f64; 3],
     approximation: f64,
 }
 
-/// Draws both views; none without any tick.
+/// Draws both views; `None` without ticks.
 pub(super) fn draw(
     trace: &Trace,
     setup: Option<&Setup>,
@@ -47,7 +47,7 @@ pub(super) fn draw(
         let ticks = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
         ticks
             .iter()
-            // Until it moves for the first time the robot reports its pose in no base in particular.
+            // Before its first motion, the robot reports its pose in an undefined base.
             .skip_while(|tick| tick.path_speed_mm_s == 0.0)
             .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.pose.get(axis).copied().unwrap_or(0.0))))
             .collect()
@@ -71,7 +71,7 @@ pub(super) fn draw(
         (low - lack - room, high + lack + room)
     };
     let extents: Vec<_> = VIEWS.iter().map(|view| (ends(view.x.0), ends(view.y.0))).collect();
-    // As many pixels a millimetre on both axes: a corner has the angle that it has.
+    // The same scale on both axes, so that angles are shown correctly.
     let heights: Vec<f64> =
         extents.iter().map(|(x, y)| (y.1 - y.0) / (x.1 - x.0) * inner + Axes::below(true) + 6.0).collect();
     let height = heights.iter().sum::<f64>() + TITLE * VIEWS.len() as f64;
@@ -102,7 +102,7 @@ pub(super) fn draw(
                 chart.draw_series([zone])?;
             }
             for (execution_type, path) in &paths {
-                // Where the paths are the same they lie in each other, the one below wider.
+                // Where paths coincide, the lower one is drawn wider.
                 let (width, strength) = match execution_type {
                     ExecutionType::Sm => (7.0, 0.4),
                     ExecutionType::Rc => (4.0, 0.5),
@@ -113,7 +113,7 @@ pub(super) fn draw(
                 chart.draw_series([PathElement::new(line, style)])?;
             }
             for target in &targets {
-                // The backend gives the outline of a circle no width.
+                // The backend draws the outline of a circle without a width.
                 for (radius, colour) in [(3.6, INK), (2.3, PAPER)] {
                     chart.draw_series([Circle::new(flat(&target.at), px(radius), colour.filled())])?;
                 }
@@ -123,7 +123,7 @@ pub(super) fn draw(
                 let (left, above) = part.get_base_pixel();
                 let (x, y) = (x - left, y - above - px(15.0));
                 let style = text(format.pick(12.0, 11.0), INK);
-                // Numbers at the right end would leave the figure.
+                // At the right edge the numbers would leave the figure.
                 let (x, side) = if x > px(format.width() * 0.88) {
                     (x - px(7.0), HPos::Right)
                 } else {
@@ -149,7 +149,7 @@ fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<Targ
     motions.iter().enumerate().map(target).collect()
 }
 
-/// The targets' numbers and where they stand; those that would lie on each other are set as one.
+/// Returns the targets' numbers and positions; numbers at the same position are combined.
 fn labels(
     targets: &[Target],
     flat: impl Fn(&[f64; 3]) -> (f64, f64),
@@ -167,7 +167,7 @@ fn labels(
     labels
 }
 
-/// Rising numbers as text: `1, 3–5`.
+/// Formats ascending numbers as text: `1, 3–5`.
 fn ranges(numbers: &[usize]) -> String {
     let runs = numbers.chunk_by(|before, after| before + 1 == *after);
     let written = runs.map(|run| match run {
@@ -177,7 +177,7 @@ fn ranges(numbers: &[usize]) -> String {
     written.collect::<Vec<_>>().join(", ")
 }
 
-/// The points that are further than `least` from the one before; the last stays.
+/// Returns the points that are further than `least` from the previous one; always keeps the last one.
 fn thinned(points: impl Iterator<Item = (f64, f64)>, least: f64) -> Vec<(f64, f64)> {
     let mut kept: Vec<(f64, f64)> = Vec::new();
     let mut last = None;

@@ -1,4 +1,4 @@
-//! How full the five slots of the image are while a skill runs.
+//! Number of filled slots of the image while a skill runs.
 
 use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
@@ -15,7 +15,7 @@ const TITLE: f64 = 30.0;
 /// Slots of the image.
 const SLOTS: f64 = protocol::image::SLOTS as f64;
 
-/// Draws the figure; none without a scan. RC has no part in it: the robot has its program already.
+/// Draws the figure; `None` without scans. RC is left out, because its program is already in the robot.
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = [ExecutionType::Sm, ExecutionType::Cm]
         .into_iter()
@@ -56,12 +56,12 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
     Ok(Some(svg))
 }
 
-/// What the robot has taken and not executed.
+/// Returns the motions that the robot has accepted and not executed yet.
 fn held(recording: &Recording) -> Vec<(f64, f64)> {
     steps(recording.robot_ticks().iter().map(|tick| (tick.at_ms / 1e3, tick.queued())))
 }
 
-/// A count over time as a line with steps.
+/// Returns a count over time as a line with steps.
 fn steps(counts: impl Iterator<Item = (f64, u32)>) -> Vec<(f64, f64)> {
     let mut line: Vec<(f64, f64)> = Vec::new();
     let mut end = None;

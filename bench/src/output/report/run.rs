@@ -1,4 +1,4 @@
-//! A run as its directory has it.
+//! The content of a run's directory.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::records::results::Results;
 use crate::records::run_directory;
 use crate::records::trace::{Trace, tables};
 
-/// Everything of a run that a report shows.
+/// Everything of a run that its report shows.
 #[derive(Debug)]
 pub(super) struct Run {
     pub(super) directory: PathBuf,
@@ -21,12 +21,12 @@ pub(super) struct Run {
     /// `host.json`, key by key.
     pub(super) host: Option<serde_json::Map<String, serde_json::Value>>,
     pub(super) trace: Option<Trace>,
-    /// What is missing besides the results, and why.
+    /// What is missing besides the results, with the reason.
     pub(super) missing: Vec<String>,
 }
 
 impl Run {
-    /// Reads a run directory. Only the results must be there; what else is missing is named in the report.
+    /// Reads a run directory. Only the results are required; the report names other missing parts.
     pub(super) fn load(directory: &Path) -> Result<Self, Failure> {
         let results = run_directory::results(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
         let mut missing = Vec::new();
@@ -48,7 +48,7 @@ impl Run {
             .map_err(&mut or_missing)
             .ok();
         let trace = match directory.join(tables::ROBOT_FILE).exists() {
-            // A run whose nodes were killed may have none; the report says so in its place.
+            // A run whose nodes were killed may have none; the report says so instead.
             false => None,
             true => read(tables::ROBOT_FILE)
                 .and_then(|robot| Ok((robot, read(tables::PLC_FILE)?)))
@@ -59,13 +59,13 @@ impl Run {
         Ok(Self { directory: directory.to_owned(), results, setup, application, host, trace, missing })
     }
 
-    /// The directory's own name, by which the run is told from others.
+    /// Returns the directory's name, which identifies the run.
     pub(super) fn name(&self) -> String {
         let name = self.directory.file_name().or_else(|| self.directory.parent()?.file_name());
         name.map_or_else(|| self.directory.display().to_string(), |name| name.to_string_lossy().into_owned())
     }
 
-    /// A value of `host.json` as text.
+    /// Returns a value of `host.json` as text.
     pub(super) fn host(&self, key: &str) -> Option<&str> {
         self.host.as_ref()?.get(key)?.as_str()
     }

@@ -5,23 +5,23 @@ use plotters::prelude::{Color, RGBColor};
 
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, px, stroke, text};
 
-/// Height of a row's strip and box, and of the text above, in pixels.
+/// Height of a row's strip and box, and of the text above them, in pixels.
 const ROW: f64 = 74.0;
 const TITLE: f64 = 30.0;
 
 /// One row.
 pub(super) struct Row {
-    /// What it is, short.
+    /// Its short name.
     pub(super) name: String,
-    /// What follows the name.
+    /// Text behind the name.
     pub(super) about: String,
     /// Colour of the name and of the marks.
     pub(super) colour: RGBColor,
-    /// The samples in the order in which they were taken, as they stand on the axis, in ms.
+    /// The samples in the order of their measurement, in ms.
     pub(super) samples: Vec<f64>,
 }
 
-/// Draws the rows; none without any sample.
+/// Draws the rows; `None` without samples.
 pub(super) fn draw(rows: &[Row], x_title: &str, format: Format) -> anyhow::Result<Option<String>> {
     let samples = || rows.iter().flat_map(|row| row.samples.iter().copied());
     let (low, high) = samples()
@@ -47,7 +47,7 @@ pub(super) fn draw(rows: &[Row], x_title: &str, format: Format) -> anyhow::Resul
         let mut chart = axes.draw(format, &panel.area)?;
         let count = row.samples.len().max(1) as f64;
         let dots = row.samples.iter().enumerate().map(|(index, sample)| {
-            // From top to bottom in the order of the repetitions: a drift is seen as a slope.
+            // From top to bottom in the order of the repetitions: a drift appears as a slope.
             let y = 0.94 - 0.50 * (index as f64 + 0.5) / count;
             Circle::new((*sample, y), px(format.pick(3.4, 2.8)), row.colour.mix(0.75).filled())
         });
@@ -77,7 +77,7 @@ fn draw_box(chart: &mut chart::Chart<'_, '_>, quartiles: &Quartiles) -> anyhow::
     Ok(())
 }
 
-/// What a box shows.
+/// The values that a box shows.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Quartiles {
     low: f64,
@@ -88,7 +88,7 @@ struct Quartiles {
 }
 
 impl Quartiles {
-    /// By linear interpolation between the samples; none of none.
+    /// Computes the quartiles by linear interpolation between the samples; `None` without samples.
     fn of(samples: &[f64]) -> Option<Self> {
         let mut sorted = samples.to_vec();
         sorted.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Path speed over time, one panel a type above each other on one time axis: why SM takes longer.
+//! Path speed over time, a panel per type on one time axis: shows why SM takes longer.
 
 use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
@@ -12,7 +12,7 @@ use crate::records::trace::{RobotTick, Trace};
 const PANEL: f64 = 130.0;
 const TITLE: f64 = 40.0;
 
-/// Draws the figure; none without any tick.
+/// Draws the figure; `None` without ticks.
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = ExecutionType::ALL
         .into_iter()
@@ -75,7 +75,7 @@ fn title(
     Ok(())
 }
 
-/// When each motion was done, in ms.
+/// Returns when each motion was done, in ms.
 pub(super) fn ends(ticks: &[RobotTick]) -> impl Iterator<Item = f64> {
     let count = |tick: &RobotTick| (tick.command, tick.executed);
     ticks.windows(2).filter_map(move |pair| match pair {

@@ -154,7 +154,7 @@ impl Cable {
     pub(super) fn watch(&mut self, on: bool) -> Result<(), RigError> {
         let Some(frames) = &self.frames else { return Ok(()) };
         if !on {
-            // What passed until now is seen before nobody wants it any more.
+            // Frames up to now are recorded before the log stops collecting.
             let stopped = all(self.watchers.drain(..).map(|watcher| watcher.stop().map(drop)));
             frames.want(false);
             return Ok(stopped?);
@@ -174,7 +174,7 @@ impl Cable {
         self.discarded = true;
     }
 
-    /// Ends whoever listens in, so that the last frame is in the file. Says what came of the faults until then.
+    /// Stops the recorders, so that the last frame is in the file. Returns the result of the faults so far.
     pub(super) fn end_capture(&mut self) -> Result<Option<FaultReport>, RigError> {
         let watched = self.watch(false);
         let end =

@@ -150,7 +150,7 @@ impl LongRun {
     /// The list could not be read or planned to its end, or the run failed.
     pub fn finish(self, ended: anyhow::Result<Execution>) -> anyhow::Result<Finished> {
         let [sent, accepted] = self.digests().map(|digest| digest.sum());
-        // The source goes with the PLC: whoever still makes motions for it ends.
+        // Dropping the source with the PLC ends the thread that supplies its motions.
         drop(self.run);
         let list = self.supply.finish();
         match (ended, list) {
