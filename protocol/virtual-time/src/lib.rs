@@ -13,11 +13,13 @@ extern crate alloc;
 mod clock;
 mod in_flight;
 mod link;
+mod network;
 mod stream;
 mod tap;
 
 pub use clock::Clock;
 pub use link::{Fate, Impairment, Link, LinkCounters};
+pub use network::{Network, StationId};
 pub use tap::{Carrier, Segment, Tapped};
 
 use alloc::boxed::Box;
@@ -433,6 +435,3 @@ fn holding(spare: Option<Box<[u8]>>, bytes: Option<&[u8]>) -> Box<[u8]> {
     }
     buf
 }
-
-#[cfg(test)]
-mod tests;

@@ -12,3 +12,4 @@ mod one;
 mod refusals;
 mod samples;
 mod scanner_hostile;
+mod two_adapters;

@@ -15,3 +15,4 @@ mod device;
 mod loss;
 mod pair;
 mod samples;
+mod two_devices;

@@ -1,7 +1,19 @@
-use super::*;
-use alloc::string::String;
-use core::fmt::Write;
-use machine::{Attempt, Duration, PortRequest, StreamChange, StreamId, StreamRequest};
+//! Two machines on one cable.
+#![expect(
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    reason = "helpers of tests may fail as loudly as tests"
+)]
+
+use std::collections::VecDeque;
+use std::fmt::Write;
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+use machine::{
+    Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
+};
+use virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {

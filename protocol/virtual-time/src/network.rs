@@ -1,0 +1,251 @@
+//! Any number of machines on one switch, in virtual time: for what concerns more stations than the two of a
+//! [`Pair`](crate::Pair). All have the same clock, and every frame arrives after the same delay.
+
+use alloc::collections::VecDeque;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use machine::ethernet::{EthernetHeader, Mac};
+use machine::wire::FRAME_CAPACITY;
+use machine::{
+    Attempt, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
+
+/// The port that a station connects from over TCP; the stream's number tells connections apart.
+const EPHEMERAL_PORT: u16 = 50_000;
+
+/// A station of a [`Network`].
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct StationId(usize);
+
+#[derive(Debug)]
+struct Station<M> {
+    machine: M,
+    mac: Mac,
+    address: Option<Ipv4Addr>,
+    timeout: Option<Instant>,
+}
+
+/// A TCP connection: who asked for it, and who accepted it.
+#[derive(Clone, Copy, Debug)]
+struct Stream {
+    id: StreamId,
+    ends: [StationId; 2],
+}
+
+/// What arrives at a station.
+#[derive(Debug)]
+enum Arrival {
+    Frame { from: Source, to_all: bool, frame: Vec<u8> },
+    Stream(StreamId, StreamChange),
+}
+
+/// Machines on one switch.
+#[derive(Debug)]
+pub struct Network<M: Machine> {
+    now: Instant,
+    delay: Duration,
+    stations: Vec<Station<M>>,
+    /// In the order of arrival, since every frame takes as long.
+    in_flight: VecDeque<(Instant, StationId, Arrival)>,
+    streams: Vec<Stream>,
+    next_stream: u32,
+    events: VecDeque<(StationId, M::Event)>,
+    buf: Vec<u8>,
+}
+
+impl<M: Machine> Network<M> {
+    /// A switch without stations, on which every frame arrives after `delay`.
+    #[must_use]
+    pub fn new(delay: Duration) -> Self {
+        Self {
+            now: Instant::ZERO,
+            delay,
+            stations: Vec::new(),
+            in_flight: VecDeque::new(),
+            streams: Vec::new(),
+            next_stream: 1,
+            events: VecDeque::new(),
+            buf: vec![0; FRAME_CAPACITY],
+        }
+    }
+
+    /// Connects a station.
+    pub fn add(&mut self, machine: M, mac: Mac, address: Option<Ipv4Addr>) -> StationId {
+        let id = StationId(self.stations.len());
+        self.stations.push(Station { machine, mac, address, timeout: None });
+        self.settle(id);
+        id
+    }
+
+    /// The time on every station's clock.
+    #[must_use]
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// A station's machine; `None` for a station of another network.
+    #[must_use]
+    pub fn machine(&self, id: StationId) -> Option<&M> {
+        self.stations.get(id.0).map(|station| &station.machine)
+    }
+
+    /// Gives a command to a station's machine.
+    pub fn command<R>(&mut self, id: StationId, command: impl FnOnce(&mut M, Instant) -> R) -> Option<R> {
+        let now = self.now;
+        let result = command(&mut self.stations.get_mut(id.0)?.machine, now);
+        self.settle(id);
+        Some(result)
+    }
+
+    /// Gives a station an IP address, as its operating system would.
+    pub fn set_address(&mut self, id: StationId, address: Option<Ipv4Addr>) {
+        if let Some(station) = self.stations.get_mut(id.0) {
+            station.address = address;
+        }
+    }
+
+    /// Runs until a machine has an event, or to `until`, whichever is first.
+    pub fn next_event(&mut self, until: Instant) -> Option<(StationId, M::Event)> {
+        loop {
+            if let Some(event) = self.events.pop_front() {
+                return Some(event);
+            }
+            if !self.step(until) {
+                self.now = self.now.max(until);
+                return None;
+            }
+        }
+    }
+
+    /// Does what happens next, unless that is after `until`. Returns whether something happened.
+    fn step(&mut self, until: Instant) -> bool {
+        let arrives = self.in_flight.front().map(|(arrives, ..)| *arrives);
+        let numbered = self.stations.iter().enumerate();
+        let due = numbered.filter_map(|(index, station)| Some((station.timeout?, StationId(index)))).min();
+        match (arrives, due) {
+            (Some(arrives), due) if arrives <= until && due.is_none_or(|(at, _)| arrives <= at) => {
+                self.now = self.now.max(arrives);
+                if let Some((_, to, arrival)) = self.in_flight.pop_front() {
+                    self.deliver(to, arrival);
+                }
+                true
+            }
+            (_, Some((at, id))) if at <= until => {
+                self.now = self.now.max(at);
+                let now = self.now;
+                self.command(id, |machine, _| machine.handle_timeout(now));
+                true
+            }
+            _ => false,
+        }
+    }
+
+    fn deliver(&mut self, to: StationId, arrival: Arrival) {
+        self.command(to, |machine, now| match &arrival {
+            Arrival::Frame { from, to_all: false, frame } => machine.handle_frame(now, *from, frame),
+            Arrival::Frame { from, to_all: true, frame } => machine.handle_broadcast(now, *from, frame),
+            Arrival::Stream(id, change) => machine.handle_stream(now, *id, *change),
+        });
+    }
+
+    /// Follows the contract after a change: drains frames, requests and events, then reads the timeout.
+    fn settle(&mut self, id: StationId) {
+        let now = self.now;
+        loop {
+            let Some(station) = self.stations.get_mut(id.0) else { return };
+            let Some(transmit) = station.machine.poll_transmit(now, &mut self.buf) else { break };
+            self.send(id, transmit);
+        }
+        while let Some(request) =
+            self.stations.get_mut(id.0).and_then(|station| station.machine.poll_stream())
+        {
+            match request {
+                StreamRequest::Connect { to, attempt } => self.connect(id, to, attempt),
+                StreamRequest::Close(stream) => self.close(id, stream),
+            }
+        }
+        if let Some(station) = self.stations.get_mut(id.0) {
+            while let Some(event) = station.machine.poll_event() {
+                self.events.push_back((id, event));
+            }
+            station.timeout = station.machine.poll_timeout();
+        }
+    }
+
+    fn push(&mut self, to: StationId, arrival: Arrival) {
+        self.in_flight.push_back((self.now + self.delay, to, arrival));
+    }
+
+    fn send(&mut self, from: StationId, Transmit { port, to, len }: Transmit) {
+        let frame = self.buf.get(..len).unwrap_or_default().to_vec();
+        if let Port::Stream(stream) = port {
+            if let Some(peer) = self.peer(from, stream) {
+                let from = Source { port, peer: None };
+                self.push(peer, Arrival::Frame { from, to_all: false, frame });
+            }
+            return;
+        }
+        let Some(sender) = self.stations.get(from.0) else { return };
+        let (receivers, from, to_all) = match (port, to) {
+            (Port::Udp(local), Some(to)) => {
+                let Some(source) = sender.address else { return };
+                let is_meant = |station: &Station<M>| {
+                    let port = Port::Udp(to.port());
+                    let mut groups = (0..).map_while(|index| station.machine.group(port, index));
+                    station.address == Some(*to.ip()) || groups.any(|group| group == *to.ip())
+                };
+                let peer = Some(SocketAddrV4::new(source, local));
+                let to_all = to.ip().is_broadcast();
+                let receivers = self.others(from, |station| to_all || is_meant(station));
+                (receivers, Source { port: Port::Udp(to.port()), peer }, to_all)
+            }
+            _ => {
+                let Ok((header, _)) = EthernetHeader::parse(&frame) else { return };
+                let is_meant =
+                    |station: &Station<M>| header.destination.is_group() || station.mac == header.destination;
+                (self.others(from, is_meant), Source { port, peer: None }, false)
+            }
+        };
+        for receiver in receivers {
+            self.push(receiver, Arrival::Frame { from, to_all, frame: frame.clone() });
+        }
+    }
+
+    fn others(&self, from: StationId, is_meant: impl Fn(&Station<M>) -> bool) -> Vec<StationId> {
+        let numbered = self.stations.iter().enumerate();
+        let meant = numbered.filter(|(index, station)| *index != from.0 && is_meant(station));
+        meant.map(|(index, _)| StationId(index)).collect()
+    }
+
+    fn connect(&mut self, from: StationId, to: SocketAddrV4, attempt: Attempt) {
+        let id = StreamId(self.next_stream);
+        self.next_stream = self.next_stream.wrapping_add(1);
+        let source = self.stations.get(from.0).and_then(|station| station.address);
+        let listens = |station: &Station<M>| {
+            station.address == Some(*to.ip()) && station.machine.listen_port() == Some(to.port())
+        };
+        let acceptor = self.others(from, listens).first().copied();
+        if let (Some(source), Some(acceptor)) = (source, acceptor) {
+            self.streams.push(Stream { id, ends: [from, acceptor] });
+            let peer = SocketAddrV4::new(source, EPHEMERAL_PORT);
+            self.push(acceptor, Arrival::Stream(id, StreamChange::Accepted(peer)));
+            self.push(from, Arrival::Stream(id, StreamChange::Connected(attempt)));
+        } else {
+            self.push(from, Arrival::Stream(id, StreamChange::NotConnected(attempt)));
+        }
+    }
+
+    fn close(&mut self, by: StationId, id: StreamId) {
+        if let Some(peer) = self.peer(by, id) {
+            self.streams.retain(|stream| stream.id != id);
+            self.push(peer, Arrival::Stream(id, StreamChange::Closed));
+        }
+    }
+
+    fn peer(&self, of: StationId, id: StreamId) -> Option<StationId> {
+        let Stream { ends: [one, other], .. } = self.streams.iter().find(|stream| stream.id == id)?;
+        Some(if *one == of { *other } else { *one })
+    }
+}
