@@ -6,8 +6,11 @@ use std::fmt;
 use std::net::Ipv4Addr;
 
 use comfy_table::{Table, TableComponent, presets};
+use ethernet_ip::FoundDevice;
+use machine::search::{Answers, REQUESTS, Tally};
+use profinet::FoundStation;
 use profinet::dcp::IpSuite;
-use protocol::search::{EthernetIpDevice, ProfinetStation, QUESTIONS, Search, Tally};
+use protocol::search::Search;
 use serde::Serialize;
 
 /// A bus that can be searched.
@@ -80,17 +83,26 @@ impl Listing {
     /// Collects the results of `search`; a bus that was not requested or not available is left out.
     pub(super) fn new(interface: String, timeout_ms: u32, search: &Search, skipped: Vec<Skipped>) -> Self {
         let ignored = |tally: Tally| tally.ignored + tally.surplus;
-        let mut profinet: Vec<_> = search.profinet_stations().iter().map(Station::from).collect();
-        profinet.sort_by(|one, other| (&one.name, &one.mac).cmp(&(&other.name, &other.mac)));
-        let mut ethernet_ip: Vec<_> = search.ethernet_ip_devices().iter().map(Device::from).collect();
-        ethernet_ip.sort_by_key(|device| (device.ip_address, device.serial_number));
+        let profinet = search.profinet().map(|search| search.answers());
+        let ethernet_ip = search.ethernet_ip().map(|search| search.answers());
+        let tallies = [profinet.map(|answers| answers.tally()), ethernet_ip.map(|answers| answers.tally())];
+        let stations = |answers: &Answers<FoundStation>| {
+            let mut stations: Vec<_> = answers.devices().iter().map(Station::from).collect();
+            stations.sort_by(|one, other| (&one.name, &one.mac).cmp(&(&other.name, &other.mac)));
+            stations
+        };
+        let devices = |answers: &Answers<FoundDevice>| {
+            let mut devices: Vec<_> = answers.devices().iter().map(Device::from).collect();
+            devices.sort_by_key(|device| (device.ip_address, device.serial_number));
+            devices
+        };
         Self {
             interface,
             timeout_ms,
-            profinet: search.asks_profinet().then_some(profinet),
-            ethernet_ip: search.asks_ethernet_ip().then_some(ethernet_ip),
+            profinet: profinet.map(stations),
+            ethernet_ip: ethernet_ip.map(devices),
             skipped,
-            ignored_answers: ignored(search.profinet_tally()) + ignored(search.ethernet_ip_tally()),
+            ignored_answers: tallies.into_iter().flatten().map(ignored).sum(),
         }
     }
 
@@ -112,7 +124,7 @@ impl Listing {
             let Self { interface, timeout_ms, .. } = self;
             return writeln!(
                 f,
-                "{title}: no {noun} answered {question} on {interface}, asked {QUESTIONS} times in {timeout_ms} ms."
+                "{title}: no {noun} answered {question} on {interface}, asked {REQUESTS} times in {timeout_ms} ms."
             );
         }
         writeln!(f, "{title}: {} {noun}{}", found.len(), if found.len() == 1 { "" } else { "s" })?;
@@ -191,8 +203,8 @@ impl Station {
     }
 }
 
-impl From<&ProfinetStation> for Station {
-    fn from(station: &ProfinetStation) -> Self {
+impl From<&FoundStation> for Station {
+    fn from(station: &FoundStation) -> Self {
         let set = |address: Ipv4Addr| (!address.is_unspecified()).then_some(address);
         let part = |part: fn(&IpSuite) -> Ipv4Addr| station.ip.as_ref().map(part).and_then(set);
         Self {
@@ -225,8 +237,8 @@ impl Device {
     }
 }
 
-impl From<&EthernetIpDevice> for Device {
-    fn from(device: &EthernetIpDevice) -> Self {
+impl From<&FoundDevice> for Device {
+    fn from(device: &FoundDevice) -> Self {
         let key = device.identity.key;
         Self {
             ip_address: device.address,

@@ -5,11 +5,12 @@ mod listing;
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
+use machine::search::SearchEnded;
 use machine::{Duration, Instant};
 use node::errln;
 use node::output::to_stdout;
 use node::supervise::Outcome;
-use protocol::search::{EthernetIpQuestion, ProfinetQuestion, Search, SearchConfig, SearchEnded};
+use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 use listing::{Bus, Listing, Skipped};
@@ -74,7 +75,7 @@ impl DiscoverCommand {
         }
         let start = clock::now();
         let length = Duration::from_millis(self.timeout.into());
-        let mut config = SearchConfig { length, profinet: None, ethernet_ip: None };
+        let (mut profinet, mut ethernet_ip) = (None, None);
         let mut skipped = Vec::new();
         if self.bus.includes(Bus::Profinet) {
             // Opened only to see whether it is possible; the driver opens it again.
@@ -82,22 +83,23 @@ impl DiscoverCommand {
                 Ok(_) => {
                     // The clock gives each search its own transaction numbers.
                     let first_xid = (start.as_nanos() >> 10) as u32;
-                    config.profinet = Some(ProfinetQuestion { mac: interface.mac(), first_xid });
+                    let config = profinet::SearchConfig { mac: interface.mac(), first_xid, length };
+                    profinet = Some(profinet::Search::new(config, start));
                 }
                 Err(error) => skipped.push(Skipped { bus: Bus::Profinet, reason: error.to_string() }),
             }
         }
         if self.bus.includes(Bus::EthernetIp) {
-            match ethernet_ip(&interface) {
-                Ok(question) => config.ethernet_ip = Some(question),
+            match ethernet_ip_search(&interface, length) {
+                Ok(config) => ethernet_ip = Some(ethernet_ip::Search::new(config, start)),
                 Err(error) => skipped.push(Skipped { bus: Bus::EthernetIp, reason: format!("{error:#}") }),
             }
         }
-        if config.profinet.is_none() && config.ethernet_ip.is_none() {
+        if profinet.is_none() && ethernet_ip.is_none() {
             let reasons: Vec<_> = skipped.iter().map(|skipped| skipped.reason.as_str()).collect();
             anyhow::bail!("nothing can be asked on `{}`: {}", self.interface, reasons.join("; "));
         }
-        let mut driver = Driver::new(Search::new(config, start), interface, Notifier::new()?)?;
+        let mut driver = Driver::new(Search::new(profinet, ethernet_ip), interface, Notifier::new()?)?;
         driver.run(&mut UntilEnd)?;
         let statistics = driver.statistics();
         if statistics.sent == 0
@@ -117,7 +119,7 @@ impl DiscoverCommand {
 
 /// Returns the configuration of the search on EtherNet/IP. It uses a port that the kernel chooses, since a node on
 /// this host may use the standard ones.
-fn ethernet_ip(interface: &Interface) -> anyhow::Result<EthernetIpQuestion> {
+fn ethernet_ip_search(interface: &Interface, length: Duration) -> anyhow::Result<ethernet_ip::SearchConfig> {
     let name = interface.name();
     let (address, mask) = interface.address().zip(interface.mask()).with_context(|| {
         format!(
@@ -125,7 +127,7 @@ fn ethernet_ip(interface: &Interface) -> anyhow::Result<EthernetIpQuestion> {
              `ip address add 192.168.64.1/24 dev {name}`, with an address of the devices' subnet"
         )
     })?;
-    Ok(EthernetIpQuestion::from_address(0, address, mask))
+    Ok(ethernet_ip::SearchConfig::from_address(0, address, mask, length))
 }
 
 /// Waits for the search to end.

@@ -23,11 +23,13 @@ pub mod discovery;
 pub mod encapsulation;
 mod objects;
 pub mod scanner;
+mod search;
 
 pub use adapter::{Adapter, AdapterConfig};
 pub use data::DataError;
 pub use objects::{CLASSES, PORT_NUMBER};
 pub use scanner::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
+pub use search::{FoundDevice, Search, SearchConfig};
 
 use machine::PortRequest;
 use machine::wire::{self, LittleEndian};

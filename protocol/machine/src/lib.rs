@@ -6,11 +6,14 @@
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]
 
+extern crate alloc;
+
 mod contract;
 mod cycle;
 pub mod ethernet;
 mod lateness;
 mod link;
+pub mod search;
 mod time;
 pub mod wire;
 

@@ -34,6 +34,7 @@ mod provided;
 pub mod record;
 pub mod rpc;
 pub mod rt;
+mod search;
 mod station;
 pub mod status;
 pub mod tag;
@@ -42,6 +43,7 @@ mod uuid;
 pub use controller::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Parameter};
 pub use device::{Device, DeviceConfig};
 pub use provided::DataError;
+pub use search::{FoundStation, Search, SearchConfig};
 pub use station::is_station_name;
 pub use uuid::Uuid;
 

@@ -1,9 +1,4 @@
 //! Two machines on one cable.
-#![expect(
-    clippy::indexing_slicing,
-    clippy::unwrap_used,
-    reason = "helpers of tests may fail as loudly as tests"
-)]
 
 use std::collections::VecDeque;
 use std::fmt::Write;

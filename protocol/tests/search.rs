@@ -1,15 +1,22 @@
-use core::net::{Ipv4Addr, SocketAddrV4};
+//! Searches on a cable with many devices, and against broken and forged answers.
+#![expect(
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    reason = "helpers of tests may fail as loudly as tests"
+)]
 
-use proptest::prelude::*;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
-use super::*;
-use crate::fieldbus::LinkEvent;
-use crate::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
 use machine::ethernet::{EthernetHeader, Mac};
-use profinet::ETHER_TYPE;
+use machine::search::{Answers, MOST_DEVICES, SearchEnded, Tally};
+use machine::{Duration, Instant, LinkEvent, Machine, Port, Source, Transmit};
 use profinet::dcp::{self, Block, Content, Pdu, Service};
-use profinet::{Device, DeviceConfig};
+use profinet::{Device, DeviceConfig, ETHER_TYPE};
+use proptest::prelude::*;
+use protocol::search::Search;
+use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
 const ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
@@ -20,12 +27,20 @@ const LENGTH: Duration = Duration::from_secs(2);
 const CABLE: Duration = Duration::from_micros(25);
 
 fn search() -> Search {
-    let config = SearchConfig {
-        length: LENGTH,
-        profinet: Some(ProfinetQuestion { mac: MAC, first_xid: XID }),
-        ethernet_ip: Some(EthernetIpQuestion::from_address(PORT, ADDRESS, MASK)),
-    };
-    Search::new(config, Instant::ZERO)
+    let profinet = profinet::SearchConfig { mac: MAC, first_xid: XID, length: LENGTH };
+    let ethernet_ip = ethernet_ip::SearchConfig::from_address(PORT, ADDRESS, MASK, LENGTH);
+    Search::new(
+        Some(profinet::Search::new(profinet, Instant::ZERO)),
+        Some(ethernet_ip::Search::new(ethernet_ip, Instant::ZERO)),
+    )
+}
+
+fn profinet(search: &Search) -> &Answers<profinet::FoundStation> {
+    search.profinet().unwrap().answers()
+}
+
+fn ethernet_ip(search: &Search) -> &Answers<ethernet_ip::FoundDevice> {
+    search.ethernet_ip().unwrap().answers()
 }
 
 /// A cable with many devices behind a switch, in virtual time.
@@ -185,23 +200,23 @@ fn sent(search: &mut Search, now: Instant) -> usize {
 #[test]
 fn every_device_on_a_cable_is_listed_once_however_often_it_answers() {
     let found = Segment::new(40, 5).run().search;
-    let mut macs: Vec<_> = found.profinet_stations().iter().map(|station| station.mac).collect();
+    let mut macs: Vec<_> = profinet(&found).devices().iter().map(|station| station.mac).collect();
     macs.sort_unstable();
     assert_eq!(macs, (0..40).map(|number| Mac([2, 0, 0, 0, 1, number])).collect::<Vec<_>>());
-    let station = &found.profinet_stations()[0];
+    let station = &profinet(&found).devices()[0];
     assert_eq!(station.name, format!("robot-{}", station.mac.0[5]).into_bytes().into());
     let identity = PROFINET_ROBOT.identity;
     assert_eq!((station.identity, station.roles), (Some((identity.vendor, identity.device)), 1));
-    assert_eq!(found.profinet_tally(), Tally { repeated: 80, ..Tally::default() });
+    assert_eq!(profinet(&found).tally(), Tally { repeated: 80, ..Tally::default() });
 
     let serials: Vec<_> =
-        found.ethernet_ip_devices().iter().map(|device| device.identity.serial_number).collect();
+        ethernet_ip(&found).devices().iter().map(|device| device.identity.serial_number).collect();
     assert_eq!(serials, [0, 1, 2, 3, 4]);
-    let device = &found.ethernet_ip_devices()[3];
+    let device = &ethernet_ip(&found).devices()[3];
     assert_eq!(device.address, Ipv4Addr::new(192, 168, 64, 103));
     assert_eq!(device.listens_at, SocketAddrV4::new(device.address, ENCAPSULATION_PORT));
     // Three requests with two broadcasts each.
-    assert_eq!(found.ethernet_ip_tally(), Tally { repeated: 25, ..Tally::default() });
+    assert_eq!(ethernet_ip(&found).tally(), Tally { repeated: 25, ..Tally::default() });
 }
 
 #[test]
@@ -222,8 +237,8 @@ fn after_a_lost_request_the_next_one_finds_the_devices() {
     let mut segment = Segment::new(3, 3);
     segment.open_from = Instant::ZERO + LENGTH / 2;
     let found = segment.run().search;
-    assert_eq!((found.profinet_stations().len(), found.ethernet_ip_devices().len()), (3, 3));
-    assert_eq!(found.profinet_tally().repeated, 0);
+    assert_eq!((profinet(&found).devices().len(), ethernet_ip(&found).devices().len()), (3, 3));
+    assert_eq!(profinet(&found).tally().repeated, 0);
 }
 
 #[test]
@@ -273,17 +288,17 @@ fn broken_foreign_and_unrequested_answers_are_counted_and_otherwise_ignored() {
     for frame in &hostile {
         search.handle_frame(Instant::ZERO, ETHERNET, frame);
     }
-    assert_eq!(search.profinet_tally().ignored, hostile.len() as u64);
-    assert!(search.profinet_stations().is_empty());
+    assert_eq!(profinet(&search).tally().ignored, hostile.len() as u64);
+    assert!(profinet(&search).devices().is_empty());
     // Cyclic data is on the cable, too, and is no answer; neither is a datagram at another port.
     search.handle_frame(Instant::ZERO, ETHERNET, &[&good[..14], &[0x80, 0x01, 0, 0]].concat());
     search.handle_frame(Instant::ZERO, Source { port: Port::Udp(PORT + 1), ..from_device(7) }, &good);
-    assert_eq!(search.profinet_tally().ignored, hostile.len() as u64);
-    assert_eq!(search.ethernet_ip_tally().ignored, 0);
+    assert_eq!(profinet(&search).tally().ignored, hostile.len() as u64);
+    assert_eq!(ethernet_ip(&search).tally().ignored, 0);
     search.handle_frame(Instant::ZERO, from_device(7), &good);
-    assert_eq!(search.ethernet_ip_tally().ignored, 1);
+    assert_eq!(ethernet_ip(&search).tally().ignored, 1);
     search.handle_frame(Instant::ZERO, ETHERNET, &good);
-    assert_eq!(search.profinet_stations().len(), 1);
+    assert_eq!(profinet(&search).devices().len(), 1);
 }
 
 #[test]
@@ -292,9 +307,9 @@ fn a_station_that_is_renamed_during_the_search_has_its_new_name() {
     let mut search = asking();
     search.handle_frame(Instant::ZERO, ETHERNET, &answer(mac, XID, b""));
     search.handle_frame(Instant::ZERO, ETHERNET, &answer(mac, XID, b"robot"));
-    let names: Vec<_> = search.profinet_stations().iter().map(|station| &*station.name).collect();
+    let names: Vec<_> = profinet(&search).devices().iter().map(|station| &*station.name).collect();
     assert_eq!(names, [b"robot"]);
-    assert_eq!(search.profinet_tally(), Tally { repeated: 1, ..Tally::default() });
+    assert_eq!(profinet(&search).tally(), Tally { repeated: 1, ..Tally::default() });
 }
 
 #[test]
@@ -304,8 +319,8 @@ fn a_flood_of_forged_stations_takes_bounded_memory() {
         let [high, low] = number.to_be_bytes();
         search.handle_frame(Instant::ZERO, ETHERNET, &answer(Mac([2, 0, 0, 0, high, low]), XID, b"x"));
     }
-    assert_eq!(search.profinet_stations().len(), MOST_DEVICES);
-    assert_eq!(search.profinet_tally().surplus, 5_000 - MOST_DEVICES as u64);
+    assert_eq!(profinet(&search).devices().len(), MOST_DEVICES);
+    assert_eq!(profinet(&search).tally().surplus, 5_000 - MOST_DEVICES as u64);
 }
 
 #[test]
@@ -316,13 +331,14 @@ fn answers_after_the_end_are_ignored() {
     assert_eq!((search.poll_event(), search.poll_event()), (Some(SearchEnded), None));
     assert_eq!(search.poll_timeout(), None);
     search.handle_frame(end, ETHERNET, &answer(Mac([2, 0, 0, 0, 0, 9]), XID, b"robot"));
-    assert!(search.profinet_stations().is_empty());
+    assert!(profinet(&search).devices().is_empty());
 }
 
 #[test]
-fn a_network_of_two_hosts_uses_only_the_limited_broadcast() {
-    let question = EthernetIpQuestion::from_address(PORT, ADDRESS, Ipv4Addr::new(255, 255, 255, 254));
-    assert_eq!(question.to, [Ipv4Addr::BROADCAST]);
+fn a_link_of_two_hosts_is_asked_by_the_limited_broadcast_alone() {
+    let mask = Ipv4Addr::new(255, 255, 255, 254);
+    let config = ethernet_ip::SearchConfig::from_address(PORT, ADDRESS, mask, LENGTH);
+    assert_eq!(config.to, [Ipv4Addr::BROADCAST]);
 }
 
 proptest! {
