@@ -210,7 +210,12 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
                 let execution_ns = u64::try_from(execution.as_nanos()).unwrap_or(u64::MAX);
                 Some(RobotMessage::Executed { number, motions: executed, execution_ns, quality })
             }
-            RobotEvent::SkillFinished { number, ending: Ending::Aborted, executed, .. } => {
+            RobotEvent::SkillFinished {
+                number,
+                ending: Ending::Halted | Ending::Cancelled,
+                executed,
+                ..
+            } => {
                 let reason = format!("given up after {executed} motions: the PLC halted it, or is gone");
                 Some(RobotMessage::Trouble { number, reason })
             }

@@ -14,7 +14,7 @@ use robot_node::RobotNode;
 fn likely_command() -> impl Strategy<Value = Command> {
     let skill = prop_oneof![Just(1_u8), Just(2), Just(16), Just(17), any::<u8>()];
     let counts = (0..4_u32, 0..8_u32, 0..4_u32);
-    (0..64_u16, 0..4_u16, skill, 0..120_u8, counts).prop_map(
+    (0..128_u16, 0..4_u16, skill, 0..120_u8, counts).prop_map(
         |(control, number, skill, override_percent, (program, written, more))| {
             let mut command = Command {
                 control: Control(control | Control::ENABLE.0),

@@ -96,6 +96,45 @@ fn halted_it_stops_on_its_path_and_gives_the_skill_up() {
 }
 
 #[test]
+fn cancelled_it_stops_on_its_path_and_is_ready_for_the_next_skill_without_a_reset() {
+    let mut cell = ready_at_the_lines_start();
+    cell.call(Skill::MoveContinuous, back_and_forth(20));
+    cell.wait(|feedback| feedback.path_speed > 240.0);
+    cell.control(Control::ENABLE | Control::CANCEL);
+    cell.wait_for_end();
+    let feedback = *cell.feedback();
+    assert_eq!((feedback.state, feedback.error), (State::Ready, ErrorNumber::None));
+    assert!(feedback.status.contains(Status::ABORTED | Status::AT_REST) && feedback.pose[1].abs() < 1e-3);
+    let cancelled =
+        |event: &RobotEvent| matches!(event, RobotEvent::SkillFinished { ending: Ending::Cancelled, .. });
+    assert_eq!(cell.count(cancelled), 1);
+
+    cell.call(Skill::MoveContinuous, back_and_forth(2));
+    cell.control(Control::ENABLE | Control::EXECUTE | Control::CANCEL);
+    cell.run_ms(200);
+    assert_eq!(cell.feedback().state, State::Ready, "no skill starts while it is set");
+    cell.control(Control::ENABLE | Control::EXECUTE);
+    cell.wait_for_end();
+    assert!(cell.feedback().status.contains(Status::DONE));
+}
+
+#[test]
+fn what_needs_a_reset_wins_over_a_cancel_while_the_arm_still_brakes() {
+    for (control, error) in
+        [(Control::ENABLE | Control::HALT, ErrorNumber::None), (Control::CANCEL, ErrorNumber::Disabled)]
+    {
+        let mut cell = ready_at_the_lines_start();
+        cell.call(Skill::MoveContinuous, back_and_forth(20));
+        cell.wait(|feedback| feedback.path_speed > 240.0);
+        cell.control(Control::ENABLE | Control::CANCEL);
+        cell.run_ms(12);
+        cell.control(control);
+        cell.wait_for_end();
+        assert_eq!((cell.feedback().state, cell.feedback().error), (State::Halted, error));
+    }
+}
+
+#[test]
 fn a_path_stop_takes_no_longer_than_the_limits_ask_for() {
     let mut cell = ready_at_the_lines_start();
     cell.call(Skill::MoveContinuous, vec![lin(200.0, 0.0, 100.0, 0)]);

@@ -25,7 +25,7 @@ bits! {
         ENABLE = 0,
         /// Execute the skill of this command number.
         EXECUTE = 1,
-        /// Stop on the path as fast as the limits allow and give up the skill.
+        /// Stop on the path as fast as the limits allow and give up the skill. The robot is then `Halted`.
         HALT = 2,
         /// Stop on the path and keep the skill.
         SUSPEND = 3,
@@ -33,6 +33,9 @@ bits! {
         RESUME = 4,
         /// Leave `Halted`, or acknowledge an error: go to `Ready`.
         RESET = 5,
+        /// Stop on the path as fast as the limits allow and give up the skill, like `HALT`, but be `Ready` then, without a
+        /// reset. No skill starts while it is set.
+        CANCEL = 6,
     }
 }
 

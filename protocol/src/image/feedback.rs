@@ -35,7 +35,7 @@ bits! {
         BUSY = 0,
         /// The skill of the echoed command number ended successfully. Stays set until the next command.
         DONE = 1,
-        /// A halt ended the skill.
+        /// A halt or a cancel ended the skill.
         ABORTED = 2,
         /// The error number gives the reason.
         ERROR = 3,

@@ -60,8 +60,10 @@ pub enum RobotEvent {
 pub enum Ending {
     /// All motions are executed.
     Done,
-    /// Given up by a halt.
-    Aborted,
+    /// Given up by a halt: the robot needs a reset.
+    Halted,
+    /// Given up by a cancel: the robot is ready for the next skill.
+    Cancelled,
     /// Ended by an error.
     Fault {
         /// What is wrong.
@@ -74,6 +76,11 @@ pub enum Ending {
 }
 
 impl Ending {
+    /// Whether the robot is ready for the next skill then.
+    pub(super) const fn leads_to_ready(self) -> bool {
+        matches!(self, Self::Done | Self::Cancelled)
+    }
+
     /// Ended by an error that says everything.
     pub(super) const fn plain(error: ErrorNumber, motion: u32) -> Self {
         Self::Fault { error, motion, finding: Finding::NONE }

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! Halted --reset--> Ready --execute--> Running --suspend--> Suspended
-//!    ^                ^ '---- done -------'  ^--- resume ------'
+//!    ^                ^ '- done, cancel ---'  ^--- resume ------'
 //!    '-- halt, enable taken back, connection lost, error: stop on the path first
 //! ```
 //!
@@ -193,9 +193,14 @@ impl Controller {
         if !enabled {
             self.give_up(at, Ending::plain(ErrorNumber::Disabled, self.feedback.executed));
         } else if control.contains(Control::HALT) {
-            self.give_up(at, Ending::Aborted);
-        } else if control.contains(Control::RESET) && self.reset_armed {
-            self.reset();
+            self.give_up(at, Ending::Halted);
+        } else {
+            if control.contains(Control::CANCEL) {
+                self.give_up(at, Ending::Cancelled);
+            }
+            if control.contains(Control::RESET) && self.reset_armed {
+                self.reset();
+            }
         }
         if control.contains(Control::SUSPEND) {
             self.hold = true;
@@ -207,7 +212,8 @@ impl Controller {
         let changed = before ^ command.outputs;
         self.outputs = self.outputs & !changed | command.outputs & changed;
         let last = *self.last_number.get_or_insert(command.number);
-        if control.contains(Control::EXECUTE) && command.number != last {
+        let is_called = control.contains(Control::EXECUTE) && !control.contains(Control::CANCEL);
+        if is_called && command.number != last {
             self.notice(at, command);
         } else {
             self.pending = None;

@@ -140,14 +140,22 @@ impl Controller {
         }
     }
 
-    /// Ends what runs, on the path; without a skill the state alone changes.
+    /// Ends what runs, on the path; without a skill the state alone changes, and with a cancel not even that.
     pub(super) fn give_up(&mut self, at: Instant, ending: Ending) {
         self.pending = None;
         let Some(mut execution) = self.execution else {
-            (self.state, self.press) = (State::Halted, None);
+            self.press = None;
+            if ending != Ending::Cancelled {
+                self.state = State::Halted;
+            }
             return;
         };
         match execution.phase {
+            // What asks for a reset counts more than what does not.
+            Phase::Stopping(Ending::Cancelled) => {
+                execution.phase = Phase::Stopping(ending);
+                self.execution = Some(execution);
+            }
             Phase::Stopping(_) => {}
             Phase::Dispatch { .. } | Phase::Waiting { .. } | Phase::Settling { .. } => {
                 self.finish(at, &execution, ending);
@@ -166,17 +174,16 @@ impl Controller {
         self.execution = None;
         self.hold = false;
         self.interpolator.clear();
-        if ending == Ending::Done {
-            self.state = State::Ready;
-        } else {
-            (self.state, self.press) = (State::Halted, None);
+        self.state = if ending.leads_to_ready() { State::Ready } else { State::Halted };
+        if ending != Ending::Done {
+            self.press = None;
         }
         if self.feedback.number == number {
             self.feedback.executed = executed;
             self.feedback.execution_ns = u64::try_from(execution_time.as_nanos()).unwrap_or(u64::MAX);
             match ending {
                 Ending::Done => self.feedback.status.set(Status::DONE, true),
-                Ending::Aborted => self.feedback.status.set(Status::ABORTED, true),
+                Ending::Halted | Ending::Cancelled => self.feedback.status.set(Status::ABORTED, true),
                 Ending::Fault { error, motion, finding } => self.set_error(error, motion, finding),
             }
         }
