@@ -3,7 +3,7 @@
 use protocol::image::{Command, Control, Feedback};
 
 use crate::Override;
-use crate::function_blocks::BlockError;
+use crate::function_blocks::{BlockError, is_at_rest};
 
 /// How many scans the program waits for the robot.
 ///
@@ -25,6 +25,8 @@ pub struct AxesGroup {
     pub(crate) commanded: bool,
     /// Scans since the robot's life counter changed.
     still_scans: u32,
+    /// The PLC's life counter in the first image of a stop that an error of a block asks for, until the robot stands.
+    pub(crate) error_stop: Option<u16>,
     patience: Patience,
 }
 
@@ -32,7 +34,14 @@ impl AxesGroup {
     /// A robot of which nothing is known yet.
     #[must_use]
     pub fn new(patience: Patience) -> Self {
-        Self { command: Command::default(), feedback: None, commanded: false, still_scans: 0, patience }
+        Self {
+            command: Command::default(),
+            feedback: None,
+            commanded: false,
+            still_scans: 0,
+            error_stop: None,
+            patience,
+        }
     }
 
     /// Begins a scan: takes over the robot's image, none where there is no connection, and counts the PLC's life.
@@ -43,6 +52,7 @@ impl AxesGroup {
             _ => 0,
         };
         self.feedback = feedback;
+        self.end_error_stop();
     }
 
     /// Begins a scan in which the robot's image is still that of the scan before.
@@ -87,9 +97,27 @@ impl AxesGroup {
         self.feedback.as_ref().is_some_and(|feedback| feedback.life_echo.wrapping_sub(life) < 0x8000)
     }
 
-    /// Sets or clears control bits.
+    /// Sets or clears control bits. A stop that an error asks for cannot be cleared.
     pub const fn set_control(&mut self, bits: Control, on: bool) {
         self.command.control.set(bits, on);
+        if self.error_stop.is_some() {
+            self.command.control.set(Control::HALT, true);
+        }
+    }
+
+    /// Stops the robot because a block ended with an error while it may still move.
+    pub(crate) const fn stop_for_error(&mut self) {
+        self.error_stop = Some(self.command.life);
+        self.command.control.set(Control::HALT, true);
+    }
+
+    /// Takes that stop back once the robot stands.
+    fn end_error_stop(&mut self) {
+        let Some(since) = self.error_stop else { return };
+        if self.has_seen(since) && self.feedback.as_ref().is_some_and(is_at_rest) {
+            self.error_stop = None;
+            self.command.control.set(Control::HALT, false);
+        }
     }
 
     /// Sets the override; the robot changes to it as fast as its limits allow.
@@ -112,6 +140,7 @@ impl AxesGroup {
     pub fn disarm(&mut self) {
         self.command.control = Control::default();
         self.commanded = false;
+        self.error_stop = None;
         self.feedback = None;
         self.still_scans = 0;
     }
@@ -124,6 +153,9 @@ impl AxesGroup {
         let Some(feedback) = &self.feedback else { return Err(BlockError::NotConnected) };
         if self.commanded {
             return Err(BlockError::Occupied);
+        }
+        if self.error_stop.is_some() {
+            return Err(BlockError::Stopping);
         }
         let mut number = self.command.number.wrapping_add(1);
         while number == 0 || number == feedback.number {

@@ -125,10 +125,21 @@ pub enum BlockError {
         /// How many scans the block waited.
         scans: u32,
     },
-    /// There is no skill to suspend or to resume.
-    #[error("no skill is {0} that this could act on")]
+    /// The robot stands in an error that was not acknowledged.
+    #[error("the robot stands in error {}: {number}; GroupReset acknowledges it", u16::from(*number))]
+    InError {
+        /// What the robot says.
+        number: ErrorNumber,
+    },
+    /// The robot is being stopped, because a block ended with an error while it moved.
+    #[error(
+        "the robot is stopping, since a block ended with an error; wait until it stands, then GroupReset"
+    )]
+    Stopping,
+    /// The robot is not in the state that the block acts on.
+    #[error("the robot is not {0}, so there is nothing to do")]
     NothingToDo(
-        /// The state in which the skill should be.
+        /// The state in which the robot should be.
         &'static str,
     ),
 }
@@ -177,6 +188,8 @@ impl BlockError {
             Self::OverrideOutOfRange { .. } => 0x800E,
             Self::FactorNotSupported { .. } => 0x800F,
             Self::OverrideNotTaken { .. } => 0x8010,
+            Self::InError { .. } => 0x8011,
+            Self::Stopping => 0x8012,
         }
     }
 }

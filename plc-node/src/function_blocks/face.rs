@@ -7,16 +7,32 @@ use super::BlockError;
 pub struct Outputs {
     /// The block has something to do.
     pub busy: bool,
-    /// The robot has taken the skill up.
+    /// The robot executes the skill.
     pub active: bool,
+    /// The skill waits on its path, stopped by [`GroupInterrupt`](super::GroupInterrupt), until
+    /// [`GroupContinue`](super::GroupContinue).
+    pub command_interrupted: bool,
     /// The skill ended as wanted.
     pub done: bool,
-    /// The robot gave the skill up.
+    /// The skill was given up.
     pub command_aborted: bool,
     /// Something is wrong.
     pub error: bool,
     /// What is wrong, see [`BlockError::error_id`]; 0 without an error.
     pub error_id: u16,
+}
+
+/// Where the skill of a block stands: the states of OPC UA Part 10 programs, as the robot has them.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub enum SkillState {
+    /// The skill may be started: it was not yet, or it ended as wanted.
+    Ready,
+    /// It was started and has not ended: while `Busy`, but for `CommandInterrupted`.
+    Running,
+    /// It waits on its path: `CommandInterrupted`.
+    Suspended,
+    /// It was given up or failed: `CommandAborted` or `Error`. When `Execute` falls the block is `Ready` again.
+    Halted,
 }
 
 /// How a block ended.
@@ -27,10 +43,19 @@ pub(super) enum End {
     Error(BlockError),
 }
 
+/// How far a busy block has come.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+enum Progress {
+    /// The robot has not answered yet.
+    Called,
+    Active,
+    Interrupted,
+}
+
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 enum Phase {
     Idle,
-    Busy { active: bool },
+    Busy(Progress),
     Ended(End),
 }
 
@@ -55,7 +80,7 @@ impl Face {
         match self.phase {
             Phase::Ended(_) if !execute => self.phase = Phase::Idle,
             Phase::Idle | Phase::Ended(_) if rising => {
-                self.phase = Phase::Busy { active: false };
+                self.phase = Phase::Busy(Progress::Called);
                 return true;
             }
             _ => {}
@@ -64,15 +89,20 @@ impl Face {
     }
 
     pub(super) const fn is_busy(&self) -> bool {
-        matches!(self.phase, Phase::Busy { .. })
+        matches!(self.phase, Phase::Busy(_))
     }
 
-    pub(super) const fn is_active(&self) -> bool {
-        matches!(self.phase, Phase::Busy { active: true })
+    /// Whether the robot has taken the command up.
+    pub(super) const fn is_taken_up(&self) -> bool {
+        matches!(self.phase, Phase::Busy(Progress::Active | Progress::Interrupted))
     }
 
     pub(super) const fn activate(&mut self) {
-        self.phase = Phase::Busy { active: true };
+        self.phase = Phase::Busy(Progress::Active);
+    }
+
+    pub(super) const fn interrupt(&mut self) {
+        self.phase = Phase::Busy(Progress::Interrupted);
     }
 
     pub(super) const fn end(&mut self, end: End) {
@@ -86,11 +116,25 @@ impl Face {
         }
     }
 
+    pub(super) const fn state(&self) -> SkillState {
+        match self.phase {
+            Phase::Idle | Phase::Ended(End::Done) => SkillState::Ready,
+            Phase::Busy(Progress::Interrupted) => SkillState::Suspended,
+            Phase::Busy(_) => SkillState::Running,
+            Phase::Ended(End::Aborted | End::Error(_)) => SkillState::Halted,
+        }
+    }
+
     pub(super) fn outputs(&self) -> Outputs {
         let none = Outputs::default();
         match self.phase {
             Phase::Idle => none,
-            Phase::Busy { active } => Outputs { busy: true, active, ..none },
+            Phase::Busy(progress) => Outputs {
+                busy: true,
+                active: progress == Progress::Active,
+                command_interrupted: progress == Progress::Interrupted,
+                ..none
+            },
             Phase::Ended(End::Done) => Outputs { done: true, ..none },
             Phase::Ended(End::Aborted) => Outputs { command_aborted: true, ..none },
             Phase::Ended(End::Error(error)) => Outputs { error: true, error_id: error.error_id(), ..none },

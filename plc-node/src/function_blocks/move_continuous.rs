@@ -3,7 +3,7 @@
 use protocol::image::{Command, Motion, SLOTS, Skill};
 
 use super::skill::{SkillCall, Tally};
-use super::{BlockError, Outputs};
+use super::{BlockError, Outputs, SkillState};
 use crate::{AxesGroup, MotionSource};
 
 /// Runs a sequence of motions of any kind as one skill.
@@ -59,6 +59,18 @@ impl MoveContinuous {
     #[must_use]
     pub const fn error(&self) -> Option<BlockError> {
         self.call.face.error()
+    }
+
+    /// Where the skill stands.
+    #[must_use]
+    pub const fn state(&self) -> SkillState {
+        self.call.state()
+    }
+
+    /// Motions of the skill that are executed: the paper's `curExec`. Stays until the next start.
+    #[must_use]
+    pub const fn executed(&self) -> u32 {
+        self.call.tally.executed
     }
 
     pub(crate) const fn tally(&self) -> Tally {

@@ -3,7 +3,7 @@
 use protocol::image::{Command, Motion, MotionKind, SLOTS, Skill};
 
 use super::skill::{SkillCall, Tally};
-use super::{BlockError, Outputs};
+use super::{BlockError, Outputs, SkillState};
 use crate::AxesGroup;
 
 /// What the six have in common.
@@ -56,6 +56,18 @@ macro_rules! single_motion_blocks {
             #[must_use]
             pub const fn error(&self) -> Option<BlockError> {
                 self.inner.call.face.error()
+            }
+
+            /// Where the skill stands.
+            #[must_use]
+            pub const fn state(&self) -> SkillState {
+                self.inner.call.state()
+            }
+
+            /// Motions of the skill that are executed: the paper's `curExec`. Stays until the next start.
+            #[must_use]
+            pub const fn executed(&self) -> u32 {
+                self.inner.call.tally.executed
             }
 
             pub(crate) const fn tally(&self) -> Tally {

@@ -8,8 +8,8 @@
 
 use protocol::image::{Command, Feedback, State, Status};
 
-use super::face::{End, Face};
-use super::{BlockError, Outputs};
+use super::face::{End, Face, SkillState};
+use super::{BlockError, Outputs, is_executing};
 use crate::AxesGroup;
 
 /// What a skill tells about its motions beside the outputs. Stays until the next start.
@@ -57,7 +57,11 @@ impl SkillCall {
         self.face.outputs()
     }
 
-    /// Ends the call from the block's side and leaves the robot to whoever halts it.
+    pub(super) const fn state(&self) -> SkillState {
+        self.face.state()
+    }
+
+    /// Ends the call from the block's side; the robot is stopped.
     pub(super) fn fail(&mut self, group: &mut AxesGroup, error: BlockError) {
         self.end(group, End::Error(error));
     }
@@ -75,8 +79,13 @@ impl SkillCall {
         }
     }
 
+    /// Ends the call. An error does not leave the arm moving: the robot is stopped unless it says that the skill has ended.
     fn end(&mut self, group: &mut AxesGroup, end: End) {
         group.release(self.number);
+        let has_ended = group.feedback.as_ref().is_some_and(|feedback| has_ended(feedback, self.number));
+        if matches!(end, End::Error(_)) && !has_ended {
+            group.stop_for_error();
+        }
         self.face.end(end);
     }
 
@@ -120,11 +129,15 @@ impl SkillCall {
         if has(Status::BUSY)
             || !has(Status::DONE) && matches!(feedback.state, State::Running | State::Suspended)
         {
-            self.face.activate();
+            if feedback.state == State::Suspended {
+                self.face.interrupt();
+            } else {
+                self.face.activate();
+            }
             return Ok(None);
         }
         if !has(Status::DONE) {
-            return if self.face.is_active() {
+            return if self.face.is_taken_up() {
                 Err(BlockError::EndUnknown { number })
             } else {
                 self.wait(answer_scans)
@@ -162,4 +175,10 @@ impl SkillCall {
         };
         Ok(())
     }
+}
+
+/// Whether the robot says that the command of this number has ended.
+fn has_ended(feedback: &Feedback, number: u16) -> bool {
+    let ends = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
+    feedback.number == number && feedback.status.0 & ends != 0 && !is_executing(feedback)
 }

@@ -3,6 +3,8 @@
 //! A state is all that a block and the command image remember. From each one found, every input is tried; the rules
 //! of PLCopen are checked at every single step, so they hold along every sequence of any length.
 
+mod blocks;
+
 use std::collections::HashSet;
 use std::fmt::Debug;
 use std::hash::Hash;
@@ -32,8 +34,8 @@ struct Step {
 }
 
 trait Explored: Copy + Eq + Hash + Debug + Default {
-    /// The control bit that stands while the block is busy.
-    const BIT: Control;
+    /// Whether the control bits are those of a block that is busy; none where they are the same at other times.
+    fn asks(control: Control) -> Option<bool>;
     /// Every image that a robot could send, whether it makes sense or not. The command's number is 1 in each state
     /// that is explored from, and 2 while the first call after it runs.
     fn images() -> Vec<Feedback>;
@@ -46,171 +48,17 @@ trait Explored: Copy + Eq + Hash + Debug + Default {
     fn may_be_aborted(feedback: &Feedback) -> bool;
     /// Images that lead a block that was just started to `Done`.
     fn way_to_done() -> Vec<Feedback>;
+    /// Whether an error may leave the robot to itself: because the block has nothing to do with motions, or because the
+    /// robot says that the skill has ended.
+    fn may_leave(_feedback: Option<Feedback>) -> bool {
+        true
+    }
     /// What must hold in each state besides.
     fn check(&self, _group: &AxesGroup, _after: Outputs) {}
 }
 
-/// Images as a robot sends them about skills of `total` motions: every status, state, number and count.
-fn skill_images(total: u32) -> Vec<Feedback> {
-    let mut images = Vec::new();
-    for number in [0, 1, 7] {
-        for (status, state) in (0..16).flat_map(|bits| STATES.map(|state| (Status(bits), state))) {
-            for executed in 0..=total + 1 {
-                for accepted in [executed, total + 3] {
-                    let error = ErrorNumber::AxisLimit;
-                    let image =
-                        Feedback { status, state, number, executed, accepted, error, ..Feedback::default() };
-                    images.push(image);
-                }
-            }
-        }
-    }
-    images
-}
-
-fn skill_done(feedback: &Feedback) -> bool {
-    let ended = |bit| feedback.status.contains(bit);
-    feedback.number == 1
-        && ended(Status::DONE)
-        && !ended(Status::BUSY)
-        && !ended(Status::ERROR)
-        && !ended(Status::ABORTED)
-}
-
-fn skill_aborted(feedback: &Feedback) -> bool {
-    feedback.number == 1 && feedback.status.contains(Status::ABORTED)
-}
-
-fn skill_way_to_done(total: u32) -> Vec<Feedback> {
-    let image = Feedback { number: 1, state: State::Running, status: Status::BUSY, ..Feedback::default() };
-    let counted = |executed| Feedback { executed, accepted: executed, ..image };
-    let done = Feedback { state: State::Ready, status: Status::DONE, ..counted(total) };
-    vec![image, counted(total.min(5)), done]
-}
-
-/// The number of the command becomes 1 in every state. A block that never got one keeps 0.
-fn normalise_number(call: &mut skill::SkillCall, group: &mut AxesGroup) {
-    if call.number == group.command.number {
-        call.number = 1;
-    }
-    group.command.number = 1;
-}
-
-macro_rules! explored_skill {
-    ($block:ty, $total:expr, |$self:ident| $call:expr, |$run:ident, $execute:ident, $group:ident| $step:expr) => {
-        impl Explored for $block {
-            const BIT: Control = Control::EXECUTE;
-            fn images() -> Vec<Feedback> {
-                skill_images($total)
-            }
-            fn call(&mut self, $execute: bool, $group: &mut AxesGroup) -> Outputs {
-                let $run = self;
-                $step
-            }
-            fn error(&self) -> Option<BlockError> {
-                self.error()
-            }
-            fn normalise(&mut self, group: &mut AxesGroup) {
-                let $self = self;
-                normalise_number($call, group);
-            }
-            fn may_be_done(feedback: &Feedback) -> bool {
-                skill_done(feedback)
-            }
-            fn may_be_aborted(feedback: &Feedback) -> bool {
-                skill_aborted(feedback)
-            }
-            fn way_to_done() -> Vec<Feedback> {
-                skill_way_to_done($total)
-            }
-            fn check(&self, group: &AxesGroup, after: Outputs) {
-                let $self = &mut self.clone();
-                let executed = $call.tally.executed;
-                let (total, written) = (group.command.total, group.command.written);
-                if after.busy && group.command.skill == protocol::image::Skill::MoveContinuous {
-                    assert_eq!(written, total.min(executed + 5), "free slots are filled at once");
-                    for index in executed..written {
-                        assert_eq!(Some(*group.command.slot(index)), list().get(index), "motion {index}");
-                    }
-                }
-            }
-        }
-    };
-}
-
-/// One more than the slots hold.
-const SEQUENCE: u32 = 6;
-
-fn list() -> MotionList {
-    let motion = |velocity| Motion { kind: MotionKind::LinCartesian, velocity, ..Motion::EMPTY };
-    MotionList::from((1..=SEQUENCE as u16).map(motion).collect::<Vec<_>>())
-}
-
-explored_skill!(MoveLinCartesian, 1, |block| &mut block.inner.call, |block, execute, group| {
-    block.call(execute, &Motion::EMPTY, group)
-});
-explored_skill!(MoveContinuous, SEQUENCE, |block| &mut block.call, |block, execute, group| {
-    block.call(execute, &mut list(), group)
-});
-explored_skill!(RunProgram, 1, |block| &mut block.call, |block, execute, group| {
-    block.call(execute, 1, group)
-});
-
-macro_rules! explored_state_command {
-    ($block:ident, $bit:ident, done: |$done:ident| $is_done:expr, aborted: |$aborted:ident| $is_aborted:expr,
-     way: [$($way:expr),*]) => {
-        impl Explored for $block {
-            const BIT: Control = Control::$bit;
-            fn images() -> Vec<Feedback> {
-                let bits = [Status::AT_REST, Status::ENABLED, Status::ERROR];
-                let statuses = (0_u8..8).map(|set| {
-                    let mut status = Status::default();
-                    bits.iter().enumerate().for_each(|(bit, name)| status.set(*name, set >> bit & 1 == 1));
-                    status
-                });
-                // The PLC's life counter is 1 in each scan that is explored, so an echo of 0 is from before.
-                let images = statuses.flat_map(|status| {
-                    STATES.into_iter().flat_map(move |state| {
-                        [0, 1].map(|life_echo| Feedback { status, state, life_echo, ..Feedback::default() })
-                    })
-                });
-                images.collect()
-            }
-            fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs {
-                $block::call(self, execute, group)
-            }
-            fn error(&self) -> Option<BlockError> {
-                self.error()
-            }
-            fn may_be_done($done: &Feedback) -> bool {
-                $done.life_echo == 1 && $is_done
-            }
-            fn may_be_aborted($aborted: &Feedback) -> bool {
-                $aborted.life_echo == 1 && $is_aborted
-            }
-            fn way_to_done() -> Vec<Feedback> {
-                let rest = Status::AT_REST | Status::ENABLED;
-                [$($way),*].map(|state| Feedback { state, status: rest, life_echo: 1, ..Feedback::default() }).into()
-            }
-        }
-    };
-}
-
-explored_state_command!(Reset, RESET,
-    done: |f| f.state == State::Ready && f.status.contains(Status::ENABLED) && !f.status.contains(Status::ERROR),
-    aborted: |_f| false, way: [State::Halted, State::Ready]);
-explored_state_command!(Halt, HALT,
-    done: |f| !matches!(f.state, State::Running | State::Suspended) && f.status.contains(Status::AT_REST),
-    aborted: |_f| false, way: [State::Running, State::Halted]);
-explored_state_command!(Suspend, SUSPEND,
-    done: |f| f.state == State::Suspended,
-    aborted: |f| f.state != State::Running, way: [State::Running, State::Suspended]);
-explored_state_command!(Resume, RESUME,
-    done: |f| !matches!(f.state, State::Suspended | State::Halted),
-    aborted: |f| f.state == State::Halted, way: [State::Suspended, State::Running]);
-
 /// What a block and its image remember between scans.
-type Remembered<F> = (F, bool, u16, bool, u32, u32);
+type Remembered<F> = (F, bool, u16, (bool, bool), u32, u32);
 
 #[derive(Clone, Copy)]
 struct Explorer<F> {
@@ -219,6 +67,7 @@ struct Explorer<F> {
     outputs: Outputs,
     control: Control,
     commanded: bool,
+    stops_for_error: bool,
     counts: (u32, u32),
     slots: [Motion; 5],
     skill: protocol::image::Skill,
@@ -233,6 +82,7 @@ impl<F: Explored> Explorer<F> {
             outputs: Outputs::default(),
             control: command.control,
             commanded: false,
+            stops_for_error: false,
             counts: (0, 0),
             slots: command.slots,
             skill: command.skill,
@@ -240,7 +90,8 @@ impl<F: Explored> Explorer<F> {
     }
 
     fn remembered(&self) -> Remembered<F> {
-        (self.block, self.execute, self.control.0, self.commanded, self.counts.0, self.counts.1)
+        let stops = (self.commanded, self.stops_for_error);
+        (self.block, self.execute, self.control.0, stops, self.counts.0, self.counts.1)
     }
 
     /// One scan, from this state, checked against the rules.
@@ -252,6 +103,7 @@ impl<F: Explored> Explorer<F> {
         group.command.slots = self.slots;
         (group.command.total, group.command.written) = self.counts;
         group.commanded = self.commanded;
+        group.error_stop = self.stops_for_error.then_some(1);
         group.read(input.feedback);
 
         let (before, execute_before) = (self.outputs, self.execute);
@@ -268,6 +120,7 @@ impl<F: Explored> Explorer<F> {
             outputs: after,
             control,
             commanded: group.commanded,
+            stops_for_error: group.error_stop.is_some(),
             counts: (group.command.total, group.command.written),
             slots: group.command.slots,
             skill: group.command.skill,
@@ -286,7 +139,14 @@ fn check_rules<F: Explored>(step: &Step) {
     assert!(!execute || shown(after) == 1, "one of them shows while Execute is TRUE: {after:?}");
     assert!(after.busy || !after.active, "Active only with Busy: {after:?}");
     assert_eq!(after.error, after.error_id != 0, "ErrorID only with Error");
-    assert_eq!(control.contains(F::BIT), after.busy, "the robot is asked exactly while the block is busy");
+    assert!(after.busy || !after.command_interrupted, "CommandInterrupted only with Busy: {after:?}");
+    assert!(!(after.active && after.command_interrupted), "Active and CommandInterrupted: {after:?}");
+    assert!(F::asks(*control).is_none_or(|asks| asks == after.busy), "asked exactly while busy: {after:?}");
+    let stops = control.contains(Control::HALT);
+    assert!(
+        stops || !(before.busy && after.error) || F::may_leave(*feedback),
+        "an error leaves the arm moving"
+    );
 
     if rising && !before.busy {
         assert!(after.busy || after.error, "a rising edge starts: {before:?} → {after:?}");
@@ -329,11 +189,13 @@ fn explore<F: Explored>() -> (usize, HashSet<Outputs>) {
     (found.len(), ends)
 }
 
-/// From wherever the block is, a lost connection and two scans without `Execute` make it idle, and the next
-/// `Execute` leads to `Done` if the robot does its part.
+/// From wherever the block is, a lost connection, scans without `Execute` and a robot that stands make it idle, and the
+/// next `Execute` leads to `Done` if the robot does its part.
 fn leads_to_done_again<F: Explored>(mut state: Explorer<F>) {
-    for _ in 0..2 {
-        state = state.step(Input { execute: false, feedback: None });
+    let standing =
+        Feedback { state: State::Ready, status: Status::AT_REST, life_echo: 1, ..Feedback::default() };
+    for feedback in [None, None, Some(standing)] {
+        state = state.step(Input { execute: false, feedback });
     }
     assert_eq!(state.outputs, Outputs::default(), "there is a state without a way back: {:?}", state.block);
     let way = F::way_to_done();
@@ -364,6 +226,7 @@ fn a_single_motion_keeps_plcopens_rules_in_every_order_of_events() {
 #[test]
 fn move_continuous_keeps_plcopens_rules_and_never_touches_a_slot_in_use_in_every_order_of_events() {
     let ends = assert_ends::<MoveContinuous>([true, true, true]);
+    assert!(ends.iter().any(|outputs| outputs.command_interrupted));
     let ids: HashSet<u16> = ends.iter().map(|outputs| outputs.error_id).collect();
     for (id, name) in [
         (15, "the robot's own"),
@@ -374,6 +237,7 @@ fn move_continuous_keeps_plcopens_rules_and_never_touches_a_slot_in_use_in_every
         (0x8009, "counted too far"),
         (0x800A, "counted backwards"),
         (0x800B, "ended early"),
+        (0x8012, "stopping after an error"),
     ] {
         assert!(ids.contains(&id), "{name} is not reached: {ids:?}");
     }
@@ -385,9 +249,12 @@ fn run_program_keeps_plcopens_rules_in_every_order_of_events() {
 }
 
 #[test]
-fn the_state_commands_keep_plcopens_rules_in_every_order_of_events() {
-    assert_ends::<Reset>([true, false, true]);
-    assert_ends::<Halt>([true, false, true]);
-    assert_ends::<Suspend>([true, true, true]);
-    assert_ends::<Resume>([true, true, true]);
+fn the_group_commands_keep_plcopens_rules_in_every_order_of_events() {
+    assert_ends::<GroupEnable>([true, false, true]);
+    assert_ends::<GroupDisable>([true, false, true]);
+    assert_ends::<GroupReset>([true, false, true]);
+    assert_ends::<GroupHalt>([true, true, true]);
+    assert_ends::<GroupStop>([true, false, true]);
+    assert_ends::<GroupInterrupt>([true, true, true]);
+    assert_ends::<GroupContinue>([true, true, true]);
 }

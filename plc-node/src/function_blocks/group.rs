@@ -1,0 +1,173 @@
+//! The blocks that change the robot's state instead of executing a skill.
+//!
+//! They have PLCopen's names; the image has those of OPC UA Part 10, whose states the robot has:
+//!
+//! | block | image | the robot is then |
+//! |---|---|---|
+//! | [`GroupEnable`] | `ENABLE` set, `RESET` where it stood still without an error | `Ready` |
+//! | [`GroupDisable`] | `ENABLE` cleared | `Halted`, not enabled |
+//! | [`GroupReset`] | `RESET` | `Ready` |
+//! | [`GroupHalt`] | `CANCEL` | `Ready`; the skill is given up |
+//! | [`GroupStop`] | `HALT` | `Halted`: a reset is needed; the skill is given up |
+//! | [`GroupInterrupt`] | `SUSPEND` | `Suspended` |
+//! | [`GroupContinue`] | `RESUME` | `Running` |
+//!
+//! Each sets its control bit with `Execute`'s rising edge and takes it back at its end; `ENABLE` stays. An end counts only
+//! once the robot has seen the bit, by the life counter that it echoes: a state from before would be no answer. A robot
+//! that does not follow in time ends the block with an error, and the bit goes back too, so that asking again is an edge.
+
+use protocol::image::{Control, Feedback, State, Status};
+
+use super::face::{End, Face};
+use super::{BlockError, Outputs};
+use crate::AxesGroup;
+
+/// What all of them have in common.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+pub(super) struct GroupCommand {
+    pub(super) face: Face,
+    /// The PLC's life counter in the first image with the bit.
+    pub(super) since: u16,
+    /// Scans since the start.
+    pub(super) waited: u32,
+}
+
+impl GroupCommand {
+    /// `before` must hold at the start; `reached` ends the block, once the robot has seen the bit; `ask` sets the bits as
+    /// long as the block is busy, and takes them back.
+    fn call(
+        &mut self,
+        execute: bool,
+        group: &mut AxesGroup,
+        before: impl FnOnce(&Feedback) -> Result<(), BlockError>,
+        reached: impl FnOnce(&Feedback) -> Option<End>,
+        ask: impl FnOnce(&mut AxesGroup, bool),
+    ) -> Outputs {
+        let started = self.face.call(execute);
+        if started {
+            (self.since, self.waited) = (group.command.life, 0);
+        }
+        if self.face.is_busy() {
+            let seen = group.has_seen(self.since);
+            let scans = self.waited;
+            let late = scans >= group.answer_scans();
+            self.waited = self.waited.saturating_add(1);
+            let end = match &group.feedback {
+                None => Some(End::Error(BlockError::NotConnected)),
+                Some(feedback) if started => before(feedback).err().map(End::Error),
+                Some(feedback) if seen => {
+                    self.face.activate();
+                    reached(feedback)
+                }
+                Some(_) => None,
+            };
+            let end = end.or_else(|| late.then_some(End::Error(BlockError::StateNotReached { scans })));
+            if let Some(end) = end {
+                self.face.end(end);
+            }
+            ask(group, self.face.is_busy());
+        }
+        self.face.outputs()
+    }
+}
+
+macro_rules! group_blocks {
+    ($($(#[$doc:meta])* $name:ident: $before:expr, $reached:expr, $ask:expr;)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
+        pub struct $name {
+            pub(super) inner: GroupCommand,
+        }
+
+        impl $name {
+            /// One scan.
+            pub fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs {
+                self.inner.call(execute, group, $before, $reached, $ask)
+            }
+
+            /// What `ErrorID` stands for; none without an error.
+            #[must_use]
+            pub const fn error(&self) -> Option<BlockError> {
+                self.inner.face.error()
+            }
+        }
+    )*};
+}
+
+group_blocks! {
+    /// Switches the robot on and leads it to `Ready`. One that stands in an error stays in it: that is for [`GroupReset`].
+    GroupEnable: |_| Ok(()), |feedback| {
+        let is_enabled = feedback.status.contains(Status::ENABLED);
+        let in_error = feedback.status.contains(Status::ERROR);
+        match feedback.state {
+            _ if !is_enabled => None,
+            State::Halted if in_error => Some(End::Error(BlockError::InError { number: feedback.error })),
+            State::Halted => None,
+            _ => Some(End::Done),
+        }
+    }, |group, is_busy| {
+        group.set_control(Control::ENABLE, true);
+        group.set_control(Control::RESET, is_busy && group.feedback().is_some_and(may_be_reset));
+    };
+    /// Switches the robot off. A skill under way stops on its path and ends with an error.
+    GroupDisable: |_| Ok(()), |feedback| {
+        let is_off = !feedback.status.contains(Status::ENABLED) && is_at_rest(feedback);
+        is_off.then_some(End::Done)
+    }, |group, is_busy| if is_busy { group.set_control(Control::ENABLE, false) };
+    /// Acknowledges an error and leads the robot out of `Halted` to `Ready`.
+    GroupReset: |_| Ok(()), |feedback| is_ready(feedback).then_some(End::Done),
+        |group, is_busy| group.set_control(Control::RESET, is_busy);
+    /// Stops the robot on its path; a skill under way is given up, and the next one may start at once. A robot that is
+    /// stopped otherwise meanwhile, and so needs a reset, aborts the block.
+    GroupHalt: |feedback| match feedback.state {
+        State::Halted => Err(BlockError::NothingToDo("running or ready")),
+        _ => Ok(()),
+    }, |feedback| match feedback.state {
+        State::Halted => Some(End::Aborted),
+        _ => is_at_rest(feedback).then_some(End::Done),
+    }, |group, is_busy| group.set_control(Control::CANCEL, is_busy);
+    /// Stops the robot on its path; a skill under way is given up. No skill starts before a reset.
+    GroupStop: |_| Ok(()), |feedback| is_at_rest(feedback).then_some(End::Done),
+        |group, is_busy| group.set_control(Control::HALT, is_busy);
+    /// Stops the robot on its path; the skill waits there, and its block shows `CommandInterrupted`. A skill that ends
+    /// meanwhile aborts the block.
+    GroupInterrupt: |feedback| is_in(feedback, State::Running, "running"), |feedback| match feedback.state {
+        State::Suspended => Some(End::Done),
+        State::Running => None,
+        _ => Some(End::Aborted),
+    }, |group, is_busy| group.set_control(Control::SUSPEND, is_busy);
+    /// Lets an interrupted skill go on.
+    GroupContinue: |feedback| is_in(feedback, State::Suspended, "interrupted"), |feedback| match feedback.state {
+        State::Suspended => None,
+        State::Halted => Some(End::Aborted),
+        _ => Some(End::Done),
+    }, |group, is_busy| group.set_control(Control::RESUME, is_busy);
+}
+
+/// Whether the robot would take up a skill.
+pub(crate) fn is_ready(feedback: &Feedback) -> bool {
+    feedback.state == State::Ready
+        && feedback.status.contains(Status::ENABLED)
+        && !feedback.status.contains(Status::ERROR)
+}
+
+/// Whether a skill is under way on the robot.
+pub(crate) const fn is_executing(feedback: &Feedback) -> bool {
+    matches!(feedback.state, State::Running | State::Suspended)
+}
+
+/// Whether no skill is under way and the arm stands.
+pub(crate) const fn is_at_rest(feedback: &Feedback) -> bool {
+    !is_executing(feedback) && feedback.status.contains(Status::AT_REST)
+}
+
+/// Whether a reset acknowledges no error.
+const fn may_be_reset(feedback: &Feedback) -> bool {
+    matches!(feedback.state, State::Halted)
+        && feedback.status.contains(Status::ENABLED)
+        && !feedback.status.contains(Status::ERROR)
+}
+
+fn is_in(feedback: &Feedback, state: State, name: &'static str) -> Result<(), BlockError> {
+    if feedback.state == state { Ok(()) } else { Err(BlockError::NothingToDo(name)) }
+}

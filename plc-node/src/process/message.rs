@@ -1,0 +1,137 @@
+//! What a PLC says and is told, as messages and as orders to the cyclic thread.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Execution, ExecutionType, OverrideError, OverrideSchedule, PlcEvent, StartError};
+
+/// What only a PLC says.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlcMessage {
+    /// The arm does not stand where a run starts and is moved there.
+    MovingToStart,
+    /// The robot is connected and ready, and the arm where a run starts: a run may start.
+    Ready,
+    /// The start edge of a run was set.
+    Started {
+        /// How the sequence is run.
+        execution_type: ExecutionType,
+        /// Start of the scan with the start edge, in ns of `CLOCK_MONOTONIC`.
+        at_ns: u64,
+    },
+    /// The run ended as wanted.
+    Finished(Execution),
+    /// The run ended otherwise, or was not started.
+    Failed {
+        /// How the sequence was to be run.
+        execution_type: ExecutionType,
+        /// Why not, in words.
+        reason: String,
+    },
+    /// An instruction was not followed; what runs goes on.
+    Refused {
+        /// Why not, in words.
+        reason: String,
+    },
+}
+
+impl fmt::Display for PlcMessage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::MovingToStart => f.write_str("moving the arm to the application's start"),
+            Self::Ready => f.write_str("robot ready"),
+            Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
+            Self::Finished(run) => {
+                let ms = |ns: u64| ns as f64 / 1e6;
+                let Execution { execution_type, motions, blends_suppressed, frames, .. } = run;
+                write!(
+                    f,
+                    "{execution_type} {:9.3} ms, by the robot's clock {:9.3} ms; {motions} motions, \
+                     {blends_suppressed} blends suppressed, {} frames lost",
+                    ms(run.execution_time_ns),
+                    ms(run.robot_execution_ns),
+                    frames.lost
+                )
+            }
+            Self::Failed { execution_type, reason } => write!(f, "{execution_type} failed: {reason}"),
+            Self::Refused { reason } => write!(f, "refused: {reason}"),
+        }
+    }
+}
+
+/// What only a PLC is told.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlcInstruction {
+    /// Run the sequence once.
+    Start {
+        /// How.
+        execution_type: ExecutionType,
+        /// What becomes of the override meanwhile; without it the override stays as it is.
+        #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
+        overrides: Option<OverrideSchedule>,
+    },
+    /// Set the override, in a run or between two.
+    SetOverride {
+        /// In percent of every programmed speed, 0 to 100; 0 stops the arm on its path.
+        percent: f64,
+    },
+    /// Give the run up.
+    Abort,
+}
+
+/// What the owner of a PLC may want of it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum PlcOrder {
+    /// Run the sequence once, with this schedule of overrides.
+    Start(ExecutionType, Option<OverrideSchedule>),
+    /// Set the override, in percent.
+    SetOverride(f64),
+    /// Give the run up.
+    Abort,
+}
+
+/// An order that a PLC does not follow.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum PlcRefusal {
+    /// A run is not started.
+    Start(ExecutionType, StartError),
+    /// The override stays as it is.
+    Override(OverrideError),
+}
+
+impl From<PlcInstruction> for PlcOrder {
+    fn from(instruction: PlcInstruction) -> Self {
+        match instruction {
+            PlcInstruction::Start { execution_type, overrides } => Self::Start(execution_type, overrides),
+            PlcInstruction::SetOverride { percent } => Self::SetOverride(percent),
+            PlcInstruction::Abort => Self::Abort,
+        }
+    }
+}
+
+pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
+    Some(match event {
+        PlcEvent::Link(_) => return None,
+        PlcEvent::MovingToStart => PlcMessage::MovingToStart,
+        PlcEvent::Ready => PlcMessage::Ready,
+        PlcEvent::Started { execution_type, at } => {
+            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
+        }
+        PlcEvent::Finished(run) => PlcMessage::Finished(*run),
+        PlcEvent::Failed(failure) => {
+            PlcMessage::Failed { execution_type: failure.execution_type, reason: failure.cause.to_string() }
+        }
+    })
+}
+
+pub(super) fn refusal(refusal: PlcRefusal) -> PlcMessage {
+    match refusal {
+        PlcRefusal::Start(execution_type, error) => {
+            PlcMessage::Failed { execution_type, reason: error.to_string() }
+        }
+        PlcRefusal::Override(error) => PlcMessage::Refused { reason: error.to_string() },
+    }
+}

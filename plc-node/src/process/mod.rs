@@ -1,0 +1,201 @@
+//! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
+//!
+//! By hand it runs a number of repetitions and prints them. With `--control` or `--json` it says what happens in one line
+//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input. Of its other
+//! commands `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
+
+mod message;
+mod modes;
+
+use std::ffi::OsString;
+use std::fmt;
+use std::process::ExitCode;
+
+use clap::Parser;
+use machine::{Duration, Instant, Lateness};
+use node::Node;
+use node::role::NodeRole;
+use node::run::{Prepared, RunOptions};
+use node::supervise::Outcome;
+use planning::PROGRAM;
+use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use setup::BusKind;
+
+pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
+use modes::{OnInstruction, Standalone};
+
+use crate::discover::DiscoverCommand;
+use crate::plan_command::PlanCommand;
+use crate::{ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, bus};
+
+/// The PLC of a setup on a real bus: connects to the robot and runs the application.
+#[derive(Parser, Debug)]
+#[command(name = "plc-node", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Subcommand,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum Subcommand {
+    /// Connect to the robot and run the application.
+    Run(Box<Run>),
+    /// Plan an application and print its motions: labels, zones and why they have their size.
+    Plan(PlanCommand),
+    /// List the PROFINET and EtherNet/IP devices on a network interface.
+    Discover(DiscoverCommand),
+}
+
+#[derive(clap::Args, Debug)]
+struct Run {
+    #[command(flatten)]
+    options: RunOptions,
+    /// Repetitions of each execution type.
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "control", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    reps: u32,
+    /// Execution types to run, interleaved in this order.
+    #[arg(
+        long,
+        value_name = "TYPES",
+        value_delimiter = ',',
+        default_value = "rc,sm,cm",
+        conflicts_with = "control"
+    )]
+    types: Vec<ExecutionType>,
+    /// Override in % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
+    /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path.
+    #[arg(long = "override", value_name = "PERCENT[@TIME],...", conflicts_with = "control")]
+    overrides: Option<OverrideSchedule>,
+}
+
+/// The process: parses `args`, with the program's name first, and runs until it is done.
+pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
+    let outcome = match cli.command {
+        Subcommand::Run(run) => run.execute(),
+        Subcommand::Plan(plan) => plan.execute(),
+        Subcommand::Discover(discover) => discover.execute(),
+    };
+    node::run::exit_code(outcome, |error| error.is::<bus::BusError>())
+}
+
+impl Run {
+    fn execute(self) -> anyhow::Result<Outcome> {
+        let prepared = self.options.prepare()?;
+        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
+        // A PLC has its address from its project. Taking another one away could cut the user's own connection.
+        interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
+        // On a real clock the scan takes what it takes.
+        let config = PlcConfig {
+            scan_cost: Duration::ZERO,
+            to_start: plan.wire_to_start(setup),
+            stops: plan.stops(),
+            ..PlcConfig::from_setup(setup, plan.wire_motions(setup), PROGRAM)
+        };
+        let start = node::run::first_cycle();
+        // The clock makes every start of this PLC a new one to the robot.
+        let nonce = start.as_nanos();
+        if self.options.direct {
+            let bus = prepared.direct(setup.bus.robot_address, start);
+            let node = PlcNode::new(config, bus, start);
+            return self.supervise(prepared, "images without a protocol", node);
+        }
+        match setup.bus.kind {
+            BusKind::Profinet => {
+                let bus = bus::profinet_controller(setup, interface.mac(), nonce, start)?;
+                let node = PlcNode::new(config, bus, start);
+                self.supervise(prepared, "PROFINET IO-Controller", node)
+            }
+            BusKind::EthernetIp => {
+                let bus = bus::ethernet_ip_scanner(setup, interface.mac(), nonce, start)?;
+                let node = PlcNode::new(config, bus, start);
+                self.supervise(prepared, "EtherNet/IP scanner", node)
+            }
+            other => Err(prepared.no_endpoint(other)),
+        }
+    }
+
+    fn supervise<B: Fieldbus + Send + fmt::Debug + 'static>(
+        &self,
+        prepared: Prepared,
+        endpoint: &str,
+        node: PlcNode<B>,
+    ) -> anyhow::Result<Outcome> {
+        if self.options.takes_instructions() {
+            prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut OnInstruction::default())
+        } else {
+            let mut standalone = Standalone::new(&self.types, self.reps, self.overrides);
+            prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut standalone)
+        }
+    }
+}
+
+impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
+    type Order = PlcOrder;
+    type Answer = PlcRefusal;
+    type Sample = (Instant, Sample);
+
+    fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
+        match event {
+            PlcEvent::Link(event) => Some(*event),
+            _ => None,
+        }
+    }
+
+    fn order(&mut self, now: Instant, order: PlcOrder) -> Option<Self::Answer> {
+        match order {
+            PlcOrder::Start(execution_type, overrides) => {
+                let started = self.start(now, execution_type);
+                if started.is_ok() {
+                    self.schedule_overrides(overrides);
+                }
+                started.err().map(|error| PlcRefusal::Start(execution_type, error))
+            }
+            PlcOrder::SetOverride(percent) => match Override::from_percent(percent) {
+                Ok(to) => {
+                    self.set_override(now, to);
+                    None
+                }
+                Err(error) => Some(PlcRefusal::Override(error)),
+            },
+            PlcOrder::Abort => {
+                self.abort(now);
+                None
+            }
+        }
+    }
+
+    fn address_set(&mut self, now: Instant, done: bool) {
+        self.bus_mut().address_set(now, done);
+    }
+
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().explain(words)
+    }
+
+    fn disconnect(&mut self, now: Instant) {
+        Self::disconnect(self, now);
+    }
+
+    fn lateness(&self) -> &Lateness {
+        Self::lateness(self)
+    }
+
+    fn counters(&self) -> Counters {
+        self.bus().counters()
+    }
+
+    fn cycle_number(&self) -> u64 {
+        Self::sample(self).scans
+    }
+
+    fn sample(&self, now: Instant) -> Self::Sample {
+        (now, Self::sample(self))
+    }
+
+    fn write_sample((at, sample): &Self::Sample, line: &mut String) {
+        use fmt::Write as _;
+        let Sample { scans, number, total, written, queue_fill, .. } = sample;
+        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill}", at.as_nanos());
+    }
+}

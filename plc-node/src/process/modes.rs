@@ -1,0 +1,95 @@
+//! Who decides what the PLC does: whoever gives instructions, or the command line alone.
+
+use std::fmt;
+
+use node::supervise::{Next, OperatingMode, Outcome};
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+
+use super::message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal, message, refusal};
+use crate::{ExecutionType, OverrideSchedule, PlcEvent, PlcNode, StartError};
+
+/// Does what it is told.
+#[derive(Default)]
+pub(super) struct OnInstruction {
+    /// The robot was ready when it was last heard of: a controller that comes later missed that.
+    ready: bool,
+}
+
+impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for OnInstruction {
+    type Message = PlcMessage;
+    type Instruction = PlcInstruction;
+
+    fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
+        self.ready = matches!(event, PlcEvent::Ready);
+        (message(&event), Next::Wait)
+    }
+
+    fn link(&mut self, event: LinkEvent) -> Next<PlcOrder> {
+        self.ready &= !matches!(event, LinkEvent::Down(_));
+        Next::Wait
+    }
+
+    fn greeting(&self) -> Option<PlcMessage> {
+        self.ready.then_some(PlcMessage::Ready)
+    }
+
+    fn controller_left(&mut self) -> Next<PlcOrder> {
+        Next::Order(PlcOrder::Abort)
+    }
+
+    fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {
+        let is_unready =
+            matches!(answer, PlcRefusal::Start(_, StartError::NotConnected | StartError::NotReady { .. }));
+        self.ready &= !is_unready;
+        (refusal(answer), Next::Wait)
+    }
+
+    fn instruction(&mut self, instruction: PlcInstruction) -> PlcOrder {
+        instruction.into()
+    }
+}
+
+/// Runs its repetitions and ends.
+pub(super) struct Standalone {
+    /// The runs to come, the next one last.
+    runs: Vec<ExecutionType>,
+    overrides: Option<OverrideSchedule>,
+}
+
+impl Standalone {
+    pub(super) fn new(types: &[ExecutionType], reps: u32, overrides: Option<OverrideSchedule>) -> Self {
+        let mut runs: Vec<_> = (0..reps).flat_map(|_| types.iter().copied()).collect();
+        runs.reverse();
+        Self { runs, overrides }
+    }
+
+    fn next(&mut self) -> Next<PlcOrder> {
+        let start = |run| Next::Order(PlcOrder::Start(run, self.overrides));
+        self.runs.pop().map_or(Next::End(Outcome::Done), start)
+    }
+}
+
+impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for Standalone {
+    type Message = PlcMessage;
+    type Instruction = PlcInstruction;
+
+    fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
+        let next = match event {
+            PlcEvent::Ready => self.next(),
+            PlcEvent::Failed(_) => Next::End(Outcome::RunFailed),
+            PlcEvent::Link(_)
+            | PlcEvent::MovingToStart
+            | PlcEvent::Started { .. }
+            | PlcEvent::Finished(_) => Next::Wait,
+        };
+        (message(&event), next)
+    }
+
+    fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {
+        (refusal(answer), Next::End(Outcome::RunFailed))
+    }
+
+    fn instruction(&mut self, instruction: PlcInstruction) -> PlcOrder {
+        instruction.into()
+    }
+}

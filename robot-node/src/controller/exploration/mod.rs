@@ -1,0 +1,207 @@
+//! Robot and PLC together in every order of commands, losses of connection and faults, until no new state turns up.
+//!
+//! A step is one scan of the PLC's function blocks, and one robot cycle on the image that they wrote. Before each, one
+//! thing may change: `Execute` of a block rises, and falls when the block has ended; the override, to 0, to 100 % or to
+//! one that is none; `enable`; the connection; or the robot gets an old image once more, which is what a lost frame comes to. From every state all of them are tried. (All
+//! orders of `Execute` alone are the affair of the blocks' own exploration.)
+//!
+//! States count as one when they differ in running numbers, or by less than [`Skills::place_mm`] in place and not in whether
+//! the arm rests: with that the exploration closes. So it is exhaustive over the discrete states and their order, not
+//! over places.
+
+mod cell;
+mod rules;
+
+use std::collections::HashSet;
+
+use core::time::Duration;
+
+use plc_node::MotionList;
+use plc_node::function_blocks::Outputs;
+use protocol::image::{Motion, MotionKind};
+
+use cell::Explored;
+
+use super::execution::Phase;
+use super::*;
+use crate::ForceControl;
+use crate::arm::Surface;
+
+/// Scans that the PLC waits for an answer.
+const PATIENCE: u32 = 4;
+
+/// The blocks, and the index of each.
+const BLOCKS: usize = 6;
+const MOVE: usize = 0;
+const STOP: usize = 1;
+const RESET: usize = 2;
+const INTERRUPT: usize = 3;
+const CONTINUE: usize = 4;
+const HALT: usize = 5;
+
+/// What changes before a step.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Change {
+    Nothing,
+    /// `Execute` of a block rises.
+    Execute(usize),
+    /// The velocity factor of the override.
+    Override(Velocity),
+    Enable,
+    Connection,
+    LostFrame,
+}
+
+/// What the PLC wants of the override.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+enum Velocity {
+    Full,
+    Stop,
+    /// Above 100 %: a PLC writes it past its function block.
+    Wrong,
+}
+
+const CHANGES: [Change; 13] = [
+    Change::Nothing,
+    Change::Execute(MOVE),
+    Change::Execute(STOP),
+    Change::Execute(RESET),
+    Change::Execute(INTERRUPT),
+    Change::Execute(CONTINUE),
+    Change::Execute(HALT),
+    Change::Override(Velocity::Full),
+    Change::Override(Velocity::Stop),
+    Change::Override(Velocity::Wrong),
+    Change::Enable,
+    Change::Connection,
+    Change::LostFrame,
+];
+
+/// What MoveContinuous runs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Skills {
+    /// Three motions.
+    Good,
+    /// Six motions, the last one out of reach: it comes when the run is under way.
+    Bad,
+    /// A motion, a LIN force, a motion.
+    Pressing,
+}
+
+/// Joint 3 at power-on, in mm.
+const HOME: f64 = 175.0;
+
+impl Skills {
+    /// Joint 3 at the ends of the motions, in mm; of a LIN force where its line ends.
+    fn targets(self) -> &'static [f64] {
+        match self {
+            Self::Good => &[HOME - 0.1, HOME - 0.2, HOME - 0.05],
+            Self::Bad => &[HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME + 100.0],
+            Self::Pressing => &[HOME - 0.1, HOME - 1.0, HOME - 0.05],
+        }
+    }
+
+    fn motions(self) -> Vec<Motion> {
+        let config = config();
+        let to = |joint_3: f64| {
+            let mut target = config.home.map(|joint| joint as f32);
+            target[2] = joint_3 as f32;
+            let kind = MotionKind::PtpJoint;
+            Motion { kind, target, velocity: 10_000, acceleration: 10_000, ..Motion::EMPTY }
+        };
+        let mut motions: Vec<Motion> = self.targets().iter().copied().map(to).collect();
+        if self == Self::Pressing {
+            let mut joints = config.home;
+            joints[2] = self.targets()[1];
+            let target = config.arm.forward(&joints).to_mm_deg().map(|coordinate| coordinate as f32);
+            let (kind, auxiliary) = (MotionKind::LinForceCartesian, [0.0, 0.0, -25.0]);
+            motions[1] =
+                Motion { kind, target, auxiliary, velocity: 100, acceleration: 5_000, ..Motion::EMPTY };
+        }
+        motions
+    }
+
+    /// Places nearer to each other than this count as one. A force is approached slowly, so that there are many.
+    const fn place_mm(self) -> f64 {
+        match self {
+            Self::Good | Self::Bad => 0.02,
+            Self::Pressing => 0.15,
+        }
+    }
+
+    /// Whether the change is tried on this skill: what a wrong override does depends on no motion.
+    fn meets(self, change: Change) -> bool {
+        self == Self::Good || change != Change::Override(Velocity::Wrong)
+    }
+
+    /// Whether motion `index` ends where the surface says, not where its target is.
+    fn presses(self, index: usize) -> bool {
+        self == Self::Pressing && index == 1
+    }
+}
+
+fn config() -> RobotConfig {
+    let setup = setup::setup("A").unwrap();
+    let mut config = RobotConfig {
+        interpreter_quantum: Duration::ZERO,
+        skill_overhead: Duration::ZERO,
+        ..RobotConfig::from_setup(&setup).unwrap()
+    };
+    let [x, y, z] = config.arm.forward(&config.home).position;
+    config.surfaces = vec![Surface {
+        point: [x, y, z - 0.3],
+        normal: [0.0, 0.0, 1.0],
+        radius_mm: f64::INFINITY,
+        stiffness_n_per_mm: 50.0,
+    }];
+    // As short as can be: how far it has settled is no state of its own here.
+    config.force = config.force.map(|force| ForceControl { settling: Duration::from_millis(4), ..force });
+    config
+}
+
+/// Explores everything that can come; returns how many states there are, and the ends that MoveContinuous came to.
+fn explore(skills: Skills) -> (usize, HashSet<Outputs>, HashSet<u8>) {
+    let mut source = MotionList::from(skills.motions());
+    let start = Explored::new(skills);
+    let mut found = HashSet::from([start.key()]);
+    let (mut ends, mut states) = (HashSet::new(), HashSet::new());
+    let mut open = vec![start];
+    while let Some(state) = open.pop() {
+        state.leads_back_to_ready(&mut source);
+        for change in CHANGES.into_iter().filter(|change| skills.meets(*change)) {
+            let next = state.step(change, &mut source);
+            ends.insert(next.outputs[MOVE]);
+            states.insert(u8::from(next.controller.state));
+            if found.insert(next.key()) {
+                open.push(next);
+            }
+        }
+        assert!(found.len() < 2_000_000, "the exploration must end, and {} states are open", open.len());
+    }
+    (found.len(), ends, states)
+}
+
+#[test]
+fn a_skill_of_good_motions_keeps_all_rules_in_every_order_of_commands_losses_and_faults() {
+    let (found, ends, states) = explore(Skills::Good);
+    println!("{found} states");
+    assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
+    assert!(ends.iter().any(|end| end.error) && ends.iter().any(|end| end.command_interrupted));
+    assert_eq!(states.len(), 4, "Halted, Ready, Running and Suspended all turn up");
+}
+
+#[test]
+fn so_does_a_stream_with_a_bad_motion_which_never_ends_as_done() {
+    let (found, ends, _) = explore(Skills::Bad);
+    println!("{found} states");
+    assert!(!ends.iter().any(|end| end.done));
+    assert!(ends.iter().any(|end| end.error_id == u16::from(ErrorNumber::AxisLimit)));
+}
+
+#[test]
+fn so_does_a_skill_that_presses_and_nothing_but_a_skill_that_runs_moves_the_arm() {
+    let (found, ends, states) = explore(Skills::Pressing);
+    println!("{found} states");
+    assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
+    assert_eq!(states.len(), 4);
+}

@@ -1,0 +1,87 @@
+//! What must hold after every step.
+
+use plc_node::function_blocks::EnableOutputs;
+
+use super::cell::Explored;
+use super::*;
+
+impl Explored {
+    fn keeps_the_override(&self, before: &Self) {
+        let EnableOutputs { busy, enabled, error, .. } = self.overriding;
+        assert!(!error && (busy || !enabled), "{:?}", self.set_override);
+        let (now, feedback) = (&self.controller, self.controller.feedback());
+        assert_eq!(f64::from(feedback.override_percent), now.factor * 100.0);
+        let wrong = self.connected && self.seen.override_percent > 100;
+        assert!(!wrong || now.factor == before.controller.factor, "a wrong override changes nothing");
+        let warns = feedback.status.contains(Status::WARNING);
+        assert_eq!(warns, wrong && !feedback.status.contains(Status::ERROR), "{feedback:?}");
+        let stood = before.controller.factor == 0.0 && before.controller.interpolator.is_at_rest();
+        assert!(!stood || now.factor > 0.0 || now.interpolator.is_at_rest(), "it starts at override 0");
+    }
+
+    /// What the blocks say of the robot whose image they saw in this step.
+    fn keeps_the_blocks_promises(&self, before: &Self) {
+        let seen = before.controller.feedback();
+        let now = self.outputs[MOVE];
+        assert!(!now.command_interrupted || seen.state == State::Suspended, "{seen:?}");
+        let halted = self.outputs[HALT].done && !before.outputs[HALT].done;
+        assert!(!halted || seen.state == State::Ready, "a halt needs no reset: {seen:?}");
+        let failed = now.error && before.outputs[MOVE].busy;
+        let runs_on = self.connected && before.controller.execution.is_some();
+        let stops = self.group.command().control.contains(Control::HALT);
+        assert!(!failed || !runs_on || stops, "an error of the block leaves the arm moving: {seen:?}");
+    }
+
+    pub(super) fn keeps_the_rules(&self, before: &Self) {
+        self.keeps_the_override(before);
+        self.keeps_the_blocks_promises(before);
+        for outputs in self.outputs {
+            let shown = [outputs.busy, outputs.done, outputs.command_aborted, outputs.error];
+            assert!(shown.iter().filter(|shown| **shown).count() <= 1, "PLCopen: {outputs:?}");
+            assert!(!outputs.active || outputs.busy, "PLCopen: {outputs:?}");
+            assert!(!outputs.command_interrupted || (outputs.busy && !outputs.active), "{outputs:?}");
+        }
+        let feedback = self.controller.feedback();
+        let ended = [Status::BUSY, Status::DONE, Status::ABORTED, Status::ERROR];
+        let shown = ended.iter().filter(|status| feedback.status.contains(**status)).count();
+        assert!(shown <= 1, "{feedback:?}");
+        let moved = self.controller.joints() != before.controller.joints();
+        let state = self.controller.state;
+        let skill = before.controller.execution.is_some();
+        assert!(!moved || skill, "the arm moves in {state:?} without a skill");
+        if state != State::Running {
+            assert!(self.controller.interpolator.is_at_rest(), "{state:?} and not at rest");
+        }
+        if matches!(state, State::Halted | State::Ready) {
+            assert!(self.controller.execution.is_none(), "a skill in {state:?}");
+        }
+        let targets = self.skills.targets();
+        let joint_3 = self.joint_3();
+        let is = |target: f64| (joint_3 - target).abs() < 1e-4;
+        let executed = feedback.executed as usize;
+        assert!(feedback.executed <= feedback.accepted && executed <= targets.len(), "{feedback:?}");
+        if feedback.status.contains(Status::BUSY) && feedback.number == before.controller.feedback().number {
+            assert!(feedback.executed >= before.controller.feedback().executed, "a motion counts twice");
+        }
+        // Between the ends of the last executed motion and of the present one: none is left out, none runs again.
+        let last = executed.checked_sub(1).filter(|last| !self.skills.presses(*last));
+        let ends = last.map(|last| targets[last]).zip(targets.get(executed));
+        if let (Some((from, to)), true) = (ends, feedback.status.contains(Status::BUSY)) {
+            let (low, high) = (from.min(*to) - 1e-4, from.max(*to) + 1e-4);
+            assert!((low..=high).contains(&joint_3), "at {joint_3} in motion {executed}: {feedback:?}");
+        }
+        if feedback.status.contains(Status::DONE) {
+            assert!(
+                executed == targets.len() && (is(targets[executed - 1]) || moved),
+                "{feedback:?} at {joint_3}"
+            );
+        }
+        if feedback.status.contains(Status::ERROR) && feedback.error == ErrorNumber::AxisLimit {
+            assert_eq!((feedback.error_motion, feedback.executed), (5, 5));
+            assert!(is(targets[4]), "not at the last good motion but at {joint_3}");
+        }
+        if self.outputs[MOVE].done && !before.outputs[MOVE].done {
+            assert_eq!(before.controller.feedback().executed as usize, targets.len());
+        }
+    }
+}
