@@ -11,9 +11,12 @@ use crate::arm::Arm;
 /// What joint limits keep in reserve for what lies between the samples.
 const RESERVE: f64 = 0.97;
 
+/// The same of the tool's limits.
+const TOOL_RESERVE: f64 = 0.99;
+
 /// The shares of accelerations and of jerks that a corner takes at its highest rate. The rest is for braking in it.
-const BENDING: f64 = 0.98;
-const TWISTING: f64 = 0.95;
+const BENDING: f64 = 0.9;
+const TWISTING: f64 = 0.8;
 
 /// The share of the jerk left by the rate that may go into changing the rate where the corner bends. The rest begins and
 /// ends the change.
@@ -104,7 +107,7 @@ impl Load<'_> {
             let product = |one: usize, other: usize| self.corner.tool_product(one, other, at);
             let (bend, twist) = (product(1, 1).sqrt(), product(2, 2).sqrt());
             let across = bend * rate * rate;
-            let whole = self.tool_acceleration;
+            let whole = TOOL_RESERVE * self.tool_acceleration;
             let along = product(0, 1).abs() * rate * rate;
             let turning = TURNING * (self.tool_jerk - twist * rate * rate * rate) / (3.0 * bend * rate);
             least = least.min(left(whole * whole - across * across, along, product(0, 0))).min(turning);
@@ -120,7 +123,7 @@ impl Load<'_> {
             let product = |one: usize, other: usize| self.corner.tool_product(one, other, at);
             let taken = turning * product(1, 1).sqrt() + cube * product(2, 2).sqrt();
             let along = turning * product(0, 1).abs() + cube * product(0, 2).abs();
-            let whole = self.tool_jerk;
+            let whole = TOOL_RESERVE * self.tool_jerk;
             least = least.min(left(whole * whole - taken * taken, along, product(0, 0)));
         }
         least
