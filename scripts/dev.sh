@@ -220,6 +220,18 @@ summarise() {
     fi
 }
 
+verb_examples() { #: the stacks' examples against each other, each in a process of its own; captures through the gates (as root)
+    local target="${CARGO_TARGET_DIR:-$PWD/target}" stack
+    export EXAMPLES="$target/debug/examples" OUT
+    build
+    for stack in profinet ethernet-ip; do
+        OUT="$target/interop/examples-$stack"
+        echo "-- $stack"
+        timeout 90 bash "scripts/examples/$stack.sh"
+        "gate_${stack/-/_}" "$OUT/capture.pcapng"
+    done
+}
+
 # newest_python: prints a Python that can run every peer; ethernetip2 needs 3.12.
 newest_python() {
     local python
@@ -404,7 +416,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
 }
 
 verb_ci() { #: all of it but setup and timing
-    for verb in format lint modules purity test docs browser gate bits instructions wire user interop demo; do
+    for verb in format lint modules purity test docs browser gate bits instructions wire user examples interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# A cell for one interop test, which sources this file: network namespaces of a PLC and a robot with a cable between
+# A cell for one test of interop or of the examples, which sources this file: network namespaces of a PLC and a robot with a cable between
 # them, a capture of the cable, and programs with logs.
 #
 # The test restarts itself in unnamed namespaces, including one for process numbers: all its programs, interfaces and
@@ -7,9 +7,10 @@
 #
 #   NODES  directory of plc-node and robot-node      PEERS  directory of the peers written in Rust
 #   VENV   virtual environment of the Python peers   NODE_MODULES  packages of the Node.js peers
+#   EXAMPLES  directory of the stacks' examples
 #   OUT    directory for output and capture of this test
 set -euo pipefail
-: "${NODES:?}" "${PEERS:?}" "${VENV:?}" "${NODE_MODULES:?}" "${OUT:?}"
+: "${OUT:?}"
 
 if [ -z "${CELL:-}" ]; then
     rm -rf "$OUT"

@@ -1,12 +1,4 @@
-//! EtherNet/IP: a scanner for the PLC and an adapter for the robot.
-//!
-//! CIP (the Common Industrial Protocol, ODVA volume 1) over TCP/IP (volume 2). Explicit messages travel in the
-//! [`encapsulation`] over TCP or UDP port 44818; cyclic data travels in [`class1`] frames over UDP port 2222. A
-//! scanner (originator, O) opens a connection to an adapter (target, T) by a Forward_Open ([`connection`]); what it
-//! asks for are assemblies of the adapter's [`description`]. All numbers are little-endian.
-//!
-//! Both roles are machines: [`Adapter`] and [`Scanner`].
-
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]
 

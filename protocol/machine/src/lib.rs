@@ -1,8 +1,4 @@
-//! A protocol endpoint as a [`Machine`]: plain state that gets time and frames as arguments and hands out frames, events
-//! and its next deadline. A driver brings clock, sockets and threads.
-//!
-//! The crate is `no_std`, so it can name none of those itself.
-
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]
 

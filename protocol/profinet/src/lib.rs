@@ -1,22 +1,4 @@
-//! PROFINET IO: an IO-Device, and what an IO-Controller needs to speak to one.
-//!
-//! A connection, an *application relation* (AR), comes about in five steps (IEC 61158-6-10):
-//!
-//! ```text
-//! IO-Controller                                        IO-Device
-//!   DCP Identify, Set IP      ── Ethernet 0x8892 ──▶    dcp
-//!   Connect                   ── UDP 34964 ────────▶    rpc, connect
-//!   Write (parameters)        ── UDP 34964 ────────▶    record
-//!   PrmEnd                    ── UDP 34964 ────────▶    control
-//!                             ◀── UDP 34964 ────────    control: ApplicationReady
-//!   cyclic data               ◀─ 0x8892 or UDP 34962 ─▶ rt
-//! ```
-//!
-//! It ends by a Release over RPC, by an error PDU ([`alarm`]), or because cyclic frames fail to come. Whatever a peer
-//! does wrong has a name in [`status::Violation`] and a status that goes back to it.
-//!
-//! All of PROFINET is big-endian, except for the headers of RPC, whose sender says which order it uses.
-
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]
 

@@ -1,10 +1,4 @@
-//! The driver in virtual time: two machines, a cable, and a queue of what arrives next.
-//!
-//! The same seed gives the same nanoseconds on every computer. Each side has its own clock with offset and drift,
-//! because the cycles of a PLC, a bus and a robot are not synchronised. CPU time is zero here; the duration of a scan
-//! is a setting of the machine. TCP is an ordered byte stream: cut into pieces of random sizes, delayed where a
-//! datagram would be lost, and broken if the cable stays cut.
-
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]
 
