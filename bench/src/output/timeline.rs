@@ -1,7 +1,7 @@
 //! A trace as a timeline in Chrome's Trace Event Format, which Perfetto and chrome://tracing open.
 //!
-//! The first repetitions of all types follow each other, 100 ms apart. The size is limited: to at most a minute per
-//! type. There are three processes with a track for each kind of event:
+//! The first repetitions of all types follow each other, 100 ms apart. Of a long one only the beginning is recorded; a
+//! mark shows where that ends. Each part of the cell is a process, with a track for each kind of event:
 //!
 //! ```text
 //! run     the running type
@@ -86,6 +86,11 @@ pub fn json(trace: &Trace) -> serde_json::Result<String> {
         let mut span = TraceEvent::new("X", execution_type.to_string(), (RUN, REPETITIONS), start);
         span.dur = Some(length);
         events.push(span);
+        if recording.is_cut_off() {
+            let mut mark = TraceEvent::new("i", "end of the recording", (RUN, REPETITIONS), start + length);
+            mark.s = Some("t");
+            events.push(mark);
+        }
         plc(&mut events, recording, start, start + length);
         robot(&mut events, recording, start, start + length);
         frames(&mut events, recording, start);

@@ -4,6 +4,8 @@
 
 pub mod tables;
 
+use std::time::Duration;
+
 use machine::Instant;
 use plc_node::ExecutionType;
 use protocol::image::State;
@@ -25,16 +27,23 @@ pub struct Window {
 impl Window {
     /// Returns whether an instant is in it.
     fn has(&self, at_ns: u64) -> bool {
-        let since = at_ns.checked_sub(self.start_ns);
-        since.is_some_and(|since| since <= self.length_ns.unwrap_or(u64::MAX))
+        let since = at_ns.checked_sub(self.start_ns).map(Duration::from_nanos);
+        let length = self.length_ns.map_or(RECORDED, Duration::from_nanos);
+        since.is_some_and(|since| since <= length.min(RECORDED))
     }
 }
 
-/// Capacity for a minute of each; what comes later is not recorded.
+/// The part of a repetition that is recorded. A minute of the timeline takes about 30 MB, and a repetition of
+/// `palletising` lasts up to half an hour.
+pub const RECORDED: Duration = Duration::from_secs(120);
+
+/// A recording whose last scan is later than [`RECORDED`] minus this does not show the end of its repetition: the PLC
+/// scans far more often.
+const LAST_SCAN_WITHIN: Duration = Duration::from_millis(100);
+
+/// Capacity for a minute of each, allocated before the repetition starts.
 const ROBOT_ROOM: usize = 15_000;
 const PLC_ROOM: usize = 60_000;
-/// Four frames a millisecond: one each way, each seen at both ends.
-pub(crate) const FRAME_ROOM: usize = 240_000;
 
 /// One interpolation cycle of the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -132,7 +141,7 @@ pub struct Frame {
     pub faulty: bool,
 }
 
-/// Recording of one run. Its memory is allocated when it is created: recording a tick allocates nothing.
+/// Recording of the first [`RECORDED`] of one run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Recording {
     robot: Vec<RobotTick>,
@@ -148,25 +157,32 @@ impl Default for Recording {
 }
 
 impl Recording {
-    /// Adds a tick, if there is room.
+    /// Adds a tick of the recorded time.
     pub fn robot(&mut self, tick: RobotTick) {
-        if self.robot.len() < self.robot.capacity() {
+        if tick.at_ms <= RECORDED.as_secs_f64() * 1e3 {
             self.robot.push(tick);
         }
     }
 
-    /// Adds a scan, if there is room.
+    /// Adds a scan of the recorded time.
     pub fn plc(&mut self, scan: PlcScan) {
-        if self.plc.len() < self.plc.capacity() {
+        if i128::from(scan.at_us) <= RECORDED.as_micros() as i128 {
             self.plc.push(scan);
         }
     }
 
-    /// Adds a frame, if there is room; a minute of frames fits.
+    /// Adds a frame of the recorded time.
     pub fn frame(&mut self, frame: Frame) {
-        if self.frames.len() < FRAME_ROOM {
+        if frame.at_us <= RECORDED.as_secs_f64() * 1e6 {
             self.frames.push(frame);
         }
+    }
+
+    /// Returns whether the recording ends before its repetition did.
+    #[must_use]
+    pub fn is_cut_off(&self) -> bool {
+        let least = (RECORDED - LAST_SCAN_WITHIN).as_micros() as i128;
+        self.plc.last().is_some_and(|scan| i128::from(scan.at_us) >= least)
     }
 
     /// Returns the frames at both ends in order; none if they were not recorded, or if the recording was read from
@@ -197,6 +213,24 @@ pub struct Trace {
 }
 
 impl Trace {
+    /// Returns a sentence that names the recordings that end before their repetitions did; none if there are none.
+    #[must_use]
+    pub fn cut_off(&self) -> Option<String> {
+        let is_cut_off = |of: &ExecutionType| self.types.get(*of).is_some_and(Recording::is_cut_off);
+        let types: Vec<_> = ExecutionType::ALL
+            .into_iter()
+            .filter(is_cut_off)
+            .map(|of| of.to_string().to_uppercase())
+            .collect();
+        (!types.is_empty()).then(|| {
+            format!(
+                "The recordings of {} end {} s after the start edge, before the repetition did.",
+                types.join(", "),
+                RECORDED.as_secs()
+            )
+        })
+    }
+
     /// Assigns frames to the runs in which they passed, by the clock that both nodes of a real run share.
     pub fn add_frames(&mut self, windows: &[Window], frames: Vec<(Instant, Frame)>) {
         for (at, frame) in frames {
@@ -219,13 +253,33 @@ impl Recording {
 mod tests {
     use super::*;
 
+    fn scan(at_us: i64) -> PlcScan {
+        PlcScan { at_us, scan: 0, command: 0, total: 0, written: 0, in_slots: 0 }
+    }
+
     #[test]
-    fn a_full_recording_drops_further_scans_and_does_not_grow() {
-        let mut recording = Recording { robot: Vec::new(), plc: Vec::with_capacity(2), frames: Vec::new() };
-        let room = recording.plc.capacity();
-        for scan in 0..room as u64 + 3 {
-            recording.plc(PlcScan { at_us: 0, scan, command: 0, total: 0, written: 0, in_slots: 0 });
+    fn a_recording_goes_on_after_a_minute_and_says_where_it_ends_before_its_repetition() {
+        let mut trace = Trace::default();
+        for (of, length_s) in [(ExecutionType::Rc, 119), (ExecutionType::Sm, 3_600), (ExecutionType::Cm, 121)]
+        {
+            let recording = trace.types.entry(of).insert(Recording::default());
+            (0..length_s * 1_000).for_each(|millis| recording.plc(scan(millis * 1_000)));
         }
-        assert_eq!((recording.plc.len(), recording.plc.capacity()), (room, room));
+        let seconds = |of| trace.types.get(of).unwrap().plc_scans().last().unwrap().at_us as f64 / 1e6;
+        assert_eq!(ExecutionType::ALL.map(seconds), [118.999, 120.0, 120.0]);
+        let said = trace.cut_off().unwrap();
+        assert_eq!(
+            said,
+            "The recordings of SM, CM end 120 s after the start edge, before the repetition did."
+        );
+        trace.types = PerType { rc: trace.types.rc, ..PerType::default() };
+        assert_eq!(trace.cut_off(), None);
+    }
+
+    #[test]
+    fn a_window_of_a_real_run_is_as_long_as_a_recording_at_most() {
+        let window = Window { of: ExecutionType::Sm, start_ns: 5, length_ns: None };
+        let end_ns = RECORDED.as_nanos() as u64 + 5;
+        assert_eq!([4, 5, end_ns, end_ns + 1].map(|at_ns| window.has(at_ns)), [false, true, true, false]);
     }
 }

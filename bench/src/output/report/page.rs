@@ -14,6 +14,7 @@ use crate::records::ratio::Ratio;
 use crate::records::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, Status, VELOCITY};
 use crate::records::schedule::repetitions;
 use crate::records::statistics::aet_improvement;
+use crate::records::trace::Trace;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -50,6 +51,8 @@ struct Page {
     host: Vec<[String; 2]>,
     failures: Vec<[String; 2]>,
     missing: Vec<String>,
+    /// Where recordings end before their repetitions did.
+    cut_off: Option<String>,
     no_trace: String,
 }
 
@@ -99,8 +102,7 @@ pub(super) fn render(run: &Run) -> anyhow::Result<String> {
 fn page(run: &Run) -> anyhow::Result<Page> {
     let results = &run.results;
     let trace = run.trace.as_ref();
-    let traced = |draw: &dyn Fn(&crate::records::trace::Trace) -> anyhow::Result<Option<String>>| match trace
-    {
+    let traced = |draw: &dyn Fn(&Trace) -> anyhow::Result<Option<String>>| match trace {
         Some(trace) => draw(trace),
         None => Ok(None),
     };
@@ -161,6 +163,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         host: host(run),
         failures: failures(results),
         missing: run.missing.clone(),
+        cut_off: trace.and_then(Trace::cut_off),
         no_trace: if results.mode == "real" {
             format!(
                 "Not recorded: the nodes left no trace. bench --mode virtual --setup {} draws it in virtual time.",

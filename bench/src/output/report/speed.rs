@@ -6,7 +6,7 @@ use plotters::prelude::Color;
 
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
 use crate::output::progress::label;
-use crate::records::trace::{RobotTick, Trace};
+use crate::records::trace::{Recording, RobotTick, Trace};
 
 /// Height in pixels of a panel and of the line of text above it.
 const PANEL: f64 = 130.0;
@@ -16,19 +16,19 @@ const TITLE: f64 = 40.0;
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = ExecutionType::ALL
         .into_iter()
-        .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?.robot_ticks())))
-        .filter(|(_, ticks)| !ticks.is_empty())
+        .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?)))
+        .filter(|(_, recording)| !recording.robot_ticks().is_empty())
         .collect();
-    let ticks = || panels.iter().flat_map(|(_, ticks)| ticks.iter());
+    let ticks = || panels.iter().flat_map(|(_, recording)| recording.robot_ticks());
     let longest_s = ticks().map(|tick| tick.at_ms / 1e3).fold(0.0, f64::max);
     let fastest = ticks().map(|tick| f64::from(tick.path_speed_mm_s)).fold(0.0, f64::max);
     if longest_s <= 0.0 {
         return Ok(None);
     }
     let layout = Panels { title: TITLE, panel: format.pick(PANEL, PANEL * 0.8) };
-    let svg = layout.figure(format, &panels, |whole, panel, (execution_type, ticks)| {
-        let ended = ticks.last().map_or(0.0, |tick| tick.at_ms);
-        title(whole, *execution_type, ended, panel.top, format)?;
+    let svg = layout.figure(format, &panels, |whole, panel, (execution_type, recording)| {
+        title(whole, *execution_type, recording, panel.top, format)?;
+        let ticks = recording.robot_ticks();
         let axes = Axes {
             x: (0.0, longest_s * 1.01),
             y: (0.0, (fastest * 1.08).max(1.0)),
@@ -58,7 +58,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
 fn title(
     area: &chart::Area<'_>,
     execution_type: ExecutionType,
-    ended: f64,
+    recording: &Recording,
     top: f64,
     format: Format,
 ) -> anyhow::Result<()> {
@@ -71,7 +71,10 @@ fn title(
             .pick("one MoveContinuousSkill, fed by the PLC through five slots", "one MoveContinuousSkill"),
     };
     let text_at = text(format.pick(13.0, 12.0), INK);
-    area.draw_text(&format!("{how}: {:.2} s", ended / 1e3), &text_at, (px(38.0), y + px(1.5)))?;
+    let ended_s = recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms / 1e3);
+    let length =
+        if recording.is_cut_off() { format!("the first {ended_s:.0} s") } else { format!("{ended_s:.2} s") };
+    area.draw_text(&format!("{how}: {length}"), &text_at, (px(38.0), y + px(1.5)))?;
     Ok(())
 }
 

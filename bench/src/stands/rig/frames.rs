@@ -1,13 +1,17 @@
 //! The frames of the recorded runs, for a timeline: kept in memory, and only while wanted.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use machine::Instant;
 use protocol_linux::capture::Packet;
 use virtual_time::Side;
 
-use crate::records::trace::{FRAME_ROOM, Frame};
+use crate::records::trace::{Frame, RECORDED};
+
+/// Longest time from the first wanted frame to the start edge: the arm moves to the application's start meanwhile.
+const BEFORE_START: Duration = Duration::from_secs(60);
 
 /// Log of the frames at both ends of the cable. Clones are the same log.
 #[derive(Clone, Debug, Default)]
@@ -16,12 +20,21 @@ pub struct FrameLog(Arc<Log>);
 #[derive(Debug, Default)]
 struct Log {
     wanted: AtomicBool,
-    ends: [Mutex<Vec<(Instant, Frame)>>; 2],
+    ends: [Mutex<End>; 2],
+}
+
+/// What one end saw.
+#[derive(Debug, Default)]
+struct End {
+    frames: Vec<(Instant, Frame)>,
+    /// The first frame since frames are wanted.
+    first: Option<Instant>,
 }
 
 impl FrameLog {
     /// Starts or stops collecting frames.
     pub(super) fn want(&self, wanted: bool) {
+        self.0.ends.iter().for_each(|end| locked(end).first = None);
         self.0.wanted.store(wanted, Ordering::Relaxed);
     }
 
@@ -32,10 +45,11 @@ impl FrameLog {
             if !log.wanted.load(Ordering::Relaxed) {
                 return;
             }
-            let Some(frames) = log.ends.get(end.index()) else { return };
-            let mut frames = frames.lock().unwrap_or_else(PoisonError::into_inner);
-            if frames.len() < FRAME_ROOM {
-                frames.push((at, frame(end, packet)));
+            let Some(seen) = log.ends.get(end.index()) else { return };
+            let mut seen = locked(seen);
+            let first = *seen.first.get_or_insert(at);
+            if at.since(first) <= BEFORE_START + RECORDED {
+                seen.frames.push((at, frame(end, packet)));
             }
         }
     }
@@ -44,11 +58,12 @@ impl FrameLog {
     /// robot's.
     #[must_use]
     pub fn take(&self) -> Vec<(Instant, Frame)> {
-        let of = |frames: &Mutex<Vec<_>>| {
-            std::mem::take(&mut *frames.lock().unwrap_or_else(PoisonError::into_inner))
-        };
-        self.0.ends.iter().flat_map(of).collect()
+        self.0.ends.iter().flat_map(|end| std::mem::take(&mut locked(end).frames)).collect()
     }
+}
+
+fn locked(end: &Mutex<End>) -> MutexGuard<'_, End> {
+    end.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Converts a packet to a timeline's frame; the trace sets its time since the start edge.
@@ -99,12 +114,7 @@ mod tests {
             [&[0; 12][..], &[0x08, 0x00], &packet, behind].concat()
         };
         let named = |frame: &[u8]| {
-            let packet = Packet {
-                since_1970: std::time::Duration::ZERO,
-                sent: Some(true),
-                data: frame,
-                comment: None,
-            };
+            let packet = Packet { since_1970: Duration::ZERO, sent: Some(true), data: frame, comment: None };
             let Frame { carrier, bytes, .. } = super::frame(Side::A, &packet);
             (carrier, bytes)
         };
@@ -122,12 +132,7 @@ mod tests {
     fn frames_are_kept_only_while_they_are_wanted() {
         let log = FrameLog::default();
         let mut see = log.at(Side::B);
-        let packet = Packet {
-            since_1970: std::time::Duration::ZERO,
-            sent: Some(false),
-            data: &[0; 60],
-            comment: None,
-        };
+        let packet = Packet { since_1970: Duration::ZERO, sent: Some(false), data: &[0; 60], comment: None };
         for (at, wanted) in [(1, false), (2, true), (3, false)] {
             log.want(wanted);
             see(Instant::from_millis(at), &packet);

@@ -274,6 +274,9 @@ impl Measurement<'_> {
 
     /// Saves the tables for the report, and the timeline and the arm's motion if requested.
     fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
+        if let Some(cut_off) = trace.cut_off() {
+            session.progress.warn(&cut_off);
+        }
         trace.save(session.directory.path())?;
         if self.options.trace {
             let path = session.directory.path().join(timeline::FILE);
