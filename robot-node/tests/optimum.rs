@@ -271,7 +271,7 @@ fn shipped_applications_are_near_the_time_optimum() {
     let applications = [
         ("pick-and-place", [[1.08, 1.005], [1.025, 1.005]]),
         ("gluing", [[1.02, 1.005], [1.015, 1.005]]),
-        ("palletising", [[1.08, 1.005], [1.03, 1.005]]),
+        ("palletising", [[1.085, 1.005], [1.03, 1.005]]),
         ("engraving", [[1.035, 1.005], [1.03, 1.005]]),
         ("insertion-with-force", [[1.055, 1.005], [1.03, 1.005]]),
     ];

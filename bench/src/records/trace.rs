@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn a_window_of_a_real_run_is_as_long_as_a_recording_at_most() {
-        let window = Window { of: ExecutionType::Sm, start_ns: 5, length_ns: None };
+        let window = Window { execution_type: ExecutionType::Sm, start_ns: 5, length_ns: None };
         let end_ns = RECORDED.as_nanos() as u64 + 5;
         assert_eq!([4, 5, end_ns, end_ns + 1].map(|at_ns| window.has(at_ns)), [false, true, true, false]);
     }

@@ -12,6 +12,9 @@ use super::profile::{Limits, Pace, Profile, fits, nearest_exit, reachable_speed}
 /// Parts that a path has at most.
 pub(super) const PARTS: usize = 16;
 
+/// How far a law may end from the end of its part, as a share of its length, and still be said to end there.
+const REST: f64 = 1e-9;
+
 /// What float rounding may add to a speed before it counts as too high.
 const ROUNDING: f64 = 1.0 + 1e-9;
 
@@ -33,6 +36,13 @@ pub(super) struct Part {
 /// Whether the arm, moving as it does now, can go on into these parts.
 pub(super) fn is_feasible(parts: &[Part], pace: Pace) -> bool {
     let (Some(part), [exit, ..]) = (parts.first(), highest(parts, 1.0)) else { return true };
+    // In the last moments of a part rounding leaves no other law than the present one. That one is always there.
+    let left = part.profile.length() - part.profile.at(part.time).0;
+    let ends_there =
+        !part.profile.stops_short() && (left - part.length).abs() <= REST * part.profile.length();
+    if ends_there && part.profile.exit() <= exit * ROUNDING {
+        return true;
+    }
     // A slower exit is none where the arm must not slow down for it, but speeding up can be left out.
     let slower = pace.settled_speed(&part.limits).min(exit);
     nearest_exit(pace, exit * ROUNDING, part.length, &part.limits, &[slower]).is_some()
