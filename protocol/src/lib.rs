@@ -2,7 +2,7 @@
 //!
 //! Everything here is a [`machine::Machine`]: plain state that gets time and frames as arguments and returns frames,
 //! events and its next deadline. The crate is `no_std`, so it cannot use a clock, a socket, a thread or a file; a
-//! driver provides those (`protocol-linux` in real time, [`virtual_time`] in virtual time).
+//! driver provides those (`protocol-linux` in real time, `virtual_time` in virtual time).
 
 #![cfg_attr(not(test), no_std)]
 #![warn(clippy::indexing_slicing)]

@@ -11,7 +11,7 @@ pub enum LinkEvent {
     /// The connection is down, or could not be established.
     Down(Down),
     /// The peer assigned this station an address. The owner sets it on the interface and reports the result by
-    /// [`Fieldbus::address_set`].
+    /// `address_set` of the endpoint.
     SetAddress {
         /// The station's own address.
         address: Ipv4Addr,

@@ -54,7 +54,7 @@ pub const PORTS: &[PortRequest] = &[ETHERNET, PortRequest::Udp(RPC_PORT), PortRe
 pub const RPC_PORT: u16 = 34964;
 
 /// The code `LT` in connection management for cyclic data and alarms over UDP: IPv4's EtherType. On raw Ethernet it is
-/// [`ethernet::ETHER_TYPE`].
+/// `ETHER_TYPE`.
 pub const LT_UDP: u16 = 0x0800;
 
 #[cfg(test)]

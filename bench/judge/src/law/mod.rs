@@ -10,9 +10,9 @@
 //! ```
 //!
 //! A mean is never above the highest value, so sampling adds nothing, neither where the jerk changes within a cycle nor at
-//! a path's ends. The same holds for the tool: a chord is never longer than its arc. What is left is rounding: [`SHARE`] of
+//! a path's ends. The same holds for the tool: a chord is never longer than its arc. What is left is rounding: `SHARE` of
 //! the limit, which is a thousand times what the robot's laws leave over their lengths (10⁻⁹), and 2ⁿ times what a sample
-//! itself may be off ([`JOINT_NOISE`], [`TOOL_NOISE_MM`]).
+//! itself may be off (`JOINT_NOISE`, `TOOL_NOISE_MM`).
 //!
 //! An exact stop lies between two samples. From or to rest a way of ½·a·t² is gone in the time t, so the samples beside
 //! it are within ½·a·T² of the target; a curve leaves the chord of two samples by a·T²/8.

@@ -203,7 +203,7 @@ impl Adapter {
 }
 
 impl Adapter {
-    /// Sets the data of an assembly of the role [`Role::Produced`](super::description::Role::Produced), for the next
+    /// Sets the data of an assembly of the role [`Role::Produced`], for the next
     /// cyclic frame and every one after it. Until then they are zeros.
     pub fn set_produced(&mut self, instance: u32, data: &[u8]) -> Result<(), DataError> {
         if self.state.device.assemblies.set(instance, data)? {
@@ -212,7 +212,7 @@ impl Adapter {
         Ok(())
     }
 
-    /// The newest data of an assembly of the role [`Role::Consumed`](super::description::Role::Consumed); none while no
+    /// The newest data of an assembly of the role [`Role::Consumed`]; none while no
     /// owner of the outputs sends data and says that it runs.
     #[must_use]
     pub fn consumed(&self, instance: u32) -> Option<&[u8]> {
