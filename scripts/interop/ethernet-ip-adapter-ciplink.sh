@@ -16,8 +16,8 @@ says plc_node 'rc .* by the robot.s clock   123\.456 ms; 7 motions'
 says plc_node 'cm .* by the robot.s clock   123\.456 ms; [0-9]+ motions'
 # ... and the peer received ours: the program to run, then every motion through the five slots.
 says peer 'kind: ExclusiveOwner.* t_o_rpi: 1ms.* input_size: 256, .* output_size: 256'
-says peer 'command 1: skill 17, 0 motions, program 1'
-says peer 'command 2: skill 16, [0-9]+ motions'
+says peer 'command [0-9]+: skill 17, 0 motions, program 1'
+says peer 'command [0-9]+: skill 16, [0-9]+ motions'
 says peer 'targets .*300\.0, 300\.0'
 says peer closed
 recorded

@@ -32,8 +32,8 @@ ends plc_node 30
 says plc_node 'rc .* by the robot.s clock   123\.456 ms; 7 motions'
 says plc_node 'cm .* by the robot.s clock   123\.456 ms; [0-9]+ motions'
 # ... and ours to the peer: the program to run, then every motion through the five slots, and a Release at the end.
-says peer 'command 1: skill 17, 0 motions, program 1'
-says peer 'command 2: skill 16, [0-9]+ motions'
+says peer 'command [0-9]+: skill 17, 0 motions, program 1'
+says peer 'command [0-9]+: skill 16, [0-9]+ motions'
 says peer "targets .*300\.0, 300\.0"
 says peer released
 recorded
