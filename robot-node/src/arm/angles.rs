@@ -158,7 +158,8 @@ mod tests {
             scale in prop_oneof![Just(1e-200), Just(1.0), Just(1e200)],
         ) {
             let [found] = degrees([x * scale], [y * scale]);
-            prop_assert!((found - libm::atan2(y, x).to_degrees()).abs() < 5e-14, "{found}");
+            // Each has errors of its last bits, which are worth 2.8e-14 near 180°.
+            prop_assert!((found - libm::atan2(y, x).to_degrees()).abs() < 1e-13, "{found}");
         }
     }
 }
