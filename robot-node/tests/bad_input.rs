@@ -9,7 +9,9 @@ use std::fmt::Write;
 
 use driven::{Driven, bare, lin, press, ptp};
 use machine::wire::BigEndian;
-use protocol::image::{ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
+use protocol::image::{
+    Configuration, ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status,
+};
 use robot_node::{Program, RobotConfig};
 
 /// Returns a good motion, changed into a bad one.
@@ -17,6 +19,10 @@ fn but(good: Motion, change: impl FnOnce(&mut Motion)) -> Motion {
     let mut motion = good;
     change(&mut motion);
     motion
+}
+
+fn configured(motion: Motion, status: u8, turn: u8) -> Motion {
+    Motion { configuration: Some(Configuration { status, turn }), ..motion }
 }
 
 fn circle(x: f32, y: f32, through: [f32; 3]) -> Motion {
@@ -67,6 +73,38 @@ fn cases() -> Vec<(&'static str, Motion, ErrorNumber)> {
             "acceleration too high",
             but(good, |it| it.acceleration = 5_001),
             ErrorNumber::AccelerationOutOfRange,
+        ),
+        (
+            "deceleration too high",
+            but(good, |it| it.deceleration = 5_001),
+            ErrorNumber::DecelerationOutOfRange,
+        ),
+        (
+            "deceleration too high, point to point",
+            but(ptp(50.0, 40.0, 90.0), |it| it.deceleration = 10_001),
+            ErrorNumber::DecelerationOutOfRange,
+        ),
+        ("jerk too high", but(good, |it| it.jerk = 50_001), ErrorNumber::JerkOutOfRange),
+        (
+            "jerk too high, point to point",
+            but(ptp(50.0, 40.0, 90.0), |it| it.jerk = 10_001),
+            ErrorNumber::JerkOutOfRange,
+        ),
+        (
+            "a status that the arm does not have",
+            configured(ptp(50.0, 40.0, 90.0), 4, 0),
+            ErrorNumber::ConfigurationMismatch,
+        ),
+        (
+            "a turn of a linear axis",
+            configured(ptp(50.0, 40.0, 90.0), 2, 1 << 2),
+            ErrorNumber::ConfigurationMismatch,
+        ),
+        ("a line that does not change the elbow", configured(good, 2, 0), ErrorNumber::ConfigurationMismatch),
+        (
+            "a configuration beside joints",
+            configured(Motion { kind: MotionKind::PtpJoint, ..good }, 2, 0),
+            ErrorNumber::ConfigurationMismatch,
         ),
         ("not a number", but(good, |it| it.target[1] = f32::NAN), ErrorNumber::TargetNotFinite),
         ("infinite", but(good, |it| it.target[5] = f32::INFINITY), ErrorNumber::TargetNotFinite),

@@ -240,6 +240,7 @@ impl Programmed {
             approximation: self.approximation,
             tool: self.tool,
             base: self.base,
+            ..Motion::EMPTY
         }
     }
 }

@@ -2,22 +2,33 @@
 //!
 //! ```text
 //! # comments and empty lines are skipped
-//! kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base
-//! lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1
-//! ptp-joint,-60,90,150,0,0,0,0,0,0,2232,5000,0,0,1
+//! kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base,status,turn,deceleration,jerk
+//! lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1,,,0,0
+//! ptp,0,90,150,0,0,180,0,0,0,2232,5000,0,0,1,2,35,2500,0
+//! ptp-joint,-60,90,150,0,0,0,0,0,0,2232,5000,0,0,1,,,0,0
 //! ```
 //!
 //! The columns are the fields of [`image::Motion`](protocol::image::Motion) in the units of the wire, so that a list
 //! says exactly what the robot gets: mm and degrees, or joints; velocity in 0.1 mm/s, acceleration in mm/s², for a PTP
-//! both in 0.01 % of the rated values; the approximation distance in 0.01 mm. The first line that is no comment names
-//! the columns.
+//! both in 0.01 % of the rated values; the approximation distance in 0.01 mm. Status and turn are empty where a motion has
+//! no configuration. Deceleration has the unit of the acceleration, jerk 10 mm/s³ or 0.01 %; 0 is the robot's own. The
+//! first line that is no comment names the columns; a list without the last four is read as well.
 
+use std::fmt::Display;
 use std::io::{self, BufRead, Read, Write};
+use std::str::FromStr;
 
-use protocol::image::{Motion, MotionKind};
+use protocol::image::{Configuration, Motion, MotionKind};
 
 /// What every list starts with: the columns in their order.
-pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base";
+pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base,status,turn,\
+    deceleration,jerk";
+
+/// The last of them, which a list may lack.
+const OPTIONAL: &str = ",status,turn,deceleration,jerk";
+
+/// Highest number of a tool or base.
+const HIGHEST_FRAME: u8 = 15;
 
 /// The longest line in bytes; the numbers of a motion take half of it.
 const LONGEST_LINE: u64 = 1024;
@@ -65,7 +76,8 @@ pub struct MotionLines<R> {
     origin: String,
     line: u64,
     text: String,
-    header_seen: bool,
+    /// What the line of the columns was; empty before that.
+    header: String,
     ended: bool,
 }
 
@@ -73,7 +85,7 @@ impl<R: BufRead> MotionLines<R> {
     /// A list that messages call `origin`.
     pub fn new(reader: R, origin: impl Into<String>) -> Self {
         let origin = origin.into();
-        Self { reader, origin, line: 0, text: String::new(), header_seen: false, ended: false }
+        Self { reader, origin, line: 0, text: String::new(), header: String::new(), ended: false }
     }
 
     /// Reads to the next line that says something; false at the end.
@@ -101,20 +113,20 @@ impl<R: BufRead> MotionLines<R> {
     }
 
     fn read(&mut self) -> Result<Option<Motion>, ListError> {
-        if !self.header_seen {
+        if self.header.is_empty() {
             if !self.advance()? {
                 return Err(self.wrong(format!("the list is empty; it starts with the line `{COLUMNS}`")));
             }
-            if self.text.trim() != COLUMNS {
-                let found = self.text.trim();
+            let found = self.text.trim();
+            if ![Some(COLUMNS), COLUMNS.strip_suffix(OPTIONAL)].contains(&Some(found)) {
                 return Err(self.wrong(format!("found `{found}`; a list starts with the line `{COLUMNS}`")));
             }
-            self.header_seen = true;
+            found.clone_into(&mut self.header);
         }
         if !self.advance()? {
             return Ok(None);
         }
-        parse(self.text.trim()).map(Some).map_err(|problem| self.wrong(problem))
+        parse(&self.header, self.text.trim()).map(Some).map_err(|problem| self.wrong(problem))
     }
 
     fn wrong(&self, problem: String) -> ListError {
@@ -135,12 +147,12 @@ impl<R: BufRead> Iterator for MotionLines<R> {
     }
 }
 
-fn parse(text: &str) -> Result<Motion, String> {
-    let mut columns = COLUMNS.split(',').zip(text.split(','));
-    let of = COLUMNS.split(',').count();
+fn parse(header: &str, text: &str) -> Result<Motion, String> {
+    let mut columns = header.split(',').zip(text.split(','));
+    let of = header.split(',').count();
     let found = text.split(',').count();
     if found != of {
-        return Err(format!("found {found} columns; a motion has {of}: {COLUMNS}"));
+        return Err(format!("found {found} columns; a motion has {of}: {header}"));
     }
     let mut column = || columns.next().map(|(name, text)| (name, text.trim())).unwrap_or_default();
     let (_, kind) = column();
@@ -154,16 +166,52 @@ fn parse(text: &str) -> Result<Motion, String> {
         let (name, text) = column();
         let number = text.parse().ok().filter(|number: &f32| number.is_finite());
         *coordinate = number.ok_or_else(|| format!("{name}: found `{text}`; expected a number"))?;
+        if name.starts_with("aux") && *coordinate != 0.0 && !motion.kind.has_auxiliary() {
+            return Err(format!("{name}: found `{text}`; expected 0, this kind has no point and no force"));
+        }
     }
-    let mut whole = |highest: u16| {
+    for number in [&mut motion.velocity, &mut motion.acceleration, &mut motion.approximation] {
         let (name, text) = column();
-        let number = text.parse().ok().filter(|number: &u16| *number <= highest);
-        number.ok_or_else(|| format!("{name}: found `{text}`; expected a whole number from 0 to {highest}"))
-    };
-    (motion.velocity, motion.acceleration) = (whole(u16::MAX)?, whole(u16::MAX)?);
-    motion.approximation = whole(u16::MAX)?;
-    (motion.tool, motion.base) = (whole(15)? as u8, whole(15)? as u8);
+        *number = whole(name, text, u16::MAX)?;
+    }
+    for number in [&mut motion.tool, &mut motion.base] {
+        let (name, text) = column();
+        *number = whole(name, text, HIGHEST_FRAME)?;
+    }
+    motion.configuration = configuration(&mut columns, motion.kind)?;
+    for number in [&mut motion.deceleration, &mut motion.jerk] {
+        let Some((name, text)) = columns.next() else { break };
+        *number = whole(name, text.trim(), u16::MAX)?;
+        if *number > 0 && motion.kind.has_auxiliary() {
+            return Err(format!("{name}: found `{number}`; expected 0, this kind has no room for it"));
+        }
+    }
     Ok(motion)
+}
+
+/// Reads status and turn, which are both there or both empty.
+fn configuration<'t>(
+    columns: &mut impl Iterator<Item = (&'t str, &'t str)>,
+    kind: MotionKind,
+) -> Result<Option<Configuration>, String> {
+    let (Some((_, status)), Some((_, turn))) = (columns.next(), columns.next()) else { return Ok(None) };
+    let (status, turn) = (status.trim(), turn.trim());
+    if status.is_empty() && turn.is_empty() {
+        return Ok(None);
+    }
+    if kind.has_auxiliary() {
+        return Err(format!("status: found `{status}`; expected nothing, this kind has no room for it"));
+    }
+    let (status, turn) = (whole("status", status, 0x7F)?, whole("turn", turn, u8::MAX)?);
+    Ok(Some(Configuration { status, turn }))
+}
+
+fn whole<N>(name: &str, text: &str, highest: N) -> Result<N, String>
+where
+    N: FromStr + PartialOrd + Display,
+{
+    let number = text.parse().ok().filter(|number: &N| *number <= highest);
+    number.ok_or_else(|| format!("{name}: found `{text}`; expected a whole number from 0 to {highest}"))
 }
 
 /// Writes the line that names the columns.
@@ -185,8 +233,13 @@ pub fn write_motion(writer: &mut impl Write, motion: &Motion) -> io::Result<()> 
     for coordinate in motion.target.iter().chain(&motion.auxiliary) {
         write!(writer, ",{coordinate}")?;
     }
-    let Motion { velocity, acceleration, approximation, tool, base, .. } = motion;
-    writeln!(writer, ",{velocity},{acceleration},{approximation},{tool},{base}")
+    let Motion { velocity, acceleration, approximation, tool, base, deceleration, jerk, .. } = motion;
+    write!(writer, ",{velocity},{acceleration},{approximation},{tool},{base},")?;
+    match motion.configuration {
+        Some(Configuration { status, turn }) => write!(writer, "{status},{turn}")?,
+        None => write!(writer, ",")?,
+    }
+    writeln!(writer, ",{deceleration},{jerk}")
 }
 
 #[cfg(test)]
@@ -206,19 +259,27 @@ mod tests {
             proptest::array::uniform6(coordinate()),
             proptest::array::uniform3(coordinate()),
             numbers,
+            proptest::option::of((0..0x80_u8, any::<u8>())),
+            any::<[u16; 2]>(),
         )
-            .prop_map(
-                |(kind, target, auxiliary, (velocity, acceleration, approximation, tool, base))| Motion {
-                    kind: KINDS[kind].1,
+            .prop_map(|(kind, target, auxiliary, numbers, configuration, [deceleration, jerk])| {
+                let kind = KINDS[kind].1;
+                let (velocity, acceleration, approximation, tool, base) = numbers;
+                let configuration = configuration.map(|(status, turn)| Configuration { status, turn });
+                Motion {
+                    kind,
                     target,
-                    auxiliary,
+                    auxiliary: if kind.has_auxiliary() { auxiliary } else { [0.0; 3] },
+                    configuration: configuration.filter(|_| !kind.has_auxiliary()),
                     velocity,
                     acceleration,
+                    deceleration: if kind.has_auxiliary() { 0 } else { deceleration },
+                    jerk: if kind.has_auxiliary() { 0 } else { jerk },
                     approximation,
                     tool,
                     base,
-                },
-            )
+                }
+            })
     }
 
     proptest! {
@@ -242,8 +303,17 @@ mod tests {
     }
 
     #[test]
+    fn a_list_without_the_optional_columns_is_read_as_before() {
+        let list = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base\n\
+                    lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1\n";
+        let read: Result<Vec<_>, _> = MotionLines::new(list.as_bytes(), "test").collect();
+        let read = read.unwrap();
+        assert_eq!((read.len(), read[0].configuration, read[0].base), (1, None, 1));
+    }
+
+    #[test]
     fn what_is_no_motion_is_refused_with_line_column_and_expectation() {
-        let line = "lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1";
+        let line = "lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1,2,35,0,7";
         let with = |from: &str, to: &str| refused(&format!("{COLUMNS}\n{}\n", line.replacen(from, to, 1)));
         assert_eq!(
             with("lin", "line"),
@@ -255,12 +325,29 @@ mod tests {
             "dots.csv:2: velocity: found `446.3`; expected a whole number from 0 to 65535"
         );
         assert_eq!(
-            with("1000,0,1", "1000,0,16"),
+            with("1000,0,1,", "1000,0,16,"),
             "dots.csv:2: base: found `16`; expected a whole number from 0 to 15"
         );
         assert_eq!(
-            with("1000,0,1", "1000"),
-            format!("dots.csv:2: found 13 columns; a motion has 15: {COLUMNS}")
+            with("1000,0,1,2,35,0,7", "1000"),
+            format!("dots.csv:2: found 13 columns; a motion has 19: {COLUMNS}")
+        );
+        assert_eq!(
+            with("1,2,35", "1,,35"),
+            "dots.csv:2: status: found ``; expected a whole number from 0 to 127"
+        );
+        assert_eq!(
+            with("180,0,", "180,7,"),
+            "dots.csv:2: aux_x: found `7`; expected 0, this kind has no point and no force"
+        );
+        assert_eq!(
+            with("lin", "circ"),
+            "dots.csv:2: status: found `2`; expected nothing, this kind has no room for it"
+        );
+        let circle = line.replacen("lin", "circ", 1).replacen("2,35,", ",,", 1);
+        assert_eq!(
+            refused(&format!("{COLUMNS}\n{circle}\n")),
+            "dots.csv:2: jerk: found `7`; expected 0, this kind has no room for it"
         );
         assert_eq!(
             refused("x,y\n"),

@@ -101,6 +101,7 @@ impl Motion {
             approximation: wire(self.zone_mm * 100.0),
             tool: self.tool,
             base: self.base,
+            ..image::Motion::EMPTY
         }
     }
 }

@@ -63,6 +63,12 @@ codes! {
         JointAcceleration = 26,
         /// The next robot cycle would exceed a joint's rated jerk; the arm braked instead.
         JointJerk = 27,
+        /// The arm cannot have the configuration of the motion at its target.
+        ConfigurationMismatch = 28,
+        /// The deceleration is above what the motion kind allows.
+        DecelerationOutOfRange = 29,
+        /// The jerk is above what the motion kind allows.
+        JerkOutOfRange = 30,
     }
 }
 
@@ -97,6 +103,9 @@ impl fmt::Display for ErrorNumber {
             Self::JointSpeed => "a joint would move faster than it is rated for",
             Self::JointAcceleration => "a joint would accelerate faster than it is rated for",
             Self::JointJerk => "a joint would change its acceleration faster than it is rated for",
+            Self::ConfigurationMismatch => "the arm cannot have this configuration at the target",
+            Self::DecelerationOutOfRange => "the deceleration is above the limit of its motion kind",
+            Self::JerkOutOfRange => "the jerk is above the limit of its motion kind",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -16,8 +16,16 @@ use super::ErrorNumber;
 /// | `Unreachable` | 3 | tilt of the flange in degrees | 0, 0 |
 /// | `Singular` | joint, from 1 | what it leaves of the programmed velocity | at least, 1 |
 /// | `ConfigurationChange` | joint, from 1 | what it would turn at once, in degrees | −, at most |
+/// | `ConfigurationMismatch` | joint, from 1 | where it would be, in degrees | its range |
+/// | `ConfigurationMismatch` | 7 | status of the motion | 0, all bits that this arm has |
+/// | `ConfigurationMismatch` | 8 | turn of the motion | 0, all bits that this arm has |
+/// | `ConfigurationMismatch` | 9 | status that the line leads to | that of the motion, the same |
+/// | `ConfigurationMismatch` | 10 | turn that the line leads to | that of the motion, the same |
+/// | `ConfigurationMismatch` | 11 | | the target is joints |
 /// | `VelocityOutOfRange` | | in mm/s, or the share of the rated speed | above 0, at most |
 /// | `AccelerationOutOfRange` | | in mm/s², or the share of the rated one | above 0, at most |
+/// | `DecelerationOutOfRange` | | in mm/s², or the share of the rated acceleration | above 0, at most |
+/// | `JerkOutOfRange` | | in mm/s³, or the share of the rated one | above 0, at most |
 /// | `ZeroLength` | | way in mm | at least, − |
 /// | `CollinearCircle` | | intermediate point off the line in mm | at least, − |
 /// | `TargetNotFinite` | coordinate, 1 to 6, of the auxiliary 7 to 9 | | |
@@ -118,16 +126,34 @@ impl fmt::Display for InWords {
             ErrorNumber::ConfigurationChange => {
                 write!(f, " (joint {index} would turn by {value}° at once, at most by {upper}°)")
             }
+            ErrorNumber::ConfigurationMismatch => match index {
+                7 => write!(f, " (it has status {value}, this arm has only the bits of {upper})"),
+                8 => write!(f, " (it has turn {value}, this arm has only the bits of {upper})"),
+                9 => write!(f, " (it has status {lower}, the line leads to status {value})"),
+                10 => write!(f, " (it has turn {lower}, the line leads to turn {value})"),
+                11 => write!(f, " (a target of joints has none; leave it out)"),
+                _ => write!(
+                    f,
+                    " (by its turn joint {index} would be at {value}, its range is {lower} to {upper}; change bit {} of the turn)",
+                    index.saturating_sub(1)
+                ),
+            },
             ErrorNumber::VelocityOutOfRange => {
                 write!(
                     f,
                     " (it is {value}, allowed is above {lower} up to {upper}: mm/s, for PTP 1 is rated)"
                 )
             }
-            ErrorNumber::AccelerationOutOfRange => {
+            ErrorNumber::AccelerationOutOfRange | ErrorNumber::DecelerationOutOfRange => {
                 write!(
                     f,
                     " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)"
+                )
+            }
+            ErrorNumber::JerkOutOfRange => {
+                write!(
+                    f,
+                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s³, for PTP 1 is rated)"
                 )
             }
             // The digits of a rounding error are not worth printing.

@@ -14,6 +14,7 @@
 //! until `total` (the paper's `totalNo`) are executed.
 
 mod command;
+mod configuration;
 mod digest;
 mod error;
 mod feedback;
@@ -21,6 +22,7 @@ mod finding;
 mod motion;
 
 pub use command::{Command, Control, Skill};
+pub use configuration::Configuration;
 pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};

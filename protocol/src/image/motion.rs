@@ -2,7 +2,12 @@
 //!
 //! ```text
 //! 0..24  target          6 × f32   mm and degrees (x y z a b c), or joint values (degrees, mm on a linear axis)
-//! 24..36 auxiliary       3 × f32   mm: CIRC's intermediate point; N: the force vector of LIN force
+//! 24..36 auxiliary       3 × f32   mm: CIRC's intermediate point; N: the force vector of LIN force; of other kinds:
+//!   24   status          u8        bit 7: a configuration is given; bits 0 to 2: see Configuration
+//!   25   turn            u8        bit i: axis i + 1 is below 0°
+//!   26..28 deceleration  u16     as the acceleration; 0 is the same as the acceleration
+//!   28..30 jerk        u16       10 mm/s³, or 0.01 % of the rated axis jerks for PTP; 0 is the robot's own
+//!   30..36 reserved
 //! 36..38 velocity        u16       0.1 mm/s, or 0.01 % of the rated axis speeds for PTP
 //! 38..40 acceleration    u16       1 mm/s², or 0.01 % of the rated axis accelerations for PTP
 //! 40..42 approximation   u16       0.01 mm; 0 is an exact stop
@@ -10,7 +15,7 @@
 //! 43     tool and base   u8        tool in the high four bits, base in the low four
 //! ```
 
-use super::{MOTION_LEN, codes};
+use super::{Configuration, MOTION_LEN, codes};
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 codes! {
@@ -40,7 +45,17 @@ impl MotionKind {
     pub const fn is_point_to_point(self) -> bool {
         matches!(self, Self::PtpCartesian | Self::PtpJoint)
     }
+
+    /// Returns whether the auxiliary bytes are a point or a force. Those of an empty slot and of an unknown kind are
+    /// read as such.
+    #[must_use]
+    pub const fn has_auxiliary(self) -> bool {
+        !matches!(self, Self::LinCartesian | Self::PtpCartesian | Self::PtpJoint | Self::Spline)
+    }
 }
+
+/// Length of the bytes whose meaning depends on the kind.
+const AUXILIARY_LEN: usize = 12;
 
 /// One motion, in the units of the image.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -50,12 +65,22 @@ pub struct Motion {
     /// Target: x, y, z in mm and the angles a, b, c (about z, y', x'') in degrees, in the base frame; or for
     /// [`MotionKind::PtpJoint`] the joints in degrees, a linear axis in mm.
     pub target: [f32; 6],
-    /// The intermediate point of a circle in mm, or the force in N; otherwise zero.
+    /// The intermediate point of a circle in mm, or the force in N; otherwise zero. Only kinds that
+    /// [have one](MotionKind::has_auxiliary) carry it.
     pub auxiliary: [f32; 3],
+    /// Configuration in which the arm reaches a Cartesian target; none is the one nearest to where the arm comes from.
+    /// Only kinds without an auxiliary point or force carry it.
+    pub configuration: Option<Configuration>,
     /// Path velocity in 0.1 mm/s; for PTP 0.01 % of the rated axis speeds.
     pub velocity: u16,
     /// Path acceleration in 1 mm/s²; for PTP 0.01 % of the rated axis accelerations.
     pub acceleration: u16,
+    /// Path deceleration in 1 mm/s²; for PTP 0.01 % of the rated axis accelerations; 0 is the same as the acceleration.
+    /// Only kinds without an auxiliary point or force carry it.
+    pub deceleration: u16,
+    /// Path jerk in 10 mm/s³; for PTP 0.01 % of the rated axis jerks. 0 is the robot's own: the setup's path jerk, for PTP
+    /// the share of the acceleration. Only kinds without an auxiliary point or force carry it.
+    pub jerk: u16,
     /// Approximation distance in 0.01 mm: how far from the target the path may leave it to blend into the next
     /// motion; 0 is an exact stop.
     pub approximation: u16,
@@ -71,8 +96,11 @@ impl Motion {
         kind: MotionKind::None,
         target: [0.0; 6],
         auxiliary: [0.0; 3],
+        configuration: None,
         velocity: 0,
         acceleration: 0,
+        deceleration: 0,
+        jerk: 0,
         approximation: 0,
         tool: 0,
         base: 0,
@@ -84,22 +112,44 @@ impl Motion {
         for coordinate in &mut motion.target {
             *coordinate = reader.f32()?;
         }
-        for coordinate in &mut motion.auxiliary {
-            *coordinate = reader.f32()?;
-        }
+        let auxiliary = reader.array::<AUXILIARY_LEN>()?;
         motion.velocity = reader.u16()?;
         motion.acceleration = reader.u16()?;
         motion.approximation = reader.u16()?;
         motion.kind = reader.u8()?.into();
+        motion.parse_auxiliary::<O>(&auxiliary)?;
         let frames = reader.u8()?;
         (motion.tool, motion.base) = (frames >> 4, frames & 0x0F);
         Ok(motion)
     }
 
+    /// Parses the bytes whose meaning depends on the kind.
+    fn parse_auxiliary<O: ByteOrder>(&mut self, bytes: &[u8]) -> Result<(), Truncated> {
+        let mut reader = Reader::<O>::new(bytes);
+        if self.kind.has_auxiliary() {
+            for coordinate in &mut self.auxiliary {
+                *coordinate = reader.f32()?;
+            }
+        } else {
+            self.configuration = Configuration::from_bytes(reader.array()?);
+            self.deceleration = reader.u16()?;
+            self.jerk = reader.u16()?;
+        }
+        Ok(())
+    }
+
     /// Writes the 44 bytes.
     pub fn emit<O: ByteOrder>(&self, writer: &mut Writer<'_, O>) {
-        for coordinate in self.target.iter().chain(&self.auxiliary) {
+        for coordinate in &self.target {
             writer.f32(*coordinate);
+        }
+        if self.kind.has_auxiliary() {
+            self.auxiliary.iter().for_each(|coordinate| writer.f32(*coordinate));
+        } else {
+            writer.bytes(&Configuration::to_bytes(self.configuration));
+            writer.u16(self.deceleration);
+            writer.u16(self.jerk);
+            writer.zeros(6);
         }
         writer.u16(self.velocity);
         writer.u16(self.acceleration);
@@ -136,6 +186,31 @@ impl Motion {
     #[must_use]
     pub fn acceleration_share(&self) -> f64 {
         f64::from(self.acceleration) / 10_000.0
+    }
+
+    /// Returns the path deceleration in mm/s²; none if it is that of the acceleration. Meaningful for Cartesian kinds.
+    #[must_use]
+    pub fn deceleration_mm_s2(&self) -> Option<f64> {
+        (self.deceleration > 0).then(|| f64::from(self.deceleration))
+    }
+
+    /// Returns the deceleration's share of the rated axis accelerations; none if it is that of the acceleration.
+    /// Meaningful for PTP.
+    #[must_use]
+    pub fn deceleration_share(&self) -> Option<f64> {
+        (self.deceleration > 0).then(|| f64::from(self.deceleration) / 10_000.0)
+    }
+
+    /// Returns the path jerk in mm/s³; none if it is the robot's own. Meaningful for Cartesian kinds.
+    #[must_use]
+    pub fn jerk_mm_s3(&self) -> Option<f64> {
+        (self.jerk > 0).then(|| f64::from(self.jerk) * 10.0)
+    }
+
+    /// Returns the share of the rated axis jerks; none if it is the robot's own. Meaningful for PTP.
+    #[must_use]
+    pub fn jerk_share(&self) -> Option<f64> {
+        (self.jerk > 0).then(|| f64::from(self.jerk) / 10_000.0)
     }
 
     /// Returns the approximation distance in mm; 0 is an exact stop.

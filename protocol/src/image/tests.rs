@@ -7,8 +7,11 @@ fn sample_motion() -> Motion {
         kind: MotionKind::Circular,
         target: [1.0, -2.0, 3.5, 0.0, 90.0, -180.0],
         auxiliary: [4.0, 5.0, 6.0],
+        configuration: None,
         velocity: 2_500,
         acceleration: 5_000,
+        deceleration: 0,
+        jerk: 0,
         approximation: 1_000,
         tool: 1,
         base: 2,
@@ -33,6 +36,40 @@ fn a_motion_has_the_specified_44_bytes_in_either_byte_order() {
     sample_motion().emit(&mut machine::wire::Writer::<LittleEndian>::new(&mut little));
     assert_eq!(&little[..8], &[0, 0, 0x80, 0x3F, 0, 0, 0, 0xC0]);
     assert_eq!(&little[36..], &[0xC4, 0x09, 0x88, 0x13, 0xE8, 0x03, 4, 0x12]);
+}
+
+#[test]
+fn without_a_point_or_a_force_the_first_six_auxiliary_bytes_are_configuration_deceleration_and_jerk() {
+    let configuration = Some(Configuration { status: 2, turn: 35 });
+    let kind = MotionKind::PtpCartesian;
+    let (deceleration, jerk) = (0x0102, 0x0304);
+    let motion = Motion { kind, auxiliary: [0.0; 3], configuration, deceleration, jerk, ..sample_motion() };
+    let mut bytes = [0xFF; MOTION_LEN];
+    motion.emit(&mut machine::wire::Writer::<BigEndian>::new(&mut bytes));
+    assert_eq!(&bytes[24..36], &[0x82, 35, 1, 2, 3, 4, 0, 0, 0, 0, 0, 0]);
+    let parse = |bytes: &[u8]| Motion::parse(&mut machine::wire::Reader::<BigEndian>::new(bytes)).unwrap();
+    assert_eq!(parse(&bytes), motion);
+
+    bytes[24] = 0x02;
+    assert_eq!(parse(&bytes).configuration, None, "bit 7 says whether one is given");
+    bytes[24] = 0x82;
+    bytes[42] = MotionKind::Circular.into();
+    let circle = parse(&bytes);
+    assert_eq!(
+        (circle.configuration, circle.deceleration, circle.jerk),
+        (None, 0, 0),
+        "a circle's intermediate point takes all of the bytes"
+    );
+}
+
+/// Clears the auxiliary bytes of a slot that no field carries.
+fn clear_reserved(slot: &mut [u8]) {
+    if !MotionKind::from(slot[42]).has_auxiliary() {
+        if slot[24] & 0x80 == 0 {
+            slot[24..26].fill(0);
+        }
+        slot[30..36].fill(0);
+    }
 }
 
 #[test]
@@ -124,6 +161,7 @@ proptest! {
         let command = Command::parse::<BigEndian>(&bytes).unwrap();
         command.emit::<BigEndian>(&mut image);
         bytes[28..36].fill(0);
+        bytes[HEAD_LEN..].chunks_exact_mut(MOTION_LEN).for_each(clear_reserved);
         prop_assert_eq!(&image[..], &bytes[..]);
 
         let feedback = Feedback::parse::<LittleEndian>(&bytes).unwrap();
@@ -131,6 +169,35 @@ proptest! {
         bytes[101..104].fill(0);
         bytes[116..].fill(0);
         prop_assert_eq!(&image[..], &bytes[..]);
+    }
+
+    #[test]
+    fn a_motion_of_a_known_kind_survives_a_round_trip(
+        kind in 1..=6_u8,
+        numbers in any::<[u16; 5]>(),
+        coordinates in proptest::array::uniform9(-1e6..1e6_f32),
+        given in proptest::option::of((0..=0x7F_u8, any::<u8>())),
+    ) {
+        let kind = MotionKind::from(kind);
+        let [velocity, acceleration, approximation, deceleration, jerk] = numbers;
+        let [a, b, c, d, e, f, point @ ..] = coordinates;
+        let has_auxiliary = kind.has_auxiliary();
+        let configuration = given.map(|(status, turn)| Configuration { status, turn });
+        let motion = Motion {
+            kind,
+            target: [a, b, c, d, e, f],
+            auxiliary: if has_auxiliary { point } else { [0.0; 3] },
+            configuration: configuration.filter(|_| !has_auxiliary),
+            velocity,
+            acceleration,
+            deceleration: if has_auxiliary { 0 } else { deceleration },
+            jerk: if has_auxiliary { 0 } else { jerk },
+            approximation,
+            ..sample_motion()
+        };
+        let mut bytes = [0xFF; MOTION_LEN];
+        motion.emit(&mut machine::wire::Writer::<LittleEndian>::new(&mut bytes));
+        prop_assert_eq!(Motion::parse(&mut machine::wire::Reader::<LittleEndian>::new(&bytes)), Ok(motion));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The arm: conversion between joints and poses, and the limits of the joints.
 
 mod angles;
+mod configuration;
 mod frame;
 mod opw;
 mod scara;
@@ -38,6 +39,16 @@ pub trait Kinematics: Debug + Send + Sync {
     /// Returns the joints for this pose of the flange, in the configuration (elbow, wrist) of `near`; rotary joints
     /// may be off by full turns.
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation>;
+
+    /// Returns the bits of a configuration's [status](protocol::image::Configuration) that this arm has.
+    fn status_bits(&self) -> u8;
+
+    /// Returns the status of the arm in these joints.
+    fn status(&self, joints: &Joints) -> u8;
+
+    /// Returns the joints for this pose of the flange with this status; rotary joints by any number of turns. A joint that
+    /// may have any value keeps that of `near`.
+    fn inverse_with(&self, flange: &Frame, status: u8, near: &Joints) -> Result<Joints, Violation>;
 }
 
 /// Range, rated speed, acceleration and jerk of every joint. A joint that the arm does not have has no limits.

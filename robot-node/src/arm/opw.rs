@@ -62,13 +62,37 @@ pub struct Opw {
 
 /// Which of the eight ways to reach a pose.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-struct Configuration {
+struct Branch {
     /// The wrist centre is on the side of axis 1 to which the base looks.
     front: bool,
     /// The model's forearm is bent toward positive angles.
     elbow_positive: bool,
     /// Axis 5 is at a positive angle.
     wrist_positive: bool,
+}
+
+impl Branch {
+    /// Bits of the status, see [`Configuration`](protocol::image::Configuration).
+    const BEHIND: u8 = 1;
+    const ELBOW_POSITIVE: u8 = 2;
+    const WRIST_POSITIVE: u8 = 4;
+
+    const fn with(status: u8) -> Self {
+        Self {
+            front: status & Self::BEHIND == 0,
+            elbow_positive: status & Self::ELBOW_POSITIVE != 0,
+            wrist_positive: status & Self::WRIST_POSITIVE != 0,
+        }
+    }
+
+    const fn status(self) -> u8 {
+        let bit = [
+            if self.front { 0 } else { Self::BEHIND },
+            if self.elbow_positive { Self::ELBOW_POSITIVE } else { 0 },
+            if self.wrist_positive { Self::WRIST_POSITIVE } else { 0 },
+        ];
+        bit[0] | bit[1] | bit[2]
+    }
 }
 
 impl Opw {
@@ -98,7 +122,7 @@ impl Opw {
         core::array::from_fn(|axis| (model[axis] + offsets[axis]) * f64::from(signs[axis]))
     }
 
-    fn configuration(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Configuration {
+    fn branch(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Branch {
         let elbow = q3 + self.lean;
         let OpwParameters { a1, c2, .. } = self.parameters;
         let wrist_centre = || {
@@ -109,7 +133,7 @@ impl Opw {
         let front =
             (a1 >= 0.0 && is_within_the_first_half_turn(q2) && is_within_the_first_half_turn(q2 + elbow))
                 || wrist_centre() >= 0.0;
-        Configuration {
+        Branch {
             front,
             elbow_positive: is_within_the_first_half_turn(elbow),
             wrist_positive: is_within_the_first_half_turn(q5),
@@ -118,17 +142,13 @@ impl Opw {
 
     /// Axes 1 and 2 of the model that bring the wrist centre there, the forearm's angle against the upper arm, which is
     /// axis 3 and ψ, and how the forearm is turned then, as a quaternion of any length.
-    fn arm(
-        &self,
-        [x, y, z]: [f64; 3],
-        configuration: Configuration,
-    ) -> Result<([Direction; 3], Rotation), Violation> {
+    fn arm(&self, [x, y, z]: [f64; 3], branch: Branch) -> Result<([Direction; 3], Rotation), Violation> {
         let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
         let forearm = self.forearm;
         let ground = x * x + y * y;
         let square = ground - b * b;
         // Below zero the wrist centre is nearer to axis 1 than the arm's own plane.
-        let radial = if configuration.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
+        let radial = if branch.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
         let (n, h) = (radial - a1, z - c1);
         let reach = n * n + h * h;
         let bend = (reach - self.stretch) * self.bend_per_reach;
@@ -141,7 +161,7 @@ impl Opw {
         }
         let bend = bend.clamp(-1.0, 1.0);
         let sine = (1.0 - bend * bend).sqrt();
-        let sine = if configuration.elbow_positive { sine } else { -sine };
+        let sine = if branch.elbow_positive { sine } else { -sine };
         let (along, across) = (c2 + forearm * bend, forearm * sine);
         // Products of two vectors that are as long as each other, so that nobody needs to take a root for their length.
         let base = Direction::of(x * radial + y * b, y * radial - x * b, ground);
@@ -151,6 +171,30 @@ impl Opw {
         let (turn, lift) = (base.half(), shoulder.and(elbow).and(self.lean_direction.opposite()).half());
         let turned = [turn.0 * lift.0, -turn.1 * lift.1, turn.0 * lift.1, turn.1 * lift.0];
         Ok(([base, shoulder, elbow], Rotation::from_parts(turned)))
+    }
+
+    /// Returns the joints for this pose of the flange in one of the eight ways, near the model's joints `near`.
+    fn solve(&self, flange: &Frame, branch: Branch, near: &Joints) -> Result<Joints, Violation> {
+        let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
+        let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
+        let ([base, shoulder, elbow], forearm) = self.arm(centre, branch)?;
+        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and axis 5.
+        let [w, x, y, z] = (forearm.inverse() * flange.rotation).quaternion();
+        // The squares of the sine and of the cosine of half of axis 5.
+        let (sine, cosine) = (x * x + y * y, w * w + z * z);
+        let [q1, q2, bend, half_sum, half_difference, q5] = degrees(
+            [base.cos, shoulder.cos, elbow.cos, w, y, cosine - sine],
+            [base.sin, shoulder.sin, elbow.sin, z, x, 2.0 * (sine * cosine).sqrt()],
+        );
+        let (q4, q6) = (half_sum - half_difference, half_sum + half_difference);
+        let [q4, q5, q6] = if sine < WRIST_STRETCHED * WRIST_STRETCHED * cosine {
+            [near[3], 0.0, 2.0 * half_sum - near[3]]
+        } else if branch.wrist_positive {
+            [q4, q5, q6]
+        } else {
+            [q4 + 180.0, -q5, q6 - 180.0]
+        };
+        Ok(self.joints(&[q1, q2, bend - self.lean, q4, q5, q6]))
     }
 }
 
@@ -232,27 +276,19 @@ impl Kinematics for Opw {
 
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
         let near = self.model(near);
-        let configuration = self.configuration(&near);
-        let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
-        let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
-        let ([base, shoulder, elbow], forearm) = self.arm(centre, configuration)?;
-        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and axis 5.
-        let [w, x, y, z] = (forearm.inverse() * flange.rotation).quaternion();
-        // The squares of the sine and of the cosine of half of axis 5.
-        let (sine, cosine) = (x * x + y * y, w * w + z * z);
-        let [q1, q2, bend, half_sum, half_difference, q5] = degrees(
-            [base.cos, shoulder.cos, elbow.cos, w, y, cosine - sine],
-            [base.sin, shoulder.sin, elbow.sin, z, x, 2.0 * (sine * cosine).sqrt()],
-        );
-        let (q4, q6) = (half_sum - half_difference, half_sum + half_difference);
-        let [q4, q5, q6] = if sine < WRIST_STRETCHED * WRIST_STRETCHED * cosine {
-            [near[3], 0.0, 2.0 * half_sum - near[3]]
-        } else if configuration.wrist_positive {
-            [q4, q5, q6]
-        } else {
-            [q4 + 180.0, -q5, q6 - 180.0]
-        };
-        Ok(self.joints(&[q1, q2, bend - self.lean, q4, q5, q6]))
+        self.solve(flange, self.branch(&near), &near)
+    }
+
+    fn status_bits(&self) -> u8 {
+        Branch::BEHIND | Branch::ELBOW_POSITIVE | Branch::WRIST_POSITIVE
+    }
+
+    fn status(&self, joints: &Joints) -> u8 {
+        self.branch(&self.model(joints)).status()
+    }
+
+    fn inverse_with(&self, flange: &Frame, status: u8, near: &Joints) -> Result<Joints, Violation> {
+        self.solve(flange, Branch::with(status), &self.model(near))
     }
 }
 

@@ -14,6 +14,9 @@ const TILT_TOLERANCE_DEG: f64 = 0.01;
 /// Half of the tolerance in radians, which equals its sine.
 const HALF_TILT_TOLERANCE: f64 = TILT_TOLERANCE_DEG.to_radians() / 2.0;
 
+/// Bit of the status: axis 2 is at 0° or above.
+const ELBOW_POSITIVE: u8 = 2;
+
 /// The geometry of a SCARA. Joints 1, 2 and 4 are in degrees, joint 3 in mm upward.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Scara {
@@ -47,6 +50,18 @@ impl Kinematics for Scara {
     }
 
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
+        self.inverse_with(flange, self.status(near), near)
+    }
+
+    fn status_bits(&self) -> u8 {
+        ELBOW_POSITIVE
+    }
+
+    fn status(&self, joints: &Joints) -> u8 {
+        if joints[1] < 0.0 { 0 } else { ELBOW_POSITIVE }
+    }
+
+    fn inverse_with(&self, flange: &Frame, status: u8, _near: &Joints) -> Result<Joints, Violation> {
         if flange.rotation.half_tilt_square() > HALF_TILT_TOLERANCE * HALF_TILT_TOLERANCE {
             return Err(Violation::Tilt { tilt_deg: flange.rotation.tilt_from_down() });
         }
@@ -62,7 +77,7 @@ impl Kinematics for Scara {
             });
         }
         let cos_2 = cos_2.clamp(-1.0, 1.0);
-        let elbow = if near[1] < 0.0 { -1.0 } else { 1.0 };
+        let elbow = if status & ELBOW_POSITIVE == 0 { -1.0 } else { 1.0 };
         let sin_2 = elbow * (1.0 - cos_2 * cos_2).sqrt();
         // One arc tangent of the rotated target instead of a difference of two arc tangents.
         let (along, across) = (l1 + l2 * cos_2, l2 * sin_2);

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use protocol::image::{ErrorNumber, Finding};
+use protocol::image::{Configuration, ErrorNumber, Finding};
 
 /// A joint that would turn by more than this, in degrees, from one sample of a curve's finest piece to the next does not
 /// follow the curve: the arm turns over into another configuration there.
@@ -92,6 +92,52 @@ pub enum Violation {
         /// The tilt from straight down.
         tilt_deg: f64,
     },
+    /// A status with bits that the arm does not have.
+    #[error("the configuration has status {status}, this arm has only the bits of {bits}; clear the others")]
+    Status {
+        /// As programmed.
+        status: u8,
+        /// The bits that the arm has.
+        bits: u8,
+    },
+    /// A turn with bits of axes that the arm does not have, or that are linear.
+    #[error("the configuration has turn {turn}, this arm has only the bits of {bits}; clear the others")]
+    TurnBits {
+        /// As programmed.
+        turn: u8,
+        /// The bits that the arm has.
+        bits: u8,
+    },
+    /// A turn that brings a joint out of its range. Degrees.
+    #[error(
+        "by the configuration's turn joint {axis} would be at {value:.3}, its range is {lower:.3} to {upper:.3}; \
+         change bit {} of the turn",
+        axis - 1
+    )]
+    Turn {
+        /// Which joint, from 1.
+        axis: u8,
+        /// Where it would be.
+        value: f64,
+        /// Its lowest value.
+        lower: f64,
+        /// Its highest value.
+        upper: f64,
+    },
+    /// A path that ends in another configuration than its target has.
+    #[error(
+        "the configuration of the target is {wanted}, the line leads to {found}; go there point to point, or leave \
+         the configuration out"
+    )]
+    OtherConfiguration {
+        /// As programmed.
+        wanted: Configuration,
+        /// The one that the arm would have.
+        found: Configuration,
+    },
+    /// A target of joints with a configuration.
+    #[error("a target of joints has a configuration ({0}); leave it out")]
+    NotCartesian(Configuration),
     /// A joint would leave its range. Degrees, mm on a linear joint.
     #[error("joint {axis} would be at {value:.3}, its range is {lower:.3} to {upper:.3}")]
     Axis {
@@ -208,6 +254,24 @@ pub enum Violation {
         /// How far along the line that end is, in mm.
         way_mm: f64,
     },
+    /// A deceleration: mm/s², or a share of the axes' rated accelerations.
+    #[error(
+        "the deceleration is {value}, allowed is up to {limit} (mm/s²; for PTP 1 is the rated acceleration)"
+    )]
+    Deceleration {
+        /// As programmed.
+        value: f64,
+        /// The highest.
+        limit: f64,
+    },
+    /// A jerk: mm/s³, or a share of the axes' rated jerks.
+    #[error("the jerk is {value}, allowed is up to {limit} (mm/s³; for PTP 1 is the rated one)")]
+    Jerk {
+        /// As programmed.
+        value: f64,
+        /// The highest.
+        limit: f64,
+    },
     /// An acceleration: mm/s², or a share of the axes' rated accelerations.
     #[error(
         "the acceleration is {value}, allowed is above 0 up to {limit} (mm/s²; for PTP 1 is the rated one)"
@@ -229,6 +293,11 @@ impl Violation {
             Self::NotFinite(_) => ErrorNumber::TargetNotFinite,
             Self::Radius { .. } | Self::WristReach { .. } | Self::Tilt { .. } => ErrorNumber::Unreachable,
             Self::Configuration { .. } => ErrorNumber::ConfigurationChange,
+            Self::Status { .. }
+            | Self::TurnBits { .. }
+            | Self::Turn { .. }
+            | Self::OtherConfiguration { .. }
+            | Self::NotCartesian(_) => ErrorNumber::ConfigurationMismatch,
             Self::Axis { .. } => ErrorNumber::AxisLimit,
             Self::Rated { rated: Rated::Speed, .. } => ErrorNumber::JointSpeed,
             Self::Rated { rated: Rated::Acceleration, .. } => ErrorNumber::JointAcceleration,
@@ -238,6 +307,8 @@ impl Violation {
             Self::Collinear { .. } => ErrorNumber::CollinearCircle,
             Self::Velocity { .. } => ErrorNumber::VelocityOutOfRange,
             Self::Acceleration { .. } => ErrorNumber::AccelerationOutOfRange,
+            Self::Deceleration { .. } => ErrorNumber::DecelerationOutOfRange,
+            Self::Jerk { .. } => ErrorNumber::JerkOutOfRange,
             Self::Approach { .. } => ErrorNumber::VelocityOutOfRange,
             Self::Tool(_) => ErrorNumber::UnknownTool,
             Self::Base(_) => ErrorNumber::UnknownBase,
@@ -266,13 +337,26 @@ impl Violation {
             }
             Self::Tilt { tilt_deg } => of(3, tilt_deg, 0.0, 0.0),
             Self::Configuration { axis, turn_deg, .. } => of(axis, turn_deg, 0.0, TURNED_OVER_DEG),
-            Self::Axis { axis, value, lower, upper } => of(axis, value, lower, upper),
+            Self::Axis { axis, value, lower, upper } | Self::Turn { axis, value, lower, upper } => {
+                of(axis, value, lower, upper)
+            }
+            Self::Status { status, bits } => of(7, status.into(), 0.0, bits.into()),
+            Self::TurnBits { turn, bits } => of(8, turn.into(), 0.0, bits.into()),
+            Self::OtherConfiguration { wanted, found } if wanted.status != found.status => {
+                of(9, found.status.into(), wanted.status.into(), wanted.status.into())
+            }
+            Self::OtherConfiguration { wanted, found } => {
+                of(10, found.turn.into(), wanted.turn.into(), wanted.turn.into())
+            }
+            Self::NotCartesian(_) => of(11, 0.0, 0.0, 0.0),
             Self::Rated { axis, value, limit, .. } => of(axis, value, 0.0, limit),
             Self::Singular { axis, share } => of(axis, share, SINGULAR_SHARE, 1.0),
             Self::ZeroLength { way_mm } => of(0, way_mm, LEAST_WAY_MM, f64::INFINITY),
             Self::Collinear { offset_mm, least_mm } => of(0, offset_mm, least_mm, f64::INFINITY),
             Self::Velocity { value, limit }
             | Self::Acceleration { value, limit }
+            | Self::Deceleration { value, limit }
+            | Self::Jerk { value, limit }
             | Self::Approach { value, limit, .. }
             | Self::Force { value_n: value, limit_n: limit } => of(0, value, 0.0, limit),
             Self::Override { percent } => of(0, percent.into(), 0.0, 100.0),

@@ -15,6 +15,60 @@ use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
 /// motion.
 const PASSED: f64 = 3.0;
 
+/// What a motion is programmed with. Along a path in mm and seconds; point to point as shares of the axes' rated
+/// speeds, accelerations and jerks, 0…1.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Programmed {
+    /// Highest speed, in mm/s.
+    pub speed: f64,
+    /// Highest acceleration where the motion speeds up, in mm/s².
+    pub acceleration: f64,
+    /// Highest acceleration where the motion slows down, in mm/s²; that of speeding up where none is programmed.
+    pub deceleration: f64,
+    /// Highest jerk, in mm/s³. Where none is programmed: the robot's path jerk, point to point the acceleration's share.
+    pub jerk: f64,
+}
+
+impl Programmed {
+    /// Reads and checks what a motion is programmed with.
+    fn of(motion: &Motion, config: &RobotConfig) -> Result<Self, Violation> {
+        let is_point_to_point = motion.kind.is_point_to_point();
+        let (given, most) = if is_point_to_point {
+            let given = (motion.velocity_share(), motion.acceleration_share());
+            (given, Self { speed: 1.0, acceleration: 1.0, deceleration: 1.0, jerk: 1.0 })
+        } else {
+            let RobotConfig { path_velocity_mm_s, path_acceleration_mm_s2, path_jerk_mm_s3, .. } = *config;
+            let most = Self {
+                speed: path_velocity_mm_s,
+                acceleration: path_acceleration_mm_s2,
+                deceleration: path_acceleration_mm_s2,
+                jerk: path_jerk_mm_s3,
+            };
+            ((motion.velocity_mm_s(), motion.acceleration_mm_s2()), most)
+        };
+        let (deceleration, jerk) = if is_point_to_point {
+            (motion.deceleration_share(), motion.jerk_share())
+        } else {
+            (motion.deceleration_mm_s2(), motion.jerk_mm_s3())
+        };
+        let speed = within(given.0, most.speed, |value, limit| Violation::Velocity { value, limit })?;
+        let acceleration =
+            within(given.1, most.acceleration, |value, limit| Violation::Acceleration { value, limit })?;
+        Ok(Self {
+            speed,
+            acceleration,
+            deceleration: within(deceleration.unwrap_or(acceleration), most.deceleration, |value, limit| {
+                Violation::Deceleration { value, limit }
+            })?,
+            jerk: match jerk {
+                Some(jerk) => within(jerk, most.jerk, |value, limit| Violation::Jerk { value, limit })?,
+                None if is_point_to_point => acceleration,
+                None => most.jerk,
+            },
+        })
+    }
+}
+
 /// One motion, ready to run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Segment {
@@ -22,6 +76,8 @@ pub struct Segment {
     pub curve: Curve,
     /// The joints at its end.
     pub end: Joints,
+    /// What it is programmed with.
+    pub programmed: Programmed,
     /// Highest speed, acceleration and jerk along the curve, in the curve's unit.
     pub limits: Limits,
     /// What corners at its start and at its end may take of it at most, in the curve's unit.
@@ -80,15 +136,12 @@ impl Segment {
         let (flange, base_inverse) = (Flange::of_tool(&tool), base.inverse());
         let arm = &config.arm;
         let approximation_mm = motion.approximation_mm();
+        let programmed = Programmed::of(motion, config)?;
         if !motion.kind.is_point_to_point() {
-            let programmed = Limits {
-                speed: within(motion.velocity_mm_s(), config.path_velocity_mm_s, velocity)?,
-                acceleration: within(
-                    motion.acceleration_mm_s2(),
-                    config.path_acceleration_mm_s2,
-                    acceleration,
-                )?,
-                jerk: config.path_jerk_mm_s3,
+            let limits = Limits {
+                speed: programmed.speed,
+                acceleration: programmed.acceleration,
+                jerk: programmed.jerk,
             };
             let start = arm.forward(from) * tool;
             let curve = if motion.kind == MotionKind::Circular {
@@ -102,7 +155,7 @@ impl Segment {
                     return Err(Violation::ZeroLength { way_mm });
                 }
                 if is_spline {
-                    Curve::Spline(Spline::new(start, to, flange, programmed))
+                    Curve::Spline(Spline::new(start, to, flange, limits))
                 } else {
                     Curve::Line(line)
                 }
@@ -111,16 +164,20 @@ impl Segment {
             let way = |curve: &Curve| curve.length() * if approximation_mm > 0.0 { PASSED } else { 1.0 };
             let (curve, Followed { end, limits, zones }) = match going_on(before, &curve) {
                 // Where the arm cannot follow the bend, the line that it may stop before is what counts.
-                Some(bent) => match along(&bent, from, programmed, way(&bent), arm) {
+                Some(bent) => match along(&bent, from, limits, way(&bent), arm) {
                     Ok(found) => (bent, found),
-                    Err(_) => (curve, along(&curve, from, programmed, way(&curve), arm)?),
+                    Err(_) => (curve, along(&curve, from, limits, way(&curve), arm)?),
                 },
-                None => (curve, along(&curve, from, programmed, way(&curve), arm)?),
+                None => (curve, along(&curve, from, limits, way(&curve), arm)?),
             };
+            if let Some(configuration) = motion.configuration {
+                arm.ends_in(&end, configuration)?;
+            }
             let (tool_acceleration, tool_jerk) = (programmed.acceleration, programmed.jerk);
             Ok(Self {
                 curve,
                 end,
+                programmed,
                 limits,
                 zones,
                 approximation_mm,
@@ -131,26 +188,32 @@ impl Segment {
                 base_inverse,
             })
         } else {
-            let speed_share = within(motion.velocity_share(), 1.0, velocity)?;
-            let axis_share = within(motion.acceleration_share(), 1.0, acceleration)?;
             let end = if motion.kind == MotionKind::PtpJoint {
                 let joints = core::array::from_fn(|axis| if axis < arm.axes() { target[axis] } else { 0.0 });
+                if let Some(configuration) = motion.configuration {
+                    return Err(Violation::NotCartesian(configuration));
+                }
                 arm.within_range(&joints)?;
                 joints
             } else {
-                arm.inverse(&flange.when_tool_at(to), from)?
+                let flange = flange.when_tool_at(to);
+                match motion.configuration {
+                    Some(configuration) => arm.inverse_in(&flange, configuration, from)?,
+                    None => arm.inverse(&flange, from)?,
+                }
             };
             let axes = AxisLine::new(*from, end);
-            let limits = point_to_point(&axes.way(), speed_share, axis_share, arm);
+            let limits = point_to_point(&axes.way(), &programmed, arm);
             let curve = Curve::Axes(axes);
             let (tool_acceleration, tool_jerk) = (f64::INFINITY, f64::INFINITY);
             Ok(Self {
                 curve,
                 end,
+                programmed,
                 limits,
                 zones: [curve.length() / 2.0; 2],
                 approximation_mm,
-                axis_share,
+                axis_share: programmed.acceleration,
                 tool_acceleration,
                 tool_jerk,
                 tool,
@@ -184,20 +247,12 @@ fn going_on(before: Option<&Segment>, curve: &Curve) -> Option<Curve> {
     before.goes_on_to(spline).then(bent)
 }
 
-fn velocity(value: f64, limit: f64) -> Violation {
-    Violation::Velocity { value, limit }
-}
-
-fn acceleration(value: f64, limit: f64) -> Violation {
-    Violation::Acceleration { value, limit }
-}
-
 fn within(value: f64, limit: f64, violation: fn(f64, f64) -> Violation) -> Result<f64, Violation> {
     if value > 0.0 && value <= limit { Ok(value) } else { Err(violation(value, limit)) }
 }
 
 /// The slowest axis sets the pace of all.
-fn point_to_point(way: &Joints, speed_share: f64, axis_share: f64, arm: &Arm) -> Limits {
+fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> Limits {
     let rated = arm.limits();
     let per_way = |limits: &Joints| {
         let moving = way.iter().zip(limits).filter(|(way, _)| **way != 0.0);
@@ -207,8 +262,8 @@ fn point_to_point(way: &Joints, speed_share: f64, axis_share: f64, arm: &Arm) ->
         return Limits { speed: 1.0, acceleration: 1.0, jerk: 1.0 };
     }
     Limits {
-        speed: speed_share * per_way(&rated.speed),
-        acceleration: axis_share * per_way(&rated.acceleration),
-        jerk: axis_share * per_way(&rated.jerk),
+        speed: programmed.speed * per_way(&rated.speed),
+        acceleration: programmed.acceleration * per_way(&rated.acceleration),
+        jerk: programmed.jerk * per_way(&rated.jerk),
     }
 }

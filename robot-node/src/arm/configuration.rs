@@ -1,0 +1,95 @@
+//! Targets whose configuration is given: status and turn decide between the ways to reach a pose.
+
+use protocol::image::Configuration;
+
+use super::{Arm, Frame, Joints, Violation};
+
+/// A joint that is nearer to 0°, in degrees, may count as below 0° or not: more than single precision on the wire leaves.
+const SIGN_TOLERANCE_DEG: f64 = 0.01;
+
+/// Joints that differ by less, in degrees (mm), are those of one configuration.
+const SAME_DEG: f64 = 0.02;
+
+/// Whole turns to either side that are looked at: more than any joint has.
+const TURNS: i32 = 3;
+
+impl Arm {
+    /// Returns the joints for this pose of the flange in a configuration. Where a joint may have values that differ by whole
+    /// turns, it has the one next to `near`.
+    ///
+    /// # Errors
+    ///
+    /// The configuration is none of this arm, or beyond the range of a joint, or the pose is out of reach.
+    pub fn inverse_in(
+        &self,
+        flange: &Frame,
+        configuration: Configuration,
+        near: &Joints,
+    ) -> Result<Joints, Violation> {
+        self.has(configuration)?;
+        let mut joints = self.kinematics.inverse_with(flange, configuration.status, near)?;
+        for axis in (0..self.axes).filter(|axis| self.rotary[*axis]) {
+            let is_negative = configuration.turn & 1 << axis != 0;
+            joints[axis] = self.turned(axis, joints[axis], is_negative, near[axis])?;
+        }
+        self.within_range(&joints)?;
+        Ok(joints)
+    }
+
+    /// Refuses a configuration other than that of these joints, in which a path ends.
+    ///
+    /// # Errors
+    ///
+    /// [`Violation::Status`] and [`Violation::TurnBits`] where this arm has no such configuration, else
+    /// [`Violation::OtherConfiguration`].
+    pub fn ends_in(&self, joints: &Joints, configuration: Configuration) -> Result<(), Violation> {
+        self.has(configuration)?;
+        // Where two configurations meet, the same joints are of both.
+        let same =
+            |other: &Joints| joints.iter().zip(other).all(|(one, other)| (one - other).abs() < SAME_DEG);
+        let found = self.inverse_in(&self.forward(joints), configuration, joints);
+        if found.is_ok_and(|found| same(&found)) {
+            return Ok(());
+        }
+        Err(Violation::OtherConfiguration { wanted: configuration, found: self.configuration(joints) })
+    }
+
+    /// Returns the configuration of the arm in these joints.
+    #[must_use]
+    pub fn configuration(&self, joints: &Joints) -> Configuration {
+        let negative = (0..self.axes).filter(|axis| self.rotary[*axis] && joints[*axis] < 0.0);
+        Configuration {
+            status: self.kinematics.status(joints),
+            turn: negative.fold(0, |turn, axis| turn | 1 << axis),
+        }
+    }
+
+    fn has(&self, Configuration { status, turn }: Configuration) -> Result<(), Violation> {
+        let turning = (0..self.axes).filter(|axis| self.rotary[*axis]);
+        let turn_bits = turning.fold(0, |bits, axis| bits | 1 << axis);
+        let status_bits = self.kinematics.status_bits();
+        if status & !status_bits != 0 {
+            return Err(Violation::Status { status, bits: status_bits });
+        }
+        if turn & !turn_bits != 0 {
+            return Err(Violation::TurnBits { turn, bits: turn_bits });
+        }
+        Ok(())
+    }
+
+    /// The joint of this value, or one that differs by whole turns, with this sign and within its range, next to `near`.
+    fn turned(&self, axis: usize, value: f64, is_negative: bool, near: f64) -> Result<f64, Violation> {
+        let (lower, upper) = (self.limits.lower[axis], self.limits.upper[axis]);
+        let first = value - 360.0 * (value / 360.0).floor();
+        let has_sign = |turned: &f64| {
+            if is_negative { *turned < SIGN_TOLERANCE_DEG } else { *turned > -SIGN_TOLERANCE_DEG }
+        };
+        let turned = || (-TURNS..=TURNS).map(|turns| first + 360.0 * f64::from(turns)).filter(has_sign);
+        let nearest = |one: &f64, other: &f64| (one - near).abs().total_cmp(&(other - near).abs());
+        let within = turned().filter(|turned| (lower - 1e-6..=upper + 1e-6).contains(turned));
+        within.min_by(nearest).ok_or_else(|| {
+            let least = turned().min_by(|one, other| one.abs().total_cmp(&other.abs()));
+            Violation::Turn { axis: axis as u8 + 1, value: least.unwrap_or(value), lower, upper }
+        })
+    }
+}
