@@ -91,7 +91,39 @@ fn a_start_that_the_arm_cannot_reach_is_refused_with_frame_reason_and_remedy() {
     );
     let application = planning::Application::parse("test", &far).unwrap();
     let refused = whole(&setup, &application, &Schedule::new(&[Rc], 1, 1)).unwrap_err();
-    insta::assert_snapshot!(refused, @"application pick-and-place: start: the arm cannot stand at frame `far`: the target is 626.498 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; move that frame, or base 1 in the setup");
+    insta::assert_snapshot!(refused, @"application pick-and-place: start: the arm cannot stand at frame `far`: the target is 626.498 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; change that frame, or base 1 in the setup");
+}
+
+/// Pick-and-place with the elbow of the SCARA on a side, by the configuration of its `home` and `carrier-rim`.
+fn with_elbow(status: u8) -> planning::Application {
+    let (_, text) = planning::APPLICATIONS[0];
+    let configured = ["home = {", "carrier-rim = {"].iter().fold(text.to_owned(), |text, frame| {
+        text.replacen(frame, &format!("{frame} configuration = {{ status = {status} }},"), 1)
+    });
+    planning::Application::parse("test", &configured).unwrap()
+}
+
+#[test]
+fn an_application_runs_with_the_elbow_on_the_side_that_it_names() {
+    let setup = setup::setup("A").unwrap();
+    // Joint 2 is below 0° at power-on, so that this is what the application does without a configuration.
+    let usual = run("pick-and-place");
+    for execution_type in ExecutionType::ALL {
+        let aet_with = |status| {
+            let schedule = Schedule::new(&[execution_type], 2, 1);
+            aet(&whole(&setup, &with_elbow(status), &schedule).unwrap(), execution_type)
+        };
+        let (right, left) = (aet_with(0), aet_with(2));
+        assert!((right - aet(&usual, execution_type)).abs() < 20.0, "{execution_type}: {right} ms");
+        assert!((left - right).abs() > 10.0, "{execution_type}: {left} and {right} ms");
+    }
+}
+
+#[test]
+fn a_start_in_a_configuration_that_the_arm_does_not_have_is_refused_with_frame_and_bits() {
+    let setup = setup::setup("A").unwrap();
+    let refused = whole(&setup, &with_elbow(4), &Schedule::new(&[Rc], 1, 1)).unwrap_err();
+    insta::assert_snapshot!(refused, @"application pick-and-place: start: the arm cannot stand at frame `home`: the configuration has status 4, this arm has only the bits of 2; clear the others; change that frame, or base 1 in the setup");
 }
 
 #[test]

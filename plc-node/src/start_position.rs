@@ -74,7 +74,7 @@ impl StartPosition {
         for motion in
             [&mut self.from_anywhere, &mut self.from_end].into_iter().filter_map(MotionList::last_mut)
         {
-            *motion = Motion { kind: MotionKind::PtpJoint, target, ..*motion };
+            *motion = Motion { kind: MotionKind::PtpJoint, target, configuration: None, ..*motion };
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::motion::Segment;
 /// The arm cannot stand where an application starts.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 #[error(
-    "application {application}: start: the arm cannot stand at frame `{frame}`: {found}; move that frame, or base \
+    "application {application}: start: the arm cannot stand at frame `{frame}`: {found}; change that frame, or base \
      {base} in the setup"
 )]
 pub struct StartOutOfReach {

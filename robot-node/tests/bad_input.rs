@@ -22,7 +22,7 @@ fn but(good: Motion, change: impl FnOnce(&mut Motion)) -> Motion {
 }
 
 fn configured(motion: Motion, status: u8, turn: u8) -> Motion {
-    Motion { configuration: Some(Configuration { status, turn }), ..motion }
+    Motion { configuration: Some(Configuration { status, turn: Some(turn) }), ..motion }
 }
 
 fn circle(x: f32, y: f32, through: [f32; 3]) -> Motion {

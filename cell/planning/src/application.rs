@@ -4,6 +4,8 @@
 
 use std::fmt;
 
+use protocol::image::Configuration;
+
 use crate::geometry::{Cuboid, Point, Pose};
 
 /// What the robot is to do, as a process engineer describes it.
@@ -141,6 +143,8 @@ pub struct Place {
     pub grid: Option<usize>,
     /// The joints by which a PTP gets there, in degrees (a linear axis in mm), where the configuration matters.
     pub joints_deg: Option<[f64; 6]>,
+    /// The configuration in which the arm is there, where it matters.
+    pub configuration: Option<Configuration>,
 }
 
 /// A tool frame of the robot.

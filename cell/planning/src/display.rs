@@ -157,6 +157,9 @@ impl Plan {
             "LIN force" => writeln!(f, "{:indent$}force {x:.1}, {y:.1}, {z:.1} N", "")?,
             _ => {}
         }
+        if let Some(configuration) = motion.configuration {
+            writeln!(f, "{:indent$}configuration: {configuration}", "")?;
+        }
         if let Some(joints) = motion.joints_deg {
             let joints = joints.map(|joint| format!("{joint:.1}"));
             writeln!(f, "{:indent$}joints {}", "", joints.join(", "))?;

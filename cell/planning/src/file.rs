@@ -61,6 +61,14 @@ pub(crate) struct Frame {
     pub(crate) on: Option<Name>,
     pub(crate) shift_mm: Option<[f64; 3]>,
     pub(crate) joints_deg: Option<[f64; 6]>,
+    pub(crate) configuration: Option<Spanned<Configuration>>,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Configuration {
+    pub(crate) status: u8,
+    pub(crate) turn: Option<u8>,
 }
 
 #[derive(Deserialize)]

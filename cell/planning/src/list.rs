@@ -11,7 +11,7 @@
 //! The columns are the fields of [`image::Motion`](protocol::image::Motion) in the units of the wire, so that a list
 //! says exactly what the robot gets: mm and degrees, or joints; velocity in 0.1 mm/s, acceleration in mm/s², for a PTP
 //! both in 0.01 % of the rated values; the approximation distance in 0.01 mm. Status and turn are empty where a motion has
-//! no configuration. Deceleration has the unit of the acceleration, jerk 10 mm/s³ or 0.01 %; 0 is the robot's own. The
+//! no configuration, turn where any will do. Deceleration has the unit of the acceleration, jerk 10 mm/s³ or 0.01 %; 0 is the robot's own. The
 //! first line that is no comment names the columns; a list without the last four is read as well.
 
 use std::fmt::Display;
@@ -189,7 +189,7 @@ fn parse(header: &str, text: &str) -> Result<Motion, String> {
     Ok(motion)
 }
 
-/// Reads status and turn, which are both there or both empty.
+/// Reads status and turn, of which both or the turn may be empty.
 fn configuration<'t>(
     columns: &mut impl Iterator<Item = (&'t str, &'t str)>,
     kind: MotionKind,
@@ -202,7 +202,8 @@ fn configuration<'t>(
     if kind.has_auxiliary() {
         return Err(format!("status: found `{status}`; expected nothing, this kind has no room for it"));
     }
-    let (status, turn) = (whole("status", status, 0x7F)?, whole("turn", turn, u8::MAX)?);
+    let status = whole("status", status, Configuration::HIGHEST_STATUS)?;
+    let turn = if turn.is_empty() { None } else { Some(whole("turn", turn, u8::MAX)?) };
     Ok(Some(Configuration { status, turn }))
 }
 
@@ -236,7 +237,8 @@ pub fn write_motion(writer: &mut impl Write, motion: &Motion) -> io::Result<()> 
     let Motion { velocity, acceleration, approximation, tool, base, deceleration, jerk, .. } = motion;
     write!(writer, ",{velocity},{acceleration},{approximation},{tool},{base},")?;
     match motion.configuration {
-        Some(Configuration { status, turn }) => write!(writer, "{status},{turn}")?,
+        Some(Configuration { status, turn: Some(turn) }) => write!(writer, "{status},{turn}")?,
+        Some(Configuration { status, turn: None }) => write!(writer, "{status},")?,
         None => write!(writer, ",")?,
     }
     writeln!(writer, ",{deceleration},{jerk}")
@@ -259,7 +261,7 @@ mod tests {
             proptest::array::uniform6(coordinate()),
             proptest::array::uniform3(coordinate()),
             numbers,
-            proptest::option::of((0..0x80_u8, any::<u8>())),
+            proptest::option::of((0..=Configuration::HIGHEST_STATUS, any::<Option<u8>>())),
             any::<[u16; 2]>(),
         )
             .prop_map(|(kind, target, auxiliary, numbers, configuration, [deceleration, jerk])| {
@@ -334,7 +336,7 @@ mod tests {
         );
         assert_eq!(
             with("1,2,35", "1,,35"),
-            "dots.csv:2: status: found ``; expected a whole number from 0 to 127"
+            "dots.csv:2: status: found ``; expected a whole number from 0 to 63"
         );
         assert_eq!(
             with("180,0,", "180,7,"),

@@ -1,7 +1,8 @@
 //! A planned motion and its geometry.
 
-use protocol::image::MotionKind;
+use protocol::image::{Configuration, MotionKind};
 
+use crate::application::Place;
 use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::{Point, Pose};
 
@@ -60,6 +61,8 @@ pub struct Motion {
     pub target: Pose,
     /// Its target as joints in degrees (mm), for [`MotionKind::PtpJoint`].
     pub joints_deg: Option<[f64; 6]>,
+    /// The configuration in which the arm reaches its target; none as near as possible to where it comes from.
+    pub configuration: Option<Configuration>,
     /// The intermediate point in mm of a circle, or the force in N; zero otherwise.
     pub auxiliary: [f64; 3],
     /// The points before its start and after its target that a spline bends by, where it goes on through them.
@@ -99,6 +102,7 @@ impl Motion {
             start,
             target,
             joints_deg: None,
+            configuration: None,
             auxiliary: [0.0; 3],
             spline_neighbours: [None; 2],
             length_mm: way.length(),
@@ -114,14 +118,11 @@ impl Motion {
     }
 
     /// A PTP; by its joints where the frame names them.
-    pub(crate) fn point_to_point(
-        role: Role,
-        start: Pose,
-        target: Pose,
-        joints_deg: Option<[f64; 6]>,
-    ) -> Self {
+    pub(crate) fn point_to_point(role: Role, start: Pose, target: Pose, place: Option<&Place>) -> Self {
+        let joints_deg = place.and_then(|place| place.joints_deg);
+        let configuration = place.and_then(|place| place.configuration);
         let kind = if joints_deg.is_some() { MotionKind::PtpJoint } else { MotionKind::PtpCartesian };
-        Self { joints_deg, ..Self::straight(role, kind, start, target) }
+        Self { joints_deg, configuration, ..Self::straight(role, kind, start, target) }
     }
 
     /// The circle from the start through a point to the target.

@@ -83,8 +83,9 @@ fn append(
     let from = motions.last().map_or(start, |last| last.target);
     match segment {
         Segment::Line(to) => {
-            let to = application.pose(to, cell);
-            motions.push(Motion::straight(Role::Path, MotionKind::LinCartesian, from, to));
+            let line =
+                Motion::straight(Role::Path, MotionKind::LinCartesian, from, application.pose(to, cell));
+            motions.push(Motion { configuration: to.configuration, ..line });
         }
         Segment::Circle { through, to } => {
             let (through, to) = (application.pose(through, cell).point, application.pose(to, cell));
@@ -94,7 +95,8 @@ fn append(
             let mut from = from;
             for place in places {
                 let to = application.pose(place, cell);
-                motions.push(Motion::straight(Role::Path, MotionKind::Spline, from, to));
+                let piece = Motion::straight(Role::Path, MotionKind::Spline, from, to);
+                motions.push(Motion { configuration: place.configuration, ..piece });
                 from = to;
             }
         }

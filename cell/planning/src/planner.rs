@@ -1,9 +1,9 @@
 //! Steps I to IV of the paper's section 4, one cycle after another.
 
-use protocol::image::MotionKind;
+use protocol::image::{Configuration, MotionKind};
 use setup::Setup;
 
-use crate::application::{Application, Course, Labels, Step, Tool};
+use crate::application::{Application, Course, Labels, Place, Step, Tool};
 use crate::error::{Error, LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Point, Pose};
 use crate::motion::{Motion, Role};
@@ -127,22 +127,35 @@ impl<'a> Planner<'a> {
         match &step.course {
             Course::Reach(place) => {
                 let target = self.application.pose(place, cell);
-                self.way(target, place.joints_deg, "", into)
+                self.way(target, Some(place), "", into)
             }
             Course::Follow { from, segments, approach_mm, retreat_mm } => {
                 let start = from.as_ref().map_or(self.here.0, |from| self.application.pose(from, cell));
                 let path = Path::plan(self.application, step, start, segments, cell);
                 let pre = path.pre_movement(*approach_mm);
                 let post = path.post_movement(*retreat_mm);
-                let (begin, joints) = match &pre {
-                    Ok(Some(pre)) => (pre.start, None),
-                    _ => (start, from.as_ref().and_then(|from| from.joints_deg)),
+                let mut first = from.clone();
+                let begin = match &pre {
+                    // The joints are those of the path's beginning, and their signs too. A line leads there, so that elbow
+                    // and wrist are the same before it.
+                    Ok(Some(pre)) => {
+                        let status = |it: Configuration| Configuration { turn: None, ..it };
+                        first = first.map(|first| Place {
+                            joints_deg: None,
+                            configuration: first.configuration.map(status),
+                            ..first
+                        });
+                        pre.start
+                    }
+                    _ => start,
                 };
                 if differ(self.here.0, begin) {
-                    self.way(begin, joints, "before ", into)?;
+                    self.way(begin, first.as_ref(), "before ", into)?;
                 }
                 // A path that gives its pre-movement no direction is refused by its own number, one later.
                 if let Some(pre) = pre.map_err(|refusal| self.refused(step, 1, refusal))? {
+                    let configuration = from.as_ref().and_then(|from| from.configuration);
+                    let pre = Motion { configuration, ..pre };
                     self.push(pre, &format!("LIN before {}", step.name), into)?;
                 }
                 let of = path.motions.len();
@@ -183,13 +196,13 @@ impl<'a> Planner<'a> {
         let mut plan = Plan::default();
         let into = &mut Destination { plan: &mut plan, reasons: &mut Vec::new(), index: 0, step: &step };
         if differ(self.here.0, start) {
-            self.way(start, place.joints_deg, "to ", into)?;
+            self.way(start, Some(place), "to ", into)?;
         }
         let from_anywhere = Motion {
             name: "PTP to the start".to_owned(),
             tool: tool.number,
             base: self.application.base,
-            ..Motion::point_to_point(Role::ToStart, start, start, place.joints_deg)
+            ..Motion::point_to_point(Role::ToStart, start, start, Some(place))
         };
         let from_end =
             plan.motions.into_iter().map(|motion| Motion { role: Role::ToStart, ..motion }).collect();
@@ -226,7 +239,7 @@ impl<'a> Planner<'a> {
     fn way(
         &mut self,
         target: Pose,
-        joints_deg: Option<[f64; 6]>,
+        place: Option<&Place>,
         word: &str,
         into: &mut Destination<'_>,
     ) -> Result<(), Error> {
@@ -264,7 +277,7 @@ impl<'a> Planner<'a> {
                 into.reasons.push(Reason { motion: into.plan.motions.len() - 1, why });
             }
         }
-        let motion = Motion::point_to_point(Role::Way, self.here.0, target, joints_deg);
+        let motion = Motion::point_to_point(Role::Way, self.here.0, target, place);
         self.push(motion, &format!("PTP {word}{}", into.step.name), into)
     }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use protocol::image::Configuration;
 use toml::Spanned;
 
 use crate::application::{
@@ -20,6 +21,10 @@ const HIGHEST_FRAME: u8 = 15;
 
 /// Highest digital output of the process image.
 const HIGHEST_OUTPUT: u8 = 15;
+
+/// Highest status and turn of a configuration: three bits, and one for each of six axes.
+const HIGHEST_STATUS: u8 = 7;
+const HIGHEST_TURN: u8 = 63;
 
 /// Most cells of a grid: a plan of more is not a grid but a mistake.
 const MOST_CELLS: u64 = 1_000_000;
@@ -271,8 +276,8 @@ impl Resolver<'_> {
         Ok(match segment {
             file::Segment::Line(to) => Segment::Line(self.place(to, "line")?),
             file::Segment::Circle(circle) => Segment::Circle {
-                through: self.place(&circle.through, "through")?,
-                to: self.place(&circle.to, "to")?,
+                through: self.unconfigured(&circle.through, "through")?,
+                to: self.unconfigured(&circle.to, "to")?,
             },
             file::Segment::Spline(points) => {
                 if points.get_ref().is_empty() {
@@ -282,7 +287,7 @@ impl Resolver<'_> {
                 Segment::Spline(places.collect::<Result<_, _>>()?)
             }
             file::Segment::Press(press) => {
-                Segment::Press { to: self.place(&press.to, "to")?, force_n: *press.force_n.get_ref() }
+                Segment::Press { to: self.unconfigured(&press.to, "to")?, force_n: *press.force_n.get_ref() }
             }
         })
     }
@@ -332,8 +337,13 @@ impl Resolver<'_> {
             name: name.get_ref().clone(),
             pose: Pose::new([0.0; 6]),
             grid: None,
-            joints_deg: self.file.frames.get(name.get_ref()).and_then(|frame| frame.get_ref().joints_deg),
+            joints_deg: None,
+            configuration: None,
         };
+        if let Some(frame) = self.file.frames.get(name.get_ref()) {
+            place.joints_deg = frame.get_ref().joints_deg;
+            place.configuration = self.configuration(name.get_ref(), frame.get_ref())?;
+        }
         let mut shift = [0.0; 3];
         let mut at = name;
         let mut at_key = key;
@@ -373,6 +383,33 @@ impl Resolver<'_> {
             }
         }
         Err(self.wrong(at, at_key, format!("frame `{}` stands on itself", name.get_ref())))
+    }
+
+    /// A frame that a circle or a press needs: their motions have no room for a configuration.
+    fn unconfigured(&self, name: &Name, key: &str) -> Result<Place, Error> {
+        let place = self.place(name, key)?;
+        let Some(configuration) = place.configuration else { return Ok(place) };
+        let problem = format!(
+            "frame `{}` has a configuration ({configuration}), which a circle or a press cannot carry; name a frame \
+             without one",
+            place.name
+        );
+        Err(self.wrong(name, key, problem))
+    }
+
+    fn configuration(&self, name: &str, frame: &file::Frame) -> Result<Option<Configuration>, Error> {
+        let Some(at) = &frame.configuration else { return Ok(None) };
+        let file::Configuration { status, turn } = *at.get_ref();
+        let problem = if status > HIGHEST_STATUS {
+            format!("has status {status}; it must be 0 to {HIGHEST_STATUS}")
+        } else if let Some(turn) = turn.filter(|turn| *turn > HIGHEST_TURN) {
+            format!("has turn {turn}; it must be 0 to {HIGHEST_TURN}, a bit for each axis")
+        } else if frame.joints_deg.is_some() {
+            "stands beside joints_deg, which have one already; keep one of them".to_owned()
+        } else {
+            return Ok(Some(Configuration { status, turn }));
+        };
+        Err(self.wrong(at, &format!("{name}.configuration"), problem))
     }
 
     fn known<'m, T>(

@@ -88,6 +88,7 @@ impl Plan {
                     length_mm: straight.length_mm,
                     leaves: straight.leaves,
                     arrives: straight.arrives,
+                    configuration: motion.configuration.filter(|_| last),
                     ..motion.clone()
                 });
             }
@@ -113,6 +114,7 @@ impl Plan {
                     last.target = motion.target;
                     last.length_mm += motion.length_mm;
                     last.zone_mm = motion.zone_mm;
+                    last.configuration = motion.configuration;
                     last.accurate_path |= motion.accurate_path;
                 }
                 None => into.push(motion.clone()),

@@ -96,6 +96,7 @@ impl Motion {
             kind: self.kind,
             target: self.joints_deg.unwrap_or(self.target.mm_deg()).map(|coordinate| coordinate as f32),
             auxiliary: self.auxiliary.map(|coordinate| coordinate as f32),
+            configuration: self.configuration,
             velocity: wire(velocity),
             acceleration: wire(acceleration),
             approximation: wire(self.zone_mm * 100.0),

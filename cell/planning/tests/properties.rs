@@ -21,7 +21,13 @@ const WAYS: Ways = Ways {
 const TOLERANCE_MM: f64 = 0.1;
 
 fn place(name: &str, [x, y, z]: [f64; 3], a: f64) -> Place {
-    Place { name: name.into(), pose: Pose::new([x, y, z, a, 0.0, 180.0]), grid: None, joints_deg: None }
+    Place {
+        name: name.into(),
+        pose: Pose::new([x, y, z, a, 0.0, 180.0]),
+        grid: None,
+        joints_deg: None,
+        configuration: None,
+    }
 }
 
 fn point(z: std::ops::Range<f64>) -> impl Strategy<Value = [f64; 3]> {

@@ -162,6 +162,31 @@ fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
         ("unknown action", "pick-and-place-gripper", "then = \"grip\"", "then = \"grab\""),
         ("pre-movement without a beginning", MEASURED, "from = \"carrier-rim\"\n", ""),
         ("empty grid", "palletising", "count = [8, 5, 5]", "count = [8, 0, 5]"),
+        (
+            "status that no arm has",
+            MEASURED,
+            "home = {",
+            "home = { configuration = { status = 8, turn = 0 },",
+        ),
+        (
+            "turn of a seventh axis",
+            MEASURED,
+            "home = {",
+            "home = { configuration = { status = 2, turn = 64 },",
+        ),
+        ("turn without a status", MEASURED, "home = {", "home = { configuration = { turn = 2 },"),
+        (
+            "configuration beside joints",
+            MEASURED,
+            "home = {",
+            "home = { joints_deg = [-60.0, 90.0, 150.0, 0.0, 0.0, 0.0], configuration = { status = 2 },",
+        ),
+        (
+            "configuration at the end of a circle",
+            "gluing",
+            "right-low = {",
+            "right-low = { configuration = { status = 2 },",
+        ),
         ("height step too fine", MEASURED, "height_step_mm = 10.0", "height_step_mm = 0.001"),
     ];
     let mut all = String::new();

@@ -3,7 +3,7 @@
 #![expect(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 use planning::{APPLICATIONS, Application, Plan, count, plan, stream};
-use protocol::image::{self, MotionKind};
+use protocol::image::{self, Configuration, MotionKind};
 use setup::Setup;
 
 fn application(name: &str) -> Application {
@@ -77,6 +77,26 @@ fn palletising_places_two_hundred_parts_on_two_hundred_cells() {
     places.dedup();
     assert_eq!((plan.cycles.len(), places.len()), (200, 200));
     assert_eq!((places.first(), places.last()), (Some(&[-80, 60, 10]), Some(&[60, 140, 70])));
+}
+
+/// The pre-movement is a line to the path's beginning: elbow and wrist are the same before it, the joints' signs need not.
+#[test]
+fn a_frames_configuration_is_that_of_each_motion_to_it_and_before_a_path_without_the_turn() {
+    let configured = include_str!("../../applications/pick-and-place.toml")
+        .replace("home = {", "home = { configuration = { status = 2 },")
+        .replace("carrier-rim = {", "carrier-rim = { configuration = { status = 2, turn = 9 },");
+    let application = Application::parse("test", &configured).expect("reads");
+    let plan = plan(&application, &setup_a()).expect("plans");
+    let [elbow, whole] = [None, Some(9)].map(|turn| Some(Configuration { status: 2, turn }));
+    let given = |motion: &image::Motion| motion.configuration;
+    assert_eq!(
+        plan.wire_motions(&setup_a()).iter().map(given).collect::<Vec<_>>(),
+        [elbow, whole, None, whole, None, None, None, None, None, None, None, None, elbow]
+    );
+    assert_eq!(plan.wire_to_start(&setup_a()).from_anywhere.as_ref().and_then(given), elbow);
+    let shown = plan.to_string();
+    assert_eq!(shown.matches("configuration: status 2, turn 9\n").count(), 2, "{shown}");
+    assert_eq!(shown.matches("configuration: status 2\n").count(), 2, "{shown}");
 }
 
 #[test]

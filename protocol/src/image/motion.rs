@@ -3,7 +3,7 @@
 //! ```text
 //! 0..24  target          6 × f32   mm and degrees (x y z a b c), or joint values (degrees, mm on a linear axis)
 //! 24..36 auxiliary       3 × f32   mm: CIRC's intermediate point; N: the force vector of LIN force; of other kinds:
-//!   24   status          u8        bit 7: a configuration is given; bits 0 to 2: see Configuration
+//!   24   status          u8        bit 7: a configuration is given; bit 6: without a turn; bits 0 to 2: see Configuration
 //!   25   turn            u8        bit i: axis i + 1 is below 0°
 //!   26..28 deceleration  u16     as the acceleration; 0 is the same as the acceleration
 //!   28..30 jerk        u16       10 mm/s³, or 0.01 % of the rated axis jerks for PTP; 0 is the robot's own

@@ -40,7 +40,7 @@ fn a_motion_has_the_specified_44_bytes_in_either_byte_order() {
 
 #[test]
 fn without_a_point_or_a_force_the_first_six_auxiliary_bytes_are_configuration_deceleration_and_jerk() {
-    let configuration = Some(Configuration { status: 2, turn: 35 });
+    let configuration = Some(Configuration { status: 2, turn: Some(35) });
     let kind = MotionKind::PtpCartesian;
     let (deceleration, jerk) = (0x0102, 0x0304);
     let motion = Motion { kind, auxiliary: [0.0; 3], configuration, deceleration, jerk, ..sample_motion() };
@@ -52,6 +52,8 @@ fn without_a_point_or_a_force_the_first_six_auxiliary_bytes_are_configuration_de
 
     bytes[24] = 0x02;
     assert_eq!(parse(&bytes).configuration, None, "bit 7 says whether one is given");
+    bytes[24] = 0xC2;
+    assert_eq!(parse(&bytes).configuration, Some(Configuration { status: 2, turn: None }));
     bytes[24] = 0x82;
     bytes[42] = MotionKind::Circular.into();
     let circle = parse(&bytes);
@@ -65,8 +67,10 @@ fn without_a_point_or_a_force_the_first_six_auxiliary_bytes_are_configuration_de
 /// Clears the auxiliary bytes of a slot that no field carries.
 fn clear_reserved(slot: &mut [u8]) {
     if !MotionKind::from(slot[42]).has_auxiliary() {
-        if slot[24] & 0x80 == 0 {
-            slot[24..26].fill(0);
+        match slot[24] & 0xC0 {
+            0x80 => {}
+            0xC0 => slot[25] = 0,
+            _ => slot[24..26].fill(0),
         }
         slot[30..36].fill(0);
     }
@@ -176,7 +180,7 @@ proptest! {
         kind in 1..=6_u8,
         numbers in any::<[u16; 5]>(),
         coordinates in proptest::array::uniform9(-1e6..1e6_f32),
-        given in proptest::option::of((0..=0x7F_u8, any::<u8>())),
+        given in proptest::option::of((0..=Configuration::HIGHEST_STATUS, any::<Option<u8>>())),
     ) {
         let kind = MotionKind::from(kind);
         let [velocity, acceleration, approximation, deceleration, jerk] = numbers;

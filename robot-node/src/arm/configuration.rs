@@ -28,9 +28,13 @@ impl Arm {
     ) -> Result<Joints, Violation> {
         self.has(configuration)?;
         let mut joints = self.kinematics.inverse_with(flange, configuration.status, near)?;
-        for axis in (0..self.axes).filter(|axis| self.rotary[*axis]) {
-            let is_negative = configuration.turn & 1 << axis != 0;
-            joints[axis] = self.turned(axis, joints[axis], is_negative, near[axis])?;
+        match configuration.turn {
+            Some(turn) => {
+                for axis in self.turning() {
+                    joints[axis] = self.turned(axis, joints[axis], turn & 1 << axis != 0, near[axis])?;
+                }
+            }
+            None => joints = self.turned_least(&joints, near),
         }
         self.within_range(&joints)?;
         Ok(joints)
@@ -57,24 +61,30 @@ impl Arm {
     /// Returns the configuration of the arm in these joints.
     #[must_use]
     pub fn configuration(&self, joints: &Joints) -> Configuration {
-        let negative = (0..self.axes).filter(|axis| self.rotary[*axis] && joints[*axis] < 0.0);
+        let negative = self.turning().filter(|axis| joints[*axis] < 0.0);
         Configuration {
             status: self.kinematics.status(joints),
-            turn: negative.fold(0, |turn, axis| turn | 1 << axis),
+            turn: Some(negative.fold(0, |turn, axis| turn | 1 << axis)),
         }
     }
 
+    /// The axes that turn.
+    fn turning(&self) -> impl Iterator<Item = usize> {
+        let rotary = self.rotary;
+        (0..self.axes).filter(move |axis| rotary[*axis])
+    }
+
+    /// Refuses a status or turn with bits that no configuration of this arm has.
     fn has(&self, Configuration { status, turn }: Configuration) -> Result<(), Violation> {
-        let turning = (0..self.axes).filter(|axis| self.rotary[*axis]);
-        let turn_bits = turning.fold(0, |bits, axis| bits | 1 << axis);
         let status_bits = self.kinematics.status_bits();
         if status & !status_bits != 0 {
             return Err(Violation::Status { status, bits: status_bits });
         }
-        if turn & !turn_bits != 0 {
-            return Err(Violation::TurnBits { turn, bits: turn_bits });
+        let turn_bits = self.turning().fold(0, |bits, axis| bits | 1 << axis);
+        match turn {
+            Some(turn) if turn & !turn_bits != 0 => Err(Violation::TurnBits { turn, bits: turn_bits }),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// The joint of this value, or one that differs by whole turns, with this sign and within its range, next to `near`.

@@ -170,7 +170,14 @@ impl Arm {
     /// Returns the joints for this pose of the flange in the configuration of `near`, each rotary joint by the
     /// shortest turn within its range: for a target of a point-to-point motion.
     pub fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
-        let mut joints = self.kinematics.inverse(flange, near)?;
+        let joints = self.turned_least(&self.kinematics.inverse(flange, near)?, near);
+        self.within_range(&joints)?;
+        Ok(joints)
+    }
+
+    /// The same joints by other numbers of turns: each the shortest turn from `near` that is within its range.
+    fn turned_least(&self, joints: &Joints, near: &Joints) -> Joints {
+        let mut joints = *joints;
         let range = self.limits.lower.iter().zip(&self.limits.upper);
         for (((joint, near), (lower, upper)), is_rotary) in
             joints.iter_mut().zip(near).zip(range).zip(self.rotary)
@@ -181,8 +188,7 @@ impl Arm {
                 *joint = within.into_iter().find(|turn| (lower..=upper).contains(&turn)).unwrap_or(shortest);
             }
         }
-        self.within_range(&joints)?;
-        Ok(joints)
+        joints
     }
 
     /// Returns the rotary joint (from 1) that turns most from one point of a path to the next, and its turn in

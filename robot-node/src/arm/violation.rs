@@ -346,7 +346,8 @@ impl Violation {
                 of(9, found.status.into(), wanted.status.into(), wanted.status.into())
             }
             Self::OtherConfiguration { wanted, found } => {
-                of(10, found.turn.into(), wanted.turn.into(), wanted.turn.into())
+                let [wanted, found] = [wanted, found].map(|it| it.turn.unwrap_or(0).into());
+                of(10, found, wanted, wanted)
             }
             Self::NotCartesian(_) => of(11, 0.0, 0.0, 0.0),
             Self::Rated { axis, value, limit, .. } => of(axis, value, 0.0, limit),

@@ -15,7 +15,13 @@ pub(super) fn application(application: &Application, side_mm: f64, motions: u32)
             _ => (0.0, -side_mm),
         };
         let pose = start.pose.at(start.pose.point + Point::new(x, y, 0.0));
-        Place { name: format!("corner {}", index % 4), pose, grid: None, joints_deg: None }
+        Place {
+            name: format!("corner {}", index % 4),
+            pose,
+            grid: None,
+            joints_deg: None,
+            configuration: None,
+        }
     };
     let step = Step {
         name: "square".to_owned(),
