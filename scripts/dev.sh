@@ -9,7 +9,7 @@ PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn
 
 # The crates that contain only machines: package, and folder.
 PURE=(fieldbus-machine:protocol/machine profinet-proto:protocol/profinet ethernet-ip-proto:protocol/ethernet-ip
-    fieldbus-virtual-time:protocol/virtual-time protocol:protocol)
+    ethercat-subdevice:protocol/ethercat fieldbus-virtual-time:protocol/virtual-time protocol:protocol)
 
 verb_help() { #: list the verbs
     echo "usage: scripts/dev.sh VERB"

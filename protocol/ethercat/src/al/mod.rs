@@ -1,0 +1,168 @@
+//! The application layer's state machine (ETG.1000.6, 6.4; ETG.1020).
+
+mod status_code;
+
+use core::fmt;
+
+pub use status_code::AlStatusCode;
+
+/// The error indication in AL status, and the acknowledgement in AL control.
+const ERROR: u16 = 0x10;
+
+/// State of a SubDevice. Later ones can do more.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub enum AlState {
+    /// No mailbox, no process data.
+    Init = 1,
+    /// Mailbox.
+    PreOp = 2,
+    /// Mailbox, for files only.
+    Boot = 3,
+    /// Mailbox and inputs; outputs stay safe.
+    SafeOp = 4,
+    /// Mailbox, inputs and outputs.
+    Op = 8,
+}
+
+impl AlState {
+    const fn from_control(control: u16) -> Option<Self> {
+        Some(match control & 0x0F {
+            1 => Self::Init,
+            2 => Self::PreOp,
+            3 => Self::Boot,
+            4 => Self::SafeOp,
+            8 => Self::Op,
+            _ => return None,
+        })
+    }
+
+    /// Returns whether one request leads from this state to another.
+    const fn leads_to(self, to: Self) -> bool {
+        use AlState::{Boot, Init, Op, PreOp, SafeOp};
+        matches!(
+            (self, to),
+            (_, Init)
+                | (Init, PreOp | Boot)
+                | (PreOp, PreOp | SafeOp)
+                | (Boot, Boot)
+                | (SafeOp | Op, PreOp | SafeOp | Op)
+        )
+    }
+}
+
+impl fmt::Display for AlState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Init => "INIT",
+            Self::PreOp => "PRE-OP",
+            Self::Boot => "BOOT",
+            Self::SafeOp => "SAFE-OP",
+            Self::Op => "OP",
+        })
+    }
+}
+
+/// State and error indication.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct StateMachine {
+    state: AlState,
+    error: AlStatusCode,
+}
+
+impl StateMachine {
+    pub(crate) const fn new() -> Self {
+        Self { state: AlState::Init, error: AlStatusCode::NO_ERROR }
+    }
+
+    pub(crate) const fn state(&self) -> AlState {
+        self.state
+    }
+
+    /// Returns the error that is indicated, or `NO_ERROR`.
+    pub(crate) const fn error(&self) -> AlStatusCode {
+        self.error
+    }
+
+    /// Returns the AL status.
+    pub(crate) fn status(&self) -> u8 {
+        self.state as u8 | if self.error == AlStatusCode::NO_ERROR { 0 } else { ERROR as u8 }
+    }
+
+    /// Follows a request of the MainDevice. `check` says whether the device is configured for a state, before it is
+    /// entered from below.
+    pub(crate) fn request(&mut self, control: u16, check: impl FnOnce(AlState) -> Result<(), AlStatusCode>) {
+        let acknowledged = control & ERROR != 0;
+        let wanted = AlState::from_control(control);
+        let failed = self.error != AlStatusCode::NO_ERROR;
+        if failed && !acknowledged && wanted.is_none_or(|wanted| wanted > self.state) {
+            // The MainDevice has to acknowledge first.
+            return;
+        }
+        let result = match wanted {
+            None => Err(AlStatusCode::UNKNOWN_STATE),
+            Some(wanted) if !self.state.leads_to(wanted) => Err(AlStatusCode::INVALID_STATE_CHANGE),
+            Some(wanted) if wanted > self.state => check(wanted).map(|()| wanted),
+            Some(wanted) => Ok(wanted),
+        };
+        self.error = match result {
+            Ok(state) => {
+                self.state = state;
+                AlStatusCode::NO_ERROR
+            }
+            Err(error) => error,
+        };
+    }
+
+    /// Falls to a state with an error of the device itself.
+    pub(crate) fn fail(&mut self, state: AlState, error: AlStatusCode) {
+        self.state = self.state.min(state);
+        self.error = error;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn machine_in(state: AlState) -> StateMachine {
+        StateMachine { state, error: AlStatusCode::NO_ERROR }
+    }
+
+    #[test]
+    fn every_pair_of_states_is_allowed_or_refused_as_in_the_standards_table() {
+        use AlState::{Boot, Init, Op, PreOp, SafeOp};
+        let allowed = [
+            (Init, &[Init, PreOp, Boot][..]),
+            (PreOp, &[Init, PreOp, SafeOp]),
+            (Boot, &[Init, Boot]),
+            (SafeOp, &[Init, PreOp, SafeOp, Op]),
+            (Op, &[Init, PreOp, SafeOp, Op]),
+        ];
+        for (from, allowed) in allowed {
+            for to in [Init, PreOp, Boot, SafeOp, Op] {
+                let mut machine = machine_in(from);
+                machine.request(to as u16, |_| Ok(()));
+                let expected = if allowed.contains(&to) { to as u8 } else { from as u8 | 0x10 };
+                assert_eq!(machine.status(), expected, "{from} to {to}");
+            }
+        }
+    }
+
+    #[test]
+    fn after_an_error_a_higher_state_needs_an_acknowledgement_first() {
+        let mut machine = machine_in(AlState::Op);
+        machine.fail(AlState::SafeOp, AlStatusCode::WATCHDOG);
+        assert_eq!(machine.status(), 0x14);
+        machine.request(0x08, |_| Ok(()));
+        assert_eq!(machine.status(), 0x14);
+        machine.request(0x18, |_| Ok(()));
+        assert_eq!((machine.status(), machine.error()), (0x08, AlStatusCode::NO_ERROR));
+    }
+
+    #[test]
+    fn a_state_that_does_not_exist_is_refused() {
+        let mut machine = machine_in(AlState::PreOp);
+        machine.request(0x06, |_| Ok(()));
+        assert_eq!((machine.status(), machine.error()), (0x12, AlStatusCode::UNKNOWN_STATE));
+    }
+}

@@ -1,0 +1,64 @@
+//! AL status codes (ETG.1000.6, table of AL status codes; ETG.1020).
+
+/// Why a device refused a state, or left it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub struct AlStatusCode(pub u16);
+
+impl AlStatusCode {
+    /// No error.
+    pub const NO_ERROR: Self = Self(0x0000);
+    /// There is no way from the present state to the requested one.
+    pub const INVALID_STATE_CHANGE: Self = Self(0x0011);
+    /// The requested state does not exist.
+    pub const UNKNOWN_STATE: Self = Self(0x0012);
+    /// The device has no state BOOT.
+    pub const BOOT_NOT_SUPPORTED: Self = Self(0x0013);
+    /// The sync managers of the mailbox do not fit BOOT.
+    pub const INVALID_BOOT_MAILBOX: Self = Self(0x0015);
+    /// The sync managers of the mailbox do not fit PRE-OP.
+    pub const INVALID_MAILBOX: Self = Self(0x0016);
+    /// No outputs came in time.
+    pub const WATCHDOG: Self = Self(0x001B);
+    /// The sync manager of the outputs is not as the device needs it.
+    pub const INVALID_OUTPUTS: Self = Self(0x001D);
+    /// The sync manager of the inputs is not as the device needs it.
+    pub const INVALID_INPUTS: Self = Self(0x001E);
+    /// The SYNC signals are not as the device needs them.
+    pub const INVALID_SYNC: Self = Self(0x0030);
+    /// The device's EEPROM is damaged.
+    pub const EEPROM_ERROR: Self = Self(0x0051);
+
+    /// Returns what the code says.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::NO_ERROR => "no error",
+            Self(0x0001) => "unspecified error",
+            Self::INVALID_STATE_CHANGE => "invalid requested state change",
+            Self::UNKNOWN_STATE => "unknown requested state",
+            Self::BOOT_NOT_SUPPORTED => "bootstrap not supported",
+            Self(0x0014) => "no valid firmware",
+            Self::INVALID_BOOT_MAILBOX => "invalid mailbox configuration in BOOT",
+            Self::INVALID_MAILBOX => "invalid mailbox configuration in PRE-OP",
+            Self(0x0017) => "invalid sync manager configuration",
+            Self(0x0018) => "no valid inputs available",
+            Self(0x0019) => "no valid outputs",
+            Self(0x001A) => "synchronisation error",
+            Self::WATCHDOG => "sync manager watchdog",
+            Self::INVALID_OUTPUTS => "invalid output configuration",
+            Self::INVALID_INPUTS => "invalid input configuration",
+            Self(0x001F) => "invalid watchdog configuration",
+            Self(0x002C) => "fatal sync error",
+            Self(0x002D) => "no sync signal",
+            Self::INVALID_SYNC => "invalid DC SYNC configuration",
+            Self::EEPROM_ERROR => "EEPROM error",
+            _ => "a code that is not in the standard's table",
+        }
+    }
+}
+
+impl core::fmt::Display for AlStatusCode {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "0x{:04X}: {}", self.0, self.words())
+    }
+}

@@ -1,0 +1,44 @@
+//! A device as it stands on a cable: what it is, and what is its own.
+
+use machine::Duration;
+
+use crate::description::Description;
+use crate::esc::LocalClock;
+
+/// A device to be added to a segment.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviceConfig {
+    /// What it is.
+    pub description: &'static Description,
+    /// Its serial number.
+    pub serial_number: u32,
+    /// Its station alias; 0 for none.
+    pub alias: u16,
+    /// Time that its application takes to follow a request for a state.
+    pub answer_delay: Duration,
+    /// Time that a command to its EEPROM takes.
+    pub eeprom_delay: Duration,
+    /// Time that a frame takes through it, each time it passes.
+    pub forwarding_delay: Duration,
+    /// Time that a frame takes on the cable towards the MainDevice, each way.
+    pub cable_delay: Duration,
+    /// Its local clock.
+    pub clock: LocalClock,
+}
+
+impl DeviceConfig {
+    /// Returns a device without serial number and alias, that answers at once.
+    #[must_use]
+    pub const fn new(description: &'static Description) -> Self {
+        Self {
+            description,
+            serial_number: 0,
+            alias: 0,
+            answer_delay: Duration::ZERO,
+            eeprom_delay: Duration::ZERO,
+            forwarding_delay: Duration::ZERO,
+            cable_delay: Duration::ZERO,
+            clock: LocalClock { start_ns: 0, error_ppb: 0 },
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! What a SubDevice is: identity, process data, mailbox and objects. Its EEPROM, its memory and its object dictionary
+//! follow from it.
+
+/// A kind of SubDevice. Every emulated one of that kind reads the same description.
+#[derive(Clone, Copy, Debug)]
+pub struct Description {
+    /// Vendor ID, assigned by the EtherCAT Technology Group.
+    pub vendor_id: u32,
+    /// The vendor's code of the product.
+    pub product_code: u32,
+    /// Revision of the product.
+    pub revision: u32,
+    /// Order code, which MainDevices show as the device's name, at most 255 ASCII characters.
+    pub order_code: &'static str,
+    /// Name in words, at most 255 ASCII characters.
+    pub name: &'static str,
+    /// Object 0x1000: the device profile in the low word, 0 for none.
+    pub device_type: u32,
+    /// Object 0x1009.
+    pub hardware_version: &'static str,
+    /// Object 0x100A.
+    pub software_version: &'static str,
+    /// Process data that the MainDevice writes (RxPDOs), in the order of their bytes.
+    pub outputs: &'static [Pdo],
+    /// Process data that the MainDevice reads (TxPDOs), in the order of their bytes.
+    pub inputs: &'static [Pdo],
+    /// The mailbox, or `None` for a device that has only process data.
+    pub mailbox: Option<Mailbox>,
+    /// Objects of the dictionary besides those that follow from the other fields.
+    pub objects: &'static [Object],
+    /// Whether the device has distributed clocks.
+    pub distributed_clocks: bool,
+}
+
+/// A mailbox with CoE.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Mailbox {
+    /// Length in bytes of each of the two mailboxes, 32 to 1486.
+    pub len: u16,
+    /// Length in bytes of the largest file that can be written by FoE; 0 for a device without FoE.
+    pub file_capacity: usize,
+}
+
+/// A process data object: a row of entries that the MainDevice maps as a whole.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Pdo {
+    /// Index of its mapping object: 0x1600 to 0x17FF for outputs, 0x1A00 to 0x1BFF for inputs.
+    pub index: u16,
+    /// Name in words.
+    pub name: &'static str,
+    /// Its entries, in the order of their bits.
+    pub entries: &'static [PdoEntry],
+}
+
+/// An entry of a process data object.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct PdoEntry {
+    /// Index of the object that it shows; 0 for a gap.
+    pub index: u16,
+    /// Subindex of the object.
+    pub subindex: u8,
+    /// Length in bits.
+    pub bits: u8,
+    /// Type of the object.
+    pub data_type: DataType,
+    /// Name in words.
+    pub name: &'static str,
+}
+
+/// An object of the dictionary.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Object {
+    /// Its index.
+    pub index: u16,
+    /// Name in words.
+    pub name: &'static str,
+    /// Its shape.
+    pub code: ObjectCode,
+    /// Its entries, subindices ascending. An array or a record begins with subindex 0, its highest subindex.
+    pub entries: &'static [Entry],
+}
+
+/// An entry of an object.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Entry {
+    /// Its subindex.
+    pub subindex: u8,
+    /// Name in words.
+    pub name: &'static str,
+    /// Type of its value.
+    pub data_type: DataType,
+    /// Who may do what with it.
+    pub access: Access,
+    /// Length in bytes of its longest value; every value has this length, unless it is a string.
+    pub capacity: usize,
+    /// Its value at power-on; shorter ones are filled up with zeros.
+    pub default: &'static [u8],
+}
+
+/// Shape of an object (ETG.1000.6, object code).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ObjectCode {
+    /// One value, at subindex 0.
+    Variable = 7,
+    /// Values of one type.
+    Array = 8,
+    /// Values of any types.
+    Record = 9,
+}
+
+/// Who may do what with an entry by SDO.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Access {
+    /// The MainDevice reads it.
+    ReadOnly,
+    /// The MainDevice reads and writes it.
+    ReadWrite,
+    /// The MainDevice reads it, and writes it only in PRE-OP.
+    WriteInPreOp,
+    /// The MainDevice writes it and cannot read it back.
+    WriteOnly,
+}
+
+/// Type of a value (ETG.1000.6, table of basic data types).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum DataType {
+    /// A truth value.
+    Boolean = 0x01,
+    /// A signed number of 8 bits.
+    Integer8 = 0x02,
+    /// A signed number of 16 bits.
+    Integer16 = 0x03,
+    /// A signed number of 32 bits.
+    Integer32 = 0x04,
+    /// A number of 8 bits.
+    Unsigned8 = 0x05,
+    /// A number of 16 bits.
+    Unsigned16 = 0x06,
+    /// A number of 32 bits.
+    Unsigned32 = 0x07,
+    /// A floating-point number of 32 bits.
+    Real32 = 0x08,
+    /// ASCII characters.
+    VisibleString = 0x09,
+    /// Bytes.
+    OctetString = 0x0A,
+    /// A floating-point number of 64 bits.
+    Real64 = 0x11,
+    /// A signed number of 64 bits.
+    Integer64 = 0x15,
+    /// A number of 64 bits.
+    Unsigned64 = 0x1B,
+    /// The type of the identity object.
+    Identity = 0x23,
+    /// The type of a mapping object.
+    PdoMapping = 0x21,
+    /// Two bits.
+    Bit2 = 0x31,
+    /// Four bits.
+    Bit4 = 0x33,
+}
+
+impl DataType {
+    /// Returns whether values may be shorter than their capacity.
+    #[must_use]
+    pub const fn is_string(self) -> bool {
+        matches!(self, Self::VisibleString | Self::OctetString)
+    }
+}
+
+/// Returns the length in bytes of process data objects, one after another without gaps.
+#[must_use]
+pub fn process_data_len(pdos: &[Pdo]) -> u16 {
+    let entries = pdos.iter().flat_map(|pdo| pdo.entries);
+    let bits: u32 = entries.map(|entry| u32::from(entry.bits)).sum();
+    u16::try_from(bits.div_ceil(8)).unwrap_or(u16::MAX)
+}

@@ -1,0 +1,330 @@
+//! The object dictionary: what SDOs read and write, and the SDO information service lists.
+//!
+//! Entries that are mapped into process data show these; the others keep a value of their own.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::abort_code::AbortCode;
+use crate::al::AlState;
+use crate::description::{Access, DataType, Description, Entry, Object, ObjectCode, Pdo};
+
+/// Where a value is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Value {
+    /// In the dictionary: start, and length in bytes now.
+    Stored { start: usize, len: usize },
+    /// In the inputs, from this bit.
+    Input { bit: usize },
+    /// In the outputs, from this bit.
+    Output { bit: usize },
+}
+
+/// An entry of an object.
+#[derive(Clone, Debug)]
+pub(crate) struct DictionaryEntry {
+    pub(crate) subindex: u8,
+    pub(crate) name: &'static str,
+    pub(crate) data_type: DataType,
+    pub(crate) bits: usize,
+    pub(crate) access: Access,
+    value: Value,
+}
+
+/// An object.
+#[derive(Clone, Debug)]
+pub(crate) struct DictionaryObject {
+    pub(crate) index: u16,
+    pub(crate) name: &'static str,
+    pub(crate) code: ObjectCode,
+    pub(crate) entries: Vec<DictionaryEntry>,
+}
+
+impl DictionaryObject {
+    pub(crate) fn entry(&self, subindex: u8) -> Option<&DictionaryEntry> {
+        self.entries.iter().find(|entry| entry.subindex == subindex)
+    }
+}
+
+impl DictionaryEntry {
+    /// Returns whether it is mapped into the inputs, and whether into the outputs.
+    pub(crate) const fn mapped(&self) -> (bool, bool) {
+        (matches!(self.value, Value::Input { .. }), matches!(self.value, Value::Output { .. }))
+    }
+
+    /// Length in bytes of its longest value.
+    pub(crate) const fn capacity(&self) -> usize {
+        self.bits.div_ceil(8)
+    }
+}
+
+/// Process data as they are now.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ProcessData<'a> {
+    pub(crate) inputs: &'a [u8],
+    pub(crate) outputs: &'a [u8],
+}
+
+/// The objects of a device, and their values.
+#[derive(Clone, Debug)]
+pub(crate) struct Dictionary {
+    /// Indices ascending.
+    objects: Vec<DictionaryObject>,
+    values: Vec<u8>,
+}
+
+impl Dictionary {
+    pub(crate) fn new(description: &Description, serial_number: u32) -> Self {
+        let mut dictionary = Self { objects: Vec::new(), values: Vec::new() };
+        dictionary.add_device(description, serial_number);
+        for (pdos, assignment, name) in
+            [(description.outputs, 0x1C12, "RxPDO assign"), (description.inputs, 0x1C13, "TxPDO assign")]
+        {
+            dictionary.add_pdos(pdos, assignment, name);
+        }
+        description.objects.iter().for_each(|object| dictionary.add_described(object));
+        dictionary.map(description.outputs, |bit| Value::Output { bit }, Access::ReadWrite);
+        dictionary.map(description.inputs, |bit| Value::Input { bit }, Access::ReadOnly);
+        dictionary.objects.sort_by_key(|object| object.index);
+        for object in &mut dictionary.objects {
+            object.entries.sort_by_key(|entry| entry.subindex);
+        }
+        dictionary
+    }
+
+    /// Adds the objects of every device (ETG.1000.6, CoE communication area).
+    fn add_device(&mut self, description: &Description, serial_number: u32) {
+        use DataType::{Unsigned8, Unsigned32};
+        self.add_variable(0x1000, "Device type", Unsigned32, &description.device_type.to_le_bytes());
+        self.add_variable(0x1001, "Error register", Unsigned8, &[0]);
+        for (index, name, text) in [
+            (0x1008, "Device name", description.order_code),
+            (0x1009, "Hardware version", description.hardware_version),
+            (0x100A, "Software version", description.software_version),
+        ] {
+            self.add_variable(index, name, DataType::VisibleString, text.as_bytes());
+        }
+        let identity = [
+            ("Vendor ID", description.vendor_id),
+            ("Product code", description.product_code),
+            ("Revision", description.revision),
+            ("Serial number", serial_number),
+        ];
+        let values = identity.map(|(name, value)| (name, value.to_le_bytes()));
+        let values: Vec<(&'static str, &[u8])> =
+            values.iter().map(|(name, value)| (*name, &value[..])).collect();
+        self.add_list(0x1018, "Identity", ObjectCode::Record, Unsigned32, &values);
+        let usages: Vec<(&'static str, &[u8])> =
+            [&[1], &[2], &[3], &[4]].map(|usage: &[u8; 1]| ("Sync manager type", &usage[..])).into();
+        self.add_list(0x1C00, "Sync manager types", ObjectCode::Array, Unsigned8, &usages);
+    }
+
+    /// Adds the mapping objects of process data, and their assignment to a sync manager.
+    fn add_pdos(&mut self, pdos: &[Pdo], assignment: u16, name: &'static str) {
+        for pdo in pdos {
+            let mappings: Vec<[u8; 4]> = pdo
+                .entries
+                .iter()
+                .map(|entry| {
+                    let [low, high] = entry.index.to_le_bytes();
+                    [entry.bits, entry.subindex, low, high]
+                })
+                .collect();
+            let values: Vec<(&'static str, &[u8])> =
+                mappings.iter().map(|mapping| ("Mapping", &mapping[..])).collect();
+            self.add_list(pdo.index, pdo.name, ObjectCode::Record, DataType::Unsigned32, &values);
+        }
+        let indices: Vec<[u8; 2]> = pdos.iter().map(|pdo| pdo.index.to_le_bytes()).collect();
+        let values: Vec<(&'static str, &[u8])> = indices.iter().map(|index| ("PDO", &index[..])).collect();
+        self.add_list(assignment, name, ObjectCode::Array, DataType::Unsigned16, &values);
+    }
+
+    fn store(&mut self, bytes: &[u8], capacity: usize) -> Value {
+        let start = self.values.len();
+        self.values.extend_from_slice(bytes);
+        self.values.resize(start + capacity.max(bytes.len()), 0);
+        Value::Stored { start, len: bytes.len() }
+    }
+
+    fn entry_of(
+        &mut self,
+        subindex: u8,
+        name: &'static str,
+        data_type: DataType,
+        value: &[u8],
+    ) -> DictionaryEntry {
+        let bits = value.len() * 8;
+        let value = self.store(value, value.len());
+        DictionaryEntry { subindex, name, data_type, bits, access: Access::ReadOnly, value }
+    }
+
+    fn add_variable(&mut self, index: u16, name: &'static str, data_type: DataType, value: &[u8]) {
+        let entries = vec![self.entry_of(0, name, data_type, value)];
+        self.objects.push(DictionaryObject { index, name, code: ObjectCode::Variable, entries });
+    }
+
+    /// Adds an array or record of values that cannot be written.
+    fn add_list(
+        &mut self,
+        index: u16,
+        name: &'static str,
+        code: ObjectCode,
+        data_type: DataType,
+        values: &[(&'static str, &[u8])],
+    ) {
+        let count = values.len().min(255) as u8;
+        let mut entries = vec![self.entry_of(0, "Highest subindex", DataType::Unsigned8, &[count])];
+        for (subindex, (name, value)) in (1..=255).zip(values) {
+            entries.push(self.entry_of(subindex, name, data_type, value));
+        }
+        self.objects.push(DictionaryObject { index, name, code, entries });
+    }
+
+    fn add_described(&mut self, object: &Object) {
+        let entries = object.entries.iter().map(|entry| self.described(entry)).collect();
+        let Object { index, name, code, .. } = *object;
+        self.objects.push(DictionaryObject { index, name, code, entries });
+    }
+
+    fn described(&mut self, entry: &Entry) -> DictionaryEntry {
+        let Entry { subindex, name, data_type, access, capacity, default } = *entry;
+        let default = default.get(..default.len().min(capacity)).unwrap_or_default();
+        let mut value = self.store(default, capacity);
+        if let Value::Stored { len, .. } = &mut value
+            && !data_type.is_string()
+        {
+            *len = capacity;
+        }
+        DictionaryEntry { subindex, name, data_type, bits: capacity * 8, access, value }
+    }
+
+    /// Lets the objects that process data name show these; adds those that the description does not have.
+    fn map(&mut self, pdos: &[Pdo], value: impl Fn(usize) -> Value, access: Access) {
+        let mut bit = 0;
+        for entry in pdos.iter().flat_map(|pdo| pdo.entries) {
+            let at = value(bit);
+            let bits = usize::from(entry.bits);
+            bit += bits;
+            // Index 0 is a gap.
+            if entry.index == 0 {
+                continue;
+            }
+            let position = self.objects.iter().position(|object| object.index == entry.index);
+            let position = position.unwrap_or_else(|| {
+                self.add_mapped_object(entry.index, entry.subindex);
+                self.objects.len() - 1
+            });
+            let Some(object) = self.objects.get_mut(position) else { continue };
+            if let Some(known) = object.entries.iter_mut().find(|known| known.subindex == entry.subindex) {
+                (known.value, known.bits) = (at, bits);
+                continue;
+            }
+            let mapped = DictionaryEntry {
+                subindex: entry.subindex,
+                name: entry.name,
+                data_type: entry.data_type,
+                bits,
+                access,
+                value: at,
+            };
+            object.entries.push(mapped);
+            self.raise_highest_subindex(position, entry.subindex);
+        }
+    }
+
+    fn add_mapped_object(&mut self, index: u16, subindex: u8) {
+        let (code, entries) = match subindex {
+            0 => (ObjectCode::Variable, Vec::new()),
+            _ => (ObjectCode::Record, vec![self.entry_of(0, "Highest subindex", DataType::Unsigned8, &[0])]),
+        };
+        self.objects.push(DictionaryObject { index, name: "Process data", code, entries });
+    }
+
+    fn raise_highest_subindex(&mut self, position: usize, subindex: u8) {
+        let first = self.objects.get(position).and_then(|object| object.entry(0));
+        if let Some(Value::Stored { start, len: 1 }) = first.filter(|_| subindex > 0).map(|first| first.value)
+            && let Some(highest) = self.values.get_mut(start)
+        {
+            *highest = (*highest).max(subindex);
+        }
+    }
+
+    /// Returns all objects, indices ascending.
+    pub(crate) fn objects(&self) -> &[DictionaryObject] {
+        &self.objects
+    }
+
+    pub(crate) fn object(&self, index: u16) -> Result<&DictionaryObject, AbortCode> {
+        let found = self.objects.binary_search_by_key(&index, |object| object.index);
+        found.ok().and_then(|at| self.objects.get(at)).ok_or(AbortCode::NO_OBJECT)
+    }
+
+    pub(crate) fn entry(&self, index: u16, subindex: u8) -> Result<&DictionaryEntry, AbortCode> {
+        self.object(index)?.entry(subindex).ok_or(AbortCode::NO_SUBINDEX)
+    }
+
+    /// Appends an entry's value to `target`.
+    pub(crate) fn read(&self, entry: &DictionaryEntry, process: ProcessData<'_>, target: &mut Vec<u8>) {
+        let start = target.len();
+        let (source, bit) = match entry.value {
+            Value::Stored { start, len } => {
+                target.extend_from_slice(self.values.get(start..start + len).unwrap_or_default());
+                return;
+            }
+            Value::Input { bit } => (process.inputs, bit),
+            Value::Output { bit } => (process.outputs, bit),
+        };
+        target.resize(start + entry.capacity(), 0);
+        if let Some(target) = target.get_mut(start..) {
+            crate::esc::copy_bits(source, bit, target, 0, entry.bits);
+        }
+    }
+
+    /// Writes an entry by SDO.
+    pub(crate) fn write(
+        &mut self,
+        index: u16,
+        subindex: u8,
+        data: &[u8],
+        state: AlState,
+    ) -> Result<(), AbortCode> {
+        let entry = self.entry(index, subindex)?;
+        match entry.access {
+            Access::ReadOnly => return Err(AbortCode::READ_ONLY),
+            Access::WriteInPreOp if state != AlState::PreOp => return Err(AbortCode::WRONG_STATE),
+            _ => {}
+        }
+        // What the MainDevice maps it writes by process data.
+        let Value::Stored { .. } = entry.value else { return Err(AbortCode::WRONG_STATE) };
+        let capacity = entry.capacity();
+        if data.len() > capacity {
+            return Err(AbortCode::TOO_LONG);
+        }
+        if data.len() < capacity && !entry.data_type.is_string() {
+            return Err(AbortCode::TOO_SHORT);
+        }
+        self.set(index, subindex, data).ok_or(AbortCode::GENERAL)
+    }
+
+    /// Sets a value, whatever the MainDevice may do with it. `None` if there is no such value, or no room.
+    pub(crate) fn set(&mut self, index: u16, subindex: u8, data: &[u8]) -> Option<()> {
+        let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
+        let object = self.objects.get_mut(at)?;
+        let entry = object.entries.iter_mut().find(|entry| entry.subindex == subindex)?;
+        let capacity = entry.capacity();
+        let Value::Stored { start, len } = &mut entry.value else { return None };
+        let fits = data.len() == capacity || (entry.data_type.is_string() && data.len() < capacity);
+        let room = self.values.get_mut(*start..*start + data.len()).filter(|_| fits)?;
+        room.copy_from_slice(data);
+        *len = data.len();
+        Some(())
+    }
+
+    /// Returns the value of an entry that is not mapped.
+    pub(crate) fn get(&self, index: u16, subindex: u8) -> Option<&[u8]> {
+        match self.entry(index, subindex).ok()?.value {
+            Value::Stored { start, len } => self.values.get(start..start + len),
+            _ => None,
+        }
+    }
+}

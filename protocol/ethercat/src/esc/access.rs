@@ -1,0 +1,262 @@
+//! What an access of the MainDevice to an address does. It counts if at least one byte could be read or written.
+
+use core::ops::Range;
+
+use machine::Instant;
+
+use super::registers::{self, FMMU, FMMU_LEN, SYNC_MANAGER, SYNC_MANAGER_LEN, UNITS};
+use super::sync_manager::Access;
+use super::{EVENT_AL_STATUS, EVENT_DL_STATUS, Esc, Fmmu};
+
+/// The addresses of an access.
+#[derive(Clone, Copy)]
+struct Span {
+    start: u32,
+    end: u32,
+}
+
+impl Span {
+    fn new(address: u16, len: usize) -> Self {
+        let start = u32::from(address);
+        Self { start, end: start + u32::try_from(len).unwrap_or(0) }
+    }
+
+    fn touches(self, register: u16, len: u16) -> bool {
+        self.start < u32::from(register) + u32::from(len) && u32::from(register) < self.end
+    }
+}
+
+impl Esc {
+    /// Reads memory into `data`; bytes that cannot be read stay as they are. Returns whether one could.
+    pub(super) fn read(&mut self, now: Instant, address: u16, data: &mut [u8]) -> bool {
+        let (registers, ram) = split(address, data.len());
+        let Some((registers, ram)) =
+            data.split_at_mut_checked(registers).filter(|(_, rest)| rest.len() == ram)
+        else {
+            return false;
+        };
+        let read = !registers.is_empty() && self.read_registers(now, address, registers);
+        let ram_start = address.saturating_add(registers.len() as u16);
+        (!ram.is_empty() && self.read_ram(ram_start, ram)) || read
+    }
+
+    /// Writes `data` to memory, where that is allowed. Returns whether one byte was.
+    pub(super) fn write(&mut self, now: Instant, address: u16, data: &[u8]) -> bool {
+        let (registers, _) = split(address, data.len());
+        let Some((registers, ram)) = data.split_at_checked(registers) else { return false };
+        let written = !registers.is_empty() && self.write_registers(now, address, registers);
+        let ram_start = address.saturating_add(registers.len() as u16);
+        (!ram.is_empty() && self.write_ram(now, ram_start, ram)) || written
+    }
+
+    fn read_registers(&mut self, now: Instant, address: u16, data: &mut [u8]) -> bool {
+        let span = Span::new(address, data.len());
+        if span.touches(registers::SII_CONTROL, 2) {
+            self.sii.refresh(now, &mut self.memory);
+        }
+        if span.touches(registers::EVENTS, 2) {
+            let events = self.events();
+            self.memory.set(registers::EVENTS, &events.to_le_bytes());
+        }
+        if let Some(clock) = self.clock.as_ref().filter(|_| span.touches(registers::SYSTEM_TIME, 0x90)) {
+            clock.refresh(now, &mut self.memory);
+        }
+        let mut read = false;
+        for (address, byte) in (address..).zip(data) {
+            if self.map.writable(address).is_some() {
+                *byte = self.memory.u8(address);
+                read = true;
+            }
+        }
+        if span.touches(registers::AL_STATUS, 2) {
+            self.events &= !EVENT_AL_STATUS;
+        }
+        if span.touches(registers::DL_STATUS, 2) {
+            self.events &= !EVENT_DL_STATUS;
+        }
+        read
+    }
+
+    fn write_registers(&mut self, now: Instant, address: u16, data: &[u8]) -> bool {
+        let mut written = false;
+        for (address, byte) in (address..).zip(data) {
+            let Some(bits) = self.map.writable(address).filter(|bits| *bits != 0) else { continue };
+            if !self.is_locked_configuration(address) {
+                self.memory.change(address, |old| old & !bits | byte & bits);
+                written = true;
+            }
+        }
+        if written {
+            self.after_write(now, Span::new(address, data.len()), data);
+        }
+        written
+    }
+
+    /// Returns whether this is the configuration of an active sync manager, which cannot be changed.
+    fn is_locked_configuration(&self, address: u16) -> bool {
+        let Some(offset) = address.checked_sub(SYNC_MANAGER) else { return false };
+        let (index, register) = (offset / SYNC_MANAGER_LEN, offset % SYNC_MANAGER_LEN);
+        index < u16::from(UNITS)
+            && register < 5
+            && self.memory.u8(SYNC_MANAGER + index * SYNC_MANAGER_LEN + 6) & 1 != 0
+    }
+
+    /// Does what writing a register sets off.
+    fn after_write(&mut self, now: Instant, span: Span, data: &[u8]) {
+        if span.touches(registers::RESET, 1) {
+            self.reset_letter(data.first().copied().unwrap_or(0));
+        }
+        self.changes.al_control |= span.touches(registers::AL_CONTROL, 1);
+        for (start, len) in [(registers::ERROR_COUNTERS, 0x14), (registers::WATCHDOG_COUNTER, 2)] {
+            if span.touches(start, len) {
+                self.memory.get_mut(start, usize::from(len)).fill(0);
+            }
+        }
+        if span.touches(registers::SII_CONTROL, 2) {
+            self.sii.execute(now, &mut self.memory);
+        }
+        let units = u16::from(UNITS);
+        if span.touches(FMMU, units * FMMU_LEN) {
+            for (index, fmmu) in (0..).zip(&mut self.fmmus) {
+                *fmmu = Fmmu::read(&self.memory, index);
+            }
+        }
+        if span.touches(SYNC_MANAGER, units * SYNC_MANAGER_LEN) {
+            for (index, sync_manager) in self.sync_managers.iter_mut().enumerate() {
+                sync_manager.update(&mut self.memory, index);
+            }
+            self.changes.sync_managers = true;
+        }
+        self.after_clock_write(now, span);
+    }
+
+    fn after_clock_write(&mut self, now: Instant, span: Span) {
+        let Some(clock) = &mut self.clock else { return };
+        let memory = &mut self.memory;
+        if span.touches(registers::RECEIVE_TIMES, 4) {
+            clock.latch(now, memory);
+        }
+        if span.touches(registers::SYSTEM_TIME, 4) {
+            let received = memory.u32(registers::SYSTEM_TIME);
+            clock.compare(now, received, memory);
+        }
+        if span.touches(registers::SPEED_COUNTER_START, 2) {
+            clock.reset_loop(now, memory);
+        }
+        if span.touches(registers::SYNC_ACTIVATION, 1) {
+            clock.activate(now, memory);
+        }
+    }
+
+    /// Resets the chip once R, E and S are written one after another.
+    fn reset_letter(&mut self, letter: u8) {
+        self.reset_letters = match (self.reset_letters, letter) {
+            (0 | 1, b'R') => 1,
+            (1, b'E') => 2,
+            (2, b'S') => {
+                self.changes.reset = true;
+                0
+            }
+            _ => 0,
+        };
+    }
+
+    /// Returns the sync manager that guards an address of the RAM, and where the memory that it guards ends, or the next
+    /// guarded one begins.
+    fn guard(&self, address: u32, end: u32) -> (Option<usize>, u32) {
+        let mut until = end;
+        for (index, sync_manager) in self.sync_managers.iter().enumerate().filter(|(_, unit)| unit.guards()) {
+            let start = u32::from(sync_manager.start);
+            if (start..sync_manager.end()).contains(&address) {
+                // The first buffer apart from the two behind it, which only the device sees.
+                let first = start + u32::from(sync_manager.len);
+                let until = if address < first { first } else { sync_manager.end() };
+                return (Some(index), until.min(end));
+            }
+            if start > address {
+                until = until.min(start);
+            }
+        }
+        (None, until)
+    }
+
+    fn read_ram(&mut self, address: u16, data: &mut [u8]) -> bool {
+        let mut read = false;
+        self.each_part(address, data.len(), |esc, guard, address, part| {
+            let len = part.len();
+            let access = guard.map(|index| esc.access(index, false, address, len));
+            if access == Some(Access::Denied) {
+                return;
+            }
+            let memory = esc.memory.get(address, len);
+            let Some(data) = data.get_mut(part).filter(|data| data.len() == memory.len()) else { return };
+            data.copy_from_slice(memory);
+            read = true;
+            if let (Some(Access::Completes), Some(index)) = (access, guard) {
+                esc.complete(index);
+                esc.changes.read |= 1 << index;
+            }
+        });
+        read
+    }
+
+    fn write_ram(&mut self, now: Instant, address: u16, data: &[u8]) -> bool {
+        let mut written = false;
+        self.each_part(address, data.len(), |esc, guard, address, part| {
+            let len = part.len();
+            let access = guard.map(|index| esc.access(index, true, address, len));
+            if access == Some(Access::Denied) {
+                return;
+            }
+            let memory = esc.memory.get_mut(address, len);
+            let Some(data) = data.get(part).filter(|data| data.len() == memory.len()) else { return };
+            memory.copy_from_slice(data);
+            written = true;
+            if let (Some(Access::Completes), Some(index)) = (access, guard) {
+                esc.complete(index);
+                esc.changes.written |= 1 << index;
+                if esc.sync_manager(index).triggers_watchdog {
+                    esc.watchdog.trigger(now, &mut esc.memory);
+                }
+            }
+        });
+        written
+    }
+
+    /// Calls `part` with each piece of the memory that one sync manager guards, or none: the sync manager, the address,
+    /// and where the piece is in the data.
+    fn each_part(
+        &mut self,
+        address: u16,
+        len: usize,
+        mut part: impl FnMut(&mut Self, Option<usize>, u16, Range<usize>),
+    ) {
+        let Span { start, end } = Span::new(address, len);
+        let end = end.min(self.memory.len() as u32);
+        let mut at = start;
+        while at < end {
+            let (guard, until) = self.guard(at, end);
+            part(self, guard, at as u16, (at - start) as usize..(until - start) as usize);
+            at = until;
+        }
+    }
+
+    fn access(&mut self, index: usize, write: bool, address: u16, len: usize) -> Access {
+        match self.sync_managers.get_mut(index) {
+            Some(sync_manager) => sync_manager.access(&mut self.memory, index, write, address, len),
+            None => Access::Denied,
+        }
+    }
+
+    fn complete(&mut self, index: usize) {
+        if let Some(sync_manager) = self.sync_managers.get(index) {
+            sync_manager.complete(&mut self.memory, index);
+        }
+    }
+}
+
+/// Returns how many bytes of an access are registers, and how many are RAM.
+fn split(address: u16, len: usize) -> (usize, usize) {
+    let registers = usize::from(registers::END.saturating_sub(address)).min(len);
+    (registers, len - registers)
+}

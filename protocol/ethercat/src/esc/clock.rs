@@ -1,0 +1,237 @@
+//! The distributed clock: a local clock that runs a little wrong, its system time, and the SYNC signals made from it.
+//!
+//! The datasheet tells what the registers mean, not how the chip filters. The control loop here is our own: it removes
+//! a sixteenth of the difference at each comparison and learns the clock's error, whatever the time between two of
+//! them.
+
+use machine::{Duration, Instant};
+
+use super::memory::Memory;
+use super::registers::{
+    NEXT_SYNC1, RECEIVE_TIME_UNIT, RECEIVE_TIMES, SPEED_COUNTER_DIFFERENCE, SPEED_COUNTER_START,
+    SYNC_ACTIVATION, SYNC_START, SYNC0_CYCLE, SYNC1_CYCLE, SYSTEM_TIME, SYSTEM_TIME_DELAY,
+    SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
+};
+
+/// Parts of a nanosecond that the clock counts in.
+const PARTS: i128 = 1_000_000_000;
+
+/// Largest correction in parts per billion: 1 ns in each 128 ticks of 10 ns, as the chip's smallest speed counter.
+const MAX_CORRECTION_PPB: i64 = 781_250;
+
+/// What a local clock shows when the device is powered, and how wrong it runs.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct LocalClock {
+    /// Its time in nanoseconds at power-on.
+    pub start_ns: u64,
+    /// How much too fast it runs, in parts per billion; slow ones are negative.
+    pub error_ppb: i64,
+}
+
+/// A SYNC signal.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Sync {
+    /// SYNC0.
+    Sync0,
+    /// SYNC1.
+    Sync1,
+}
+
+/// A row of pulses, in system time.
+#[derive(Clone, Copy, Debug)]
+struct Pulses {
+    next: u64,
+    period: u64,
+}
+
+/// The clock of a device.
+#[derive(Debug)]
+pub(crate) struct Clock {
+    error_ppb: i64,
+    correction_ppb: i64,
+    /// The part of the correction that stays between comparisons.
+    learned_ppb: i64,
+    /// Local time at `base_at`, in parts of a nanosecond.
+    base: i128,
+    base_at: Instant,
+    compared_at: Option<Instant>,
+    /// Filtered difference to the received system times, in nanoseconds; positive if the local copy is ahead.
+    difference: i64,
+    latching: bool,
+    pulses: [Option<Pulses>; 2],
+}
+
+impl Clock {
+    pub(crate) fn new(now: Instant, local: LocalClock) -> Self {
+        Self {
+            error_ppb: local.error_ppb.clamp(-PARTS as i64 / 2, PARTS as i64),
+            correction_ppb: 0,
+            learned_ppb: 0,
+            base: i128::from(local.start_ns) * PARTS,
+            base_at: now,
+            compared_at: None,
+            difference: 0,
+            latching: false,
+            pulses: [None; 2],
+        }
+    }
+
+    fn rate(&self) -> i128 {
+        PARTS + i128::from(self.error_ppb) + i128::from(self.correction_ppb)
+    }
+
+    fn parts(&self, now: Instant) -> i128 {
+        self.base + i128::from(now.since(self.base_at).as_nanos() as u64) * self.rate()
+    }
+
+    /// Returns the local time in nanoseconds.
+    pub(crate) fn local(&self, now: Instant) -> u64 {
+        self.parts(now).div_euclid(PARTS) as u64
+    }
+
+    /// Returns the local copy of the system time.
+    pub(crate) fn system(&self, now: Instant, memory: &Memory) -> u64 {
+        self.local(now).wrapping_add(memory.u64(SYSTEM_TIME_OFFSET))
+    }
+
+    /// Latches the times at which the frame arrives at the ports and at the processing unit, as a write to the receive
+    /// times asks for. It enters by port 0.
+    pub(crate) fn latch(&mut self, now: Instant, memory: &mut Memory) {
+        self.latching = true;
+        self.latch_port(0, now, memory);
+        let local = self.local(now);
+        memory.set(RECEIVE_TIME_UNIT, &local.to_le_bytes());
+    }
+
+    /// Latches the time of a port that the same frame comes back to.
+    pub(crate) fn latch_port(&mut self, port: u16, now: Instant, memory: &mut Memory) {
+        if self.latching {
+            let local = self.local(now) as u32;
+            memory.set(RECEIVE_TIMES + port * 4, &local.to_le_bytes());
+        }
+    }
+
+    /// Begins a new frame.
+    pub(crate) const fn end_latch(&mut self) {
+        self.latching = false;
+    }
+
+    /// Shows the time and the next pulses in the registers.
+    pub(crate) fn refresh(&self, now: Instant, memory: &mut Memory) {
+        let delay = u64::from(memory.u32(SYSTEM_TIME_DELAY));
+        let at_reference = self.system(now, memory).wrapping_sub(delay);
+        memory.set(SYSTEM_TIME, &at_reference.to_le_bytes());
+        let [sync0, sync1] = self.pulses;
+        if let Some(pulses) = sync0 {
+            memory.set(SYNC_START, &pulses.next.to_le_bytes());
+        }
+        memory.set(NEXT_SYNC1, &sync1.map_or(0, |pulses| pulses.next).to_le_bytes());
+    }
+
+    /// Compares a received system time with the local copy and corrects the clock's speed.
+    pub(crate) fn compare(&mut self, now: Instant, received: u32, memory: &mut Memory) {
+        let delay = u64::from(memory.u32(SYSTEM_TIME_DELAY));
+        let local = self.system(now, memory).wrapping_sub(delay);
+        // The chip compares 32 bits, as MainDevices may write no more.
+        let difference = i64::from((local as u32).wrapping_sub(received) as i32);
+        let depth = memory.u8(0x0934) & 0x0F;
+        self.difference =
+            self.difference.saturating_add(difference.saturating_sub(self.difference) >> depth.min(15));
+        self.show_difference(memory);
+        let elapsed = self.compared_at.replace(now).map(|before| now.since(before).as_nanos() as i64);
+        // The first one tells only where to begin from.
+        let Some(elapsed) = elapsed.filter(|elapsed| *elapsed > 0) else { return };
+        self.base = self.parts(now);
+        self.base_at = now;
+        let limit = i128::from(MAX_CORRECTION_PPB);
+        let error =
+            (-i128::from(difference) * PARTS / i128::from(elapsed)).clamp(-limit * 1024, limit * 1024);
+        let bandwidth = i128::from(memory.u16(SPEED_COUNTER_START).max(0x80));
+        let proportional = error * 0x100 / bandwidth;
+        // While the correction is at its limit, the clock's own error cannot be learned from it.
+        if proportional.abs() < limit {
+            let learned = i128::from(self.learned_ppb) + error * 4 / bandwidth;
+            self.learned_ppb = learned.clamp(-limit, limit) as i64;
+        }
+        self.correction_ppb = (proportional + i128::from(self.learned_ppb)).clamp(-limit, limit) as i64;
+        // In ticks of 10 ns: by how many the speed counter's period differs.
+        let shown = i128::from(self.learned_ppb) * bandwidth / PARTS;
+        memory.set(SPEED_COUNTER_DIFFERENCE, &(shown as i16).to_le_bytes());
+    }
+
+    fn show_difference(&self, memory: &mut Memory) {
+        let amount = u32::try_from(self.difference.unsigned_abs()).unwrap_or(u32::MAX).min(0x7FFF_FFFF);
+        let behind = if self.difference < 0 { 0x8000_0000 } else { 0 };
+        memory.set(SYSTEM_TIME_DIFFERENCE, &(amount | behind).to_le_bytes());
+    }
+
+    /// Starts the control loop anew, as a write to the speed counter does.
+    pub(crate) fn reset_loop(&mut self, now: Instant, memory: &mut Memory) {
+        self.base = self.parts(now);
+        self.base_at = now;
+        (self.correction_ppb, self.learned_ppb, self.difference) = (0, 0, 0);
+        self.compared_at = None;
+        self.show_difference(memory);
+        memory.set(SPEED_COUNTER_DIFFERENCE, &[0, 0]);
+    }
+
+    /// Starts or stops the SYNC signals by their activation register. The first pulse comes at the start time; the chip
+    /// makes none if that has passed.
+    pub(crate) fn activate(&mut self, now: Instant, memory: &mut Memory) {
+        let activation = memory.u8(SYNC_ACTIVATION);
+        let (start, cycle) = (memory.u64(SYNC_START), u64::from(memory.u32(SYNC0_CYCLE)));
+        let system = self.system(now, memory);
+        self.pulses = [None; 2];
+        if activation & 1 == 0 || start <= system {
+            return;
+        }
+        let [sync0, sync1] = &mut self.pulses;
+        if activation & 2 != 0 {
+            *sync0 = Some(Pulses { next: start, period: cycle });
+        }
+        if activation & 4 != 0 {
+            let shift = u64::from(memory.u32(SYNC1_CYCLE));
+            let skipped = shift.checked_div(cycle).unwrap_or(0);
+            let period = cycle.saturating_mul(skipped + 1);
+            *sync1 = Some(Pulses { next: start.saturating_add(shift), period });
+        }
+    }
+
+    /// Returns whether the MainDevice has the clock make SYNC signals that have not come to an end.
+    pub(crate) const fn makes_pulses(&self) -> bool {
+        let [sync0, sync1] = &self.pulses;
+        sync0.is_some() || sync1.is_some()
+    }
+
+    /// Returns when the next SYNC signal is due.
+    pub(crate) fn deadline(&self, memory: &Memory) -> Option<Instant> {
+        let next = self.pulses.iter().flatten().map(|pulses| pulses.next).min()?;
+        Some(self.instant(next, memory))
+    }
+
+    /// Returns the next SYNC signal that is due now, with its system time.
+    pub(crate) fn pulse(&mut self, now: Instant, memory: &Memory) -> Option<(Sync, u64)> {
+        let system = self.system(now, memory);
+        let [sync0, sync1] = &mut self.pulses;
+        for (sync, slot) in [(Sync::Sync0, sync0), (Sync::Sync1, sync1)] {
+            let Some(pulses) = slot.as_mut().filter(|pulses| pulses.next <= system) else { continue };
+            let at = pulses.next;
+            match (system - at).checked_div(pulses.period) {
+                // A driver that woke late gets one pulse, not a burst.
+                Some(missed) => pulses.next = at.saturating_add((missed + 1).saturating_mul(pulses.period)),
+                // Without a period there is a single one.
+                None => *slot = None,
+            }
+            return Some((sync, at));
+        }
+        None
+    }
+
+    /// Returns when the local copy of the system time reaches `system`.
+    fn instant(&self, system: u64, memory: &Memory) -> Instant {
+        let local = i128::from(system.wrapping_sub(memory.u64(SYSTEM_TIME_OFFSET)));
+        let left = (local * PARTS - self.base).max(0);
+        let nanos = (left + self.rate() - 1) / self.rate();
+        self.base_at + Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+    }
+}

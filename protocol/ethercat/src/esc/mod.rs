@@ -1,0 +1,381 @@
+//! The EtherCAT SubDevice Controller: the chip that reads and changes frames while they pass.
+//!
+//! | module | what |
+//! |---|---|
+//! | `access` | what an access to an address does |
+//! | `registers`, `memory` | which addresses there are, and their bytes |
+//! | `fmmu`, `sync_manager` | mapping of the logical image; buffers and mailboxes |
+//! | `sii` | the EEPROM's interface |
+//! | `watchdog`, `clock` | what runs by itself |
+
+mod access;
+mod clock;
+mod fmmu;
+mod memory;
+pub(crate) mod registers;
+mod sii;
+mod sync_manager;
+mod watchdog;
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::mem;
+
+use machine::{Duration, Instant};
+
+use crate::datagram::{Addressing, Datagram, MAX_DATA_LEN, Operation, decode};
+use clock::Clock;
+pub use clock::LocalClock;
+pub(crate) use clock::Sync;
+use fmmu::Fmmu;
+pub(crate) use fmmu::copy_bits;
+use memory::Memory;
+use registers::RegisterMap;
+use sii::Sii;
+use sync_manager::SyncManager;
+use watchdog::Watchdog;
+
+/// What frames changed, for the device's application.
+#[derive(Clone, Copy, Default, Debug)]
+pub(crate) struct Changes {
+    /// AL control was written.
+    pub(crate) al_control: bool,
+    /// Sync managers whose buffer the MainDevice wrote to its end, a bit each.
+    pub(crate) written: u8,
+    /// Sync managers whose buffer the MainDevice read to its end.
+    pub(crate) read: u8,
+    /// A sync manager's registers were written.
+    pub(crate) sync_managers: bool,
+    /// The MainDevice reset the chip.
+    pub(crate) reset: bool,
+}
+
+/// A chip.
+#[derive(Debug)]
+pub(crate) struct Esc {
+    memory: Memory,
+    map: RegisterMap,
+    fmmus: [Fmmu; registers::UNITS as usize],
+    sync_managers: [SyncManager; registers::UNITS as usize],
+    sii: Sii,
+    watchdog: Watchdog,
+    clock: Option<Clock>,
+    local_clock: LocalClock,
+    changes: Changes,
+    /// Ports with a link.
+    linked: [bool; 4],
+    /// Letters of the reset sequence seen so far.
+    reset_letters: u8,
+    /// AL status and DL status changed since they were read.
+    events: u16,
+    /// Room for the data of a datagram as it came, and for memory that is mapped bit by bit.
+    scratch: Box<[u8]>,
+}
+
+/// Bits of the event request.
+const EVENT_DL_STATUS: u16 = 0x0004;
+const EVENT_AL_STATUS: u16 = 0x0008;
+
+impl Esc {
+    pub(crate) fn new(image: Vec<u8>, sii_delay: Duration, clock: Option<LocalClock>) -> Self {
+        let mut esc = Self {
+            memory: Memory::new(),
+            map: RegisterMap::new(clock.is_some()),
+            fmmus: Default::default(),
+            sync_managers: Default::default(),
+            sii: Sii::new(image, sii_delay),
+            watchdog: Watchdog::default(),
+            clock: clock.map(|local| Clock::new(Instant::ZERO, local)),
+            local_clock: clock.unwrap_or_default(),
+            changes: Changes::default(),
+            linked: [false; 4],
+            reset_letters: 0,
+            events: 0,
+            scratch: vec![0; 2 * MAX_DATA_LEN.next_power_of_two()].into_boxed_slice(),
+        };
+        esc.reset(Instant::ZERO);
+        esc
+    }
+
+    /// Sets all to what it is after power-on.
+    pub(crate) fn reset(&mut self, now: Instant) {
+        self.memory.reset();
+        let features = registers::features(self.clock.is_some());
+        self.memory.set(0x0008, &features.to_le_bytes());
+        let loaded = self.sii.load(&mut self.memory);
+        self.memory.set(registers::DL_STATUS, &[if loaded { 0x07 } else { 0x06 }]);
+        self.fmmus = Default::default();
+        self.sync_managers = Default::default();
+        self.watchdog = Watchdog::default();
+        self.clock = self.clock.is_some().then(|| Clock::new(now, self.local_clock));
+        self.changes = Changes::default();
+        self.set_ports(self.linked);
+        (self.reset_letters, self.events) = (0, 0);
+    }
+
+    /// Returns what changed since the last call.
+    pub(crate) fn take_changes(&mut self) -> Changes {
+        mem::take(&mut self.changes)
+    }
+
+    /// Returns the content of the EEPROM, which counts from the next power-on.
+    pub(crate) fn eeprom_mut(&mut self) -> &mut [u8] {
+        self.sii.image_mut()
+    }
+
+    /// Begins a frame, which arrives at a port.
+    pub(crate) fn begin_frame(&mut self) {
+        if let Some(clock) = &mut self.clock {
+            clock.end_latch();
+        }
+    }
+
+    /// Notes that the frame came back to a port.
+    pub(crate) fn frame_returns(&mut self, now: Instant, port: u16) {
+        if let Some(clock) = &mut self.clock {
+            clock.latch_port(port, now, &mut self.memory);
+        }
+    }
+
+    /// Lets a datagram pass the processing unit.
+    pub(crate) fn process(&mut self, now: Instant, datagram: &mut Datagram<'_>) {
+        let Some((addressing, operation)) = decode(datagram.command()) else { return };
+        let (position, offset) = datagram.address();
+        let meant = match addressing {
+            Addressing::Position | Addressing::Broadcast => {
+                datagram.set_position(position.wrapping_add(1));
+                position == 0 || addressing == Addressing::Broadcast
+            }
+            Addressing::Station => self.has_address(position),
+            Addressing::Logical => true,
+        };
+        // The scratch is put back below; nothing in between needs it.
+        let mut scratch = mem::take(&mut self.scratch);
+        let (read, written) = match (addressing, operation, meant) {
+            (Addressing::Logical, operation, _) => self.logical(now, operation, datagram, &mut scratch),
+            (_, Operation::ReadMultipleWrite, false) => (false, self.write(now, offset, datagram.data)),
+            (_, _, false) => (false, false),
+            (Addressing::Broadcast, operation, _) => {
+                self.broadcast(now, operation, offset, datagram.data, &mut scratch)
+            }
+            (_, operation, _) => self.physical(now, operation, offset, datagram.data, &mut scratch),
+        };
+        self.scratch = scratch;
+        let write_counts = if operation == Operation::ReadWrite { 2 } else { 1 };
+        datagram.count(u16::from(read) + if written { write_counts } else { 0 });
+        let events = self.events();
+        datagram.add_events(events & self.memory.u16(registers::EVENT_MASK));
+    }
+
+    fn has_address(&self, address: u16) -> bool {
+        address == self.memory.u16(registers::STATION_ADDRESS)
+            || (self.memory.u8(registers::DL_ALIAS) & 1 != 0
+                && address == self.memory.u16(registers::STATION_ALIAS))
+    }
+
+    /// Reads and writes at a physical address; returns which of both succeeded.
+    fn physical(
+        &mut self,
+        now: Instant,
+        operation: Operation,
+        address: u16,
+        data: &mut [u8],
+        scratch: &mut [u8],
+    ) -> (bool, bool) {
+        match operation {
+            Operation::Read | Operation::ReadMultipleWrite => (self.read(now, address, data), false),
+            Operation::Write => (false, self.write(now, address, data)),
+            Operation::ReadWrite => {
+                let Some(incoming) = copied(scratch, data) else { return (false, false) };
+                (self.read(now, address, data), self.write(now, address, incoming))
+            }
+        }
+    }
+
+    /// The same, where the data read is combined with that of the devices before.
+    fn broadcast(
+        &mut self,
+        now: Instant,
+        operation: Operation,
+        address: u16,
+        data: &mut [u8],
+        scratch: &mut [u8],
+    ) -> (bool, bool) {
+        if operation == Operation::Write {
+            return (false, self.write(now, address, data));
+        }
+        let Some(own) = scratch.get_mut(..data.len()) else { return (false, false) };
+        own.fill(0);
+        let read = self.read(now, address, own);
+        let written = operation == Operation::ReadWrite && self.write(now, address, data);
+        data.iter_mut().zip(own).for_each(|(data, own)| *data |= *own);
+        (read, written)
+    }
+
+    /// Reads and writes what the FMMUs map.
+    fn logical(
+        &mut self,
+        now: Instant,
+        operation: Operation,
+        datagram: &mut Datagram<'_>,
+        scratch: &mut [u8],
+    ) -> (bool, bool) {
+        let address = datagram.logical_address();
+        let half = scratch.len() / 2;
+        let Some((incoming, bits)) = scratch.split_at_mut_checked(half) else { return (false, false) };
+        let Some(incoming) = copied(incoming, datagram.data) else { return (false, false) };
+        let (mut read, mut written) = (false, false);
+        for fmmu in self.fmmus {
+            let Some(mapped) = fmmu.map(address, incoming.len()) else { continue };
+            let reads = fmmu.reads && operation != Operation::Write;
+            let writes = fmmu.writes && operation != Operation::Read;
+            if let Some(bytes) = mapped.bytes() {
+                if reads && let Some(data) = datagram.data.get_mut(bytes.clone()) {
+                    read |= self.read(now, mapped.address, data);
+                }
+                if writes && let Some(data) = incoming.get(bytes) {
+                    written |= self.write(now, mapped.address, data);
+                }
+                continue;
+            }
+            let Some(bits) = bits.get_mut(..mapped.physical_len()) else { continue };
+            let (bit, count) = (usize::from(mapped.bit), mapped.bits.len());
+            if reads && self.read(now, mapped.address, bits) {
+                copy_bits(bits, bit, datagram.data, mapped.bits.start, count);
+                read = true;
+            }
+            let memory = self.memory.get(mapped.address, bits.len());
+            if writes && memory.len() == bits.len() {
+                bits.copy_from_slice(memory);
+                copy_bits(incoming, mapped.bits.start, bits, bit, count);
+                written |= self.write(now, mapped.address, bits);
+            }
+        }
+        (read, written)
+    }
+
+    /// Returns the requests to the MainDevice: status changes, and a bit for each mailbox that has a message for it.
+    fn events(&self) -> u16 {
+        let mut events = self.events;
+        for (index, sync_manager) in self.sync_managers.iter().enumerate() {
+            let full = sync_manager.is_mailbox()
+                && !sync_manager.is_written_by_main_device()
+                && sync_manager.is_full(&self.memory, index);
+            events |= u16::from(full) << (4 + index);
+        }
+        events
+    }
+}
+
+/// The device's own side of the chip, as its application uses it.
+impl Esc {
+    pub(crate) fn al_control(&self) -> u16 {
+        self.memory.u16(registers::AL_CONTROL)
+    }
+
+    pub(crate) fn set_al_status(&mut self, status: u8, code: u16) {
+        self.memory.set(registers::AL_STATUS, &[status]);
+        self.memory.set(registers::AL_STATUS_CODE, &code.to_le_bytes());
+        self.events |= EVENT_AL_STATUS;
+    }
+
+    /// Shows which ports have a link, and which of them are closed.
+    pub(crate) fn set_ports(&mut self, linked: [bool; 4]) {
+        self.linked = linked;
+        let mut status = self.memory.u16(registers::DL_STATUS) & 0x000F;
+        for (port, linked) in (0..).zip(linked) {
+            let before = self.memory.u16(registers::DL_STATUS) & (0x0010 << port) != 0;
+            if before && !linked {
+                self.memory.change(registers::LOST_LINKS + port, |lost| lost.saturating_add(1));
+            }
+            status |= u16::from(linked) << (4 + port);
+            status |= u16::from(self.is_closed(port, linked)) << (8 + 2 * port);
+            status |= u16::from(linked) << (9 + 2 * port);
+        }
+        self.memory.set(registers::DL_STATUS, &status.to_le_bytes());
+        self.events |= EVENT_DL_STATUS;
+    }
+
+    /// Returns whether frames turn round at a port instead of leaving by it.
+    pub(crate) fn is_closed(&self, port: u16, linked: bool) -> bool {
+        match self.memory.u8(registers::DL_CONTROL + 1) >> (2 * port) & 3 {
+            2 => false,
+            3 => true,
+            _ => !linked,
+        }
+    }
+
+    pub(crate) fn sync_manager(&self, index: usize) -> SyncManager {
+        self.sync_managers.get(index).copied().unwrap_or_default()
+    }
+
+    /// Returns the control register of a sync manager.
+    pub(crate) fn sync_manager_control(&self, index: usize) -> u8 {
+        self.memory.u8(registers::SYNC_MANAGER + index as u16 * registers::SYNC_MANAGER_LEN + 4)
+    }
+
+    /// Returns what the MainDevice wrote last through a sync manager; a mailbox becomes empty.
+    pub(crate) fn take(&mut self, index: usize) -> Option<&[u8]> {
+        self.sync_managers.get(index)?.take(&mut self.memory, index)
+    }
+
+    /// Hands data to the MainDevice through a sync manager. Returns whether there was room.
+    pub(crate) fn put(&mut self, index: usize, data: &[u8]) -> bool {
+        self.sync_managers.get(index).is_some_and(|unit| unit.put(&mut self.memory, index, data))
+    }
+
+    pub(crate) fn lock(&mut self, index: usize, locked: bool) {
+        if let Some(sync_manager) = self.sync_managers.get_mut(index) {
+            sync_manager.lock(&mut self.memory, index, locked);
+        }
+    }
+
+    pub(crate) fn acknowledge_repeat(&mut self, index: usize) {
+        if let Some(sync_manager) = self.sync_managers.get(index) {
+            sync_manager.acknowledge_repeat(&mut self.memory, index);
+        }
+    }
+
+    pub(crate) fn start_watchdog(&mut self, now: Instant) {
+        self.watchdog.trigger(now, &mut self.memory);
+    }
+
+    pub(crate) const fn stop_watchdog(&mut self) {
+        self.watchdog.stop();
+    }
+
+    /// Returns whether the watchdog has just expired.
+    pub(crate) fn watchdog_expires(&mut self, now: Instant) -> bool {
+        self.watchdog.expire(now, &mut self.memory)
+    }
+
+    /// Returns the next SYNC signal that is due, with its system time in nanoseconds.
+    pub(crate) fn pulse(&mut self, now: Instant) -> Option<(Sync, u64)> {
+        self.clock.as_mut()?.pulse(now, &self.memory)
+    }
+
+    /// Returns whether SYNC signals are asked for, and whether they come.
+    pub(crate) fn sync_signals(&self) -> (bool, bool) {
+        let wanted = self.memory.u8(registers::SYNC_ACTIVATION) & 0x07;
+        (wanted & 1 != 0 && wanted & 6 != 0, self.clock.as_ref().is_some_and(Clock::makes_pulses))
+    }
+
+    /// Returns the local copy of the system time in nanoseconds.
+    pub(crate) fn system_time(&self, now: Instant) -> Option<u64> {
+        Some(self.clock.as_ref()?.system(now, &self.memory))
+    }
+
+    /// Returns when watchdog or clock need attention.
+    pub(crate) fn deadline(&self) -> Option<Instant> {
+        let clock = self.clock.as_ref().and_then(|clock| clock.deadline(&self.memory));
+        Instant::earlier(clock, self.watchdog.deadline(&self.memory))
+    }
+}
+
+/// Copies data to the start of a buffer.
+fn copied<'a>(buffer: &'a mut [u8], data: &[u8]) -> Option<&'a [u8]> {
+    let room = buffer.get_mut(..data.len())?;
+    room.copy_from_slice(data);
+    Some(room)
+}

@@ -1,0 +1,164 @@
+//! The registers: their addresses, what they hold at power-on, and which bits the MainDevice may write (Beckhoff,
+//! ESC datasheet section II).
+
+use alloc::boxed::Box;
+use alloc::vec;
+
+pub(crate) const STATION_ADDRESS: u16 = 0x0010;
+pub(crate) const STATION_ALIAS: u16 = 0x0012;
+pub(crate) const RESET: u16 = 0x0040;
+pub(crate) const DL_CONTROL: u16 = 0x0100;
+/// Byte of DL control: bit 0 lets the alias address the device.
+pub(crate) const DL_ALIAS: u16 = 0x0103;
+pub(crate) const DL_STATUS: u16 = 0x0110;
+pub(crate) const AL_CONTROL: u16 = 0x0120;
+pub(crate) const AL_STATUS: u16 = 0x0130;
+pub(crate) const AL_STATUS_CODE: u16 = 0x0134;
+pub(crate) const EVENT_MASK: u16 = 0x0200;
+pub(crate) const EVENTS: u16 = 0x0210;
+pub(crate) const ERROR_COUNTERS: u16 = 0x0300;
+pub(crate) const LOST_LINKS: u16 = 0x0310;
+pub(crate) const WATCHDOG_DIVIDER: u16 = 0x0400;
+pub(crate) const WATCHDOG_TIME: u16 = 0x0420;
+pub(crate) const WATCHDOG_STATUS: u16 = 0x0440;
+pub(crate) const WATCHDOG_COUNTER: u16 = 0x0442;
+pub(crate) const SII_CONFIG: u16 = 0x0500;
+pub(crate) const SII_CONTROL: u16 = 0x0502;
+pub(crate) const SII_ADDRESS: u16 = 0x0504;
+pub(crate) const SII_DATA: u16 = 0x0508;
+pub(crate) const FMMU: u16 = 0x0600;
+pub(crate) const FMMU_LEN: u16 = 16;
+pub(crate) const SYNC_MANAGER: u16 = 0x0800;
+pub(crate) const SYNC_MANAGER_LEN: u16 = 8;
+pub(crate) const RECEIVE_TIMES: u16 = 0x0900;
+pub(crate) const SYSTEM_TIME: u16 = 0x0910;
+pub(crate) const RECEIVE_TIME_UNIT: u16 = 0x0918;
+pub(crate) const SYSTEM_TIME_OFFSET: u16 = 0x0920;
+pub(crate) const SYSTEM_TIME_DELAY: u16 = 0x0928;
+pub(crate) const SYSTEM_TIME_DIFFERENCE: u16 = 0x092C;
+pub(crate) const SPEED_COUNTER_START: u16 = 0x0930;
+pub(crate) const SPEED_COUNTER_DIFFERENCE: u16 = 0x0932;
+pub(crate) const SYNC_ACTIVATION: u16 = 0x0981;
+pub(crate) const SYNC_START: u16 = 0x0990;
+pub(crate) const NEXT_SYNC1: u16 = 0x0998;
+pub(crate) const SYNC0_CYCLE: u16 = 0x09A0;
+pub(crate) const SYNC1_CYCLE: u16 = 0x09A4;
+
+/// End of the registers, and start of the process data RAM.
+pub(crate) const END: u16 = 0x1000;
+
+/// Numbers of FMMUs and sync managers, as the ET1100 has.
+pub(crate) const UNITS: u8 = 8;
+
+/// What the chip has: a row of ranges, each with the bits that the MainDevice may write in each of its bytes.
+struct Range(u16, u16, u8);
+
+const READ: u8 = 0x00;
+const WRITE: u8 = 0xFF;
+
+/// Registers of every chip.
+const COMMON: &[Range] = &[
+    Range(0x0000, 0x000A, READ),
+    Range(STATION_ADDRESS, 0x0012, WRITE),
+    Range(STATION_ALIAS, 0x0014, READ),
+    Range(RESET, 0x0041, WRITE),
+    Range(DL_CONTROL, 0x0104, WRITE),
+    Range(DL_STATUS, 0x0112, READ),
+    Range(AL_CONTROL, 0x0122, WRITE),
+    Range(AL_STATUS, 0x0132, READ),
+    Range(AL_STATUS_CODE, 0x0136, READ),
+    Range(0x0140, 0x0142, READ),
+    Range(0x0150, 0x0154, READ),
+    Range(EVENT_MASK, 0x0202, WRITE),
+    Range(0x0204, 0x0208, READ),
+    Range(EVENTS, 0x0212, READ),
+    Range(0x0220, 0x0224, READ),
+    Range(ERROR_COUNTERS, 0x0314, WRITE),
+    Range(WATCHDOG_DIVIDER, 0x0402, WRITE),
+    Range(0x0410, 0x0412, WRITE),
+    Range(WATCHDOG_TIME, 0x0422, WRITE),
+    Range(WATCHDOG_STATUS, 0x0442, READ),
+    Range(WATCHDOG_COUNTER, 0x0444, WRITE),
+    Range(SII_CONFIG, 0x0501, 0x03),
+    Range(0x0501, 0x0502, READ),
+    Range(SII_CONTROL, 0x0503, 0x01),
+    Range(0x0503, 0x0504, 0x07),
+    Range(SII_ADDRESS, 0x0510, WRITE),
+    Range(0x0F80, END, WRITE),
+];
+
+/// Registers of the distributed clock.
+const CLOCK: &[Range] = &[
+    Range(RECEIVE_TIMES, 0x0910, WRITE),
+    Range(SYSTEM_TIME, 0x0918, WRITE),
+    Range(RECEIVE_TIME_UNIT, 0x0920, READ),
+    Range(SYSTEM_TIME_OFFSET, 0x092C, WRITE),
+    Range(SYSTEM_TIME_DIFFERENCE, 0x0930, READ),
+    Range(SPEED_COUNTER_START, 0x0932, WRITE),
+    Range(SPEED_COUNTER_DIFFERENCE, 0x0934, READ),
+    Range(0x0934, 0x0936, 0x0F),
+    Range(0x0980, 0x0982, WRITE),
+    Range(0x0982, 0x0986, READ),
+    Range(0x098E, 0x0990, READ),
+    Range(SYNC_START, 0x0998, WRITE),
+    Range(NEXT_SYNC1, 0x09A0, READ),
+    Range(SYNC0_CYCLE, 0x09A8, WRITE),
+];
+
+/// Which registers a chip has, and which of their bits the MainDevice may write.
+#[derive(Debug)]
+pub(crate) struct RegisterMap {
+    /// For each address the bits that may be written, or `None` where there is no register.
+    writable: Box<[Option<u8>]>,
+}
+
+impl RegisterMap {
+    pub(crate) fn new(distributed_clocks: bool) -> Self {
+        let mut writable = vec![None; usize::from(END)].into_boxed_slice();
+        let mut add = |from: u16, to: u16, bits| {
+            if let Some(registers) = writable.get_mut(usize::from(from)..usize::from(to)) {
+                registers.fill(Some(bits));
+            }
+        };
+        let clock = if distributed_clocks { CLOCK } else { &[] };
+        for Range(from, to, bits) in COMMON.iter().chain(clock) {
+            add(*from, *to, *bits);
+        }
+        for unit in 0..u16::from(UNITS) {
+            let fmmu = FMMU + unit * FMMU_LEN;
+            add(fmmu, fmmu + FMMU_LEN, WRITE);
+            let sync_manager = SYNC_MANAGER + unit * SYNC_MANAGER_LEN;
+            add(sync_manager, sync_manager + SYNC_MANAGER_LEN, WRITE);
+            // Status, and the PDI's control.
+            add(sync_manager + 5, sync_manager + 6, READ);
+            add(sync_manager + 7, sync_manager + 8, READ);
+        }
+        Self { writable }
+    }
+
+    /// Returns the bits that may be written at an address, `None` where there is no register.
+    pub(crate) fn writable(&self, address: u16) -> Option<u8> {
+        self.writable.get(usize::from(address)).copied().flatten()
+    }
+}
+
+/// Values at power-on that are not zero: address and bytes.
+pub(crate) const POWER_ON: &[(u16, &[u8])] = &[
+    // Type ET1100, revision 0, build 2; FMMUs, sync managers, 8 KiB of RAM, ports 0 and 1 MII.
+    (0x0000, &[0x11, 0x00, 0x02, 0x00, UNITS, UNITS, 8, 0x0F]),
+    // Non-EtherCAT frames are destroyed; loops close and open by themselves.
+    (DL_CONTROL, &[0x01, 0x00, 0x07, 0x00]),
+    // 100 us a tick, 100 ms for PDI and process data.
+    (WATCHDOG_DIVIDER, &0x09C2_u16.to_le_bytes()),
+    (0x0410, &1000_u16.to_le_bytes()),
+    (WATCHDOG_TIME, &1000_u16.to_le_bytes()),
+    (WATCHDOG_STATUS, &[0x01]),
+    (SPEED_COUNTER_START, &0x1000_u16.to_le_bytes()),
+    (0x0934, &[4, 12]),
+];
+
+/// Features at 0x0008: FMMUs map bits; with a clock, one of 64 bits that also makes SYNC signals.
+pub(crate) const fn features(distributed_clocks: bool) -> u16 {
+    let unit_features = 0x0001;
+    if distributed_clocks { unit_features | 0x0004 | 0x0008 | 0x0100 } else { unit_features }
+}

@@ -1,0 +1,117 @@
+//! The interface by which the MainDevice reads and writes the EEPROM (ETG.1000.4, 6.4).
+
+use alloc::vec::Vec;
+
+use machine::{Duration, Instant};
+
+use super::memory::Memory;
+use super::registers::{SII_ADDRESS, SII_CONFIG, SII_CONTROL, SII_DATA, STATION_ALIAS};
+use crate::sii_image::checksum;
+
+/// Low byte of control: reads give 8 bytes, addresses have two bytes.
+const CAPABILITIES: u8 = 0xC0;
+const WRITE_ENABLE: u8 = 0x01;
+
+/// High byte of control: commands.
+const COMMANDS: u8 = 0x07;
+const READ: u8 = 1;
+const WRITE: u8 = 2;
+const RELOAD: u8 = 4;
+
+/// High byte of control: status.
+const CHECKSUM_ERROR: u8 = 0x08;
+const NOT_LOADED: u8 = 0x10;
+const COMMAND_ERROR: u8 = 0x20;
+const WRITE_ENABLE_ERROR: u8 = 0x40;
+const BUSY: u8 = 0x80;
+
+/// Word address of the station alias.
+const ALIAS_WORD: usize = 4;
+
+/// The EEPROM and the state of its interface.
+#[derive(Debug)]
+pub(crate) struct Sii {
+    image: Vec<u8>,
+    /// Time that a command takes.
+    delay: Duration,
+    busy_until: Option<Instant>,
+}
+
+impl Sii {
+    pub(crate) const fn new(image: Vec<u8>, delay: Duration) -> Self {
+        Self { image, delay, busy_until: None }
+    }
+
+    pub(crate) fn image_mut(&mut self) -> &mut [u8] {
+        &mut self.image
+    }
+
+    /// Loads the configuration of the chip, as after power-on. Returns whether its checksum is right.
+    pub(crate) fn load(&mut self, memory: &mut Memory) -> bool {
+        self.busy_until = None;
+        let configuration = self.image.get(..16).unwrap_or_default();
+        let loaded = match configuration.split_at_checked(14) {
+            Some((covered, [sum, 0])) => checksum(covered) == *sum,
+            _ => false,
+        };
+        let alias = if loaded { self.word(ALIAS_WORD) } else { [0; 2] };
+        memory.set(STATION_ALIAS, &alias);
+        let status = if loaded { 0 } else { CHECKSUM_ERROR | NOT_LOADED };
+        memory.set(SII_CONTROL, &[CAPABILITIES, status]);
+        loaded
+    }
+
+    /// Clears the busy bit once the command has taken its time.
+    pub(crate) fn refresh(&mut self, now: Instant, memory: &mut Memory) {
+        if self.busy_until.is_some_and(|until| until <= now) {
+            self.busy_until = None;
+            memory.change(SII_CONTROL + 1, |status| status & !BUSY);
+        }
+    }
+
+    /// Executes the command that was written into the registers.
+    pub(crate) fn execute(&mut self, now: Instant, memory: &mut Memory) {
+        self.refresh(now, memory);
+        let enabled = memory.u8(SII_CONTROL) & WRITE_ENABLE != 0;
+        memory.set(SII_CONTROL, &[CAPABILITIES]);
+        let command = memory.u8(SII_CONTROL + 1) & COMMANDS;
+        memory.change(SII_CONTROL + 1, |status| status & !COMMANDS);
+        let owned_by_pdi = memory.u8(SII_CONFIG) & 1 != 0;
+        if owned_by_pdi || self.busy_until.is_some() {
+            return;
+        }
+        memory.change(SII_CONTROL + 1, |status| status & !(COMMAND_ERROR | WRITE_ENABLE_ERROR));
+        let at = usize::try_from(memory.u32(SII_ADDRESS)).unwrap_or(usize::MAX).saturating_mul(2);
+        let error = match command {
+            0 => return,
+            READ => {
+                // An EEPROM answers addresses past its end as well; ours with what an erased one holds.
+                let rest = self.image.get(at..).unwrap_or_default();
+                let mut data = [0xFF; 8];
+                data.iter_mut().zip(rest).for_each(|(to, from)| *to = *from);
+                memory.set(SII_DATA, &data);
+                0
+            }
+            WRITE if !enabled => WRITE_ENABLE_ERROR,
+            WRITE => match self.image.get_mut(at..at.saturating_add(2)) {
+                Some(word) => {
+                    word.copy_from_slice(memory.get(SII_DATA, 2));
+                    0
+                }
+                None => COMMAND_ERROR,
+            },
+            RELOAD => {
+                self.load(memory);
+                memory.u8(SII_CONTROL + 1)
+            }
+            _ => COMMAND_ERROR,
+        };
+        self.busy_until = (!self.delay.is_zero()).then(|| now + self.delay);
+        let busy = if self.busy_until.is_some() { BUSY } else { 0 };
+        memory.change(SII_CONTROL + 1, |status| status | error | busy);
+    }
+
+    fn word(&self, index: usize) -> [u8; 2] {
+        self.image.get(index * 2..).and_then(|rest| rest.first_chunk()).copied().unwrap_or_default()
+    }
+}

@@ -1,0 +1,70 @@
+//! Where a device's sync managers are in its memory. The EEPROM tells the MainDevice, which configures them so.
+
+use crate::description::{Description, process_data_len};
+
+/// First address of the process data RAM.
+pub(crate) const RAM_START: u16 = 0x1000;
+
+/// Bytes of process data RAM: as much as the ET1100 has and twice 256 bytes in three buffers need.
+pub(crate) const RAM_LEN: u16 = 0x2000;
+
+/// What a sync manager is for (ETG.1000.6, SII category 41).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Usage {
+    MailboxReceive = 1,
+    MailboxSend = 2,
+    Outputs = 3,
+    Inputs = 4,
+}
+
+/// How a sync manager has to be configured.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct SyncManagerLayout {
+    pub(crate) usage: Usage,
+    pub(crate) start: u16,
+    pub(crate) len: u16,
+    /// Control register: mode, direction, interrupts, watchdog trigger.
+    pub(crate) control: u8,
+}
+
+/// The sync managers of a device, by their numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layout {
+    sync_managers: [Option<SyncManagerLayout>; 4],
+}
+
+impl Layout {
+    pub(crate) fn new(description: &Description) -> Self {
+        let mut start = RAM_START;
+        let mut place = |usage, len: u16, buffers: u16, control| {
+            let placed = SyncManagerLayout { usage, start, len, control };
+            // Each on a boundary of 128 bytes, which makes captures readable.
+            start = start.saturating_add(len.saturating_mul(buffers)).next_multiple_of(0x80);
+            Some(placed)
+        };
+        let outputs = process_data_len(description.outputs);
+        let inputs = process_data_len(description.inputs);
+        let sync_managers = match description.mailbox {
+            Some(mailbox) => [
+                place(Usage::MailboxReceive, mailbox.len, 1, 0x26),
+                place(Usage::MailboxSend, mailbox.len, 1, 0x22),
+                place(Usage::Outputs, outputs, 3, 0x64),
+                place(Usage::Inputs, inputs, 3, 0x20),
+            ],
+            None => {
+                [place(Usage::Outputs, outputs, 3, 0x64), place(Usage::Inputs, inputs, 3, 0x20), None, None]
+            }
+        };
+        Self { sync_managers }
+    }
+
+    /// Returns the sync managers in the order of their numbers.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = SyncManagerLayout> + '_ {
+        self.sync_managers.iter().flatten().copied()
+    }
+
+    /// Returns the sync manager for this use, and its number.
+    pub(crate) fn find(&self, usage: Usage) -> Option<(usize, SyncManagerLayout)> {
+        self.iter().enumerate().find(|(_, layout)| layout.usage == usage)
+    }
+}

@@ -1,0 +1,316 @@
+//! A segment: SubDevices on one cable of a MainDevice, as one machine.
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use machine::ethernet::EthernetHeader;
+use machine::wire::FRAME_CAPACITY;
+use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
+
+use crate::ETHER_TYPE;
+use crate::al::{AlState, AlStatusCode};
+use crate::cabling::{self, Cabling, End, Place, next_port};
+use crate::config::DeviceConfig;
+use crate::datagram::Datagrams;
+use crate::event::{DeviceId, Event, Sink};
+use crate::mailbox::Emergency;
+use crate::subdevice::SubDevice;
+
+/// Frames under way at most; a MainDevice that sends more loses them.
+const MAX_UNDER_WAY: usize = 256;
+
+/// Ports that a segment needs: EtherCAT frames, which are broadcasts.
+const PORTS: &[PortRequest] = &[PortRequest::Ethernet { ether_type: ETHER_TYPE, groups: &[] }];
+
+/// What a segment did with the frames it got.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct Counters {
+    /// EtherCAT frames that passed the devices and went back.
+    pub passed: u64,
+    /// Frames that were lost: no device has power and a whole cable, or too many frames were under way.
+    pub lost: u64,
+    /// Frames without datagrams: of other protocols, or damaged.
+    pub foreign: u64,
+}
+
+/// Inputs that a device does not have.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum DataError {
+    /// There is no such device.
+    #[error("there is no device {0:?} on this segment")]
+    NoDevice(DeviceId),
+    /// The data have another length than the device's inputs.
+    #[error("{given} bytes for inputs of {wanted} bytes")]
+    WrongLength {
+        /// Length of the inputs in bytes.
+        wanted: usize,
+        /// Length of the data in bytes.
+        given: usize,
+    },
+}
+
+/// A frame on its way back.
+#[derive(Debug)]
+struct UnderWay {
+    departs: Instant,
+    len: usize,
+    frame: Box<[u8]>,
+}
+
+/// SubDevices on one cable.
+#[derive(Default, Debug)]
+pub struct Segment {
+    devices: Vec<SubDevice>,
+    cabling: Cabling,
+    under_way: VecDeque<UnderWay>,
+    spare: Vec<Box<[u8]>>,
+    events: VecDeque<(DeviceId, Event)>,
+    counters: Counters,
+}
+
+impl Segment {
+    /// Creates a segment without devices.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a device behind the last one, at its port 1.
+    pub fn add(&mut self, config: &DeviceConfig) -> DeviceId {
+        let upstream = match self.devices.len().checked_sub(1) {
+            Some(device) => End::Device(Place { device, port: 1 }),
+            None => End::MainDevice,
+        };
+        // Nothing can be behind the last one, unless it was added there by its number.
+        self.connect(config, upstream).unwrap_or(DeviceId(usize::MAX))
+    }
+
+    /// Adds a device at a port, 1 to 3, of another one. Returns `None` if there is no such port or if it is taken.
+    pub fn add_at(&mut self, config: &DeviceConfig, device: DeviceId, port: usize) -> Option<DeviceId> {
+        self.connect(config, End::Device(Place { device: device.0, port }))
+    }
+
+    fn connect(&mut self, config: &DeviceConfig, upstream: End) -> Option<DeviceId> {
+        self.cabling.add(upstream, config.cable_delay, config.forwarding_delay)?;
+        self.devices.push(SubDevice::new(config));
+        self.update_links();
+        Some(DeviceId(self.devices.len() - 1))
+    }
+
+    /// Returns the number of devices.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.devices.len()
+    }
+
+    /// Returns whether there are no devices.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.devices.is_empty()
+    }
+
+    /// Returns what the segment did with the frames it got.
+    #[must_use]
+    pub const fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Returns a device's state, and the error that it indicates.
+    #[must_use]
+    pub fn state(&self, id: DeviceId) -> Option<(AlState, AlStatusCode)> {
+        self.devices.get(id.0).map(SubDevice::state)
+    }
+
+    /// Returns the outputs that the MainDevice wrote last, while the device is in OP.
+    #[must_use]
+    pub fn outputs(&self, id: DeviceId) -> Option<&[u8]> {
+        self.devices.get(id.0)?.outputs()
+    }
+
+    /// Sets the inputs, which the MainDevice reads from its next frame on.
+    pub fn set_inputs(&mut self, id: DeviceId, data: &[u8]) -> Result<(), DataError> {
+        let device = self.devices.get_mut(id.0).ok_or(DataError::NoDevice(id))?;
+        let inputs = device.inputs_mut();
+        if inputs.len() != data.len() {
+            return Err(DataError::WrongLength { wanted: inputs.len(), given: data.len() });
+        }
+        inputs.copy_from_slice(data);
+        device.publish_inputs();
+        Ok(())
+    }
+
+    /// Returns the value of an object's entry that is not mapped into process data.
+    #[must_use]
+    pub fn object(&self, id: DeviceId, index: u16, subindex: u8) -> Option<&[u8]> {
+        self.devices.get(id.0)?.dictionary().get(index, subindex)
+    }
+
+    /// Sets the value of an object's entry that is not mapped into process data, whatever the MainDevice may do with it.
+    /// Returns `None` if there is no such entry, or if the value has the wrong length.
+    pub fn set_object(&mut self, id: DeviceId, index: u16, subindex: u8, value: &[u8]) -> Option<()> {
+        self.devices.get_mut(id.0)?.dictionary_mut().set(index, subindex, value)
+    }
+
+    /// Reports an error to the MainDevice by CoE. Returns whether there was room for it, and the device's mailbox runs.
+    pub fn raise(&mut self, id: DeviceId, emergency: Emergency) -> bool {
+        self.devices.get_mut(id.0).is_some_and(|device| device.raise(emergency))
+    }
+
+    /// Returns name and content of the file that the MainDevice wrote.
+    #[must_use]
+    pub fn file(&self, id: DeviceId) -> Option<(&[u8], &[u8])> {
+        self.devices.get(id.0)?.file().get()
+    }
+
+    /// Returns a device's local copy of the system time in nanoseconds, if it has a clock.
+    #[must_use]
+    pub fn system_time(&self, id: DeviceId, now: Instant) -> Option<u64> {
+        self.devices.get(id.0)?.esc.system_time(now)
+    }
+
+    /// Returns the content of a device's EEPROM. The chip's own configuration counts from the next power-on.
+    pub fn eeprom_mut(&mut self, id: DeviceId) -> Option<&mut [u8]> {
+        Some(self.devices.get_mut(id.0)?.esc.eeprom_mut())
+    }
+
+    /// Makes a device fall to SAFE-OP with an error of its own.
+    pub fn fail(&mut self, id: DeviceId, code: AlStatusCode) {
+        if let Some(device) = self.devices.get_mut(id.0) {
+            device.fail(code, &mut Sink { id, events: &mut self.events });
+        }
+    }
+
+    /// Cuts the cable of a device towards the MainDevice, or mends it.
+    pub fn set_cut(&mut self, id: DeviceId, cut: bool) {
+        self.cabling.set_cut(id.0, cut);
+        self.update_links();
+    }
+
+    /// Takes a device's power, or gives it back, after which the device is in INIT and has no address.
+    pub fn set_power(&mut self, now: Instant, id: DeviceId, powered: bool) {
+        let was_powered = self.cabling.is_powered(id.0);
+        self.cabling.set_power(id.0, powered);
+        if let Some(device) = self.devices.get_mut(id.0).filter(|_| powered && !was_powered) {
+            device.power_on(now, &mut Sink { id, events: &mut self.events });
+        }
+        self.update_links();
+    }
+
+    fn update_links(&mut self) {
+        for (index, device) in self.devices.iter_mut().enumerate() {
+            device.esc.set_ports(self.cabling.links(index));
+        }
+    }
+
+    /// Sends a frame through the devices, each of which changes it. Returns when it is back, or `None` if it is lost.
+    fn pass(&mut self, now: Instant, frame: &mut [u8], header_len: usize) -> Option<Instant> {
+        let (first, delay) = self.cabling.first()?;
+        let mut at = now + delay;
+        let mut place = Place { device: first, port: 0 };
+        self.devices.get_mut(first)?.esc.begin_frame();
+        loop {
+            let out = self.forward(at, place, frame, header_len)?;
+            let (end, delay) = self.cabling.peer(out)?;
+            at = at + self.cabling.forwarding_delay(place.device) + delay;
+            let End::Device(next) = end else { return Some(at) };
+            let device = self.devices.get_mut(next.device)?;
+            if next.port == 0 {
+                device.esc.begin_frame();
+            } else {
+                device.esc.frame_returns(at, next.port as u16);
+            }
+            place = next;
+        }
+    }
+
+    /// Lets a frame that arrives at a port pass one device. Returns the port that it leaves by; `None` if all are closed.
+    fn forward(&mut self, at: Instant, place: Place, frame: &mut [u8], header_len: usize) -> Option<Place> {
+        let device = self.devices.get_mut(place.device)?;
+        let mut port = place.port;
+        for _ in 0..cabling::PORTS {
+            if port == 0 {
+                let datagrams = frame.get_mut(header_len..).and_then(Datagrams::of);
+                for mut datagram in datagrams.into_iter().flatten() {
+                    device.esc.process(at, &mut datagram);
+                }
+                device.serve(at, &mut Sink { id: DeviceId(place.device), events: &mut self.events });
+            }
+            port = next_port(port);
+            let out = Place { device: place.device, port };
+            if !device.esc.is_closed(port as u16, self.cabling.peer(out).is_some()) {
+                return Some(out);
+            }
+        }
+        None
+    }
+}
+
+impl Machine for Segment {
+    type Event = (DeviceId, Event);
+
+    fn ports(&self) -> &[PortRequest] {
+        PORTS
+    }
+
+    fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
+        let datagrams =
+            EthernetHeader::parse(frame).ok().filter(|(header, _)| header.ether_type == ETHER_TYPE);
+        let Some((header, _)) = datagrams.filter(|_| frame.len() <= FRAME_CAPACITY) else {
+            self.counters.foreign += 1;
+            return;
+        };
+        let mut buf = self.spare.pop().unwrap_or_else(|| vec![0; FRAME_CAPACITY].into_boxed_slice());
+        let Some(passing) = buf.get_mut(..frame.len()) else { return };
+        passing.copy_from_slice(frame);
+        // A chip marks the source address as locally administered, so that the MainDevice knows its frames from those
+        // that it sent.
+        if let Some(byte) = passing.get_mut(6) {
+            *byte |= 0x02;
+        }
+        if Datagrams::of(passing.get_mut(header.buffer_len()..).unwrap_or_default()).is_none() {
+            self.counters.foreign += 1;
+            self.spare.push(buf);
+            return;
+        }
+        match self.pass(now, passing, header.buffer_len()) {
+            Some(departs) if self.under_way.len() < MAX_UNDER_WAY => {
+                self.counters.passed += 1;
+                self.under_way.push_back(UnderWay { departs, len: frame.len(), frame: buf });
+            }
+            _ => {
+                self.counters.lost += 1;
+                self.spare.push(buf);
+            }
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        for (index, device) in self.devices.iter_mut().enumerate() {
+            if self.cabling.is_powered(index) {
+                device.advance(now, &mut Sink { id: DeviceId(index), events: &mut self.events });
+            }
+        }
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let UnderWay { len, frame, .. } = self.under_way.pop_front_if(|next| next.departs <= now)?;
+        let room = buf.get_mut(..len);
+        if let (Some(room), Some(bytes)) = (room, frame.get(..len)) {
+            room.copy_from_slice(bytes);
+        }
+        self.spare.push(frame);
+        Some(Transmit { port: Port::Ethernet, to: None, len })
+    }
+
+    fn poll_event(&mut self) -> Option<(DeviceId, Event)> {
+        self.events.pop_front()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        let frames = self.under_way.front().map(|next| next.departs);
+        let powered = self.devices.iter().enumerate().filter(|(index, _)| self.cabling.is_powered(*index));
+        powered.map(|(_, device)| device.deadline()).fold(frames, Instant::earlier)
+    }
+}

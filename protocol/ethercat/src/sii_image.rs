@@ -1,0 +1,194 @@
+//! The EEPROM of a device, made from its description (ETG.1000.6, slave information interface; ETG.2010).
+//!
+//! ```text
+//! word
+//! 0x00..0x07  configuration of the chip: PDI, station alias at 0x04, checksum of the first 14 bytes at 0x07
+//! 0x08..0x10  vendor, product, revision, serial number
+//! 0x14..0x18  mailbox in BOOT: receive start, length, send start, length
+//! 0x18..0x1C  mailbox: the same
+//! 0x1C        mailbox protocols: CoE 0x04, FoE 0x08
+//! 0x3E, 0x3F  size in KiBit - 1, version
+//! 0x40..      categories: type, length in words, data; the last one is 0xFFFF
+//! ```
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::Writer;
+use crate::description::{Description, Pdo};
+use crate::layout::{Layout, SyncManagerLayout, Usage};
+
+/// Largest size of an image in bytes: what 16-bit addresses of a 32 KiBit EEPROM reach.
+const CAPACITY: usize = 0x1_0000;
+
+const STRINGS: u16 = 10;
+const GENERAL: u16 = 30;
+const FMMU: u16 = 40;
+const SYNC_MANAGER: u16 = 41;
+const TX_PDO: u16 = 50;
+const RX_PDO: u16 = 51;
+const END: u16 = 0xFFFF;
+
+/// Returns the content of the EEPROM of a device with this description, serial number and station alias.
+#[must_use]
+pub fn sii_image(description: &Description, serial_number: u32, alias: u16) -> Vec<u8> {
+    let mut image = vec![0; CAPACITY];
+    let layout = Layout::new(description);
+    let mut writer = Writer::new(&mut image);
+    header(&mut writer, description, &layout, serial_number, alias);
+    let mut strings = Strings::default();
+    let general = general(description, &mut strings);
+    let tx = pdos(description.inputs, number(&layout, Usage::Inputs), &mut strings);
+    let rx = pdos(description.outputs, number(&layout, Usage::Outputs), &mut strings);
+    category(&mut writer, STRINGS, &strings.bytes());
+    category(&mut writer, GENERAL, &general);
+    category(&mut writer, FMMU, &fmmus(&layout));
+    category(&mut writer, SYNC_MANAGER, &layout.iter().flat_map(sync_manager).collect::<Vec<u8>>());
+    category(&mut writer, TX_PDO, &tx);
+    category(&mut writer, RX_PDO, &rx);
+    writer.u16(END);
+    let used = writer.len();
+    // EEPROMs have sizes of powers of two, 1 KiBit = 128 bytes being the smallest.
+    let size = used.next_power_of_two().max(0x800);
+    writer.patch_u16(0x7C, u16::try_from(size / 128 - 1).unwrap_or(u16::MAX));
+    image.truncate(size);
+    image
+}
+
+fn header(
+    writer: &mut Writer<'_>,
+    description: &Description,
+    layout: &Layout,
+    serial_number: u32,
+    alias: u16,
+) {
+    // PDI control: 16-bit microcontroller, asynchronous. SYNC0 and SYNC1 outputs, both with interrupt.
+    let mut configuration = [0; 14];
+    let mut first = Writer::new(&mut configuration);
+    first.u16(0x0008);
+    first.u16(if description.distributed_clocks { 0xCC00 } else { 0 });
+    first.u16(if description.distributed_clocks { 100 } else { 0 }); // pulse length in 10 ns
+    first.u16(0);
+    first.u16(alias);
+    writer.bytes(&configuration);
+    writer.u16(u16::from(checksum(&configuration)));
+    writer.u32(description.vendor_id);
+    writer.u32(description.product_code);
+    writer.u32(description.revision);
+    writer.u32(serial_number);
+    writer.pad_to(0x14 * 2);
+    let place =
+        |usage| layout.find(usage).map_or((0, 0), |(_, SyncManagerLayout { start, len, .. })| (start, len));
+    let files = description.mailbox.is_some_and(|mailbox| mailbox.file_capacity > 0);
+    for exists in [files, true] {
+        for usage in [Usage::MailboxReceive, Usage::MailboxSend] {
+            let (start, len) = if exists { place(usage) } else { (0, 0) };
+            writer.u16(start);
+            writer.u16(len);
+        }
+    }
+    writer.u16(if description.mailbox.is_some() { 0x04 } else { 0 } | if files { 0x08 } else { 0 });
+    writer.pad_to(0x3F * 2);
+    writer.u16(1);
+}
+
+/// Returns the checksum over the configuration of the chip: CRC with polynomial 0x07, starting at 0xFF.
+pub(crate) fn checksum(configuration: &[u8]) -> u8 {
+    configuration.iter().fold(0xFF, |crc, byte| {
+        (0..8).fold(crc ^ byte, |crc: u8, _| if crc & 0x80 != 0 { (crc << 1) ^ 0x07 } else { crc << 1 })
+    })
+}
+
+fn number(layout: &Layout, usage: Usage) -> u8 {
+    layout.find(usage).map_or(0, |(number, _)| number as u8)
+}
+
+fn category(writer: &mut Writer<'_>, kind: u16, data: &[u8]) {
+    if data.is_empty() {
+        return;
+    }
+    writer.u16(kind);
+    writer.u16(u16::try_from(data.len().div_ceil(2)).unwrap_or(u16::MAX));
+    writer.bytes(data);
+    writer.align(2);
+}
+
+/// The strings, which the other categories name by their numbers from 1.
+#[derive(Default)]
+struct Strings(Vec<&'static str>);
+
+impl Strings {
+    fn number(&mut self, string: &'static str) -> u8 {
+        if string.is_empty() {
+            return 0;
+        }
+        let known = self.0.iter().position(|known| *known == string);
+        let index = known.unwrap_or_else(|| {
+            self.0.push(string);
+            self.0.len() - 1
+        });
+        // A device with more strings than numbers leaves the last ones without a name.
+        u8::try_from(index + 1).unwrap_or(0)
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let mut bytes = vec![self.0.len().min(255) as u8];
+        for string in self.0.iter().take(255) {
+            let string = string.as_bytes().get(..string.len().min(255)).unwrap_or_default();
+            bytes.push(string.len() as u8);
+            bytes.extend_from_slice(string);
+        }
+        bytes
+    }
+}
+
+fn general(description: &Description, strings: &mut Strings) -> [u8; 32] {
+    let mut general = [0; 32];
+    let mut writer = Writer::new(&mut general);
+    writer.u8(0); // group
+    writer.u8(0); // image
+    writer.u8(strings.number(description.order_code));
+    writer.u8(strings.number(description.name));
+    writer.u8(0);
+    // CoE: SDO, SDO information, complete access.
+    writer.u8(if description.mailbox.is_some() { 0x01 | 0x02 | 0x20 } else { 0 });
+    writer.u8(u8::from(description.mailbox.is_some_and(|mailbox| mailbox.file_capacity > 0)));
+    writer.zeros(9);
+    writer.u16(0x0011); // ports 0 and 1 are MII
+    general
+}
+
+fn fmmus(layout: &Layout) -> [u8; 4] {
+    // 1 outputs, 2 inputs, 3 status of the send mailbox, 0xFF unused
+    let mailbox = layout.find(Usage::MailboxSend).is_some();
+    [1, 2, if mailbox { 3 } else { 0xFF }, 0xFF]
+}
+
+fn sync_manager(layout: SyncManagerLayout) -> [u8; 8] {
+    let SyncManagerLayout { usage, start, len, control } = layout;
+    let [start_low, start_high] = start.to_le_bytes();
+    let [len_low, len_high] = len.to_le_bytes();
+    let enable = u8::from(len > 0);
+    [start_low, start_high, len_low, len_high, control, 0, enable, usage as u8]
+}
+
+fn pdos(pdos: &'static [Pdo], sync_manager: u8, strings: &mut Strings) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for pdo in pdos {
+        bytes.extend_from_slice(&pdo.index.to_le_bytes());
+        bytes.push(pdo.entries.len().min(255) as u8);
+        bytes.push(sync_manager);
+        bytes.push(0); // no synchronisation
+        bytes.push(strings.number(pdo.name));
+        bytes.extend_from_slice(&[0, 0]);
+        for entry in pdo.entries.iter().take(255) {
+            bytes.extend_from_slice(&entry.index.to_le_bytes());
+            bytes.push(entry.subindex);
+            bytes.push(strings.number(entry.name));
+            bytes.push(entry.data_type as u8);
+            bytes.push(entry.bits);
+            bytes.extend_from_slice(&[0, 0]);
+        }
+    }
+    bytes
+}

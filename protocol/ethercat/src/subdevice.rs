@@ -1,0 +1,336 @@
+//! A SubDevice: the chip, and the application behind it, which follows the MainDevice's requests for states and owns
+//! process data and mailbox.
+
+use alloc::boxed::Box;
+use alloc::vec;
+
+use machine::{Duration, Instant};
+
+use crate::al::{AlState, AlStatusCode, StateMachine};
+use crate::config::DeviceConfig;
+use crate::description::Description;
+use crate::dictionary::{Dictionary, ProcessData};
+use crate::esc::{Esc, Sync};
+use crate::event::{Event, Sink};
+use crate::layout::{Layout, SyncManagerLayout, Usage};
+use crate::mailbox::{Context, Emergency, File, Mailbox};
+use crate::sii_image::sii_image;
+
+/// A SubDevice.
+#[derive(Debug)]
+pub(crate) struct SubDevice {
+    description: &'static Description,
+    layout: Layout,
+    pub(crate) esc: Esc,
+    al: StateMachine,
+    inputs: Box<[u8]>,
+    outputs: Box<[u8]>,
+    has_outputs: bool,
+    dictionary: Dictionary,
+    mailbox: Option<Mailbox>,
+    file: File,
+    /// Time that the application takes for an answer.
+    answer_delay: Duration,
+    /// When the request in AL control is followed.
+    al_due: Option<Instant>,
+    /// When the message in the mailbox is answered.
+    mailbox_due: Option<Instant>,
+}
+
+impl SubDevice {
+    pub(crate) fn new(config: &DeviceConfig) -> Self {
+        let description = config.description;
+        let layout = Layout::new(description);
+        let image = sii_image(description, config.serial_number, config.alias);
+        let len = |usage| layout.find(usage).map_or(0, |(_, layout)| usize::from(layout.len));
+        let clock = description.distributed_clocks.then_some(config.clock);
+        let mut device = Self {
+            description,
+            layout,
+            esc: Esc::new(image, config.eeprom_delay, clock),
+            al: StateMachine::new(),
+            inputs: vec![0; len(Usage::Inputs)].into_boxed_slice(),
+            outputs: vec![0; len(Usage::Outputs)].into_boxed_slice(),
+            has_outputs: false,
+            dictionary: Dictionary::new(description, config.serial_number),
+            mailbox: description.mailbox.map(|mailbox| Mailbox::new(mailbox.len)),
+            file: File::new(description.mailbox.map_or(0, |mailbox| mailbox.file_capacity)),
+            answer_delay: config.answer_delay,
+            al_due: None,
+            mailbox_due: None,
+        };
+        device.start();
+        device
+    }
+
+    /// Sets all to what it is after power-on, except the EEPROM.
+    pub(crate) fn power_on(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        self.esc.reset(now);
+        self.al = StateMachine::new();
+        (self.al_due, self.mailbox_due) = (None, None);
+        self.start();
+        sink.push(Event::StateChanged { state: self.al.state(), code: self.al.error() });
+    }
+
+    fn start(&mut self) {
+        self.has_outputs = false;
+        self.reset_mailbox();
+        self.show_status();
+        self.lock_process_data(true);
+    }
+
+    pub(crate) const fn state(&self) -> (AlState, AlStatusCode) {
+        (self.al.state(), self.al.error())
+    }
+
+    /// Returns the outputs, in OP once they have come.
+    pub(crate) fn outputs(&self) -> Option<&[u8]> {
+        (self.al.state() == AlState::Op && self.has_outputs).then_some(&self.outputs)
+    }
+
+    pub(crate) fn inputs_mut(&mut self) -> &mut [u8] {
+        &mut self.inputs
+    }
+
+    pub(crate) const fn dictionary(&self) -> &Dictionary {
+        &self.dictionary
+    }
+
+    pub(crate) const fn dictionary_mut(&mut self) -> &mut Dictionary {
+        &mut self.dictionary
+    }
+
+    pub(crate) const fn file(&self) -> &File {
+        &self.file
+    }
+
+    /// Queues an emergency. Returns whether there was room, and a mailbox that is running.
+    pub(crate) fn raise(&mut self, emergency: Emergency) -> bool {
+        let running = self.al.state() >= AlState::PreOp;
+        let raised = running && self.mailbox.as_mut().is_some_and(|mailbox| mailbox.raise(emergency));
+        self.send_mail();
+        raised
+    }
+
+    /// Hands the inputs to the chip.
+    pub(crate) fn publish_inputs(&mut self) {
+        if self.al.state() >= AlState::SafeOp
+            && let Some((index, _)) = self.layout.find(Usage::Inputs)
+        {
+            self.esc.put(index, &self.inputs);
+        }
+    }
+
+    /// Falls to SAFE-OP, or stays below it, with an error of the device itself.
+    pub(crate) fn fail(&mut self, code: AlStatusCode, sink: &mut Sink<'_>) {
+        self.al.fail(AlState::SafeOp, code);
+        self.esc.stop_watchdog();
+        self.has_outputs = false;
+        self.show_status();
+        // The MainDevice misses the outputs' share of the working counter until it acknowledges (ETG.1020).
+        if let Some((index, _)) = self.layout.find(Usage::Outputs) {
+            self.esc.lock(index, true);
+        }
+        sink.push(Event::StateChanged { state: self.al.state(), code });
+    }
+
+    /// Does what a frame that has passed asks for.
+    pub(crate) fn serve(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        let changes = self.esc.take_changes();
+        if changes.reset {
+            return self.power_on(now, sink);
+        }
+        if changes.al_control {
+            self.al_due = Some(now + self.answer_delay);
+        }
+        if changes.written & self.bit(Usage::MailboxReceive) != 0 {
+            self.mailbox_due = Some(now + self.answer_delay);
+        }
+        if changes.sync_managers {
+            self.repeat_mail();
+        }
+        if changes.read & self.bit(Usage::MailboxSend) != 0 {
+            self.send_mail();
+            // A request that waited for room for its answer.
+            self.mailbox_due = self.mailbox_due.or(Some(now));
+        }
+        if let Some((index, _)) = self.layout.find(Usage::Outputs)
+            && changes.written & (1 << index) != 0
+            && self.al.state() == AlState::Op
+            && let Some(data) = self.esc.take(index).filter(|data| data.len() == self.outputs.len())
+        {
+            self.outputs.copy_from_slice(data);
+            self.has_outputs = true;
+        }
+        self.advance(now, sink);
+    }
+
+    /// Does what is due.
+    pub(crate) fn advance(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        if self.al_due.is_some_and(|due| due <= now) {
+            self.al_due = None;
+            self.follow_request(now, sink);
+        }
+        if self.mailbox_due.is_some_and(|due| due <= now) {
+            self.mailbox_due = None;
+            self.receive_mail(sink);
+        }
+        if self.esc.watchdog_expires(now) && self.al.state() == AlState::Op {
+            self.fail(AlStatusCode::WATCHDOG, sink);
+        }
+        while let Some((sync, system_time_ns)) = self.esc.pulse(now) {
+            sink.push(match sync {
+                Sync::Sync0 => Event::Sync0 { system_time_ns },
+                Sync::Sync1 => Event::Sync1 { system_time_ns },
+            });
+        }
+    }
+
+    /// Returns when something is due.
+    pub(crate) fn deadline(&self) -> Option<Instant> {
+        Instant::earlier(Instant::earlier(self.al_due, self.mailbox_due), self.esc.deadline())
+    }
+
+    fn bit(&self, usage: Usage) -> u8 {
+        self.layout.find(usage).map_or(0, |(index, _)| 1 << index)
+    }
+
+    /// Serves the message in the mailbox, if the answer to the one before has left.
+    fn receive_mail(&mut self, sink: &mut Sink<'_>) {
+        let state = self.al.state();
+        let Some((index, _)) = self.layout.find(Usage::MailboxReceive) else { return };
+        let Some(mailbox) = self.mailbox.as_mut().filter(|_| state > AlState::Init) else { return };
+        if mailbox.outgoing(&self.dictionary).is_none()
+            && let Some(message) = self.esc.take(index)
+        {
+            let process = ProcessData { inputs: &self.inputs, outputs: &self.outputs };
+            let (dictionary, file) = (&mut self.dictionary, &mut self.file);
+            mailbox.receive(message, &mut Context { state, dictionary, process, file, sink });
+        }
+        self.send_mail();
+    }
+
+    /// Puts the next message into the mailbox, if that is empty.
+    fn send_mail(&mut self) {
+        let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
+        let Some(mailbox) = &mut self.mailbox else { return };
+        if let Some(message) = mailbox.outgoing(&self.dictionary)
+            && self.esc.put(index, message)
+        {
+            mailbox.handed_out();
+        }
+    }
+
+    /// Puts the last message into the mailbox once more, if the MainDevice asks for it.
+    fn repeat_mail(&mut self) {
+        let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
+        let request = self.esc.sync_manager(index).repeat_request();
+        if let Some(message) = self.mailbox.as_mut().and_then(|mailbox| mailbox.repetition(request)) {
+            // If it is full, the message that the MainDevice wants is in it still.
+            self.esc.put(index, message);
+            self.esc.acknowledge_repeat(index);
+        }
+    }
+
+    fn reset_mailbox(&mut self) {
+        if let Some(mailbox) = &mut self.mailbox {
+            mailbox.reset();
+        }
+    }
+
+    fn follow_request(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        let before = self.state();
+        let mut al = self.al;
+        al.request(self.esc.al_control(), |state| self.check(state));
+        self.al = al;
+        let after = self.state();
+        self.show_status();
+        if before == after {
+            return;
+        }
+        self.enter(now, before.0);
+        sink.push(Event::StateChanged { state: after.0, code: after.1 });
+    }
+
+    /// Opens and closes what the new state has and has not.
+    fn enter(&mut self, now: Instant, before: AlState) {
+        let state = self.al.state();
+        self.lock_process_data(state < AlState::SafeOp);
+        if state == AlState::Init {
+            self.reset_mailbox();
+        }
+        if before < AlState::SafeOp {
+            self.publish_inputs();
+        }
+        if state != AlState::Op {
+            self.esc.stop_watchdog();
+            self.has_outputs = false;
+        } else if self
+            .layout
+            .find(Usage::Outputs)
+            .is_some_and(|(index, _)| self.esc.sync_manager(index).triggers_watchdog)
+        {
+            self.esc.start_watchdog(now);
+        }
+    }
+
+    fn lock_process_data(&mut self, locked: bool) {
+        for usage in [Usage::Outputs, Usage::Inputs] {
+            if let Some((index, _)) = self.layout.find(usage) {
+                self.esc.lock(index, locked);
+            }
+        }
+    }
+
+    fn show_status(&mut self) {
+        self.esc.set_al_status(self.al.status(), self.al.error().0);
+    }
+
+    /// Returns whether the MainDevice has configured the device for a state.
+    fn check(&self, state: AlState) -> Result<(), AlStatusCode> {
+        match state {
+            AlState::Boot => {
+                if self.description.mailbox.is_none_or(|mailbox| mailbox.file_capacity == 0) {
+                    return Err(AlStatusCode::BOOT_NOT_SUPPORTED);
+                }
+                self.check_mailbox().map_err(|()| AlStatusCode::INVALID_BOOT_MAILBOX)
+            }
+            AlState::PreOp => self.check_mailbox().map_err(|()| AlStatusCode::INVALID_MAILBOX),
+            AlState::SafeOp => {
+                self.check_process_data(Usage::Outputs).map_err(|()| AlStatusCode::INVALID_OUTPUTS)?;
+                self.check_process_data(Usage::Inputs).map_err(|()| AlStatusCode::INVALID_INPUTS)?;
+                match self.esc.sync_signals() {
+                    (true, false) => Err(AlStatusCode::INVALID_SYNC),
+                    _ => Ok(()),
+                }
+            }
+            AlState::Init | AlState::Op => Ok(()),
+        }
+    }
+
+    fn check_mailbox(&self) -> Result<(), ()> {
+        for usage in [Usage::MailboxReceive, Usage::MailboxSend] {
+            let Some((index, layout)) = self.layout.find(usage) else { continue };
+            let unit = self.esc.sync_manager(index);
+            let fits = unit.guards() && unit.len >= 32 && unit.len <= layout.len;
+            (fits && self.is_as_planned(index, layout)).then_some(()).ok_or(())?;
+        }
+        Ok(())
+    }
+
+    fn check_process_data(&self, usage: Usage) -> Result<(), ()> {
+        let Some((index, layout)) = self.layout.find(usage) else { return Ok(()) };
+        let unit = self.esc.sync_manager(index);
+        if layout.len == 0 {
+            return (!unit.guards()).then_some(()).ok_or(());
+        }
+        let fits = unit.guards() && unit.len == layout.len && self.is_as_planned(index, layout);
+        fits.then_some(()).ok_or(())
+    }
+
+    /// Returns whether a sync manager has the start, mode and direction that the EEPROM names.
+    fn is_as_planned(&self, index: usize, layout: SyncManagerLayout) -> bool {
+        let control = self.esc.sync_manager_control(index);
+        self.esc.sync_manager(index).start == layout.start && control & 0x0F == layout.control & 0x0F
+    }
+}

@@ -1,0 +1,73 @@
+//! FoE: a file is written and read back.
+
+use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
+
+use crate::devices::BRIDGE;
+use crate::hand::Hand;
+
+/// Data in one packet: a mailbox of 128 bytes without both headers.
+const PACKET: usize = 128 - 6 - 6;
+
+fn foe(hand: &mut Hand, operation: u8, number: u32, rest: &[u8]) -> Option<(u8, u32, Vec<u8>)> {
+    let mut body = vec![operation, 0];
+    body.extend(number.to_le_bytes());
+    body.extend(rest);
+    assert_eq!(hand.post(4, &body), 1);
+    let (protocol, _, answer) = hand.fetch()?;
+    assert_eq!(protocol, 4);
+    Some((answer[0], u32::from_le_bytes(answer[2..6].try_into().unwrap()), answer[6..].to_vec()))
+}
+
+fn started() -> Hand {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&BRIDGE));
+    Hand::start(segment)
+}
+
+#[test]
+fn a_file_of_any_length_is_written_in_packets_and_read_back() {
+    for len in [0, 1, PACKET - 1, PACKET, PACKET + 1, 3 * PACKET, 1000] {
+        let mut hand = started();
+        let file: Vec<u8> = (0..len).map(|at| at as u8).collect();
+        assert_eq!(foe(&mut hand, 2, 0, b"robot.toml"), Some((4, 0, vec![])));
+        let mut sent = 0;
+        for number in 1.. {
+            let data = &file[sent..len.min(sent + PACKET)];
+            assert_eq!(foe(&mut hand, 3, number, data), Some((4, number, vec![])), "{len} bytes");
+            sent += data.len();
+            if data.len() < PACKET {
+                break;
+            }
+        }
+        assert_eq!(hand.segment.file(DeviceId(0)), Some((&b"robot.toml"[..], &file[..])));
+        assert!(hand.events.contains(&(DeviceId(0), Event::FileWritten { len })));
+
+        let mut read = Vec::new();
+        let mut answer = foe(&mut hand, 1, 0, b"robot.toml");
+        for number in 1.. {
+            let Some((3, packet, data)) = answer else { panic!("{answer:?}") };
+            assert_eq!(packet, number);
+            read.extend(&data);
+            answer = foe(&mut hand, 4, number, &[]);
+            if data.len() < PACKET {
+                break;
+            }
+        }
+        assert_eq!((read, answer), (file, None));
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_a_wrong_packet_and_too_much_data_are_errors() {
+    let mut hand = started();
+    assert_eq!(foe(&mut hand, 1, 0, b"nothing"), Some((5, 0x8001, vec![])));
+    foe(&mut hand, 2, 0, b"file");
+    assert_eq!(foe(&mut hand, 3, 2, &[0; PACKET]), Some((5, 0x8005, vec![])));
+    assert_eq!(foe(&mut hand, 3, 1, &[0; PACKET]), Some((5, 0x8004, vec![])), "the transfer has ended");
+    foe(&mut hand, 2, 0, b"file");
+    for number in 1..=8 {
+        assert_eq!(foe(&mut hand, 3, number, &[0; PACKET]), Some((4, number, vec![])));
+    }
+    assert_eq!(foe(&mut hand, 3, 9, &[0; PACKET]), Some((5, 0x8003, vec![])));
+    assert_eq!(hand.segment.file(DeviceId(0)), None, "a file is there once it is whole");
+}

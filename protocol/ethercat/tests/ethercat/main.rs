@@ -1,0 +1,13 @@
+//! SubDevices under a MainDevice that others wrote, and under one by hand, in virtual time.
+
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by a panic")]
+#![expect(unreachable_pub, reason = "a test program has no users")]
+
+mod devices;
+mod foe;
+mod hand;
+mod main_device;
+mod sdo;
+mod states;
+mod time;
+mod working_counters;

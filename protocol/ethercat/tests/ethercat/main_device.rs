@@ -1,0 +1,175 @@
+//! ethercrab's MainDevice as a machine: a script in its own words runs against a segment in virtual time.
+
+use std::pin::Pin;
+use std::task::{Context, Poll, Waker};
+
+use ethercat_subdevice::{DeviceId, Event as SegmentEvent, Segment};
+use ethercrab::{MainDevice, MainDeviceConfig, PduRx, PduStorage, PduTx, Timeouts};
+use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
+use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
+
+use crate::time;
+
+const FRAMES: usize = 16;
+const DATA: usize = PduStorage::element_size(1486);
+
+/// A MainDevice that follows a script, and the frames of both.
+pub struct Scripted<'a, T> {
+    script: Option<Pin<Box<dyn Future<Output = T> + 'a>>>,
+    tx: PduTx<'a>,
+    rx: PduRx<'a>,
+    wake: Option<Instant>,
+    result: Option<T>,
+    /// Frames that ethercrab could not use.
+    pub refused: usize,
+}
+
+impl<T> Scripted<'_, T> {
+    fn poll(&mut self, now: Instant) {
+        let Some(script) = &mut self.script else { return };
+        let mut context = Context::from_waker(Waker::noop());
+        let (poll, wake) = time::at(now, || script.as_mut().poll(&mut context));
+        self.wake = wake;
+        if let Poll::Ready(result) = poll {
+            (self.script, self.wake, self.result) = (None, None, Some(result));
+        }
+    }
+}
+
+impl<T> Machine for Scripted<'_, T> {
+    type Event = T;
+
+    fn ports(&self) -> &[PortRequest] {
+        &[PortRequest::Ethernet { ether_type: ethercat_subdevice::ETHER_TYPE, groups: &[] }]
+    }
+
+    fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
+        // A late or a double frame is an error to it; the rest goes on.
+        self.refused += usize::from(self.rx.receive_frame(frame).is_err());
+        self.poll(now);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.poll(now);
+    }
+
+    fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let frame = self.tx.next_sendable_frame()?;
+        let mut len = 0;
+        let sent = frame.send_blocking(|bytes| {
+            buf[..bytes.len()].copy_from_slice(bytes);
+            len = bytes.len();
+            Ok(len)
+        });
+        sent.ok().map(|_| Transmit { port: Port::Ethernet, to: None, len })
+    }
+
+    fn poll_event(&mut self) -> Option<T> {
+        self.result.take()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.wake
+    }
+}
+
+/// A segment that the test looks at afterwards.
+struct Borrowed<'a>(&'a mut Segment);
+
+impl Machine for Borrowed<'_> {
+    type Event = (DeviceId, SegmentEvent);
+
+    fn ports(&self) -> &[PortRequest] {
+        self.0.ports()
+    }
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.0.handle_frame(now, from, frame);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.0.handle_timeout(now);
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.0.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        self.0.poll_event()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.0.poll_timeout()
+    }
+}
+
+/// A script, the segment that it runs against, and the cable between them.
+pub struct Stand<'s> {
+    segment: &'s mut Segment,
+    pub seed: u64,
+    pub cable: Impairment,
+    pub timeouts: Timeouts,
+    pub config: MainDeviceConfig,
+    /// How long the script may take.
+    pub limit: Duration,
+}
+
+/// What is left when a script has ended.
+pub struct Ended<T> {
+    /// What it returned, or `None` if it took too long.
+    pub result: Option<T>,
+    pub segment_events: Vec<(DeviceId, SegmentEvent)>,
+    pub at: Instant,
+    /// Frames that ethercrab could not use.
+    pub refused: usize,
+}
+
+impl<'s> Stand<'s> {
+    pub fn new(segment: &'s mut Segment) -> Self {
+        Self {
+            segment,
+            seed: 1,
+            cable: Impairment { delay: Duration::from_micros(20), ..Impairment::default() },
+            timeouts: Timeouts::default(),
+            config: MainDeviceConfig { dc_static_sync_iterations: 0, ..MainDeviceConfig::default() },
+            limit: Duration::from_secs(20),
+        }
+    }
+
+    /// Runs a script to its end. `watch` is called after each event of the segment, and may change it.
+    pub fn run<T>(
+        self,
+        script: impl AsyncFnOnce(&MainDevice<'_>) -> T,
+        mut watch: impl FnMut(&mut Segment, Instant),
+    ) -> Ended<T> {
+        let storage = PduStorage::<FRAMES, DATA>::new();
+        let (tx, rx, pdu_loop) = storage.try_split().unwrap();
+        let main_device = MainDevice::new(pdu_loop, self.timeouts, self.config);
+        let script = async move { script(&main_device).await };
+        let mut scripted =
+            Scripted { script: Some(Box::pin(script)), tx, rx, wake: None, result: None, refused: 0 };
+        scripted.poll(Instant::ZERO);
+        let config = PairConfig {
+            seed: self.seed,
+            clocks: [Clock::default(); 2],
+            links: [self.cable; 2],
+            addresses: [None; 2],
+        };
+        let mut pair = Pair::new(scripted, Borrowed(self.segment), config);
+        let mut segment_events = Vec::new();
+        let mut result = None;
+        let end = Instant::ZERO + self.limit;
+        while let Some(event) = pair.next_event(end) {
+            match event {
+                Event::A(ended) => {
+                    result = Some(ended);
+                    break;
+                }
+                Event::B(event) => segment_events.push(event),
+            }
+            pair.command_b(|Borrowed(segment), now| watch(segment, now));
+        }
+        Ended { result, segment_events, at: pair.now(), refused: pair.a().refused }
+    }
+}

@@ -1,0 +1,223 @@
+//! SDOs: by ethercrab, and by hand where ethercrab sends no such transfer.
+
+use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Event, Segment};
+use ethercrab::error::{Error, MailboxError};
+
+use crate::devices::{BRIDGE, LONG_TEXT};
+use crate::hand::Hand;
+use crate::main_device::Stand;
+use crate::time;
+
+const BRIDGE_ID: DeviceId = DeviceId(0);
+
+fn bridge() -> Segment {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig { serial_number: 0x1234_5678, ..DeviceConfig::new(&BRIDGE) });
+    segment
+}
+
+/// Returns an SDO request: command, index, subindex, and four bytes.
+fn request(command: u8, index: u16, subindex: u8, data: u32) -> Vec<u8> {
+    let mut request = vec![command];
+    request.extend(index.to_le_bytes());
+    request.push(subindex);
+    request.extend(data.to_le_bytes());
+    request
+}
+
+/// Returns the code of an abort.
+fn abort(answer: &[u8]) -> u32 {
+    assert_eq!(answer[0], 0x80, "{answer:02X?}");
+    u32::from_le_bytes(answer[4..8].try_into().unwrap())
+}
+
+#[test]
+fn ethercrab_reads_values_that_fit_a_mailbox_and_writes_expedited_ones() {
+    let ended = Stand::new(&mut bridge()).run(
+        async |main| {
+            let group = main.init_single_group::<4, 512>(time::now_ns).await?;
+            let device = group.subdevice(main, 0)?;
+            assert_eq!(device.sdo_read::<u32>(0x1018, 4).await?, 0x1234_5678);
+            assert_eq!(device.sdo_read::<[u8; 6]>(0x1008, 0).await?, *b"BRIDGE");
+            assert_eq!(device.sdo_read::<[u8; 8]>(0x8000, 4).await?, [0; 8]);
+            device.sdo_write(0x8000, 1, 0xBEEF_u16).await?;
+            assert_eq!(device.sdo_read::<u16>(0x8000, 1).await?, 0xBEEF);
+            let refused = device.sdo_write(0x1018, 1, 1_u32).await;
+            assert!(matches!(refused, Err(Error::Mailbox(MailboxError::Aborted { .. }))), "{refused:?}");
+            assert_eq!(device.sdo_read_array::<u16, 4>(0x1C12).await?.as_slice(), [0x1600]);
+            Ok::<_, Error>(())
+        },
+        |_, _| {},
+    );
+    assert_eq!(ended.result, Some(Ok(())), "ended at {:?}", ended.at);
+    let written = (BRIDGE_ID, Event::ObjectWritten { index: 0x8000, subindex: 1 });
+    assert!(ended.segment_events.contains(&written));
+}
+
+#[test]
+fn a_normal_download_and_a_segmented_one_store_the_same_as_an_expedited_one() {
+    let mut hand = Hand::start(bridge());
+    assert_eq!(hand.sdo(&request(0x2B, 0x8000, 1, 0x1234)), request(0x60, 0x8000, 1, 0));
+    assert_eq!(hand.segment.object(BRIDGE_ID, 0x8000, 1), Some(&[0x34, 0x12][..]));
+    // Eight bytes do not fit an expedited one.
+    let mut normal = request(0x21, 0x8000, 4, 8);
+    normal.extend([1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(hand.sdo(&normal), request(0x60, 0x8000, 4, 0));
+    assert_eq!(hand.segment.object(BRIDGE_ID, 0x8000, 4), Some(&[1, 2, 3, 4, 5, 6, 7, 8][..]));
+    // 200 bytes do not fit a mailbox: 112, then 85, then 3 of 7.
+    let text: Vec<u8> = (0..200).collect();
+    let mut first = request(0x21, 0x8001, 0, 200);
+    first.extend(&text[..112]);
+    assert_eq!(hand.sdo(&first), request(0x60, 0x8001, 0, 0));
+    let mut second = vec![0x00];
+    second.extend(&text[112..197]);
+    assert_eq!(hand.sdo(&second), [0x20, 0, 0, 0, 0, 0, 0, 0]);
+    let third = [0x10 | 4 << 1 | 0x01, 197, 198, 199, 0, 0, 0, 0];
+    assert_eq!(hand.sdo(&third), [0x30, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(hand.segment.object(BRIDGE_ID, 0x8001, 0), Some(&text[..]));
+}
+
+#[test]
+fn a_segmented_upload_gives_the_whole_text_and_refuses_a_toggle_bit_that_does_not_change() {
+    let mut hand = Hand::start(bridge());
+    let first = hand.sdo(&request(0x40, 0x8001, 0, 0));
+    assert_eq!(first[..8], request(0x41, 0x8001, 0, 300)[..]);
+    let mut text = first[8..].to_vec();
+    for toggle in [0x00, 0x10] {
+        let segment = hand.sdo(&[0x60 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(segment[0] & 0x10, toggle);
+        text.extend(&segment[1..]);
+    }
+    assert_eq!(text, LONG_TEXT);
+    hand.sdo(&request(0x40, 0x8001, 0, 0));
+    assert_eq!(abort(&hand.sdo(&[0x70, 0, 0, 0, 0, 0, 0, 0])), 0x0503_0000);
+    // The transfer has ended with that.
+    assert_eq!(abort(&hand.sdo(&[0x60, 0, 0, 0, 0, 0, 0, 0])), 0x0504_0001);
+}
+
+#[test]
+fn a_complete_access_reads_all_entries_and_writes_those_that_may_be_written() {
+    let mut hand = Hand::start(bridge());
+    let answer = hand.sdo(&request(0x50, 0x8000, 0, 0));
+    assert_eq!(answer[..8], request(0x51, 0x8000, 0, 17)[..]);
+    let mut object = answer[8..].to_vec();
+    assert_eq!(object, [4, 0, 7, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    object[2] = 99;
+    let mut download = request(0x31, 0x8000, 0, 17);
+    download.extend(&object);
+    assert_eq!(hand.sdo(&download), request(0x70, 0x8000, 0, 0));
+    assert_eq!(hand.segment.object(BRIDGE_ID, 0x8000, 1), Some(&[99, 0][..]));
+    object[0] = 5; // the highest subindex cannot be written
+    let mut download = request(0x31, 0x8000, 0, 17);
+    download.extend(&object);
+    assert_eq!(abort(&hand.sdo(&download)), 0x0601_0002);
+    assert_eq!(abort(&hand.sdo(&request(0x50, 0x8001, 0, 0))), 0x0601_0004);
+}
+
+#[test]
+fn what_may_not_be_done_is_aborted_with_its_code() {
+    let mut hand = Hand::start(bridge());
+    for (asked, code) in [
+        (request(0x40, 0x5000, 0, 0), 0x0602_0000),
+        (request(0x40, 0x8000, 9, 0), 0x0609_0011),
+        (request(0x40, 0x8000, 3, 0), 0x0601_0001),
+        (request(0x2F, 0x1001, 0, 1), 0x0601_0002),
+        (request(0x23, 0x8000, 1, 1), 0x0607_0012),
+        (request(0x2F, 0x8000, 1, 1), 0x0607_0013),
+        (request(0x21, 0x8001, 0, u32::MAX), 0x0607_0012),
+        (request(0x2F, 0x7000, 1, 1), 0x0800_0022),
+        (request(0xA0, 0x8000, 1, 0), 0x0504_0001),
+        (request(0x60, 0x8000, 1, 0), 0x0504_0001),
+    ] {
+        assert_eq!(abort(&hand.sdo(&asked)), code, "{asked:02X?}");
+    }
+}
+
+#[test]
+fn an_object_that_is_mapped_shows_the_process_data() {
+    let mut segment = bridge();
+    let mut inputs = [0; 256];
+    inputs[4..8].copy_from_slice(&[1, 2, 3, 4]);
+    segment.set_inputs(BRIDGE_ID, &inputs).unwrap();
+    let mut hand = Hand::start(segment);
+    assert_eq!(hand.sdo(&request(0x40, 0x6000, 2, 0)), request(0x43, 0x6000, 2, 0x0403_0201));
+    assert_eq!(hand.sdo(&request(0x40, 0x6000, 0, 0)), request(0x4F, 0x6000, 0, 64));
+}
+
+#[test]
+fn the_information_service_lists_and_describes_the_objects() {
+    let mut hand = Hand::start(bridge());
+    let lengths = hand.coe(8, &[1, 0, 0, 0, 0, 0]);
+    assert_eq!(lengths[2..8], [2, 0, 0, 0, 0, 0]);
+    assert_eq!(lengths[8..], [15, 0, 1, 0, 1, 0, 0, 0, 0, 0]);
+    let all = hand.coe(8, &[1, 0, 0, 0, 1, 0]);
+    assert_eq!(all[2..8], [2, 0, 0, 0, 1, 0]);
+    let indices: Vec<u16> = all[8..].chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    assert_eq!(indices[..6], [0x1000, 0x1001, 0x1008, 0x1009, 0x100A, 0x1018]);
+    assert_eq!((indices.len(), indices[14]), (15, 0x8001));
+    let object = hand.coe(8, &[3, 0, 0, 0, 0x00, 0x80]);
+    assert_eq!(object[2..12], [4, 0, 0, 0, 0x00, 0x80, 0, 0, 4, 9]);
+    assert_eq!(object[12..], *b"Settings");
+    let entry = hand.coe(8, &[5, 0, 0, 0, 0x00, 0x80, 1, 0]);
+    assert_eq!(entry[2..16], [6, 0, 0, 0, 0x00, 0x80, 1, 0, 6, 0, 16, 0, 0x3F, 0]);
+    assert_eq!(entry[16..], *b"Gain");
+    let error = hand.coe(8, &[3, 0, 0, 0, 0x00, 0x50]);
+    assert_eq!(error[2..], [7, 0, 0, 0, 0x00, 0x00, 0x02, 0x06]);
+}
+
+#[test]
+fn an_emergency_comes_before_the_answer_and_both_arrive() {
+    let mut hand = Hand::start(bridge());
+    assert!(hand.segment.raise(BRIDGE_ID, Emergency { code: 0x8611, register: 0x20, data: [1; 5] }));
+    let body = [vec![0, 0x20], request(0x40, 0x1000, 0, 0)].concat();
+    assert_eq!(hand.post(3, &body), 1);
+    let (_, first, emergency) = hand.fetch().unwrap();
+    assert_eq!(emergency, [0, 0x10, 0x11, 0x86, 0x20, 1, 1, 1, 1, 1]);
+    let (_, second, answer) = hand.fetch().unwrap();
+    assert_eq!(answer[2..], request(0x43, 0x1000, 0, 0x1389));
+    assert_eq!((first, second), (1, 2), "each message has the next counter");
+    assert_eq!(hand.fetch(), None);
+}
+
+#[test]
+fn a_message_that_comes_twice_is_served_once_and_a_lost_answer_is_repeated() {
+    let mut hand = Hand::start(bridge());
+    let body = [vec![0, 0x20], request(0x2B, 0x8000, 1, 5)].concat();
+    assert_eq!(hand.post_as(3, 3, &body), 1);
+    let (_, counter, answer) = hand.fetch().unwrap();
+    assert_eq!(hand.post_as(3, 3, &body), 1);
+    assert_eq!(hand.fetch(), None);
+    let writes = hand.events.iter().filter(|(_, event)| matches!(event, Event::ObjectWritten { .. }));
+    assert_eq!(writes.count(), 1);
+    // The repeat request is bit 1 of the activation register; the acknowledgement follows in the PDI's control.
+    hand.write(0x080E, &[0x03]);
+    assert_eq!(hand.read(0x080F, 1).0, [0x02]);
+    assert_eq!(hand.fetch(), Some((3, counter, answer)));
+}
+
+#[test]
+fn a_full_mailbox_takes_no_message_and_an_empty_one_gives_none() {
+    let mut hand = Hand::start(bridge());
+    let body = [vec![0, 0x20], request(0x40, 0x1000, 0, 0)].concat();
+    // The first is answered at once, the answer to the second has no room, so the third stays in the mailbox.
+    for working_counter in [1, 1, 1, 0] {
+        assert_eq!(hand.post(3, &body), working_counter);
+    }
+    for _ in 0..3 {
+        assert!(hand.fetch().is_some());
+    }
+    assert_eq!(hand.fetch(), None);
+    assert_eq!(hand.post(3, &body), 1);
+}
+
+#[test]
+fn other_protocols_and_short_messages_get_an_error_reply() {
+    let mut hand = Hand::start(bridge());
+    for (protocol, body, detail) in
+        [(2, vec![0; 4], 2), (3, vec![0], 6), (3, vec![0, 0x90], 4), (4, vec![1], 6)]
+    {
+        assert_eq!(hand.post(protocol, &body), 1);
+        let (answered, _, answer) = hand.fetch().unwrap();
+        assert_eq!((answered, answer), (0, vec![1, 0, detail, 0]), "{protocol} {body:?}");
+    }
+}

@@ -1,0 +1,178 @@
+//! From INIT to OP and back.
+
+use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment};
+use ethercrab::error::Error;
+use machine::Duration;
+
+use crate::devices::{BRIDGE, SIMPLE};
+use crate::hand::{APRD, APWR, FIRST, Hand};
+use crate::main_device::Stand;
+use crate::time;
+
+#[test]
+fn a_device_without_mailbox_comes_to_op_and_exchanges_process_data() {
+    let mut segment = Segment::new();
+    let id = segment.add(&DeviceConfig { serial_number: 77, ..DeviceConfig::new(&SIMPLE) });
+    segment.set_inputs(id, &[0xAB, 0xCD]).unwrap();
+    let ended = Stand::new(&mut segment).run(
+        async |main| {
+            let group = main.init_single_group::<4, 64>(time::now_ns).await?;
+            let group = group.into_op(main).await?;
+            let mut last = (0, [0; 2]);
+            for round in 0..10 {
+                {
+                    let device = group.subdevice(main, 0)?;
+                    assert_eq!(device.name(), "SIMPLE");
+                    assert_eq!(device.identity().serial, 77);
+                    device.outputs_raw_mut().copy_from_slice(&[round, 1, 2, 3]);
+                }
+                let response = group.tx_rx(main).await?;
+                let device = group.subdevice(main, 0)?;
+                last = (response.working_counter, device.inputs_raw().as_ref().try_into().unwrap());
+            }
+            Ok::<_, Error>(last)
+        },
+        |_, _| {},
+    );
+    assert_eq!(ended.result, Some(Ok((3, [0xAB, 0xCD]))), "ended at {:?}", ended.at);
+    assert_eq!(ended.refused, 0);
+    let states: Vec<_> = ended
+        .segment_events
+        .iter()
+        .map(|(id, event)| match event {
+            Event::StateChanged { state, code } => (*id, *state, code.0),
+            event => panic!("{event:?}"),
+        })
+        .collect();
+    let expected = [AlState::PreOp, AlState::SafeOp, AlState::Op].map(|state| (DeviceId(0), state, 0));
+    assert_eq!(states, expected);
+}
+
+#[test]
+fn a_bridge_of_256_bytes_comes_to_op_in_less_than_200_ms_and_exchanges_every_byte() {
+    let mut segment = Segment::new();
+    let id = segment.add(&DeviceConfig::new(&BRIDGE));
+    let inputs: [u8; 256] = core::array::from_fn(|at| at as u8);
+    segment.set_inputs(id, &inputs).unwrap();
+    let ended = Stand::new(&mut segment).run(
+        async |main| {
+            let group = main.init_single_group::<4, 512>(time::now_ns).await?;
+            let group = group.into_op(main).await?;
+            let in_op = time::now_ns();
+            group.subdevice(main, 0)?.outputs_raw_mut().fill(0xA5);
+            let first = group.tx_rx(main).await?.working_counter;
+            let received = group.subdevice(main, 0)?.inputs_raw().to_vec();
+            Ok::<_, Error>((in_op, first, received))
+        },
+        |_, _| {},
+    );
+    let (in_op, working_counter, received) = ended.result.unwrap().unwrap();
+    assert!(in_op < 200_000_000, "{in_op} ns");
+    assert_eq!((working_counter, &received[..]), (3, &inputs[..]));
+    assert_eq!(segment.outputs(id), Some(&[0xA5; 256][..]));
+}
+
+const BRIDGE_ID: DeviceId = DeviceId(0);
+
+fn bridge_in_pre_op() -> Hand {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&BRIDGE));
+    Hand::start(segment)
+}
+
+#[test]
+fn outputs_that_stay_away_for_100_ms_take_the_device_to_safe_op_until_that_is_acknowledged() {
+    let mut hand = bridge_in_pre_op();
+    hand.operate();
+    assert_eq!(hand.segment.outputs(BRIDGE_ID), None, "none have come yet");
+    for _ in 0..5 {
+        hand.wait(Duration::from_millis(99));
+        assert_eq!(hand.write(0x1100, &[7; 256]), 1);
+    }
+    assert_eq!(hand.segment.outputs(BRIDGE_ID), Some(&[7; 256][..]));
+    hand.wait(Duration::from_millis(99));
+    assert_eq!(hand.al_status(), (0x08, 0));
+    hand.wait(Duration::from_millis(1));
+    assert_eq!(hand.al_status(), (0x14, 0x001B));
+    assert_eq!(hand.read(0x0440, 1).0, [0]);
+    assert_eq!(hand.read(0x0442, 1).0, [1]);
+    assert_eq!(hand.segment.outputs(BRIDGE_ID), None);
+    assert_eq!(hand.write(0x1100, &[7; 256]), 0, "the outputs are locked");
+    assert_eq!(hand.read(0x1400, 256).1, 1, "the inputs are not");
+    hand.request_state(8);
+    assert_eq!(hand.al_status(), (0x14, 0x001B), "not acknowledged");
+    hand.request_state(0x14);
+    assert_eq!(hand.al_status(), (0x04, 0));
+    hand.request_state(8);
+    assert_eq!(hand.write(0x1100, &[8; 256]), 1);
+    assert_eq!(hand.segment.outputs(BRIDGE_ID), Some(&[8; 256][..]));
+}
+
+#[test]
+fn a_watchdog_time_of_zero_and_a_sync_manager_without_trigger_are_no_watchdog() {
+    let mut hand = bridge_in_pre_op();
+    hand.write(0x0420, &[0, 0]);
+    hand.operate();
+    hand.wait(Duration::from_secs(10));
+    assert_eq!(hand.al_status(), (0x08, 0));
+    let mut hand = bridge_in_pre_op();
+    hand.operate();
+    hand.request_state(2);
+    hand.write(0x0816, &[0]);
+    hand.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x24, 0, 1, 0]);
+    hand.request_state(4);
+    hand.request_state(8);
+    hand.wait(Duration::from_secs(10));
+    assert_eq!(hand.al_status(), (0x08, 0));
+}
+
+#[test]
+fn sync_managers_that_do_not_fit_are_refused_with_the_code_of_the_state() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&BRIDGE));
+    let mut hand = Hand::new(segment);
+    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    hand.request_state(2);
+    assert_eq!(hand.al_status(), (0x11, AlStatusCode::INVALID_MAILBOX.0));
+    let mut hand = bridge_in_pre_op();
+    hand.request_state(4);
+    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_OUTPUTS.0));
+    hand.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
+    // 255 bytes instead of 256.
+    hand.write(0x0818, &[0x00, 0x14, 0xFF, 0x00, 0x20, 0, 1, 0]);
+    hand.request_state(0x14);
+    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0));
+    hand.request_state(8);
+    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0), "not acknowledged");
+    hand.request_state(0x18);
+    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_STATE_CHANGE.0));
+}
+
+#[test]
+fn an_application_that_takes_its_time_shows_the_old_state_until_then() {
+    let mut segment = Segment::new();
+    let slow = DeviceConfig { answer_delay: Duration::from_millis(3), ..DeviceConfig::new(&SIMPLE) };
+    segment.add(&slow);
+    let mut hand = Hand::new(segment);
+    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    hand.request_state(2);
+    hand.wait(Duration::from_micros(2_999));
+    assert_eq!(hand.al_status(), (0x01, 0));
+    hand.wait(Duration::from_micros(1));
+    assert_eq!(hand.al_status(), (0x02, 0));
+}
+
+#[test]
+fn a_reset_by_the_maindevice_is_a_power_on() {
+    let mut hand = bridge_in_pre_op();
+    hand.operate();
+    for letter in *b"RES" {
+        hand.write(0x0040, &[letter]);
+    }
+    assert_eq!(hand.exchange(APRD, 0, 0x0010, &[0; 2]), (vec![0, 0], 1));
+    assert_eq!(hand.exchange(APRD, 0, 0x0130, &[0; 2]).0, [1, 0]);
+    assert_eq!(
+        hand.events.last().unwrap().1,
+        Event::StateChanged { state: AlState::Init, code: AlStatusCode::NO_ERROR }
+    );
+}

@@ -1,0 +1,173 @@
+//! What each command reads, writes and counts, by hand at three devices.
+
+use ethercat_subdevice::{DeviceConfig, Segment};
+
+use crate::devices::{BRIDGE, SIMPLE};
+use crate::hand::{APRD, APWR, ARMW, BRD, BRW, BWR, FIRST, FPRD, FPRW, FPWR, FRMW, Hand, LRD, LRW, LWR};
+
+/// User RAM, which every device has and nothing else uses.
+const RAM: u16 = 0x0F80;
+
+fn three() -> Hand {
+    let mut segment = Segment::new();
+    for _ in 0..3 {
+        segment.add(&DeviceConfig { alias: 0x77, ..DeviceConfig::new(&SIMPLE) });
+    }
+    let mut hand = Hand::new(segment);
+    for position in 0..3_u16 {
+        let address = (FIRST + position).to_le_bytes();
+        assert_eq!(hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &address).1, 1);
+        assert_eq!(hand.exchange(FPWR, FIRST + position, RAM, &[1 << position]).1, 1);
+    }
+    hand
+}
+
+/// Returns the byte in each device's RAM.
+fn ram(hand: &mut Hand) -> [u8; 3] {
+    core::array::from_fn(|position| hand.exchange(FPRD, FIRST + position as u16, RAM, &[0]).0[0])
+}
+
+#[test]
+fn each_physical_command_reads_writes_and_counts_as_the_standard_says() {
+    let second = FIRST + 1;
+    // Command, position, incoming, then outgoing, working counter and what the three have afterwards.
+    for (command, position, out, count, after) in [
+        (APRD, 0xFFFF, 2, 1, [1, 2, 4]),
+        (APWR, 0xFFFF, 0x80, 1, [1, 0x80, 4]),
+        (3, 0xFFFF, 2, 3, [1, 0x80, 4]),
+        (FPRD, second, 2, 1, [1, 2, 4]),
+        (FPWR, second, 0x80, 1, [1, 0x80, 4]),
+        (FPRW, second, 2, 3, [1, 0x80, 4]),
+        (FPRD, 0x5555, 0x80, 0, [1, 2, 4]),
+        (BRD, 0, 0x87, 3, [1, 2, 4]),
+        (BWR, 0, 0x80, 3, [0x80; 3]),
+        // Each device writes what reached it, which contains the memory of those before.
+        (BRW, 0, 0x87, 9, [0x80, 0x81, 0x83]),
+        // The first device writes what came, the second reads, the third writes what the second has.
+        (ARMW, 0xFFFF, 2, 3, [0x80, 2, 2]),
+        (FRMW, second, 2, 3, [0x80, 2, 2]),
+        (0, 0, 0x80, 0, [1, 2, 4]),
+        (15, 0, 0x80, 0, [1, 2, 4]),
+    ] {
+        let mut hand = three();
+        let (data, counted) = hand.exchange(command, position, RAM, &[0x80]);
+        assert_eq!((data[0], counted, ram(&mut hand)), (out, count, after), "command {command}");
+    }
+}
+
+#[test]
+fn positions_and_broadcasts_are_counted_up_and_station_addresses_stay() {
+    let mut hand = three();
+    for (command, before, after) in [
+        (APRD, 0xFFFF, 2),
+        (BRD, 0, 3),
+        (BWR, 7, 10),
+        (FPRD, FIRST, FIRST),
+        (FRMW, FIRST, FIRST),
+        (ARMW, 0, 3),
+    ] {
+        let address = u32::from(before) | u32::from(RAM) << 16;
+        let (address, ..) = hand.exchange_at(command, address, &[0]).unwrap();
+        assert_eq!(address as u16, after, "command {command}");
+    }
+}
+
+#[test]
+fn the_alias_addresses_a_device_once_it_is_enabled() {
+    let mut hand = three();
+    assert_eq!(hand.exchange(FPRD, 0x77, RAM, &[0]).1, 0);
+    hand.exchange(FPWR, FIRST + 2, 0x0103, &[1]);
+    assert_eq!(hand.exchange(FPRD, 0x77, RAM, &[0]), (vec![4], 1));
+}
+
+#[test]
+fn registers_that_do_not_exist_or_cannot_be_written_do_not_count() {
+    let mut hand = three();
+    // No clock; the AL status is the device's own; address past the RAM.
+    for (command, offset, counted) in [
+        (BRD, 0x0910, 0),
+        (BWR, 0x0900, 0),
+        (BWR, 0x0130, 0),
+        (BRD, 0x0130, 3),
+        (BRD, 0xF000, 0),
+        (BRD, 0x1F00, 3),
+    ] {
+        assert_eq!(hand.exchange(command, 0, offset, &[0; 2]).1, counted, "0x{offset:04X}");
+    }
+    // One byte is enough.
+    assert_eq!(hand.exchange(BRD, 0, 0x000F, &[0; 4]).1, 3);
+}
+
+/// Maps `len` bytes at a logical address to the RAM of a device, by its FMMU `index`.
+fn map(hand: &mut Hand, device: u16, index: u16, logical: u32, len: u16, directions: u8) {
+    let mut fmmu = logical.to_le_bytes().to_vec();
+    fmmu.extend(len.to_le_bytes());
+    fmmu.extend([0, 7, 0x80, 0x0F, 0, directions, 1, 0, 0, 0]);
+    assert_eq!(hand.exchange(FPWR, FIRST + device, 0x0600 + 16 * index, &fmmu).1, 1);
+}
+
+#[test]
+fn logical_commands_count_one_to_read_and_write_and_two_to_write_in_both() {
+    for (command, out, count, after) in [
+        (LRD, [0xAA, 2, 4], 2, [1, 2, 4]),
+        (LWR, [0xAA, 0xBB, 0xCC], 2, [0xAA, 2, 0xCC]),
+        (LRW, [0xAA, 2, 4], 6, [0xAA, 2, 0xCC]),
+    ] {
+        let mut hand = three();
+        map(&mut hand, 0, 0, 0x0001_0000, 1, 2);
+        map(&mut hand, 1, 0, 0x0001_0001, 1, 1);
+        map(&mut hand, 2, 3, 0x0001_0002, 1, 3);
+        let (_, data, counted) = hand.exchange_at(command, 0x0001_0000, &[0xAA, 0xBB, 0xCC]).unwrap();
+        assert_eq!((&data[..], counted, ram(&mut hand)), (&out[..], count, after), "command {command}");
+        assert_eq!(hand.exchange_at(command, 0x0002_0000, &[0; 3]).unwrap().2, 0);
+    }
+}
+
+#[test]
+fn two_fmmus_of_one_device_count_once() {
+    let mut hand = three();
+    map(&mut hand, 0, 0, 0x100, 1, 1);
+    map(&mut hand, 0, 1, 0x101, 1, 1);
+    assert_eq!(hand.exchange_at(LRD, 0x100, &[0; 2]).unwrap(), (0x100, vec![1, 1], 1));
+}
+
+#[test]
+fn bits_are_mapped_without_touching_their_neighbours() {
+    let mut hand = three();
+    // Logical bits 6..10 to bits 1..5 of the RAM, both directions.
+    let fmmu = [0, 0, 0, 0, 2, 0, 6, 1, 0x80, 0x0F, 1, 3, 1, 0, 0, 0];
+    hand.exchange(FPWR, FIRST, 0x0600, &fmmu);
+    hand.exchange(FPWR, FIRST, RAM, &[0b1000_0001]);
+    let (_, data, counted) = hand.exchange_at(LRW, 0, &[0b1111_1111, 0b0000_0001]).unwrap();
+    assert_eq!((data, counted), (vec![0b0011_1111, 0b0000_0000], 3));
+    assert_eq!(ram(&mut hand)[0], 0b1000_1111);
+}
+
+#[test]
+fn a_configured_sync_manager_cannot_be_changed_until_it_is_switched_off() {
+    let mut hand = three();
+    hand.write(0x0800, &[0x00, 0x10, 4, 0, 0x64, 0, 1, 0]);
+    hand.write(0x0800, &[0x00, 0x20, 9, 0, 0x26]);
+    assert_eq!(hand.read(0x0800, 5).0, [0x00, 0x10, 4, 0, 0x64]);
+    hand.write(0x0806, &[0]);
+    hand.write(0x0800, &[0x00, 0x20, 9, 0, 0x26]);
+    assert_eq!(hand.read(0x0800, 5).0, [0x00, 0x20, 9, 0, 0x26]);
+}
+
+#[test]
+fn a_buffer_is_opened_by_its_first_byte_and_handed_over_by_its_last() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&BRIDGE));
+    let mut hand = Hand::start(segment);
+    // A free sync manager: three buffers of 4 bytes, written by the MainDevice.
+    hand.write(0x0838, &[0x00, 0x28, 4, 0, 0x64, 0, 1, 0]);
+    assert_eq!(hand.write(0x2801, &[1]), 0, "not opened");
+    assert_eq!(hand.write(0x2800, &[1, 2]), 1);
+    assert_eq!(hand.read(0x083D, 1).0, [0x30], "no buffer is written yet");
+    assert_eq!(hand.write(0x2802, &[3, 4]), 1);
+    assert_eq!(hand.read(0x083D, 1).0, [0x01], "the first buffer is written");
+    assert_eq!(hand.write(0x2802, &[3, 4]), 0, "handed over");
+    assert_eq!(hand.read(0x2800, 4).1, 0, "the MainDevice writes this one");
+    assert_eq!(hand.write(0x2804, &[9; 8]), 0, "the other buffers are the chip's");
+    assert_eq!(hand.write(0x280C, &[9]), 1, "behind them is free memory");
+}
