@@ -145,6 +145,19 @@ gate_ethernet_ip() {
     [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
 }
 
+# EtherCAT gate: no malformed or short frame, no error, no cut datagram, every request came back, and no process data
+# passed all devices without being counted. SOEM sends from a group address, which is a warning of Ethernet's.
+ETHERCAT_FAULTS='_ws.malformed || _ws.short || (_ws.expert.severity >= 0x00600000 && !eth.src_not_group) || ecat_mailbox.invalid || ecat_mailbox.coe.invalid || ecat_mailbox.foe.invalid || ecatf.type != 1 || ecatf.length + 16 > frame.len || ecat.cmd > 14 || ecat.sub1.cmd > 14 || ecat.sub2.cmd > 14 || ecat.sub3.cmd > 14 || (eth.src.lg == 1 && ecat.cmd in {10 .. 12} && ecat.cnt == 0)'
+gate_ethercat() {
+    local requests replies faults
+    requests=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 0' 2>/dev/null | wc -l)
+    replies=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 1' 2>/dev/null | wc -l)
+    faults=$(tshark -n -r "$1" -Y "$ETHERCAT_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
+    [ "$requests" -eq "$replies" ] || faults=$((faults + 1))
+    echo "$1: $requests EtherCAT frames, $replies replies, $faults faults"
+    [ "$requests" -gt 0 ] && [ "$faults" -eq 0 ]
+}
+
 # gate_sees_faults GATE CAPTURE: checks that a gate finds faults, in the same capture with the last eight bytes of
 # each frame cut off. Randomly changed bytes would not be enough: in a capture of a dozen frames they may hit only
 # addresses, and a frame that is not ours is no fault.
@@ -248,7 +261,7 @@ newest_python() {
 verb_interop() { #: our stacks against those of others, each in a process of its own; captures through the gates (as root)
     local target="${CARGO_TARGET_DIR:-$PWD/target}" interop=scripts/interop
     export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python"
-    export NODE_MODULES="$target/interop/node_modules" OUT
+    export NODE_MODULES="$target/interop/node_modules" EXAMPLES="$target/debug/examples" OUT
     build
     cargo build --manifest-path "$interop/peers/Cargo.toml" --target-dir "$target/interop/peers" --locked
     if ! cmp -s "$interop/peers/python.txt" "$VENV/python.txt"; then
@@ -271,6 +284,7 @@ verb_interop() { #: our stacks against those of others, each in a process of its
         case $name in
             playback-*) continue ;; # no bus
             profinet-*) gate=gate_profinet ;;
+            ethercat-*) gate=gate_ethercat ;;
             *) gate=gate_ethernet_ip ;;
         esac
         "$gate" "$OUT/capture.pcapng"
