@@ -3,6 +3,8 @@
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by a panic")]
 #![expect(unreachable_pub, reason = "a test program has no users")]
 
+mod cables;
+mod clocks;
 mod devices;
 mod foe;
 mod hand;

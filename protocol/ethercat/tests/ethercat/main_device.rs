@@ -119,7 +119,8 @@ pub struct Stand<'s> {
 pub struct Ended<T> {
     /// What it returned, or `None` if it took too long.
     pub result: Option<T>,
-    pub segment_events: Vec<(DeviceId, SegmentEvent)>,
+    /// What the devices reported, and when.
+    pub events: Vec<(Instant, DeviceId, SegmentEvent)>,
     pub at: Instant,
     /// Frames that ethercrab could not use.
     pub refused: usize,
@@ -137,11 +138,17 @@ impl<'s> Stand<'s> {
         }
     }
 
-    /// Runs a script to its end. `watch` is called after each event of the segment, and may change it.
-    pub fn run<T>(
+    /// Runs a script to its end.
+    pub fn run<T>(self, script: impl AsyncFnOnce(&MainDevice<'_>) -> T) -> Ended<T> {
+        self.run_with(script, &[] as &[(Instant, ())], |_, ()| ())
+    }
+
+    /// Runs a script to its end; at each of these instants something happens to the segment.
+    pub fn run_with<T, E: Copy>(
         self,
         script: impl AsyncFnOnce(&MainDevice<'_>) -> T,
-        mut watch: impl FnMut(&mut Segment, Instant),
+        happenings: &[(Instant, E)],
+        happen: impl Fn(&mut Segment, E),
     ) -> Ended<T> {
         let storage = PduStorage::<FRAMES, DATA>::new();
         let (tx, rx, pdu_loop) = storage.try_split().unwrap();
@@ -157,19 +164,24 @@ impl<'s> Stand<'s> {
             addresses: [None; 2],
         };
         let mut pair = Pair::new(scripted, Borrowed(self.segment), config);
-        let mut segment_events = Vec::new();
+        let mut events = Vec::new();
         let mut result = None;
-        let end = Instant::ZERO + self.limit;
-        while let Some(event) = pair.next_event(end) {
-            match event {
-                Event::A(ended) => {
-                    result = Some(ended);
-                    break;
+        let mut happenings = happenings.iter();
+        'run: loop {
+            let happening = happenings.next();
+            let until = happening.map_or(Instant::ZERO + self.limit, |(at, _)| *at);
+            while let Some(event) = pair.next_event(until) {
+                match event {
+                    Event::A(ended) => {
+                        result = Some(ended);
+                        break 'run;
+                    }
+                    Event::B((device, event)) => events.push((pair.now(), device, event)),
                 }
-                Event::B(event) => segment_events.push(event),
             }
-            pair.command_b(|Borrowed(segment), now| watch(segment, now));
+            let Some((_, happening)) = happening else { break };
+            pair.command_b(|Borrowed(segment), _| happen(segment, *happening));
         }
-        Ended { result, segment_events, at: pair.now(), refused: pair.a().refused }
+        Ended { result, events, at: pair.now(), refused: pair.a().refused }
     }
 }

@@ -14,32 +14,29 @@ fn a_device_without_mailbox_comes_to_op_and_exchanges_process_data() {
     let mut segment = Segment::new();
     let id = segment.add(&DeviceConfig { serial_number: 77, ..DeviceConfig::new(&SIMPLE) });
     segment.set_inputs(id, &[0xAB, 0xCD]).unwrap();
-    let ended = Stand::new(&mut segment).run(
-        async |main| {
-            let group = main.init_single_group::<4, 64>(time::now_ns).await?;
-            let group = group.into_op(main).await?;
-            let mut last = (0, [0; 2]);
-            for round in 0..10 {
-                {
-                    let device = group.subdevice(main, 0)?;
-                    assert_eq!(device.name(), "SIMPLE");
-                    assert_eq!(device.identity().serial, 77);
-                    device.outputs_raw_mut().copy_from_slice(&[round, 1, 2, 3]);
-                }
-                let response = group.tx_rx(main).await?;
+    let ended = Stand::new(&mut segment).run(async |main| {
+        let group = main.init_single_group::<4, 64>(time::now_ns).await?;
+        let group = group.into_op(main).await?;
+        let mut last = (0, [0; 2]);
+        for round in 0..10 {
+            {
                 let device = group.subdevice(main, 0)?;
-                last = (response.working_counter, device.inputs_raw().as_ref().try_into().unwrap());
+                assert_eq!(device.name(), "SIMPLE");
+                assert_eq!(device.identity().serial, 77);
+                device.outputs_raw_mut().copy_from_slice(&[round, 1, 2, 3]);
             }
-            Ok::<_, Error>(last)
-        },
-        |_, _| {},
-    );
+            let response = group.tx_rx(main).await?;
+            let device = group.subdevice(main, 0)?;
+            last = (response.working_counter, device.inputs_raw().as_ref().try_into().unwrap());
+        }
+        Ok::<_, Error>(last)
+    });
     assert_eq!(ended.result, Some(Ok((3, [0xAB, 0xCD]))), "ended at {:?}", ended.at);
     assert_eq!(ended.refused, 0);
     let states: Vec<_> = ended
-        .segment_events
+        .events
         .iter()
-        .map(|(id, event)| match event {
+        .map(|(_, id, event)| match event {
             Event::StateChanged { state, code } => (*id, *state, code.0),
             event => panic!("{event:?}"),
         })
@@ -54,18 +51,15 @@ fn a_bridge_of_256_bytes_comes_to_op_in_less_than_200_ms_and_exchanges_every_byt
     let id = segment.add(&DeviceConfig::new(&BRIDGE));
     let inputs: [u8; 256] = core::array::from_fn(|at| at as u8);
     segment.set_inputs(id, &inputs).unwrap();
-    let ended = Stand::new(&mut segment).run(
-        async |main| {
-            let group = main.init_single_group::<4, 512>(time::now_ns).await?;
-            let group = group.into_op(main).await?;
-            let in_op = time::now_ns();
-            group.subdevice(main, 0)?.outputs_raw_mut().fill(0xA5);
-            let first = group.tx_rx(main).await?.working_counter;
-            let received = group.subdevice(main, 0)?.inputs_raw().to_vec();
-            Ok::<_, Error>((in_op, first, received))
-        },
-        |_, _| {},
-    );
+    let ended = Stand::new(&mut segment).run(async |main| {
+        let group = main.init_single_group::<4, 512>(time::now_ns).await?;
+        let group = group.into_op(main).await?;
+        let in_op = time::now_ns();
+        group.subdevice(main, 0)?.outputs_raw_mut().fill(0xA5);
+        let first = group.tx_rx(main).await?.working_counter;
+        let received = group.subdevice(main, 0)?.inputs_raw().to_vec();
+        Ok::<_, Error>((in_op, first, received))
+    });
     let (in_op, working_counter, received) = ended.result.unwrap().unwrap();
     assert!(in_op < 200_000_000, "{in_op} ns");
     assert_eq!((working_counter, &received[..]), (3, &inputs[..]));

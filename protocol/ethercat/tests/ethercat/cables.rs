@@ -1,0 +1,183 @@
+//! Lines and trees, cut and mended cables, devices without power.
+
+use embassy_time::Timer;
+use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment};
+use ethercrab::MainDevice;
+use ethercrab::error::Error;
+use machine::{Duration, Instant};
+
+use crate::devices::{BRIDGE, SIMPLE};
+use crate::hand::{APRD, APWR, BRD, Hand, frame};
+use crate::main_device::Stand;
+use crate::time;
+
+const USER_RAM: u16 = 0x0F80;
+
+fn line(devices: usize) -> Segment {
+    let mut segment = Segment::new();
+    for _ in 0..devices {
+        segment.add(&DeviceConfig::new(&SIMPLE));
+    }
+    segment
+}
+
+/// Returns how many devices a frame passes.
+fn count(hand: &mut Hand) -> u16 {
+    hand.exchange(BRD, 0, 0, &[0]).1
+}
+
+fn dl_status(hand: &mut Hand, position: u16) -> u16 {
+    let (status, _) = hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0110, &[0; 2]);
+    u16::from_le_bytes([status[0], status[1]])
+}
+
+#[test]
+fn each_cut_leaves_the_devices_before_it_and_mending_brings_the_others_back() {
+    for cut in 1..4 {
+        let mut hand = Hand::new(line(4));
+        assert_eq!(count(&mut hand), 4);
+        assert_eq!(dl_status(&mut hand, cut - 1), 0x5A37, "links at ports 0 and 1, loops closed at 2 and 3");
+        hand.segment.set_cut(DeviceId(usize::from(cut)), true);
+        assert_eq!(count(&mut hand), cut);
+        assert_eq!(dl_status(&mut hand, cut - 1), 0x5617, "the loop at port 1 is closed, too");
+        let (lost, _) = hand.exchange(APRD, 1_u16.wrapping_sub(cut), 0x0310, &[0; 4]);
+        assert_eq!(lost, [0, 1, 0, 0], "lost links of the device before the cut");
+        hand.segment.set_cut(DeviceId(usize::from(cut)), false);
+        assert_eq!(count(&mut hand), 4);
+        assert_eq!(dl_status(&mut hand, cut - 1), 0x5A37);
+    }
+}
+
+#[test]
+fn a_cut_of_the_first_cable_loses_every_frame() {
+    let mut hand = Hand::new(line(2));
+    hand.segment.set_cut(DeviceId(0), true);
+    assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
+    assert_eq!(hand.segment.counters().lost, 1);
+    hand.segment.set_cut(DeviceId(0), false);
+    assert_eq!(count(&mut hand), 2);
+}
+
+#[test]
+fn a_device_that_lost_power_comes_back_in_init_without_an_address_and_takes_those_behind_it_along() {
+    let mut hand = Hand::new(line(3));
+    for position in 0..3_u16 {
+        hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &(0x1000 + position).to_le_bytes());
+    }
+    hand.segment.set_power(hand.now, DeviceId(1), false);
+    assert_eq!(count(&mut hand), 1);
+    hand.segment.set_power(hand.now, DeviceId(1), true);
+    assert_eq!(count(&mut hand), 3);
+    let addresses: Vec<_> = (0..3_u16)
+        .map(|position| hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0010, &[0; 2]).0)
+        .collect();
+    assert_eq!(addresses, [[0x00, 0x10], [0, 0], [0x02, 0x10]]);
+    assert_eq!(hand.segment.state(DeviceId(1)).unwrap().0, AlState::Init);
+}
+
+#[test]
+fn a_frame_passes_a_tree_in_the_order_of_ports_3_1_2() {
+    let mut segment = Segment::new();
+    let config = DeviceConfig::new(&SIMPLE);
+    let fork = segment.add(&config);
+    let at_1 = segment.add_at(&config, fork, 1).unwrap();
+    segment.add_at(&config, fork, 2).unwrap();
+    let at_3 = segment.add_at(&config, fork, 3).unwrap();
+    segment.add_at(&config, at_1, 1).unwrap();
+    assert_eq!(segment.add_at(&config, fork, 3), None, "taken");
+    assert_eq!(segment.add_at(&config, fork, 0), None, "towards the MainDevice");
+    assert_eq!(segment.add_at(&config, fork, 4), None, "no such port");
+    // Each device keeps the address of its position: the fork, then what is at ports 3, 1 and 2.
+    let mut hand = Hand::new(segment);
+    for position in 0..5_u16 {
+        hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &[position as u8, 0x10]);
+    }
+    hand.segment.set_cut(at_3, true);
+    assert_eq!(station_addresses(&mut hand, 4), [0x1000, 0x1002, 0x1003, 0x1004]);
+    hand.segment.set_cut(at_3, false);
+    hand.segment.set_cut(at_1, true);
+    assert_eq!(station_addresses(&mut hand, 3), [0x1000, 0x1001, 0x1004]);
+}
+
+fn station_addresses(hand: &mut Hand, devices: u16) -> Vec<u16> {
+    assert_eq!(count(hand), devices);
+    (0..devices)
+        .map(|position| hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0010, &[0; 2]).0)
+        .map(|address| u16::from_le_bytes([address[0], address[1]]))
+        .collect()
+}
+
+#[test]
+fn a_loop_that_is_closed_by_hand_ends_the_line_and_one_held_open_loses_frames_into_nothing() {
+    let mut hand = Hand::new(line(2));
+    // Port 1 closed.
+    hand.exchange(APWR, 0, 0x0101, &[0b1100]);
+    assert_eq!(count(&mut hand), 1);
+    hand.exchange(APWR, 0, 0x0101, &[0]);
+    assert_eq!(count(&mut hand), 2);
+    // Port 1 of the last device open, where no cable is: the frame that opens it does not come back itself.
+    assert_eq!(hand.send(&frame(APWR, 0x0101_FFFF, &[0b1000])), None);
+    assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
+}
+
+#[test]
+fn a_frame_comes_back_after_every_cable_and_every_device_both_ways() {
+    let mut segment = Segment::new();
+    for (cable_delay, forwarding_delay) in [(1000, 100), (20, 30), (5, 7)] {
+        segment.add(&DeviceConfig {
+            cable_delay: Duration::from_nanos(cable_delay),
+            forwarding_delay: Duration::from_nanos(forwarding_delay),
+            ..DeviceConfig::new(&SIMPLE)
+        });
+    }
+    let mut hand = Hand::new(segment);
+    count(&mut hand);
+    // The last device is passed once: it sends the frame back out of the port that it came from.
+    assert_eq!(hand.now, Instant::from_nanos(2 * (1000 + 20 + 5) + 2 * (100 + 30) + 7));
+}
+
+#[test]
+fn chips_know_their_own_user_ram_only() {
+    let mut hand = Hand::new(line(2));
+    hand.exchange(APWR, 0xFFFF, USER_RAM, &[9]);
+    assert_eq!(hand.exchange(APRD, 0, USER_RAM, &[0]), (vec![0], 1));
+    assert_eq!(hand.exchange(APRD, 0xFFFF, USER_RAM, &[0]), (vec![9], 1));
+}
+
+/// Three bridges in OP under ethercrab; the cable before the second one is cut for 300 ms and mended.
+#[test]
+fn after_a_cut_the_devices_behind_it_fall_back_and_come_to_op_again_without_a_restart() {
+    let mut segment = Segment::new();
+    for _ in 0..3 {
+        segment.add(&DeviceConfig::new(&BRIDGE));
+    }
+    let cuts = [(500, true), (800, false)].map(|(at, cut)| (Instant::from_millis(at), cut));
+    let stand = Stand::new(&mut segment);
+    let script = async |main: &MainDevice<'_>| {
+        let group = main.init_single_group::<4, 2048>(time::now_ns).await?;
+        let group = group.into_op(main).await?;
+        let mut counted = Vec::new();
+        while time::now_ns() < 2_000_000_000 {
+            let cycle = group.tx_rx(main).await?;
+            if counted.last() != Some(&cycle.working_counter) {
+                counted.push(cycle.working_counter);
+            }
+            // Only those that answer can be asked.
+            for device in group.iter(main) {
+                let Ok(status) = device.register_read::<[u8; 2]>(0x0130_u16).await else { continue };
+                if status[0] == 0x14 {
+                    device.register_write(0x0120_u16, 0x0014_u16).await?;
+                } else if status[0] == 0x04 {
+                    device.register_write(0x0120_u16, 0x0008_u16).await?;
+                }
+            }
+            Timer::after_millis(1).await;
+        }
+        Ok::<_, Error>((counted, group.tx_rx(main).await?.all_op()))
+    };
+    let ended = stand.run_with(script, &cuts, |segment, cut| segment.set_cut(DeviceId(1), cut));
+    // All three, where the third's outputs are in two frames and count twice; the first alone; with it the inputs of the
+    // others, which indicate their watchdog; all three.
+    assert_eq!(ended.result, Some(Ok((vec![11, 3, 5, 11], true))));
+    assert!((0..3).all(|device| segment.state(DeviceId(device)).unwrap().0 == AlState::Op));
+}

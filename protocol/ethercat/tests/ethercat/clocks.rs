@@ -1,0 +1,171 @@
+//! Distributed clocks: delays measured from the cable, clocks that run wrong and are made to agree, SYNC signals.
+
+use embassy_time::Timer;
+use ethercat_subdevice::{DeviceConfig, DeviceId, Event, LocalClock, Segment};
+use ethercrab::error::Error;
+use ethercrab::subdevice_group::DcConfiguration;
+use ethercrab::{DcSync, MainDevice, MainDeviceConfig};
+use machine::{Duration, Instant};
+
+use crate::devices::{BRIDGE, SIMPLE};
+use crate::hand::{APRD, BWR, Hand};
+use crate::main_device::Stand;
+use crate::time;
+
+/// Start in ns, error in ppb, and delay of the cable in ns, of each device.
+const DEVICES: [(u64, i64, u64); 4] = [
+    (0, 0, 500),
+    (1_000_000_000, 100_000, 120),
+    (77, -100_000, 1_000),
+    (u32::MAX as u64 - 50_000_000, 30_000, 40),
+];
+
+const FORWARDING_NS: u64 = 300;
+
+fn bridge((start_ns, error_ppb, cable_ns): (u64, i64, u64)) -> DeviceConfig {
+    DeviceConfig {
+        forwarding_delay: Duration::from_nanos(FORWARDING_NS),
+        cable_delay: Duration::from_nanos(cable_ns),
+        clock: LocalClock { start_ns, error_ppb },
+        ..DeviceConfig::new(&BRIDGE)
+    }
+}
+
+fn line() -> Segment {
+    let mut segment = Segment::new();
+    for device in DEVICES {
+        segment.add(&bridge(device));
+    }
+    segment
+}
+
+#[test]
+fn a_broadcast_write_latches_the_time_at_each_port_that_the_frame_comes_by() {
+    let mut segment = Segment::new();
+    for cable_ns in [500, 100, 30] {
+        segment.add(&bridge((5_000, 0, cable_ns)));
+    }
+    let mut hand = Hand::new(segment);
+    assert_eq!(hand.exchange(BWR, 0, 0x0900, &[0; 4]).1, 3);
+    let times: Vec<[u32; 2]> = (0..3_u16)
+        .map(|position| {
+            let (times, _) = hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0900, &[0; 8]);
+            [0, 4].map(|at| u32::from_le_bytes(times[at..at + 4].try_into().unwrap()))
+        })
+        .collect();
+    let first = 5_000 + 500;
+    let second = first + 300 + 100;
+    let third = second + 300 + 30;
+    let back_at_second = third + 300 + 30;
+    let back_at_first = back_at_second + 300 + 100;
+    assert_eq!(times, [[first, back_at_first], [second, back_at_second], [third, 0]]);
+    // Another frame latches nothing.
+    assert_eq!(hand.exchange(APRD, 0, 0x0900, &[0; 4]).0, first.to_le_bytes());
+}
+
+#[test]
+fn a_device_without_clock_does_not_count_in_the_latch_of_the_others() {
+    let mut segment = line();
+    segment.add(&DeviceConfig::new(&SIMPLE));
+    let mut hand = Hand::new(segment);
+    assert_eq!(hand.exchange(BWR, 0, 0x0900, &[0; 4]).1, DEVICES.len() as u16);
+}
+
+/// Largest difference in ns between the system times of the devices at one instant.
+fn spread(segment: &Segment, now: Instant) -> u64 {
+    let times: Vec<u64> =
+        (0..DEVICES.len()).map(|id| segment.system_time(DeviceId(id), now).unwrap()).collect();
+    times.iter().max().unwrap() - times.iter().min().unwrap()
+}
+
+#[test]
+fn ethercrab_measures_the_delays_of_the_cable_and_makes_all_clocks_agree() {
+    let mut segment = line();
+    let mut stand = Stand::new(&mut segment);
+    stand.config = MainDeviceConfig { dc_static_sync_iterations: 10_000, ..MainDeviceConfig::default() };
+    let ended = stand.run(async |main| {
+        let group = main.init_single_group::<4, 2048>(time::now_ns).await?;
+        let delays: Vec<u32> = group.iter(main).map(|device| device.propagation_delay()).collect();
+        let mut differences = Vec::new();
+        for device in group.iter(main) {
+            differences.push(device.register_read::<u32>(0x092C_u16).await? & 0x7FFF_FFFF);
+        }
+        Ok::<_, Error>((delays, differences))
+    });
+    let (delays, differences) = ended.result.unwrap().unwrap();
+    let mut true_delays = vec![0];
+    for (_, _, cable_ns) in &DEVICES[1..] {
+        true_delays.push(true_delays.last().unwrap() + (FORWARDING_NS + cable_ns) as u32);
+    }
+    // The clocks measure with their own errors: 100 ppm of some microseconds.
+    let off = delays.iter().zip(&true_delays).map(|(measured, truth)| measured.abs_diff(*truth)).max();
+    assert!(off.unwrap() <= FORWARDING_NS as u32 / 2, "{delays:?} instead of {true_delays:?}");
+    assert!(differences.iter().all(|difference| *difference < 20), "{differences:?} ns");
+    let spread = spread(&segment, ended.at);
+    assert!(spread < 200, "{spread} ns");
+}
+
+#[test]
+fn sync_signals_come_at_every_device_at_the_same_time_and_by_the_period() {
+    let mut segment = line();
+    let mut stand = Stand::new(&mut segment);
+    stand.config = MainDeviceConfig { dc_static_sync_iterations: 10_000, ..MainDeviceConfig::default() };
+    let ended = stand.run(async |main: &MainDevice<'_>| {
+        let mut group = main.init_single_group::<4, 2048>(time::now_ns).await?;
+        for mut device in group.iter_mut(main) {
+            device.set_dc_sync(DcSync::Sync01 { sync1_period: Duration::from_micros(100) });
+        }
+        let configuration = DcConfiguration {
+            start_delay: Duration::from_millis(20),
+            sync0_period: Duration::from_millis(1),
+            sync0_shift: Duration::from_micros(500),
+        };
+        let group = group.into_pre_op_pdi(main).await?;
+        let group = group.configure_dc_sync(main, configuration).await?;
+        let group = group.into_safe_op(main).await?;
+        let group = group.request_into_op(main).await?;
+        let mut all_op = false;
+        for _ in 0..100 {
+            let cycle = group.tx_rx_dc(main).await?;
+            all_op = cycle.all_op();
+            Timer::after_nanos(cycle.extra.next_cycle_wait.as_nanos() as u64).await;
+        }
+        Ok::<_, Error>(all_op)
+    });
+    assert_eq!(ended.result, Some(Ok(true)));
+    let pulses = |wanted: fn(&Event) -> Option<u64>| -> Vec<(u64, DeviceId, Instant)> {
+        ended.events.iter().filter_map(|(at, id, event)| Some((wanted(event)?, *id, *at))).collect()
+    };
+    let sync0 = pulses(|event| match event {
+        Event::Sync0 { system_time_ns } => Some(*system_time_ns),
+        _ => None,
+    });
+    let sync1 = pulses(|event| match event {
+        Event::Sync1 { system_time_ns } => Some(*system_time_ns),
+        _ => None,
+    });
+    assert!(sync0.len() >= 4 * 70, "{} pulses", sync0.len());
+    for (time, _, at) in &sync0 {
+        assert_eq!(time % 1_000_000, 0);
+        let (_, _, other) = sync0.iter().find(|(other, id, _)| other == time && *id == DeviceId(0)).unwrap();
+        let apart = at.since(*other).max(other.since(*at));
+        assert!(apart < Duration::from_nanos(300), "{apart:?} apart at {time}");
+    }
+    assert!(sync1.iter().all(|(time, ..)| time % 1_000_000 == 100_000));
+}
+
+#[test]
+fn a_sync_start_that_has_passed_makes_no_signal_and_keeps_the_device_from_safe_op() {
+    let mut segment = Segment::new();
+    segment.add(&bridge((1_000_000, 0, 0)));
+    let mut hand = Hand::start(segment);
+    hand.write(0x0990, &500_000_u64.to_le_bytes());
+    hand.write(0x09A0, &1_000_000_u32.to_le_bytes());
+    hand.write(0x0981, &[0x03]);
+    hand.wait(Duration::from_secs(1));
+    assert!(hand.events.iter().all(|(_, event)| !matches!(event, Event::Sync0 { .. })));
+    hand.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
+    hand.write(0x0818, &[0x00, 0x14, 0x00, 0x01, 0x20, 0, 1, 0]);
+    hand.request_state(4);
+    assert_eq!(hand.al_status(), (0x12, 0x0030));
+}
