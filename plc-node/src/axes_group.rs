@@ -1,6 +1,11 @@
 //! The robot as the PLC program sees it: what PLCopen calls an axes group and hands to every block by reference.
 
+mod turn;
+
 use protocol::image::{Command, Control, Feedback};
+
+use turn::Waiting;
+pub(crate) use turn::{Ticket, Turn};
 
 use crate::Override;
 use crate::function_blocks::{BlockError, is_at_rest};
@@ -23,6 +28,10 @@ pub struct AxesGroup {
     pub(crate) feedback: Option<Feedback>,
     /// Whether a block's skill is under way.
     pub(crate) commanded: bool,
+    /// The skill that waits for the one under way.
+    waiting: Option<Waiting>,
+    /// Number of the last ticket.
+    tickets: u16,
     /// Scans since the robot's life counter changed.
     still_scans: u32,
     /// The PLC's life counter in the first image of a stop that an error of a block asks for, until the robot stands.
@@ -38,6 +47,8 @@ impl AxesGroup {
             command: Command::default(),
             feedback: None,
             commanded: false,
+            waiting: None,
+            tickets: 0,
             still_scans: 0,
             error_stop: None,
             patience,
@@ -140,20 +151,18 @@ impl AxesGroup {
     pub fn disarm(&mut self) {
         self.command.control = Control::default();
         self.commanded = false;
+        self.waiting = None;
         self.error_stop = None;
         self.feedback = None;
         self.still_scans = 0;
     }
 
-    /// Claims the robot for a skill and gives the command a number that the robot takes for a new one.
+    /// Claims the robot for the skill whose turn it is and gives the command a number that the robot takes for a new one.
     ///
     /// A PLC that was restarted does not know the number it used last, so the robot's echo is avoided too; 0 is left
     /// out because it stands for no command on a robot that was just switched on.
     pub(crate) fn issue(&mut self) -> Result<u16, BlockError> {
         let Some(feedback) = &self.feedback else { return Err(BlockError::NotConnected) };
-        if self.commanded {
-            return Err(BlockError::Occupied);
-        }
         if self.error_stop.is_some() {
             return Err(BlockError::Stopping);
         }
@@ -167,11 +176,12 @@ impl AxesGroup {
         Ok(number)
     }
 
-    /// Ends the claim of the skill with this number.
-    pub(crate) fn release(&mut self, number: u16) {
+    /// Ends the claim of the skill with this number, which is done, or failed or was given up.
+    pub(crate) const fn release(&mut self, number: u16, is_done: bool) {
         if self.command.number == number {
             self.command.control.set(Control::EXECUTE, false);
             self.commanded = false;
+            self.end_skill(is_done);
         }
     }
 }
@@ -197,16 +207,6 @@ mod tests {
         group.command.number = u16::MAX;
         group.read(Some(Feedback::default()));
         assert_eq!(group.issue(), Ok(1));
-    }
-
-    #[test]
-    fn a_second_skill_is_refused_while_one_is_under_way() {
-        let mut group = group();
-        group.read(Some(Feedback::default()));
-        let number = group.issue().unwrap();
-        assert_eq!(group.issue(), Err(BlockError::Occupied));
-        group.release(number);
-        assert!(group.issue().is_ok());
     }
 
     #[test]

@@ -32,6 +32,7 @@ mod speed_override;
 mod start_position;
 
 pub use axes_group::{AxesGroup, Patience};
+pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
 pub use event::{
     Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,

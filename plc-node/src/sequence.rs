@@ -5,11 +5,14 @@ use planning::{Stop, Switch};
 use protocol::image::{Motion, MotionKind};
 
 use crate::function_blocks::{
-    BlockError, MoveCircular, MoveContinuous, MoveLinCartesian, MoveLinForceCartesian, MovePtpCartesian,
-    MovePtpJoint, MoveSpline, Outputs, RunProgram, Tally,
+    BlockError, BufferMode, MotionInputs, MoveCircular, MoveContinuous, MoveLinCartesian,
+    MoveLinForceCartesian, MovePtpCartesian, MovePtpJoint, MoveSpline, Outputs, RunProgram, Tally,
 };
 use crate::motion_source::Section;
 use crate::{AxesGroup, ExecutionType, MotionSource};
+
+/// The program never starts a skill while another one is under way, so that no mode matters.
+const MODE: BufferMode = BufferMode::Aborting;
 
 /// One instance of each function block, as the program declares them.
 #[derive(Clone, Default, Debug)]
@@ -149,7 +152,7 @@ impl Sequence {
         let answer = match self.execution_type {
             ExecutionType::Rc => {
                 let block = &mut self.blocks.run_program;
-                let outputs = block.call(true, self.program, group);
+                let outputs = block.call(true, self.program, MODE, group);
                 Ok(Answer { outputs, error: block.error(), tally: block.tally() })
             }
             ExecutionType::Cm => {
@@ -210,10 +213,10 @@ impl Sequence {
     fn continuous_motion(&mut self, motions: &mut Section<'_>, group: &mut AxesGroup) -> Answer {
         let block = &mut self.blocks.move_continuous;
         if self.step > 0 && !self.is_called {
-            block.call(false, motions, group);
+            block.call(false, motions, MODE, group);
         }
         self.is_called = true;
-        let outputs = block.call(true, motions, group);
+        let outputs = block.call(true, motions, MODE, group);
         Answer { outputs, error: block.error(), tally: block.tally() }
     }
 
@@ -235,10 +238,11 @@ impl Sequence {
     }
 
     fn call(&mut self, execute: bool, motion: &Motion, group: &mut AxesGroup) -> Result<Answer, BlockError> {
+        let inputs = MotionInputs::from(motion);
         macro_rules! call {
             ($block:ident) => {{
                 let block = &mut self.blocks.$block;
-                let outputs = block.call(execute, motion, group);
+                let outputs = block.call(execute, &inputs, MODE, group);
                 Ok(Answer { outputs, error: block.error(), tally: block.tally() })
             }};
         }

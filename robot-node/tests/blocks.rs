@@ -9,8 +9,8 @@ use std::time::Duration;
 use driven::{bare, lin, ptp};
 use machine::Instant;
 use plc_node::function_blocks::{
-    BlockError, GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset, GroupStop,
-    MoveContinuous, Outputs, SkillState,
+    BlockError, BufferMode, GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset,
+    GroupStop, MoveContinuous, Outputs, SkillState,
 };
 use plc_node::{AxesGroup, MotionList, MotionSource, Patience};
 use protocol::image::{ErrorNumber, Feedback, Motion, State, Status};
@@ -87,7 +87,7 @@ impl Cell {
     fn scan(&mut self) -> [Outputs; 7] {
         let (group, execute) = (&mut self.group, self.execute);
         group.read(Some(*self.controller.feedback()));
-        self.skill_outputs = self.skill.call(execute.skill, &mut *self.motions, group);
+        self.skill_outputs = self.skill.call(execute.skill, &mut *self.motions, BufferMode::default(), group);
         let outputs = [
             self.enable.call(execute.enable, group),
             self.disable.call(execute.disable, group),

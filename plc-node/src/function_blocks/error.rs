@@ -4,6 +4,8 @@ use core::fmt;
 
 use protocol::image::{ErrorNumber, Finding, MotionKind};
 
+use super::BufferMode;
+
 /// Why a block ended with `Error`: the robot's number, or what the block itself found.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, thiserror::Error)]
 pub enum BlockError {
@@ -24,9 +26,12 @@ pub enum BlockError {
     /// There is no connection, or it was lost.
     #[error("no connection to the robot; start again once it is up")]
     NotConnected,
-    /// Another block's skill is under way.
-    #[error("another skill is under way on this robot; wait for its end or halt it")]
-    Occupied,
+    /// Another block waits for its turn already.
+    #[error(
+        "another skill waits already for the one that is under way, and one may wait; start this one after it, or with \
+         BufferMode Aborting"
+    )]
+    QueueFull,
     /// The sequence is empty.
     #[error("the sequence has no motions; nothing was sent to the robot")]
     NoMotions,
@@ -94,6 +99,34 @@ pub enum BlockError {
         executed: u32,
         /// Motions of the skill.
         total: u32,
+    },
+    /// A buffer mode that blends.
+    #[error(
+        "BufferMode is {0:?}: the skills of two blocks are not blended into each other; use Buffered, or give the motions \
+         to one MoveContinuous, which blends them by their approximation distances"
+    )]
+    BlendingBetweenSkills(BufferMode),
+    /// A number that the image cannot carry.
+    #[error("{name} is {found}, the process image carries {lower} to {upper}; change {name}")]
+    InputOutOfRange {
+        /// The input.
+        name: &'static str,
+        /// As it stands there.
+        found: Real,
+        /// The least that the image carries beside 0.
+        lower: Real,
+        /// The most.
+        upper: Real,
+    },
+    /// An input that this kind of motion does not have.
+    #[error(
+        "{name} is given, and the process image has no room for it in this kind of motion ({kind:?}); leave it out"
+    )]
+    InputNotSupported {
+        /// The input.
+        name: &'static str,
+        /// The block's kind of motion.
+        kind: MotionKind,
     },
     /// The velocity factor of an override is out of its range.
     #[error(
@@ -173,7 +206,7 @@ impl BlockError {
         match self {
             Self::Robot { number, .. } => u16::from(number).max(1),
             Self::NotConnected => 0x8001,
-            Self::Occupied => 0x8002,
+            Self::QueueFull => 0x8002,
             Self::NoMotions => 0x8003,
             Self::NoSkillForKind(_) => 0x8004,
             Self::SourceEnded { .. } => 0x8005,
@@ -190,6 +223,9 @@ impl BlockError {
             Self::OverrideNotTaken { .. } => 0x8010,
             Self::InError { .. } => 0x8011,
             Self::Stopping => 0x8012,
+            Self::BlendingBetweenSkills(_) => 0x8013,
+            Self::InputOutOfRange { .. } => 0x8014,
+            Self::InputNotSupported { .. } => 0x8015,
         }
     }
 }

@@ -25,9 +25,9 @@ pub struct Outputs {
 /// Where the skill of a block stands: the states of OPC UA Part 10 programs, as the robot has them.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum SkillState {
-    /// The skill may be started: it was not yet, or it ended as wanted.
+    /// The skill may be started: it was not yet, it waits for another one to end, or it ended as wanted.
     Ready,
-    /// It was started and has not ended: while `Busy`, but for `CommandInterrupted`.
+    /// It was started and has not ended: while `Busy`, but for a wait and for `CommandInterrupted`.
     Running,
     /// It waits on its path: `CommandInterrupted`.
     Suspended,
@@ -46,6 +46,8 @@ pub(super) enum End {
 /// How far a busy block has come.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 enum Progress {
+    /// The skill of another block is under way.
+    Waiting,
     /// The robot has not answered yet.
     Called,
     Active,
@@ -97,6 +99,16 @@ impl Face {
         matches!(self.phase, Phase::Busy(Progress::Active | Progress::Interrupted))
     }
 
+    /// The block waits for the skill of another one to end.
+    pub(super) const fn wait(&mut self) {
+        self.phase = Phase::Busy(Progress::Waiting);
+    }
+
+    /// The command stands in the image.
+    pub(super) const fn sent(&mut self) {
+        self.phase = Phase::Busy(Progress::Called);
+    }
+
     pub(super) const fn activate(&mut self) {
         self.phase = Phase::Busy(Progress::Active);
     }
@@ -118,7 +130,7 @@ impl Face {
 
     pub(super) const fn state(&self) -> SkillState {
         match self.phase {
-            Phase::Idle | Phase::Ended(End::Done) => SkillState::Ready,
+            Phase::Idle | Phase::Busy(Progress::Waiting) | Phase::Ended(End::Done) => SkillState::Ready,
             Phase::Busy(Progress::Interrupted) => SkillState::Suspended,
             Phase::Busy(_) => SkillState::Running,
             Phase::Ended(End::Aborted | End::Error(_)) => SkillState::Halted,

@@ -12,6 +12,8 @@
 //! | [`GroupInterrupt`] | `SUSPEND` | `Suspended` |
 //! | [`GroupContinue`] | `RESUME` | `Running` |
 //!
+//! [`GroupDisable`], [`GroupHalt`] and [`GroupStop`] also give up the skill of a block that waits for its turn.
+//!
 //! Each sets its control bit with `Execute`'s rising edge and takes it back at its end; `ENABLE` stays. An end counts only
 //! once the robot has seen the bit, by the life counter that it echoes: a state from before would be no answer. A robot
 //! that does not follow in time ends the block with an error, and the bit goes back too, so that asking again is an edge.
@@ -113,7 +115,10 @@ group_blocks! {
     GroupDisable: |_| Ok(()), |feedback| {
         let is_off = !feedback.status.contains(Status::ENABLED) && is_at_rest(feedback);
         is_off.then_some(End::Done)
-    }, |group, is_busy| if is_busy { group.set_control(Control::ENABLE, false) };
+    }, |group, is_busy| if is_busy {
+        group.withdraw();
+        group.set_control(Control::ENABLE, false);
+    };
     /// Acknowledges an error and leads the robot out of `Halted` to `Ready`.
     GroupReset: |_| Ok(()), |feedback| is_ready(feedback).then_some(End::Done),
         |group, is_busy| group.set_control(Control::RESET, is_busy);
@@ -125,10 +130,10 @@ group_blocks! {
     }, |feedback| match feedback.state {
         State::Halted => Some(End::Aborted),
         _ => is_at_rest(feedback).then_some(End::Done),
-    }, |group, is_busy| group.set_control(Control::CANCEL, is_busy);
+    }, |group, is_busy| give_up(group, Control::CANCEL, is_busy);
     /// Stops the robot on its path; a skill under way is given up. No skill starts before a reset.
     GroupStop: |_| Ok(()), |feedback| is_at_rest(feedback).then_some(End::Done),
-        |group, is_busy| group.set_control(Control::HALT, is_busy);
+        |group, is_busy| give_up(group, Control::HALT, is_busy);
     /// Stops the robot on its path; the skill waits there, and its block shows `CommandInterrupted`. A skill that ends
     /// meanwhile aborts the block.
     GroupInterrupt: |feedback| is_in(feedback, State::Running, "running"), |feedback| match feedback.state {
@@ -142,6 +147,14 @@ group_blocks! {
         State::Halted => Some(End::Aborted),
         _ => Some(End::Done),
     }, |group, is_busy| group.set_control(Control::RESUME, is_busy);
+}
+
+/// Sets the bit that gives up the skill under way, and gives up the one that waits for it.
+const fn give_up(group: &mut AxesGroup, bit: Control, is_busy: bool) {
+    if is_busy {
+        group.withdraw();
+    }
+    group.set_control(bit, is_busy);
 }
 
 /// Whether the robot would take up a skill.

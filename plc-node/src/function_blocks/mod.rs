@@ -15,23 +15,29 @@
 //! if `Execute` fell before the end, they show for one scan. PLCopen lets a second rising edge restart a busy block
 //! with new parameters; a robot that executes a skill takes up no other one, so here that edge is ignored.
 //!
-//! A block is called once a scan, whatever `Execute` is. A skill is given up by [`GroupHalt`] or [`GroupStop`], not by its
-//! own block. Each block of a skill has the skill's state, [`SkillState`]. A block that ends with an error while the robot
+//! A block is called once a scan, whatever `Execute` is. A skill is given up by [`GroupHalt`] or [`GroupStop`], or by another
+//! block whose [`BufferMode`] is `Aborting`, not by its own block. A block that waits for another one is `Busy` and not
+//! `Active`; whatever gives up the skill under way gives up the one that waits for it, but for the one that did so. Inputs
+//! have [engineering units](MotionInputs). Each block of a skill has the skill's state, [`SkillState`]. A block that ends with an error while the robot
 //! may still move stops the robot.
 
+mod buffer_mode;
 mod error;
 mod face;
 mod group;
+mod inputs;
 mod move_continuous;
 mod run_program;
 mod set_override;
 mod single_motion;
 mod skill;
 
+pub use buffer_mode::BufferMode;
 pub use error::{BlockError, Real};
 pub use face::{Outputs, SkillState};
 pub use group::{GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset, GroupStop};
 pub(crate) use group::{is_at_rest, is_executing, is_ready};
+pub use inputs::{Dynamics, MotionInputs};
 pub use move_continuous::MoveContinuous;
 pub use run_program::RunProgram;
 pub use set_override::{EnableOutputs, GroupSetOverride, OverrideFactors};

@@ -3,7 +3,7 @@
 use protocol::image::{Command, Motion, SLOTS, Skill};
 
 use super::skill::{SkillCall, Tally};
-use super::{BlockError, Outputs, SkillState};
+use super::{BlockError, BufferMode, Outputs, SkillState};
 use crate::{AxesGroup, MotionSource};
 
 /// Runs a sequence of motions of any kind as one skill.
@@ -12,7 +12,8 @@ use crate::{AxesGroup, MotionSource};
 /// `curExec`), motion k + 5 goes into the slot of motion k, until all (`totalNo`) are written (paper, section 5.2).
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct MoveContinuous {
-    pub(super) call: SkillCall,
+    /// Its parameter is the number of motions.
+    pub(super) call: SkillCall<u32>,
     /// The paper's `cntFC`: motions that are written and not executed, at most.
     depth: u32,
 }
@@ -32,22 +33,25 @@ impl MoveContinuous {
         Self { call: SkillCall::default(), depth: depth.clamp(1, SLOTS as u32) }
     }
 
-    /// One scan. The number of motions counts at the rising edge of `execute`; the motions are asked for as slots
-    /// become free.
-    pub fn call(&mut self, execute: bool, motions: &mut dyn MotionSource, group: &mut AxesGroup) -> Outputs {
-        let depth = self.depth;
-        self.call.call(execute, group, |command| {
-            let total = motions.total();
-            if total == 0 {
-                return Err(BlockError::NoMotions);
-            }
+    /// One scan. `mode` and the number of motions count at the rising edge of `execute`; the motions are asked for as slots
+    /// become free, the first ones when the skill starts.
+    pub fn call(
+        &mut self,
+        execute: bool,
+        motions: &mut dyn MotionSource,
+        mode: BufferMode,
+        group: &mut AxesGroup,
+    ) -> Outputs {
+        let (depth, total) = (self.depth, motions.total());
+        let read = || if total == 0 { Err(BlockError::NoMotions) } else { Ok(total) };
+        self.call.call(execute, mode, group, read, |command, total| {
             command.skill = Skill::MoveContinuous;
             command.slots = [Motion::EMPTY; SLOTS];
             (command.total, command.written) = (total, 0);
             fill(command, 0, depth, motions)?;
             Ok(true)
         });
-        if self.call.face.is_busy()
+        if self.call.is_sent()
             && let Err(error) = fill(&mut group.command, self.call.tally.executed, depth, motions)
         {
             self.call.fail(group, error);
@@ -169,7 +173,7 @@ mod tests {
             let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
             for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
                 group.read(Some(seen));
-                let outputs = block.call(true, &mut source, &mut group);
+                let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
                 prop_assert!(!outputs.error, "{:?}", block.error());
                 let Command { written, total, .. } = *group.command();
                 prop_assert!(written <= total.min(robot.feedback.executed + depth), "ahead of the slots");
@@ -184,7 +188,7 @@ mod tests {
                     seen = robot.feedback;
                 }
             }
-            prop_assert!(block.call(true, &mut source, &mut group).done);
+            prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
             prop_assert_eq!(robot.taken, motions);
         }
     }
@@ -207,14 +211,14 @@ mod tests {
         let mut group = AxesGroup::new(Patience { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));
-        assert!(block.call(true, &mut source, &mut group).busy);
+        assert!(block.call(true, &mut source, BufferMode::default(), &mut group).busy);
         let mut feedback =
             Feedback { number: group.command().number, status: Status::BUSY, ..Feedback::default() };
         while feedback.executed < TOTAL {
             feedback.executed += 1;
             feedback.status = if feedback.executed == TOTAL { Status::DONE } else { Status::BUSY };
             group.read(Some(feedback));
-            let outputs = block.call(true, &mut source, &mut group);
+            let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
             assert!(outputs.busy || outputs.done, "{:?}", block.error());
         }
         assert!(block.call.outputs().done);
@@ -236,11 +240,11 @@ mod tests {
         let mut group = AxesGroup::new(Patience { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));
-        assert!(block.call(true, &mut Short, &mut group).busy);
+        assert!(block.call(true, &mut Short, BufferMode::default(), &mut group).busy);
         let number = group.command().number;
         let feedback = Feedback { number, status: Status::BUSY, executed: 2, ..Feedback::default() };
         group.read(Some(feedback));
-        assert!(block.call(true, &mut Short, &mut group).error);
+        assert!(block.call(true, &mut Short, BufferMode::default(), &mut group).error);
         assert_eq!(block.error(), Some(BlockError::SourceEnded { index: 6, total: 9 }));
     }
 }

@@ -3,25 +3,31 @@
 use protocol::image::{Motion, SLOTS, Skill};
 
 use super::skill::{SkillCall, Tally};
-use super::{BlockError, Outputs, SkillState};
+use super::{BlockError, BufferMode, Outputs, SkillState};
 use crate::AxesGroup;
 
 /// Runs a program of the robot controller.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub struct RunProgram {
-    pub(super) call: SkillCall,
+    pub(super) call: SkillCall<u16>,
 }
 
 impl RunProgram {
-    /// One scan. `program` counts at the rising edge of `execute`.
-    pub fn call(&mut self, execute: bool, program: u16, group: &mut AxesGroup) -> Outputs {
-        self.call.call(execute, group, |command| {
-            command.skill = Skill::RunProgram;
-            command.program = program;
-            command.slots = [Motion::EMPTY; SLOTS];
-            (command.total, command.written) = (0, 0);
-            Ok(false)
-        });
+    /// One scan. `program` and `mode` count at the rising edge of `execute`.
+    pub fn call(&mut self, execute: bool, program: u16, mode: BufferMode, group: &mut AxesGroup) -> Outputs {
+        self.call.call(
+            execute,
+            mode,
+            group,
+            || Ok(program),
+            |command, program| {
+                command.skill = Skill::RunProgram;
+                command.program = program;
+                command.slots = [Motion::EMPTY; SLOTS];
+                (command.total, command.written) = (0, 0);
+                Ok(false)
+            },
+        );
         self.call.outputs()
     }
 

@@ -1,28 +1,58 @@
 //! The skills of one motion each: six blocks over one inner one.
 
-use protocol::image::{Command, Motion, MotionKind, SLOTS, Skill};
+use core::hash::{Hash, Hasher};
+
+use machine::wire::{BigEndian, Writer};
+use protocol::image::{Command, MOTION_LEN, Motion, MotionKind, SLOTS, Skill};
 
 use super::skill::{SkillCall, Tally};
-use super::{BlockError, Outputs, SkillState};
+use super::{BlockError, BufferMode, MotionInputs, Outputs, SkillState};
 use crate::AxesGroup;
 
 /// What the six have in common.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub(super) struct SingleMotion {
-    pub(super) call: SkillCall,
+    pub(super) call: SkillCall<Latched>,
+}
+
+/// A motion as the image holds it, which makes numbers comparable that are no numbers too.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Latched(Motion);
+
+impl Latched {
+    fn bytes(&self) -> [u8; MOTION_LEN] {
+        let mut bytes = [0; MOTION_LEN];
+        self.0.emit(&mut Writer::<BigEndian>::new(&mut bytes));
+        bytes
+    }
+}
+
+impl PartialEq for Latched {
+    fn eq(&self, other: &Self) -> bool {
+        self.bytes() == other.bytes()
+    }
+}
+
+impl Eq for Latched {}
+
+impl Hash for Latched {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.bytes().hash(state);
+    }
 }
 
 impl SingleMotion {
     fn call(
         &mut self,
         execute: bool,
-        skill: Skill,
-        kind: MotionKind,
-        motion: &Motion,
+        (skill, kind): (Skill, MotionKind),
+        inputs: &MotionInputs,
+        mode: BufferMode,
         group: &mut AxesGroup,
     ) -> Outputs {
-        self.call.call(execute, group, |command| {
-            write(command, skill, Motion { kind, approximation: 0, ..*motion });
+        let read = || Ok(Latched(Motion { approximation: 0, ..inputs.motion(kind)? }));
+        self.call.call(execute, mode, group, read, |command, Latched(motion)| {
+            write(command, skill, motion);
             Ok(true)
         });
         self.call.outputs()
@@ -47,9 +77,15 @@ macro_rules! single_motion_blocks {
         }
 
         impl $name {
-            /// One scan. Parameters of `motion` count at the rising edge of `execute`; its kind is the block's.
-            pub fn call(&mut self, execute: bool, motion: &Motion, group: &mut AxesGroup) -> Outputs {
-                self.inner.call(execute, Skill::$skill, MotionKind::$kind, motion, group)
+            /// One scan. `inputs` and `mode` count at the rising edge of `execute`.
+            pub fn call(
+                &mut self,
+                execute: bool,
+                inputs: &MotionInputs,
+                mode: BufferMode,
+                group: &mut AxesGroup,
+            ) -> Outputs {
+                self.inner.call(execute, (Skill::$skill, MotionKind::$kind), inputs, mode, group)
             }
 
             /// What `ErrorID` stands for; none without an error.

@@ -5,12 +5,14 @@
 //! robot          echo n, BUSY ── executed 1 … total ── DONE (ABORTED, ERROR)
 //! block  Busy    Busy, Active                          Done (CommandAborted, Error)
 //! ```
+//!
+//! A block whose `Execute` rises while another block's skill is under way waits for its turn first: `Busy` alone.
 
 use protocol::image::{Command, Feedback, State, Status};
 
 use super::face::{End, Face, SkillState};
-use super::{BlockError, Outputs, is_executing};
-use crate::AxesGroup;
+use super::{BlockError, BufferMode, Outputs, is_executing};
+use crate::{AxesGroup, Ticket, Turn};
 
 /// What a skill tells about its motions beside the outputs. Stays until the next start.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
@@ -23,9 +25,12 @@ pub(crate) struct Tally {
     pub(crate) execution_ns: u64,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
-pub(super) struct SkillCall {
+/// A skill call of a block with the parameters `P`, which count at the rising edge of `Execute`.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) struct SkillCall<P> {
     pub(super) face: Face,
+    /// The block's place behind the skill of another block, and its parameters until it is called.
+    waiting: Option<(Ticket, P)>,
     pub(super) number: u16,
     /// Whether the robot echoed the number.
     pub(super) acknowledged: bool,
@@ -36,21 +41,53 @@ pub(super) struct SkillCall {
     pub(super) tally: Tally,
 }
 
-impl SkillCall {
-    /// One call of the block. On a rising edge `write` puts skill and parameters into the command.
+impl<P> Default for SkillCall<P> {
+    fn default() -> Self {
+        Self {
+            face: Face::default(),
+            waiting: None,
+            number: 0,
+            acknowledged: false,
+            waited: 0,
+            counted: false,
+            tally: Tally::default(),
+        }
+    }
+}
+
+impl<P: Copy> SkillCall<P> {
+    /// One call of the block. On a rising edge `read` checks the parameters. `write` puts skill and parameters into the
+    /// command, in the same scan or once the skill of another block has ended.
     ///
     /// `write` returns whether the robot counts motions that it got from the PLC (and not from a program of its own).
     pub(super) fn call(
         &mut self,
         execute: bool,
+        mode: BufferMode,
         group: &mut AxesGroup,
-        write: impl FnOnce(&mut Command) -> Result<bool, BlockError>,
+        read: impl FnOnce() -> Result<P, BlockError>,
+        write: impl FnOnce(&mut Command, P) -> Result<bool, BlockError>,
     ) {
         if self.face.call(execute) {
-            self.start(group, write);
-        } else if self.face.is_busy() {
-            self.observe(group);
+            *self = Self { face: self.face, ..Self::default() };
+            let waiting = aborts(mode).and_then(|aborts| Ok((read()?, aborts)));
+            match waiting.and_then(|(parameters, aborts)| Ok((group.take_ticket(aborts)?, parameters))) {
+                Ok(waiting) => self.waiting = Some(waiting),
+                Err(error) => return self.face.end(End::Error(error)),
+            }
         }
+        match self.waiting {
+            Some((ticket, parameters)) if self.face.is_busy() => {
+                self.wait_for_turn(ticket, parameters, group, write);
+            }
+            _ if self.face.is_busy() => self.observe(group),
+            _ => {}
+        }
+    }
+
+    /// Whether the command stands in the image.
+    pub(super) const fn is_sent(&self) -> bool {
+        self.face.is_busy() && self.waiting.is_none()
     }
 
     pub(super) fn outputs(&self) -> Outputs {
@@ -66,22 +103,62 @@ impl SkillCall {
         self.end(group, End::Error(error));
     }
 
-    fn start(&mut self, group: &mut AxesGroup, write: impl FnOnce(&mut Command) -> Result<bool, BlockError>) {
-        *self = Self { face: self.face, ..Self::default() };
-        // Without a claim nothing may be written: the image belongs to the skill that is under way.
+    /// Nothing is written before the block's turn: the image belongs to the skill that is under way.
+    fn wait_for_turn(
+        &mut self,
+        ticket: Ticket,
+        parameters: P,
+        group: &mut AxesGroup,
+        write: impl FnOnce(&mut Command, P) -> Result<bool, BlockError>,
+    ) {
+        match group.turn(ticket) {
+            Ok(Turn::Wait) => self.face.wait(),
+            Ok(Turn::Cancelling) => self.wait_for_cancel(group),
+            Ok(Turn::Lost) => self.give_way(End::Aborted),
+            Ok(Turn::Now) => self.start(parameters, group, write),
+            Err(error) => self.give_way(End::Error(error)),
+        }
+    }
+
+    /// A robot that does not give up the skill under way is stopped.
+    fn wait_for_cancel(&mut self, group: &mut AxesGroup) {
+        self.face.wait();
+        self.waited = self.waited.saturating_add(1);
+        if self.waited >= group.answer_scans() {
+            group.withdraw();
+            group.stop_for_error();
+            self.give_way(End::Error(BlockError::StateNotReached { scans: self.waited }));
+        }
+    }
+
+    fn give_way(&mut self, end: End) {
+        self.waiting = None;
+        self.face.end(end);
+    }
+
+    fn start(
+        &mut self,
+        parameters: P,
+        group: &mut AxesGroup,
+        write: impl FnOnce(&mut Command, P) -> Result<bool, BlockError>,
+    ) {
+        self.waiting = None;
         let started = group.issue().and_then(|number| {
             self.number = number;
-            write(&mut group.command).inspect_err(|_| group.release(number))
+            write(&mut group.command, parameters).inspect_err(|_| group.release(number, false))
         });
         match started {
-            Ok(counted) => self.counted = counted,
+            Ok(counted) => {
+                (self.counted, self.waited) = (counted, 0);
+                self.face.sent();
+            }
             Err(error) => self.face.end(End::Error(error)),
         }
     }
 
     /// Ends the call. An error does not leave the arm moving: the robot is stopped unless it says that the skill has ended.
     fn end(&mut self, group: &mut AxesGroup, end: End) {
-        group.release(self.number);
+        group.release(self.number, end == End::Done);
         let has_ended = group.feedback.as_ref().is_some_and(|feedback| has_ended(feedback, self.number));
         if matches!(end, End::Error(_)) && !has_ended {
             group.stop_for_error();
@@ -174,6 +251,15 @@ impl SkillCall {
             execution_ns: feedback.execution_ns,
         };
         Ok(())
+    }
+}
+
+/// Whether a block of this mode gives up the skill under way.
+const fn aborts(mode: BufferMode) -> Result<bool, BlockError> {
+    match mode {
+        BufferMode::Aborting => Ok(true),
+        BufferMode::Buffered => Ok(false),
+        mode => Err(BlockError::BlendingBetweenSkills(mode)),
     }
 }
 

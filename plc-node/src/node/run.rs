@@ -105,7 +105,7 @@ impl<B: Fieldbus> PlcNode<B> {
 
     /// Has the next scans lead the robot to `Ready` again.
     pub(super) fn prepare_again(&mut self, start_not_reached: bool) {
-        self.group.release(self.group.command().number);
+        self.group.release(self.group.command().number, false);
         self.mode = Mode::Preparing;
         self.readiness = Readiness::after_failure();
         self.start_not_reached = start_not_reached;

@@ -54,7 +54,7 @@ fn assert_state_fits(state: SkillState, outputs: Outputs) {
 }
 
 /// The number of the command becomes 1 in every state. A block that never got one keeps 0.
-fn normalise_number(call: &mut skill::SkillCall, group: &mut AxesGroup) {
+fn normalise_number<P>(call: &mut skill::SkillCall<P>, group: &mut AxesGroup) {
     if call.number == group.command.number {
         call.number = 1;
     }
@@ -122,13 +122,13 @@ fn list() -> MotionList {
 }
 
 explored_skill!(MoveLinCartesian, 1, |block| &mut block.inner.call, |block, execute, group| {
-    block.call(execute, &Motion::EMPTY, group)
+    block.call(execute, &MotionInputs::from(&Motion::EMPTY), BufferMode::default(), group)
 });
 explored_skill!(MoveContinuous, SEQUENCE, |block| &mut block.call, |block, execute, group| {
-    block.call(execute, &mut list(), group)
+    block.call(execute, &mut list(), BufferMode::default(), group)
 });
 explored_skill!(RunProgram, 1, |block| &mut block.call, |block, execute, group| {
-    block.call(execute, 1, group)
+    block.call(execute, 1, BufferMode::default(), group)
 });
 
 macro_rules! explored_group_command {

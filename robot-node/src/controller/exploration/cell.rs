@@ -2,7 +2,7 @@
 
 use plc_node::function_blocks::{
     EnableOutputs, GroupContinue, GroupHalt, GroupInterrupt, GroupReset, GroupSetOverride, GroupStop,
-    MoveContinuous, Outputs, OverrideFactors,
+    MoveContinuous, Outputs, OverrideFactors, SkillState,
 };
 use plc_node::{AxesGroup, Patience};
 
@@ -14,6 +14,7 @@ pub(super) struct Explored {
     at: Instant,
     pub(super) group: AxesGroup,
     motion: MoveContinuous,
+    second: MoveContinuous,
     stop: GroupStop,
     reset: GroupReset,
     interrupt: GroupInterrupt,
@@ -40,6 +41,7 @@ impl Explored {
             at: Instant::ZERO,
             group: AxesGroup::new(Patience { answer_scans: PATIENCE, silent_scans: u32::MAX }),
             motion: MoveContinuous::default(),
+            second: MoveContinuous::default(),
             stop: GroupStop::default(),
             reset: GroupReset::default(),
             interrupt: GroupInterrupt::default(),
@@ -77,14 +79,16 @@ impl Explored {
         }
         next.group.read(next.connected.then_some(*next.controller.feedback()));
         next.group.set_control(Control::ENABLE, next.enabled && next.connected);
-        let [execute_move, stop, reset, interrupt, resume, halt] = next.execute;
+        let [execute_move, stop, reset, interrupt, resume, halt, second] = next.execute;
+        let mode = next.skills.mode();
         next.outputs = [
-            next.motion.call(execute_move, source, &mut next.group),
+            next.motion.call(execute_move, source, mode, &mut next.group),
             next.stop.call(stop, &mut next.group),
             next.reset.call(reset, &mut next.group),
             next.interrupt.call(interrupt, &mut next.group),
             next.go_on.call(resume, &mut next.group),
             next.halt.call(halt, &mut next.group),
+            next.second.call(second, source, mode, &mut next.group),
         ];
         next.overrides();
         for ((busy, execute), outputs) in next.busy.iter_mut().zip(&mut next.execute).zip(next.outputs) {
@@ -111,6 +115,11 @@ impl Explored {
         let factors = OverrideFactors { velocity, ..OverrideFactors::default() };
         let is_called = self.connected && self.velocity != Velocity::Wrong;
         self.overriding = self.set_override.call(is_called, &factors, &mut self.group);
+    }
+
+    /// Where a block's skill stands.
+    pub(super) const fn state(&self, block: usize) -> SkillState {
+        if block == SECOND { self.second.state() } else { self.motion.state() }
     }
 
     /// All that decides what can come, but for running numbers and small differences of place and speed.
@@ -154,7 +163,7 @@ impl Explored {
         let command = self.group.command();
         let plc = (
             (command.control.0, command.total, command.written),
-            (self.execute, self.outputs, self.busy),
+            (self.execute, self.outputs, self.busy, [MOVE, SECOND].map(|block| self.state(block))),
             (self.velocity, self.overriding, self.seen.override_percent, command.override_percent),
             (self.enabled, self.connected, seen, self.seen.control.0),
         );

@@ -1,6 +1,6 @@
 //! Robot and PLC together in every order of commands, losses of connection and faults, until no new state turns up.
 //!
-//! A step is one scan of the PLC's function blocks, and one robot cycle on the image that they wrote. Before each, one
+//! A step is one scan of the PLC's function blocks (two of a skill where one waits for the other), and one robot cycle on the image that they wrote. Before each, one
 //! thing may change: `Execute` of a block rises, and falls when the block has ended; the override, to 0, to 100 % or to
 //! one that is none; `enable`; the connection; or the robot gets an old image once more, which is what a lost frame comes to. From every state all of them are tried. (All
 //! orders of `Execute` alone are the affair of the blocks' own exploration.)
@@ -17,7 +17,7 @@ use std::collections::HashSet;
 use core::time::Duration;
 
 use plc_node::MotionList;
-use plc_node::function_blocks::Outputs;
+use plc_node::function_blocks::{BufferMode, Outputs};
 use protocol::image::{Motion, MotionKind};
 
 use cell::Explored;
@@ -31,13 +31,15 @@ use crate::arm::Surface;
 const PATIENCE: u32 = 4;
 
 /// The blocks, and the index of each.
-const BLOCKS: usize = 6;
+const BLOCKS: usize = 7;
 const MOVE: usize = 0;
 const STOP: usize = 1;
 const RESET: usize = 2;
 const INTERRUPT: usize = 3;
 const CONTINUE: usize = 4;
 const HALT: usize = 5;
+/// A second block of a skill.
+const SECOND: usize = 6;
 
 /// What changes before a step.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -61,7 +63,7 @@ enum Velocity {
     Wrong,
 }
 
-const CHANGES: [Change; 13] = [
+const CHANGES: [Change; 14] = [
     Change::Nothing,
     Change::Execute(MOVE),
     Change::Execute(STOP),
@@ -69,6 +71,7 @@ const CHANGES: [Change; 13] = [
     Change::Execute(INTERRUPT),
     Change::Execute(CONTINUE),
     Change::Execute(HALT),
+    Change::Execute(SECOND),
     Change::Override(Velocity::Full),
     Change::Override(Velocity::Stop),
     Change::Override(Velocity::Wrong),
@@ -86,6 +89,8 @@ enum Skills {
     Bad,
     /// A motion, a LIN force, a motion.
     Pressing,
+    /// Two motions, by two blocks in one buffer mode.
+    Two(BufferMode),
 }
 
 /// Joint 3 at power-on, in mm.
@@ -98,6 +103,7 @@ impl Skills {
             Self::Good => &[HOME - 0.1, HOME - 0.2, HOME - 0.05],
             Self::Bad => &[HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME + 100.0],
             Self::Pressing => &[HOME - 0.1, HOME - 1.0, HOME - 0.05],
+            Self::Two(_) => &[HOME - 0.1, HOME - 0.2],
         }
     }
 
@@ -124,14 +130,27 @@ impl Skills {
     /// Places nearer to each other than this count as one. A force is approached slowly, so that there are many.
     const fn place_mm(self) -> f64 {
         match self {
-            Self::Good | Self::Bad => 0.02,
+            Self::Good | Self::Bad | Self::Two(_) => 0.02,
             Self::Pressing => 0.15,
         }
     }
 
-    /// Whether the change is tried on this skill: what a wrong override does depends on no motion.
+    /// Whether the change is tried on this skill: what an override does depends on no second block, and what a wrong one
+    /// does on no motion.
     fn meets(self, change: Change) -> bool {
-        self == Self::Good || change != Change::Override(Velocity::Wrong)
+        match (self, change) {
+            (Self::Two(_), Change::Override(_)) => false,
+            (Self::Two(_), _) | (Self::Good, Change::Override(_)) => true,
+            (_, change) => !matches!(change, Change::Override(Velocity::Wrong) | Change::Execute(SECOND)),
+        }
+    }
+
+    /// What a block does while the other one's skill is under way.
+    fn mode(self) -> BufferMode {
+        match self {
+            Self::Two(mode) => mode,
+            _ => BufferMode::default(),
+        }
     }
 
     /// Whether motion `index` ends where the surface says, not where its target is.
@@ -159,32 +178,48 @@ fn config() -> RobotConfig {
     config
 }
 
-/// Explores everything that can come; returns how many states there are, and the ends that MoveContinuous came to.
-fn explore(skills: Skills) -> (usize, HashSet<Outputs>, HashSet<u8>) {
+/// What an exploration turned up.
+#[derive(Default)]
+struct Found {
+    /// Different states of robot and PLC.
+    count: usize,
+    /// What MoveContinuous showed.
+    ends: HashSet<Outputs>,
+    /// States of the robot.
+    states: HashSet<u8>,
+    /// Steps in which a block started that had waited for the other one.
+    turns: usize,
+}
+
+/// Explores everything that can come.
+fn explore(skills: Skills) -> Found {
     let mut source = MotionList::from(skills.motions());
     let start = Explored::new(skills);
-    let mut found = HashSet::from([start.key()]);
-    let (mut ends, mut states) = (HashSet::new(), HashSet::new());
+    let mut known = HashSet::from([start.key()]);
+    let mut found = Found::default();
     let mut open = vec![start];
     while let Some(state) = open.pop() {
         state.leads_back_to_ready(&mut source);
         for change in CHANGES.into_iter().filter(|change| skills.meets(*change)) {
             let next = state.step(change, &mut source);
-            ends.insert(next.outputs[MOVE]);
-            states.insert(u8::from(next.controller.state));
-            if found.insert(next.key()) {
+            found.ends.insert(next.outputs[MOVE]);
+            found.states.insert(u8::from(next.controller.state));
+            found.turns +=
+                [MOVE, SECOND].into_iter().filter(|block| next.takes_its_turn(&state, *block)).count();
+            if known.insert(next.key()) {
                 open.push(next);
             }
         }
-        assert!(found.len() < 2_000_000, "the exploration must end, and {} states are open", open.len());
+        assert!(known.len() < 2_000_000, "the exploration must end, and {} states are open", open.len());
     }
-    (found.len(), ends, states)
+    found.count = known.len();
+    println!("{} states", found.count);
+    found
 }
 
 #[test]
 fn a_skill_of_good_motions_keeps_all_rules_in_every_order_of_commands_losses_and_faults() {
-    let (found, ends, states) = explore(Skills::Good);
-    println!("{found} states");
+    let Found { ends, states, .. } = explore(Skills::Good);
     assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
     assert!(ends.iter().any(|end| end.error) && ends.iter().any(|end| end.command_interrupted));
     assert_eq!(states.len(), 4, "Halted, Ready, Running and Suspended all turn up");
@@ -192,16 +227,24 @@ fn a_skill_of_good_motions_keeps_all_rules_in_every_order_of_commands_losses_and
 
 #[test]
 fn so_does_a_stream_with_a_bad_motion_which_never_ends_as_done() {
-    let (found, ends, _) = explore(Skills::Bad);
-    println!("{found} states");
+    let Found { ends, .. } = explore(Skills::Bad);
     assert!(!ends.iter().any(|end| end.done));
     assert!(ends.iter().any(|end| end.error_id == u16::from(ErrorNumber::AxisLimit)));
 }
 
 #[test]
 fn so_does_a_skill_that_presses_and_nothing_but_a_skill_that_runs_moves_the_arm() {
-    let (found, ends, states) = explore(Skills::Pressing);
-    println!("{found} states");
+    let Found { ends, states, .. } = explore(Skills::Pressing);
     assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
     assert_eq!(states.len(), 4);
+}
+
+#[test]
+fn so_do_two_skills_of_which_one_waits_for_the_other_or_cancels_it() {
+    for mode in [BufferMode::Buffered, BufferMode::Aborting] {
+        let Found { ends, states, turns, .. } = explore(Skills::Two(mode));
+        assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
+        assert_eq!(states.len(), 4);
+        assert!(turns > 100, "{mode:?}: a block that waited started {turns} times");
+    }
 }

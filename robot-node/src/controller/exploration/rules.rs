@@ -1,6 +1,6 @@
 //! What must hold after every step.
 
-use plc_node::function_blocks::EnableOutputs;
+use plc_node::function_blocks::{EnableOutputs, SkillState};
 
 use super::cell::Explored;
 use super::*;
@@ -22,19 +22,55 @@ impl Explored {
     /// What the blocks say of the robot whose image they saw in this step.
     fn keeps_the_blocks_promises(&self, before: &Self) {
         let seen = before.controller.feedback();
-        let now = self.outputs[MOVE];
-        assert!(!now.command_interrupted || seen.state == State::Suspended, "{seen:?}");
         let halted = self.outputs[HALT].done && !before.outputs[HALT].done;
         assert!(!halted || seen.state == State::Ready, "a halt needs no reset: {seen:?}");
-        let failed = now.error && before.outputs[MOVE].busy;
         let runs_on = self.connected && before.controller.execution.is_some();
         let stops = self.group.command().control.contains(Control::HALT);
-        assert!(!failed || !runs_on || stops, "an error of the block leaves the arm moving: {seen:?}");
+        for block in [MOVE, SECOND] {
+            let now = self.outputs[block];
+            assert!(!now.command_interrupted || seen.state == State::Suspended, "{seen:?}");
+            let failed = now.error && before.outputs[block].busy;
+            assert!(!failed || !runs_on || stops, "an error of the block leaves the arm moving: {seen:?}");
+        }
+    }
+
+    /// What two blocks of skills promise each other.
+    fn keeps_the_turns(&self, before: &Self) {
+        assert!(!(self.outputs[MOVE].active && self.outputs[SECOND].active), "two skills at once");
+        for (block, other) in [(MOVE, SECOND), (SECOND, MOVE)] {
+            let ends = [before.outputs[other], self.outputs[other]];
+            let may_start = match self.skills.mode() {
+                BufferMode::Buffered => ends.iter().any(|end| end.done),
+                _ => ends.iter().any(|end| !end.busy),
+            };
+            let (was, is) = (before.state(block), self.state(block));
+            let stood = matches!(was, SkillState::Ready | SkillState::Halted);
+            assert!(
+                !stood || is != SkillState::Suspended,
+                "{was:?} → {is:?} is none of the skill's transitions"
+            );
+            assert!(
+                !self.takes_its_turn(before, block) || may_start,
+                "block {block} starts, the other one is {ends:?}"
+            );
+        }
+        assert!(!(self.waits(MOVE) && self.waits(SECOND)), "each waits for the other one");
+    }
+
+    /// Whether a block waits for its turn.
+    fn waits(&self, block: usize) -> bool {
+        self.outputs[block].busy && self.state(block) == SkillState::Ready
+    }
+
+    /// Whether a block that waited starts its skill.
+    pub(super) fn takes_its_turn(&self, before: &Self, block: usize) -> bool {
+        before.waits(block) && self.outputs[block].busy && !self.waits(block)
     }
 
     pub(super) fn keeps_the_rules(&self, before: &Self) {
         self.keeps_the_override(before);
         self.keeps_the_blocks_promises(before);
+        self.keeps_the_turns(before);
         for outputs in self.outputs {
             let shown = [outputs.busy, outputs.done, outputs.command_aborted, outputs.error];
             assert!(shown.iter().filter(|shown| **shown).count() <= 1, "PLCopen: {outputs:?}");
@@ -80,8 +116,10 @@ impl Explored {
             assert_eq!((feedback.error_motion, feedback.executed), (5, 5));
             assert!(is(targets[4]), "not at the last good motion but at {joint_3}");
         }
-        if self.outputs[MOVE].done && !before.outputs[MOVE].done {
-            assert_eq!(before.controller.feedback().executed as usize, targets.len());
+        for block in [MOVE, SECOND] {
+            if self.outputs[block].done && !before.outputs[block].done {
+                assert_eq!(before.controller.feedback().executed as usize, targets.len());
+            }
         }
     }
 }

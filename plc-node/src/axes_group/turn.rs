@@ -1,0 +1,86 @@
+//! Whose turn it is: which block's skill comes after the one that is under way.
+//!
+//! One skill may wait. It starts once the block of the one under way has seen its end; that block need not know of it. A
+//! skill that is given up or fails takes the one that waits with it, unless that one gave it up.
+
+use protocol::image::Control;
+
+use super::AxesGroup;
+use crate::function_blocks::BlockError;
+
+/// A place behind the skill under way.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(crate) struct Ticket(u16);
+
+/// The skill that waits.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct Waiting {
+    ticket: Ticket,
+    /// Whether it gives up the skill under way.
+    aborts: bool,
+}
+
+/// What a block that waits may do.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Turn {
+    /// Another skill is under way.
+    Wait,
+    /// The robot was asked to give up the skill under way.
+    Cancelling,
+    /// It starts its skill in this scan.
+    Now,
+    /// Its place was taken away: the skill under way failed or was given up, or another block's is to abort it.
+    Lost,
+}
+
+impl AxesGroup {
+    /// Takes the place behind the skill under way; where there is none it is the block's turn at once.
+    pub(crate) fn take_ticket(&mut self, aborts: bool) -> Result<Ticket, BlockError> {
+        if self.waiting.is_some() && !aborts {
+            return Err(BlockError::QueueFull);
+        }
+        self.withdraw();
+        self.tickets = self.tickets.wrapping_add(1);
+        let ticket = Ticket(self.tickets);
+        self.waiting = Some(Waiting { ticket, aborts });
+        Ok(ticket)
+    }
+
+    /// Returns what the holder of a ticket may do in this scan.
+    pub(crate) fn turn(&mut self, ticket: Ticket) -> Result<Turn, BlockError> {
+        let Some(waiting) = self.waiting.filter(|waiting| waiting.ticket == ticket) else {
+            return Ok(Turn::Lost);
+        };
+        let Some(feedback) = &self.feedback else {
+            self.withdraw();
+            return Err(BlockError::NotConnected);
+        };
+        if !self.commanded {
+            self.withdraw();
+            return Ok(Turn::Now);
+        }
+        // A command that the robot has not taken up yet would be dropped instead of given up.
+        if waiting.aborts && feedback.number == self.command.number {
+            self.set_control(Control::CANCEL, true);
+            return Ok(Turn::Cancelling);
+        }
+        Ok(Turn::Wait)
+    }
+
+    /// Takes the place away from the skill that waits, if one does.
+    pub(crate) const fn withdraw(&mut self) {
+        if let Some(Waiting { aborts: true, .. }) = self.waiting {
+            self.set_control(Control::CANCEL, false);
+        }
+        self.waiting = None;
+    }
+
+    /// The skill under way has ended.
+    pub(super) const fn end_skill(&mut self, is_done: bool) {
+        if let Some(Waiting { aborts: false, .. }) = self.waiting
+            && !is_done
+        {
+            self.waiting = None;
+        }
+    }
+}
