@@ -68,6 +68,23 @@ fn the_page_has_every_byte_of_a_motion() {
     assert_eq!(documented("## One motion", MOTION_LEN), carried(&image));
 }
 
+#[test]
+fn the_page_has_every_auxiliary_byte_of_a_motion_without_a_point_or_force() {
+    let mut ones = [0xFF; MOTION_LEN];
+    // A configuration with a turn: bit 6 of the status says that there is none.
+    (ones[24], ones[42]) = (0xBF, MotionKind::LinCartesian.into());
+    let motion = Motion::parse(&mut Reader::<BigEndian>::new(&ones)).unwrap();
+    let mut image = [0; MOTION_LEN];
+    motion.emit(&mut Writer::<BigEndian>::new(&mut image));
+    let mut documented = vec![true; 24];
+    for row in table("### Auxiliary bytes") {
+        let (from, to) = bytes(row[0]);
+        assert_eq!(from, documented.len(), "row {row:?}");
+        documented.resize(to, row[1] != "reserved");
+    }
+    assert_eq!(documented, &carried(&image)[..36]);
+}
+
 /// Returns the numbers in the first column of a table; a row without one belongs to the row above it.
 fn codes(heading: &str) -> Vec<u16> {
     let cells = table(heading).into_iter().map(|row| row[0]).filter(|cell| !cell.is_empty());
