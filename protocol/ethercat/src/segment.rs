@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 
 use machine::ethernet::EthernetHeader;
 use machine::wire::FRAME_CAPACITY;
-use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
+use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
 use crate::ETHER_TYPE;
 use crate::al::{AlState, AlStatusCode};
@@ -196,6 +196,13 @@ impl Segment {
             device.power_on(now, &mut Sink { id, events: &mut self.events });
         }
         self.update_links();
+    }
+
+    /// Changes the time that a device's application takes for an answer: to let it hang, or be slow.
+    pub fn set_answer_delay(&mut self, id: DeviceId, delay: Duration) {
+        if let Some(device) = self.devices.get_mut(id.0) {
+            device.set_answer_delay(delay);
+        }
     }
 
     fn update_links(&mut self) {

@@ -92,6 +92,10 @@ impl SubDevice {
         &mut self.inputs
     }
 
+    pub(crate) const fn set_answer_delay(&mut self, delay: Duration) {
+        self.answer_delay = delay;
+    }
+
     pub(crate) const fn dictionary(&self) -> &Dictionary {
         &self.dictionary
     }
@@ -239,6 +243,10 @@ impl SubDevice {
     }
 
     fn follow_request(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        // Without its EEPROM's configuration the chip does not let the application in.
+        if !self.esc.is_loaded() {
+            return;
+        }
         let before = self.state();
         let mut al = self.al;
         al.request(self.esc.al_control(), |state| self.check(state));

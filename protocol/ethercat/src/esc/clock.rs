@@ -8,9 +8,9 @@ use machine::{Duration, Instant};
 
 use super::memory::Memory;
 use super::registers::{
-    NEXT_SYNC1, RECEIVE_TIME_UNIT, RECEIVE_TIMES, SPEED_COUNTER_DIFFERENCE, SPEED_COUNTER_START,
-    SYNC_ACTIVATION, SYNC_START, SYNC0_CYCLE, SYNC1_CYCLE, SYSTEM_TIME, SYSTEM_TIME_DELAY,
-    SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
+    NEXT_SYNC1, PULSE_LENGTH, RECEIVE_TIME_UNIT, RECEIVE_TIMES, SPEED_COUNTER_DIFFERENCE,
+    SPEED_COUNTER_START, SYNC_ACTIVATION, SYNC_START, SYNC0_CYCLE, SYNC1_CYCLE, SYSTEM_TIME,
+    SYSTEM_TIME_DELAY, SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
 };
 
 /// Parts of a nanosecond that the clock counts in.
@@ -18,6 +18,9 @@ const PARTS: i128 = 1_000_000_000;
 
 /// Largest correction in parts per billion: 1 ns in each 128 ticks of 10 ns, as the chip's smallest speed counter.
 const MAX_CORRECTION_PPB: i64 = 781_250;
+
+/// Shortest SYNC cycle in nanoseconds, so that wrong registers do not keep a driver busy.
+const MIN_CYCLE_NS: u64 = 1_000;
 
 /// What a local clock shows when the device is powered, and how wrong it runs.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -182,7 +185,9 @@ impl Clock {
         let (start, cycle) = (memory.u64(SYNC_START), u64::from(memory.u32(SYNC0_CYCLE)));
         let system = self.system(now, memory);
         self.pulses = [None; 2];
-        if activation & 1 == 0 || start <= system {
+        // A cycle that is no longer than a pulse would be no signal.
+        let pulse = (u64::from(memory.u16(PULSE_LENGTH)) * 10).max(MIN_CYCLE_NS);
+        if activation & 1 == 0 || start <= system || (1..=pulse).contains(&cycle) {
             return;
         }
         let [sync0, sync1] = &mut self.pulses;

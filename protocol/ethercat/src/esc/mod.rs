@@ -270,6 +270,11 @@ impl Esc {
 
 /// The device's own side of the chip, as its application uses it.
 impl Esc {
+    /// Returns whether the configuration in the EEPROM was loaded.
+    pub(crate) fn is_loaded(&self) -> bool {
+        self.memory.u8(registers::DL_STATUS) & 1 != 0
+    }
+
     pub(crate) fn al_control(&self) -> u16 {
         self.memory.u16(registers::AL_CONTROL)
     }

@@ -39,6 +39,8 @@ pub(crate) const SYSTEM_TIME_DIFFERENCE: u16 = 0x092C;
 pub(crate) const SPEED_COUNTER_START: u16 = 0x0930;
 pub(crate) const SPEED_COUNTER_DIFFERENCE: u16 = 0x0932;
 pub(crate) const SYNC_ACTIVATION: u16 = 0x0981;
+/// Length of SYNC pulses in 10 ns.
+pub(crate) const PULSE_LENGTH: u16 = 0x0982;
 pub(crate) const SYNC_START: u16 = 0x0990;
 pub(crate) const NEXT_SYNC1: u16 = 0x0998;
 pub(crate) const SYNC0_CYCLE: u16 = 0x09A0;
@@ -98,7 +100,7 @@ const CLOCK: &[Range] = &[
     Range(SPEED_COUNTER_DIFFERENCE, 0x0934, READ),
     Range(0x0934, 0x0936, 0x0F),
     Range(0x0980, 0x0982, WRITE),
-    Range(0x0982, 0x0986, READ),
+    Range(PULSE_LENGTH, 0x0984, READ),
     Range(0x098E, 0x0990, READ),
     Range(SYNC_START, 0x0998, WRITE),
     Range(NEXT_SYNC1, 0x09A0, READ),

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use machine::{Duration, Instant};
 
 use super::memory::Memory;
-use super::registers::{SII_ADDRESS, SII_CONFIG, SII_CONTROL, SII_DATA, STATION_ALIAS};
+use super::registers::{PULSE_LENGTH, SII_ADDRESS, SII_CONFIG, SII_CONTROL, SII_DATA, STATION_ALIAS};
 use crate::sii_image::checksum;
 
 /// Low byte of control: reads give 8 bytes, addresses have two bytes.
@@ -25,7 +25,8 @@ const COMMAND_ERROR: u8 = 0x20;
 const WRITE_ENABLE_ERROR: u8 = 0x40;
 const BUSY: u8 = 0x80;
 
-/// Word address of the station alias.
+/// Word addresses of the length of SYNC pulses and of the station alias.
+const PULSE_LENGTH_WORD: usize = 2;
 const ALIAS_WORD: usize = 4;
 
 /// The EEPROM and the state of its interface.
@@ -54,8 +55,10 @@ impl Sii {
             Some((covered, [sum, 0])) => checksum(covered) == *sum,
             _ => false,
         };
-        let alias = if loaded { self.word(ALIAS_WORD) } else { [0; 2] };
-        memory.set(STATION_ALIAS, &alias);
+        for (word, register) in [(PULSE_LENGTH_WORD, PULSE_LENGTH), (ALIAS_WORD, STATION_ALIAS)] {
+            let value = if loaded { self.word(word) } else { [0; 2] };
+            memory.set(register, &value);
+        }
         let status = if loaded { 0 } else { CHECKSUM_ERROR | NOT_LOADED };
         memory.set(SII_CONTROL, &[CAPABILITIES, status]);
         loaded

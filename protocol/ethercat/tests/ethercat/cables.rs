@@ -175,7 +175,7 @@ fn after_a_cut_the_devices_behind_it_fall_back_and_come_to_op_again_without_a_re
         }
         Ok::<_, Error>((counted, group.tx_rx(main).await?.all_op()))
     };
-    let ended = stand.run_with(script, &cuts, |segment, cut| segment.set_cut(DeviceId(1), cut));
+    let ended = stand.run_with(script, &cuts, |segment, _, cut| segment.set_cut(DeviceId(1), cut));
     // All three, where the third's outputs are in two frames and count twice; the first alone; with it the inputs of the
     // others, which indicate their watchdog; all three.
     assert_eq!(ended.result, Some(Ok((vec![11, 3, 5, 11], true))));

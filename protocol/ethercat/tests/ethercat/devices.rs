@@ -98,3 +98,39 @@ const fn entry(
 ) -> Entry {
     Entry { subindex, name, data_type, access, capacity, default }
 }
+
+/// Four bytes each way, without mailbox.
+pub static PLAIN: Description = Description {
+    product_code: 3,
+    order_code: "PLAIN",
+    name: "Four bytes out, four bytes in",
+    inputs: &[Pdo {
+        index: 0x1A00,
+        name: "Inputs",
+        entries: &[byte(0x6000, 1), byte(0x6000, 2), byte(0x6000, 3), byte(0x6000, 4)],
+    }],
+    ..SIMPLE
+};
+
+/// The same with a mailbox and a clock.
+pub static SMART: Description = Description {
+    product_code: 4,
+    order_code: "SMART",
+    name: "Four bytes out, four bytes in, with a mailbox",
+    mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
+    distributed_clocks: true,
+    ..PLAIN
+};
+
+/// The smallest mailbox: lists of objects come in fragments.
+pub static TINY: Description = Description {
+    product_code: 5,
+    order_code: "TINY",
+    mailbox: Some(Mailbox { len: 32, file_capacity: 0 }),
+    distributed_clocks: false,
+    ..SMART
+};
+
+/// Outputs alone.
+pub static ACTUATOR: Description =
+    Description { product_code: 6, order_code: "ACTUATOR", inputs: &[], ..TINY };

@@ -6,9 +6,14 @@
 mod cables;
 mod clocks;
 mod devices;
+mod faults;
+mod faulty;
 mod foe;
+mod fuzz;
 mod hand;
+mod limits;
 mod main_device;
+mod operation;
 mod sdo;
 mod states;
 mod time;

@@ -8,6 +8,7 @@ use ethercrab::{MainDevice, MainDeviceConfig, PduRx, PduStorage, PduTx, Timeouts
 use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
+use crate::faulty::{Faulty, FrameFault};
 use crate::time;
 
 const FRAMES: usize = 16;
@@ -73,40 +74,13 @@ impl<T> Machine for Scripted<'_, T> {
     }
 }
 
-/// A segment that the test looks at afterwards.
-struct Borrowed<'a>(&'a mut Segment);
-
-impl Machine for Borrowed<'_> {
-    type Event = (DeviceId, SegmentEvent);
-
-    fn ports(&self) -> &[PortRequest] {
-        self.0.ports()
-    }
-
-    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.0.handle_frame(now, from, frame);
-    }
-
-    fn handle_timeout(&mut self, now: Instant) {
-        self.0.handle_timeout(now);
-    }
-
-    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        self.0.poll_transmit(now, buf)
-    }
-
-    fn poll_event(&mut self) -> Option<Self::Event> {
-        self.0.poll_event()
-    }
-
-    fn poll_timeout(&self) -> Option<Instant> {
-        self.0.poll_timeout()
-    }
-}
-
 /// A script, the segment that it runs against, and the cable between them.
 pub struct Stand<'s> {
     segment: &'s mut Segment,
+    /// Faults by the numbers of the frames that the MainDevice sends.
+    pub faults: Vec<(u64, FrameFault)>,
+    /// Whether the devices copy their outputs to their inputs.
+    pub echo: bool,
     pub seed: u64,
     pub cable: Impairment,
     pub timeouts: Timeouts,
@@ -130,6 +104,8 @@ impl<'s> Stand<'s> {
     pub fn new(segment: &'s mut Segment) -> Self {
         Self {
             segment,
+            faults: Vec::new(),
+            echo: false,
             seed: 1,
             cable: Impairment { delay: Duration::from_micros(20), ..Impairment::default() },
             timeouts: Timeouts::default(),
@@ -140,7 +116,7 @@ impl<'s> Stand<'s> {
 
     /// Runs a script to its end.
     pub fn run<T>(self, script: impl AsyncFnOnce(&MainDevice<'_>) -> T) -> Ended<T> {
-        self.run_with(script, &[] as &[(Instant, ())], |_, ()| ())
+        self.run_with(script, &[] as &[(Instant, ())], |_, _, ()| ())
     }
 
     /// Runs a script to its end; at each of these instants something happens to the segment.
@@ -148,7 +124,7 @@ impl<'s> Stand<'s> {
         self,
         script: impl AsyncFnOnce(&MainDevice<'_>) -> T,
         happenings: &[(Instant, E)],
-        happen: impl Fn(&mut Segment, E),
+        happen: impl Fn(&mut Segment, Instant, E),
     ) -> Ended<T> {
         let storage = PduStorage::<FRAMES, DATA>::new();
         let (tx, rx, pdu_loop) = storage.try_split().unwrap();
@@ -163,7 +139,7 @@ impl<'s> Stand<'s> {
             links: [self.cable; 2],
             addresses: [None; 2],
         };
-        let mut pair = Pair::new(scripted, Borrowed(self.segment), config);
+        let mut pair = Pair::new(scripted, Faulty::new(self.segment, self.faults, self.echo), config);
         let mut events = Vec::new();
         let mut result = None;
         let mut happenings = happenings.iter();
@@ -180,7 +156,7 @@ impl<'s> Stand<'s> {
                 }
             }
             let Some((_, happening)) = happening else { break };
-            pair.command_b(|Borrowed(segment), _| happen(segment, *happening));
+            pair.command_b(|faulty, now| happen(faulty.segment, now, *happening));
         }
         Ended { result, events, at: pair.now(), refused: pair.a().refused }
     }
