@@ -11,7 +11,7 @@ use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
 use crate::ETHER_TYPE;
 use crate::al::{AlState, AlStatusCode};
-use crate::cabling::{self, Cabling, End, Place, next_port};
+use crate::cabling::{Cabling, End, Place, next_port};
 use crate::config::DeviceConfig;
 use crate::datagram::Datagrams;
 use crate::event::{DeviceId, Event, Sink};
@@ -232,25 +232,26 @@ impl Segment {
         }
     }
 
-    /// Lets a frame that arrives at a port pass one device. Returns the port that it leaves by; `None` if all are closed.
+    /// Lets a frame that arrives at a port pass one device. Returns the port that it leaves by; `None` if it is dropped at a
+    /// closed port, or would go round and round in the devices behind one.
     fn forward(&mut self, at: Instant, place: Place, frame: &mut [u8], header_len: usize) -> Option<Place> {
         let device = self.devices.get_mut(place.device)?;
-        let mut port = place.port;
-        for _ in 0..cabling::PORTS {
-            if port == 0 {
-                let datagrams = frame.get_mut(header_len..).and_then(Datagrams::of);
-                for mut datagram in datagrams.into_iter().flatten() {
-                    device.esc.process(at, &mut datagram);
-                }
-                device.serve(at, &mut Sink { id: DeviceId(place.device), events: &mut self.events });
-            }
-            port = next_port(port);
-            let out = Place { device: place.device, port };
-            if !device.esc.is_closed(port as u16, self.cabling.peer(out).is_some()) {
-                return Some(out);
-            }
+        if !device.esc.is_open(place.port) {
+            return None;
         }
-        None
+        if place.port == 0 {
+            let datagrams = frame.get_mut(header_len..).and_then(Datagrams::of);
+            for mut datagram in datagrams.into_iter().flatten() {
+                device.esc.process(at, &mut datagram);
+            }
+            device.esc.end_frame(at);
+            device.serve(at, &mut Sink { id: DeviceId(place.device), events: &mut self.events });
+        }
+        let mut port = next_port(place.port);
+        while port != 0 && !device.esc.is_open(port) {
+            port = next_port(port);
+        }
+        device.esc.is_open(port).then_some(Place { device: place.device, port })
     }
 }
 

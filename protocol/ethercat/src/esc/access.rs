@@ -1,11 +1,11 @@
 //! What an access of the MainDevice to an address does. It counts if at least one byte could be read or written.
 
+use core::mem;
 use core::ops::Range;
 
 use machine::Instant;
 
 use super::registers::{self, FMMU, FMMU_LEN, SYNC_MANAGER, SYNC_MANAGER_LEN, UNITS};
-use super::sync_manager::Access;
 use super::{EVENT_AL_STATUS, EVENT_DL_STATUS, Esc, Fmmu};
 
 /// The addresses of an access.
@@ -41,12 +41,12 @@ impl Esc {
     }
 
     /// Writes `data` to memory, where that is allowed. Returns whether one byte was.
-    pub(super) fn write(&mut self, now: Instant, address: u16, data: &[u8]) -> bool {
+    pub(super) fn write(&mut self, address: u16, data: &[u8]) -> bool {
         let (registers, _) = split(address, data.len());
         let Some((registers, ram)) = data.split_at_checked(registers) else { return false };
-        let written = !registers.is_empty() && self.write_registers(now, address, registers);
+        let written = !registers.is_empty() && self.write_registers(address, registers);
         let ram_start = address.saturating_add(registers.len() as u16);
-        (!ram.is_empty() && self.write_ram(now, ram_start, ram)) || written
+        (!ram.is_empty() && self.write_ram(ram_start, ram)) || written
     }
 
     fn read_registers(&mut self, now: Instant, address: u16, data: &mut [u8]) -> bool {
@@ -77,19 +77,61 @@ impl Esc {
         read
     }
 
-    fn write_registers(&mut self, now: Instant, address: u16, data: &[u8]) -> bool {
-        let mut written = false;
-        for (address, byte) in (address..).zip(data) {
-            let Some(bits) = self.map.writable(address).filter(|bits| *bits != 0) else { continue };
-            if !self.is_locked_configuration(address) {
-                self.memory.change(address, |old| old & !bits | byte & bits);
-                written = true;
-            }
-        }
+    /// Keeps what is written to registers until the frame has passed whole, as a chip does.
+    fn write_registers(&mut self, address: u16, data: &[u8]) -> bool {
+        let accepts = |address| {
+            self.map.writable(address).is_some_and(|bits| bits != 0) && !self.is_locked_configuration(address)
+        };
+        let written = (address..).zip(data).any(|(address, _)| accepts(address));
         if written {
-            self.after_write(now, Span::new(address, data.len()), data);
+            self.shadow.extend_from_slice(&address.to_le_bytes());
+            self.shadow.extend_from_slice(&(data.len() as u16).to_le_bytes());
+            self.shadow.extend_from_slice(data);
         }
         written
+    }
+
+    /// Does what takes effect once a frame has passed: registers get their values, and buffers change sides.
+    pub(crate) fn end_frame(&mut self, now: Instant) {
+        let shadow = mem::take(&mut self.shadow);
+        let mut rest = &shadow[..];
+        while let Some((&[a, b, c, d], behind)) = rest.split_first_chunk() {
+            let len = usize::from(u16::from_le_bytes([c, d]));
+            let Some((data, behind)) = behind.split_at_checked(len) else { break };
+            self.apply(now, u16::from_le_bytes([a, b]), data);
+            rest = behind;
+        }
+        self.shadow = shadow;
+        self.shadow.clear();
+        for index in 0..self.sync_managers.len() {
+            self.end_buffer(now, index);
+        }
+    }
+
+    fn apply(&mut self, now: Instant, address: u16, data: &[u8]) {
+        for (address, byte) in (address..).zip(data) {
+            let Some(bits) = self.map.writable(address) else { continue };
+            if !self.is_locked_configuration(address) {
+                self.memory.change(address, |old| old & !bits | byte & bits);
+            }
+        }
+        self.after_write(now, Span::new(address, data.len()), data);
+    }
+
+    /// Hands a buffer that the frame reached the end of to the other side.
+    fn end_buffer(&mut self, now: Instant, index: usize) {
+        let Some(sync_manager) = self.sync_managers.get_mut(index) else { return };
+        if !sync_manager.end_frame(&mut self.memory, index) {
+            return;
+        }
+        if sync_manager.is_written_by_main_device() {
+            self.changes.written |= 1 << index;
+            if sync_manager.triggers_watchdog {
+                self.watchdog.trigger(now, &mut self.memory);
+            }
+        } else {
+            self.changes.read |= 1 << index;
+        }
     }
 
     /// Returns whether this is the configuration of an active sync manager, which cannot be changed.
@@ -105,6 +147,9 @@ impl Esc {
     fn after_write(&mut self, now: Instant, span: Span, data: &[u8]) {
         if span.touches(registers::RESET, 1) {
             self.reset_letter(data.first().copied().unwrap_or(0));
+        }
+        if span.touches(registers::DL_CONTROL, 4) {
+            self.open_loops();
         }
         self.changes.al_control |= span.touches(registers::AL_CONTROL, 1);
         for (start, len) in [(registers::ERROR_COUNTERS, 0x14), (registers::WATCHDOG_COUNTER, 2)] {
@@ -184,41 +229,28 @@ impl Esc {
         let mut read = false;
         self.each_part(address, data.len(), |esc, guard, address, part| {
             let len = part.len();
-            let access = guard.map(|index| esc.access(index, false, address, len));
-            if access == Some(Access::Denied) {
+            if guard.is_some_and(|index| !esc.access(index, false, address, len)) {
                 return;
             }
             let memory = esc.memory.get(address, len);
             let Some(data) = data.get_mut(part).filter(|data| data.len() == memory.len()) else { return };
             data.copy_from_slice(memory);
             read = true;
-            if let (Some(Access::Completes), Some(index)) = (access, guard) {
-                esc.complete(index);
-                esc.changes.read |= 1 << index;
-            }
         });
         read
     }
 
-    fn write_ram(&mut self, now: Instant, address: u16, data: &[u8]) -> bool {
+    fn write_ram(&mut self, address: u16, data: &[u8]) -> bool {
         let mut written = false;
         self.each_part(address, data.len(), |esc, guard, address, part| {
             let len = part.len();
-            let access = guard.map(|index| esc.access(index, true, address, len));
-            if access == Some(Access::Denied) {
+            if guard.is_some_and(|index| !esc.access(index, true, address, len)) {
                 return;
             }
             let memory = esc.memory.get_mut(address, len);
             let Some(data) = data.get(part).filter(|data| data.len() == memory.len()) else { return };
             memory.copy_from_slice(data);
             written = true;
-            if let (Some(Access::Completes), Some(index)) = (access, guard) {
-                esc.complete(index);
-                esc.changes.written |= 1 << index;
-                if esc.sync_manager(index).triggers_watchdog {
-                    esc.watchdog.trigger(now, &mut esc.memory);
-                }
-            }
         });
         written
     }
@@ -241,17 +273,10 @@ impl Esc {
         }
     }
 
-    fn access(&mut self, index: usize, write: bool, address: u16, len: usize) -> Access {
-        match self.sync_managers.get_mut(index) {
-            Some(sync_manager) => sync_manager.access(&mut self.memory, index, write, address, len),
-            None => Access::Denied,
-        }
-    }
-
-    fn complete(&mut self, index: usize) {
-        if let Some(sync_manager) = self.sync_managers.get(index) {
-            sync_manager.complete(&mut self.memory, index);
-        }
+    /// Returns whether a sync manager lets an access pass.
+    fn access(&mut self, index: usize, write: bool, address: u16, len: usize) -> bool {
+        let sync_manager = self.sync_managers.get_mut(index);
+        sync_manager.is_some_and(|unit| unit.access(&mut self.memory, index, write, address, len))
     }
 }
 

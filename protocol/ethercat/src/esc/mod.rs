@@ -22,6 +22,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::mem;
 
+use machine::wire::FRAME_CAPACITY;
 use machine::{Duration, Instant};
 
 use crate::datagram::{Addressing, Datagram, MAX_DATA_LEN, Operation, decode};
@@ -67,6 +68,10 @@ pub(crate) struct Esc {
     linked: [bool; 4],
     /// Letters of the reset sequence seen so far.
     reset_letters: u8,
+    /// Ports that stay closed though their link is back, as loop control "auto close" demands.
+    waiting: [bool; 4],
+    /// What this frame writes to registers: address, length and data of each write.
+    shadow: Vec<u8>,
     /// AL status and DL status changed since they were read.
     events: u16,
     /// Room for the data of a datagram as it came, and for memory that is mapped bit by bit.
@@ -76,6 +81,11 @@ pub(crate) struct Esc {
 /// Bits of the event request.
 const EVENT_DL_STATUS: u16 = 0x0004;
 const EVENT_AL_STATUS: u16 = 0x0008;
+
+/// Loop control of a port; 0 is automatic.
+const AUTO_CLOSE: u8 = 1;
+const ALWAYS_OPEN: u8 = 2;
+const ALWAYS_CLOSED: u8 = 3;
 
 impl Esc {
     pub(crate) fn new(image: Vec<u8>, sii_delay: Duration, clock: Option<LocalClock>) -> Self {
@@ -90,6 +100,8 @@ impl Esc {
             local_clock: clock.unwrap_or_default(),
             changes: Changes::default(),
             linked: [false; 4],
+            waiting: [false; 4],
+            shadow: Vec::with_capacity(2 * FRAME_CAPACITY),
             reset_letters: 0,
             events: 0,
             scratch: vec![0; 2 * MAX_DATA_LEN.next_power_of_two()].into_boxed_slice(),
@@ -110,6 +122,8 @@ impl Esc {
         self.watchdog = Watchdog::default();
         self.clock = self.clock.is_some().then(|| Clock::new(now, self.local_clock));
         self.changes = Changes::default();
+        self.waiting = [false; 4];
+        self.shadow.clear();
         self.set_ports(self.linked);
         (self.reset_letters, self.events) = (0, 0);
     }
@@ -154,7 +168,7 @@ impl Esc {
         let mut scratch = mem::take(&mut self.scratch);
         let (read, written) = match (addressing, operation, meant) {
             (Addressing::Logical, operation, _) => self.logical(now, operation, datagram, &mut scratch),
-            (_, Operation::ReadMultipleWrite, false) => (false, self.write(now, offset, datagram.data)),
+            (_, Operation::ReadMultipleWrite, false) => (false, self.write(offset, datagram.data)),
             (_, _, false) => (false, false),
             (Addressing::Broadcast, operation, _) => {
                 self.broadcast(now, operation, offset, datagram.data, &mut scratch)
@@ -185,10 +199,10 @@ impl Esc {
     ) -> (bool, bool) {
         match operation {
             Operation::Read | Operation::ReadMultipleWrite => (self.read(now, address, data), false),
-            Operation::Write => (false, self.write(now, address, data)),
+            Operation::Write => (false, self.write(address, data)),
             Operation::ReadWrite => {
                 let Some(incoming) = copied(scratch, data) else { return (false, false) };
-                (self.read(now, address, data), self.write(now, address, incoming))
+                (self.read(now, address, data), self.write(address, incoming))
             }
         }
     }
@@ -203,12 +217,12 @@ impl Esc {
         scratch: &mut [u8],
     ) -> (bool, bool) {
         if operation == Operation::Write {
-            return (false, self.write(now, address, data));
+            return (false, self.write(address, data));
         }
         let Some(own) = scratch.get_mut(..data.len()) else { return (false, false) };
         own.fill(0);
         let read = self.read(now, address, own);
-        let written = operation == Operation::ReadWrite && self.write(now, address, data);
+        let written = operation == Operation::ReadWrite && self.write(address, data);
         data.iter_mut().zip(own).for_each(|(data, own)| *data |= *own);
         (read, written)
     }
@@ -235,7 +249,7 @@ impl Esc {
                     read |= self.read(now, mapped.address, data);
                 }
                 if writes && let Some(data) = incoming.get(bytes) {
-                    written |= self.write(now, mapped.address, data);
+                    written |= self.write(mapped.address, data);
                 }
                 continue;
             }
@@ -245,11 +259,11 @@ impl Esc {
                 copy_bits(bits, bit, datagram.data, mapped.bits.start, count);
                 read = true;
             }
-            let memory = self.memory.get(mapped.address, bits.len());
-            if writes && memory.len() == bits.len() {
-                bits.copy_from_slice(memory);
+            if writes {
+                // The chip writes whole bytes; what it writes beside the mapped bits is undefined. Ours writes zeros.
+                bits.fill(0);
                 copy_bits(incoming, mapped.bits.start, bits, bit, count);
-                written |= self.write(now, mapped.address, bits);
+                written |= self.write(mapped.address, bits);
             }
         }
         (read, written)
@@ -293,22 +307,42 @@ impl Esc {
             let before = self.memory.u16(registers::DL_STATUS) & (0x0010 << port) != 0;
             if before && !linked {
                 self.memory.change(registers::LOST_LINKS + port, |lost| lost.saturating_add(1));
+                let waits = self.loop_control(port) == AUTO_CLOSE;
+                if let Some(waiting) = self.waiting.get_mut(usize::from(port)) {
+                    *waiting = waits;
+                }
             }
             status |= u16::from(linked) << (4 + port);
-            status |= u16::from(self.is_closed(port, linked)) << (8 + 2 * port);
+            status |= u16::from(self.is_loop_closed(port)) << (8 + 2 * port);
             status |= u16::from(linked) << (9 + 2 * port);
         }
         self.memory.set(registers::DL_STATUS, &status.to_le_bytes());
         self.events |= EVENT_DL_STATUS;
     }
 
-    /// Returns whether frames turn round at a port instead of leaving by it.
-    pub(crate) fn is_closed(&self, port: u16, linked: bool) -> bool {
-        match self.memory.u8(registers::DL_CONTROL + 1) >> (2 * port) & 3 {
-            2 => false,
-            3 => true,
-            _ => !linked,
+    fn loop_control(&self, port: u16) -> u8 {
+        self.memory.u8(registers::DL_CONTROL + 1) >> (2 * port) & 3
+    }
+
+    /// Follows a write to loop control, which opens the loops that waited for one.
+    fn open_loops(&mut self) {
+        self.waiting = [false; 4];
+        self.set_ports(self.linked);
+    }
+
+    /// Returns whether a loop is closed, as DL status shows it.
+    fn is_loop_closed(&self, port: u16) -> bool {
+        let flag = |flags: &[bool; 4]| flags.get(usize::from(port)).copied().unwrap_or(false);
+        match self.loop_control(port) {
+            ALWAYS_OPEN => false,
+            ALWAYS_CLOSED => true,
+            _ => !flag(&self.linked) || flag(&self.waiting),
         }
+    }
+
+    /// Returns whether frames pass a port. If all are closed, port 0 is open all the same, to get them open again.
+    pub(crate) fn is_open(&self, port: usize) -> bool {
+        !self.is_loop_closed(port as u16) || (port == 0 && (1..4).all(|port| self.is_loop_closed(port)))
     }
 
     pub(crate) fn sync_manager(&self, index: usize) -> SyncManager {

@@ -65,6 +65,7 @@ const COMMON: &[Range] = &[
     Range(STATION_ALIAS, 0x0014, READ),
     Range(RESET, 0x0041, WRITE),
     Range(DL_CONTROL, 0x0104, WRITE),
+    Range(0x0108, 0x010A, WRITE),
     Range(DL_STATUS, 0x0112, READ),
     Range(AL_CONTROL, 0x0122, WRITE),
     Range(AL_STATUS, 0x0132, READ),
@@ -161,6 +162,5 @@ pub(crate) const POWER_ON: &[(u16, &[u8])] = &[
 
 /// Features at 0x0008: FMMUs map bits; with a clock, one of 64 bits that also makes SYNC signals.
 pub(crate) const fn features(distributed_clocks: bool) -> u16 {
-    let unit_features = 0x0001;
-    if distributed_clocks { unit_features | 0x0004 | 0x0008 | 0x0100 } else { unit_features }
+    if distributed_clocks { 0x0004 | 0x0008 | 0x0100 } else { 0 }
 }

@@ -15,17 +15,6 @@ const MAILBOX_FULL: u8 = 0x08;
 const BUFFER_MASK: u8 = 0x30;
 const NO_BUFFER_WRITTEN: u8 = 0x30;
 
-/// What an access of the MainDevice to a sync manager led to.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Access {
-    /// The memory is locked for this access.
-    Denied,
-    /// It may take place.
-    Allowed,
-    /// It may take place and reaches the buffer's last byte: the buffer goes to the other side.
-    Completes,
-}
-
 /// A sync manager's registers, and which side has opened its buffer.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(crate) struct SyncManager {
@@ -40,6 +29,8 @@ pub(crate) struct SyncManager {
     pub(crate) len: u16,
     /// The MainDevice has begun with the first byte.
     open: bool,
+    /// The MainDevice has reached the last byte in this frame.
+    ended: bool,
     repeat_request: bool,
 }
 
@@ -63,7 +54,7 @@ impl SyncManager {
         self.start = memory.u16(register(index, 0));
         self.len = memory.u16(register(index, 2));
         if self.is_active() && !was_active {
-            self.open = false;
+            (self.open, self.ended) = (false, false);
             memory.set(register(index, 5), &[if self.mailbox { 0 } else { NO_BUFFER_WRITTEN }]);
         }
     }
@@ -79,7 +70,7 @@ impl SyncManager {
 
     /// Returns the end of the memory that it guards.
     pub(crate) const fn end(&self) -> u32 {
-        let buffers = if self.mailbox { 1 } else { 3 };
+        let buffers = if self.mailbox || self.is_single() { 1 } else { 3 };
         self.start as u32 + self.len as u32 * buffers
     }
 
@@ -101,7 +92,13 @@ impl SyncManager {
         self.is_active() && self.mailbox && memory.u8(register(index, 5)) & MAILBOX_FULL != 0
     }
 
-    /// Prepares an access of the MainDevice to `len` bytes from `address`, which is within what it guards.
+    /// Returns whether it is one byte long, which needs no buffers: every access passes.
+    const fn is_single(&self) -> bool {
+        self.len == 1
+    }
+
+    /// Prepares an access of the MainDevice to `len` bytes from `address`, which is within what it guards. Returns whether
+    /// the access may take place.
     pub(crate) fn access(
         &mut self,
         memory: &mut Memory,
@@ -109,15 +106,23 @@ impl SyncManager {
         write: bool,
         address: u16,
         len: usize,
-    ) -> Access {
+    ) -> bool {
+        let own_direction = write == self.written_by_main_device;
+        if self.is_single() && !self.locked {
+            self.ended |= own_direction;
+            return true;
+        }
         let offset = usize::from(address.saturating_sub(self.start));
-        let full = memory.u8(register(index, 5)) & MAILBOX_FULL != 0;
-        if !self.is_active()
-            || write != self.written_by_main_device
-            || offset.saturating_add(len) > usize::from(self.len)
-            || (self.mailbox && full == write)
-        {
-            return Access::Denied;
+        let status = memory.u8(register(index, 5));
+        let ready = match (self.mailbox, write) {
+            (true, write) => (status & MAILBOX_FULL != 0) != write,
+            (false, true) => true,
+            // The device has to write a buffer before one can be read.
+            (false, false) => status & BUFFER_MASK != NO_BUFFER_WRITTEN,
+        };
+        let within = offset.saturating_add(len) <= usize::from(self.len);
+        if !self.is_active() || !own_direction || !within || !ready || self.ended {
+            return false;
         }
         if offset == 0 {
             self.open = true;
@@ -125,18 +130,24 @@ impl SyncManager {
                 memory.copy(self.newest(), self.start, usize::from(self.len));
             }
         }
-        if !self.open {
-            return Access::Denied;
+        let open = self.open;
+        if open && offset + len == usize::from(self.len) {
+            (self.open, self.ended) = (false, true);
         }
-        if offset + len < usize::from(self.len) {
-            return Access::Allowed;
+        open
+    }
+
+    /// Ends a frame: if the MainDevice reached the last byte, the buffer goes to the other side. Returns whether it did.
+    pub(crate) fn end_frame(&mut self, memory: &mut Memory, index: usize) -> bool {
+        let ended = core::mem::take(&mut self.ended);
+        if ended && self.is_active() {
+            self.complete(memory, index);
         }
-        self.open = false;
-        Access::Completes
+        ended && self.is_active()
     }
 
     /// Marks the buffer as complete, after the MainDevice wrote or read its last byte.
-    pub(crate) fn complete(&self, memory: &mut Memory, index: usize) {
+    fn complete(&self, memory: &mut Memory, index: usize) {
         if self.written_by_main_device && !self.mailbox {
             memory.copy(self.start, self.newest(), usize::from(self.len));
         }
@@ -209,7 +220,7 @@ impl SyncManager {
 
     /// Address of the newest complete data in three-buffer mode.
     const fn newest(&self) -> u16 {
-        self.start.saturating_add(self.len)
+        if self.is_single() { self.start } else { self.start.saturating_add(self.len) }
     }
 }
 

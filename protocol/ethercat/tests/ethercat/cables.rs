@@ -115,9 +115,39 @@ fn a_loop_that_is_closed_by_hand_ends_the_line_and_one_held_open_loses_frames_in
     assert_eq!(count(&mut hand), 1);
     hand.exchange(APWR, 0, 0x0101, &[0]);
     assert_eq!(count(&mut hand), 2);
-    // Port 1 of the last device open, where no cable is: the frame that opens it does not come back itself.
+    // Port 1 of the last device open, where no cable is: the frame that opens it does not come back itself, as it leaves
+    // by then.
     assert_eq!(hand.send(&frame(APWR, 0x0101_FFFF, &[0b1000])), None);
     assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
+}
+
+#[test]
+fn a_loop_with_automatic_closing_stays_closed_after_a_cut_until_it_is_set_again() {
+    let mut hand = Hand::new(line(2));
+    hand.exchange(APWR, 0, 0x0101, &[0b0100]);
+    hand.segment.set_cut(DeviceId(1), true);
+    hand.segment.set_cut(DeviceId(1), false);
+    assert_eq!(count(&mut hand), 1);
+    assert_eq!(dl_status(&mut hand, 0), 0x5E37, "port 1 has a link, and its loop is closed");
+    hand.exchange(APWR, 0, 0x0101, &[0b0100]);
+    assert_eq!(count(&mut hand), 2);
+}
+
+#[test]
+fn a_frame_that_finds_port_0_closed_behind_it_is_lost_instead_of_going_round_for_ever() {
+    let mut hand = Hand::new(line(2));
+    assert_eq!(hand.send(&frame(APWR, 0x0101_0000, &[0b0011])), None);
+    assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
+}
+
+#[test]
+fn a_device_whose_loops_are_all_closed_can_be_reached_by_port_0() {
+    let mut hand = Hand::new(line(2));
+    hand.exchange(APWR, 0, 0x0101, &[0b1111_1111]);
+    assert_eq!(count(&mut hand), 1);
+    assert_eq!(dl_status(&mut hand, 0), 0x5F37, "all loops are closed");
+    hand.exchange(APWR, 0, 0x0101, &[0]);
+    assert_eq!(count(&mut hand), 2);
 }
 
 #[test]

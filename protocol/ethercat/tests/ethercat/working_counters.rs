@@ -3,7 +3,9 @@
 use ethercat_subdevice::{DeviceConfig, Segment};
 
 use crate::devices::{BRIDGE, SIMPLE};
-use crate::hand::{APRD, APWR, ARMW, BRD, BRW, BWR, FIRST, FPRD, FPRW, FPWR, FRMW, Hand, LRD, LRW, LWR};
+use crate::hand::{
+    APRD, APWR, ARMW, BRD, BRW, BWR, FIRST, FPRD, FPRW, FPWR, FRMW, Hand, LRD, LRW, LWR, frame,
+};
 
 /// User RAM, which every device has and nothing else uses.
 const RAM: u16 = 0x0F80;
@@ -132,7 +134,7 @@ fn two_fmmus_of_one_device_count_once() {
 }
 
 #[test]
-fn bits_are_mapped_without_touching_their_neighbours() {
+fn bits_are_read_beside_those_of_others_and_written_with_zeros_beside_them() {
     let mut hand = three();
     // Logical bits 6..10 to bits 1..5 of the RAM, both directions.
     let fmmu = [0, 0, 0, 0, 2, 0, 6, 1, 0x80, 0x0F, 1, 3, 1, 0, 0, 0];
@@ -140,7 +142,7 @@ fn bits_are_mapped_without_touching_their_neighbours() {
     hand.exchange(FPWR, FIRST, RAM, &[0b1000_0001]);
     let (_, data, counted) = hand.exchange_at(LRW, 0, &[0b1111_1111, 0b0000_0001]).unwrap();
     assert_eq!((data, counted), (vec![0b0011_1111, 0b0000_0000], 3));
-    assert_eq!(ram(&mut hand)[0], 0b1000_1111);
+    assert_eq!(ram(&mut hand)[0], 0b0000_1110);
 }
 
 #[test]
@@ -170,4 +172,40 @@ fn a_buffer_is_opened_by_its_first_byte_and_handed_over_by_its_last() {
     assert_eq!(hand.read(0x2800, 4).1, 0, "the MainDevice writes this one");
     assert_eq!(hand.write(0x2804, &[9; 8]), 0, "the other buffers are the chip's");
     assert_eq!(hand.write(0x280C, &[9]), 1, "behind them is free memory");
+}
+
+#[test]
+fn a_register_keeps_its_value_until_the_frame_has_passed() {
+    let mut hand = three();
+    let datagram = |command, more: u16| {
+        let mut bytes = vec![command, 0, FIRST as u8, (FIRST >> 8) as u8, 0x08, 0x01];
+        bytes.extend((1 | more << 15).to_le_bytes());
+        bytes.extend([0, 0, 7, 0, 0]);
+        bytes
+    };
+    let mut both = frame(0, 0, &[]);
+    both.truncate(14);
+    both.extend(0x101A_u16.to_le_bytes());
+    both.extend([datagram(FPWR, 1), datagram(FPRD, 0)].concat());
+    both.resize(60, 0);
+    // 0x0108 is free for both sides.
+    let reply = hand.send(&both).unwrap();
+    assert_eq!((reply[26..29].to_vec(), reply[39..42].to_vec()), (vec![7, 1, 0], vec![0, 1, 0]));
+    assert_eq!(hand.read(0x0108, 1).0, [7]);
+}
+
+#[test]
+fn a_sync_manager_of_one_byte_lets_every_access_pass() {
+    let mut hand = three();
+    hand.write(0x0838, &[0x00, 0x28, 1, 0, 0x64, 0, 1, 0]);
+    assert_eq!(hand.write(0x2800, &[5]), 1);
+    assert_eq!(hand.read(0x2800, 1), (vec![5], 1));
+    assert_eq!(hand.write(0x2801, &[6, 7]), 1, "there are no further buffers");
+}
+
+#[test]
+fn a_buffer_can_be_read_once_the_device_has_written_it() {
+    let mut hand = three();
+    hand.write(0x0838, &[0x00, 0x28, 4, 0, 0x20, 0, 1, 0]);
+    assert_eq!(hand.read(0x2800, 4).1, 0);
 }
