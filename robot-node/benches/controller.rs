@@ -40,6 +40,7 @@ impl Cell {
         let config = RobotConfig {
             interpreter_quantum: Duration::ZERO,
             start_quantum: Duration::ZERO,
+            continuous_start_cycles: 0,
             skill_overhead: Duration::ZERO,
             ..RobotConfig::from_setup(&setup).unwrap()
         };

@@ -37,6 +37,8 @@ pub struct RobotConfig {
     pub interpreter_quantum: Duration,
     /// What else passes, evenly spread between 0 and this, before it notices a program or a MoveContinuousSkill.
     pub start_quantum: Duration,
+    /// Cycles that pass before the first motion of a MoveContinuousSkill, and not before that of a program.
+    pub continuous_start_cycles: u32,
     /// What a skill call costs besides its motion.
     pub skill_overhead: Duration,
 }
@@ -148,6 +150,7 @@ impl RobotConfig {
             cycle: micros(robot.cycle_us.value),
             interpreter_quantum: micros(robot.interpreter_quantum_us.value),
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
+            continuous_start_cycles: robot.continuous_start_cycles.as_ref().map_or(0, |cycles| cycles.value),
             skill_overhead: micros(robot.skill_overhead_us.value),
         })
     }

@@ -126,9 +126,20 @@ fn a_program_takes_as_long_as_the_papers() {
 }
 
 #[test]
-fn the_same_motions_take_the_same_time_from_the_program_and_from_the_plc() {
-    let config = RobotConfig { interpreter_quantum: Duration::ZERO, ..config() };
-    let program = run(config.clone(), 1, Skill::RunProgram, &application(), |_| {});
-    let continuous = run(config, 1, Skill::MoveContinuous, &application(), |_| {});
-    assert_eq!(program, continuous);
+fn the_same_motions_take_the_same_time_from_the_program_and_from_the_plc_but_for_the_cycles_before_the_first()
+{
+    for skill_overhead in [config().skill_overhead, Duration::ZERO] {
+        for continuous_start_cycles in [0, 1, 3] {
+            let config = RobotConfig {
+                interpreter_quantum: Duration::ZERO,
+                skill_overhead,
+                continuous_start_cycles,
+                ..config()
+            };
+            let later_ms = f64::from(continuous_start_cycles) * config.cycle.as_secs_f64() * 1e3;
+            let program = run(config.clone(), 1, Skill::RunProgram, &application(), |_| {});
+            let continuous = run(config, 1, Skill::MoveContinuous, &application(), |_| {});
+            assert!((continuous - program - later_ms).abs() < 1e-6, "{program} and {continuous} ms");
+        }
+    }
 }

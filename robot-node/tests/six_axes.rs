@@ -19,6 +19,7 @@ fn config() -> RobotConfig {
     RobotConfig {
         interpreter_quantum: Duration::ZERO,
         start_quantum: Duration::ZERO,
+        continuous_start_cycles: 0,
         skill_overhead: Duration::ZERO,
         ..RobotConfig::from_setup(&setup::setup("B").unwrap()).unwrap()
     }

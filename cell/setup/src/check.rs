@@ -32,6 +32,9 @@ const MAX_VELOCITY_MM_S: f64 = 6_553.5;
 const MAX_ACCELERATION_MM_S2: f64 = 65_535.0;
 const MAX_APPROXIMATION_MM: f64 = 655.35;
 
+/// Highest number of robot cycles before the first motion of a MoveContinuousSkill.
+const MAX_START_CYCLES: u32 = 1_000;
+
 /// IEC 61158-6-10: one step of the cycle counter, the unit of every PROFINET cycle time.
 const PROFINET_UNIT_NS: u64 = 31_250;
 /// IEC 61158-6-10: SendClockFactor up to 128 times ReductionRatio up to 512.
@@ -253,6 +256,12 @@ fn robot(setup: &Setup) -> Check {
         if value.value > 10_000_000 {
             return Err(problem(key, format!("{} µs is above ten seconds", value.value)));
         }
+    }
+    if let Some(cycles) = &robot.continuous_start_cycles
+        && cycles.value > MAX_START_CYCLES
+    {
+        let text = format!("{} robot cycles are above {MAX_START_CYCLES}", cycles.value);
+        return Err(problem("robot.continuous_start_cycles", text));
     }
     above_zero("robot.path_velocity_mm_s", robot.path_velocity_mm_s.value)?;
     at_most("robot.path_velocity_mm_s", robot.path_velocity_mm_s.value, MAX_VELOCITY_MM_S, "mm/s")?;

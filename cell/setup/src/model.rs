@@ -278,6 +278,9 @@ pub struct Robot {
     /// Additional time until the controller notices the start of a program or of a MoveContinuousSkill, evenly
     /// distributed between 0 and this, in µs; none if left out. A single motion does not need it.
     pub start_quantum_us: Option<Sourced<u32>>,
+    /// Robot cycles between a MoveContinuousSkill's command and its first motion that a program of the robot does not
+    /// need; none if left out.
+    pub continuous_start_cycles: Option<Sourced<u32>>,
     /// Time of one skill call in the robot controller besides the motion, in µs: the paper's SM needs it per motion,
     /// RC and CM once. Interpreter dispatch and exact-stop settling.
     pub skill_overhead_us: Sourced<u32>,

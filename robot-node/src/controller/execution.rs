@@ -71,6 +71,8 @@ pub(super) struct Execution {
     /// The highest `written` seen: it only grows.
     written: u32,
     pub(super) phase: Phase,
+    /// Cycles that pass before the first motion, once it might start.
+    pub(super) cycles_to_start: u32,
     /// The motion that cannot be run, and why.
     pub(super) bad: Option<(u32, Violation)>,
     check: Check,
@@ -121,6 +123,7 @@ impl Execution {
             stops_passed: 0,
             written: 0,
             phase: Phase::Dispatch { until: until.max(start) },
+            cycles_to_start: 0,
             bad: None,
             check: Check { next: 0, from: *joints },
         })

@@ -13,7 +13,8 @@
 //! a fixed grid the calls of one run would all meet it at one phase and pay one quantum in all; the paper's MAD of
 //! single skills, which grows with the number of calls, contradicts that.) Then half of the overhead passes before
 //! the motion, and half after it until the arm has settled: only the sum can be identified from the paper. Motions
-//! within a program or a MoveContinuous pay neither.
+//! within a program or a MoveContinuous pay neither. A MoveContinuous may need some cycles more than a program before its
+//! first motion.
 //!
 //! The robot's digital outputs, which the PLC reads as inputs, have two who switch them: a program of the robot, and
 //! the PLC by a change of a bit of its own outputs. The last one counts. A lost connection switches nothing: a gripper
@@ -280,7 +281,10 @@ impl Controller {
         let joints = *self.interpolator.joints();
         self.feedback = Feedback { number: command.number, ..self.cleared_feedback() };
         match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
-            Ok(execution) => {
+            Ok(mut execution) => {
+                if command.skill == Skill::MoveContinuous {
+                    execution.cycles_to_start = self.config.continuous_start_cycles;
+                }
                 self.interpolator.clear();
                 self.accepted = Digest::default();
                 self.hold = command.control.contains(Control::SUSPEND);

@@ -28,7 +28,10 @@ impl Controller {
             // All that is written is checked before anything moves.
             let may_be_more = took_one && !execution.is_complete();
             if checked && there && !may_be_more && at >= until && !self.hold {
-                execution.phase = Phase::Driving;
+                match execution.cycles_to_start.checked_sub(1) {
+                    Some(left) => execution.cycles_to_start = left,
+                    None => execution.phase = Phase::Driving,
+                }
             }
             // The motion starts at this tick: the next one finds the arm a cycle further.
             self.rest();

@@ -31,6 +31,7 @@ pub fn bare(setup: &str) -> RobotConfig {
     RobotConfig {
         interpreter_quantum: Duration::ZERO,
         start_quantum: Duration::ZERO,
+        continuous_start_cycles: 0,
         skill_overhead: Duration::ZERO,
         ..RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
     }
