@@ -226,6 +226,10 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     insta::assert_snapshot!(paths.join("\n"), @"
     .aet_improvement
     .application
+    .arms.a_as_b_ms
+    .arms.a_ms
+    .arms.b_as_a_ms
+    .arms.b_ms
     .bus.frames_received
     .bus.frames_sent
     .bus.lost

@@ -9,8 +9,8 @@ use assert_cmd::Command;
 use bench::records::lateness::CycleLateness;
 use bench::records::results::{Results, Status};
 
-const SECTIONS: [&str; 9] =
-    ["table", "quality", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];
+const SECTIONS: [&str; 10] =
+    ["table", "claims", "quality", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];
 
 struct Said {
     code: Option<i32>,
@@ -68,9 +68,51 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
     assert!(!html.contains("class=\"banner\""));
     let table = section(&html, "table");
     assert!(["3725", "6477", "3729", "42 %", "Calibrated", "h = 0"].iter().all(|text| table.contains(text)));
+    assert!(table.contains("by construction"));
+    assert!(!html.contains("<section id=\"distance\">"), "three repetitions are too few for errors");
+    let claims = section(&html, "claims");
+    assert!(claims.contains("Energy proxy of CM") && claims.contains("programmed motions B"));
     assert!(section(&html, "numbers").contains("robot.skill_overhead_us"));
     assert!(section(&html, "host").contains("kernel"));
     assert!(section(&html, "lateness").contains("In virtual time nothing is late"));
+}
+
+#[test]
+fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
+    let directory = a_run();
+    let html = redrawn(directory.path(), |results| {
+        for execution_type in plc_node::ExecutionType::ALL {
+            let samples = results.results.entry(execution_type).as_mut().unwrap();
+            let all: Vec<f64> = samples.samples_ms.iter().copied().cycle().take(9).collect();
+            samples.samples_ms = all;
+        }
+    });
+    let distance = section(&html, "distance");
+    for figure in ["RC AET", "SM AET", "CM AET", "RC MAD", "SM MAD", "CM MAD", "CM − RC"] {
+        assert!(distance.contains(figure), "{figure}: {distance}");
+    }
+    assert!(distance.contains("3725.0 ± 0.9") && distance.contains("+4.0 ± 1.2"), "{distance}");
+}
+
+#[test]
+fn a_run_of_a_copy_with_another_speed_has_no_paper_in_table_report_exports_and_comparison() {
+    let directory = a_run();
+    let text = setup::SETUPS[0].1.replace("velocity_percent = { value = 3", "velocity_percent = { value = 4");
+    assert_ne!(text, setup::SETUPS[0].1);
+    std::fs::write(directory.path().join("copy.toml"), text).unwrap();
+    let said = bench(
+        directory.path(),
+        &["--setup", "copy.toml", "--mode", "virtual", "--reps", "1", "--out", "copy", "--quiet"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let is_told =
+        |text: &str| text.contains("motions.velocity_percent is 4") && !text.contains("alibrated on");
+    assert!(is_told(&said.stdout) && !said.stdout.contains("paper AET"), "{}", said.stdout);
+    let html = std::fs::read_to_string(directory.path().join("copy/report.html")).unwrap();
+    assert!(is_told(section(&html, "table")) && !html.contains("paper AET"));
+    assert!(["distance", "claims"].iter().all(|id| !html.contains(&format!("<section id=\"{id}\">"))));
+    let said = bench(directory.path(), &["compare", "run", "copy"]);
+    assert!(said.stdout.contains("; not the paper's cell: motions.velocity_percent is 4"), "{}", said.stdout);
 }
 
 #[test]

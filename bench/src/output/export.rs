@@ -140,6 +140,9 @@ fn markdown(results: &Results) -> String {
         [percent(share), String::new()]
     });
     lines.push(row("AETi", [percent(results.aet_improvement), String::new(), String::new()], paper));
+    if let Some(reason) = &results.no_paper {
+        lines.extend([String::new(), format!("No columns of the paper: {reason}.")]);
+    }
     lines.join("\n") + "\n"
 }
 
@@ -228,13 +231,16 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
+    use crate::records::paper::Standing;
     use crate::records::schedule::Schedule;
     use std::time::Duration;
 
     fn results() -> Results {
         let setup = setup::setup("A").unwrap();
         let schedule = Schedule::new(&[ExecutionType::Rc, ExecutionType::Cm], 3, 7);
-        let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &schedule);
+        let application = planning::application("pick-and-place", None).unwrap().application;
+        let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &schedule)
+            .beside_the_paper(&setup, Standing::of(&setup, &application, None, &[]));
         for (repetition, micros) in [(1, 3_722_000), (2, 3_728_500)] {
             let mut measured = Measured::lasting(Duration::from_micros(micros));
             measured.execution.blends_suppressed = repetition;
@@ -271,6 +277,19 @@ mod tests {
         | CM | – | – | 0 | 3729.0 | 3.3 |
         | AETi | – |  |  | 42.4 % |  |
         ");
+    }
+
+    #[test]
+    fn a_run_of_another_cell_has_no_columns_of_the_paper_and_says_why() {
+        let reason = Some("the paper had no override".to_owned());
+        let results = Results { paper: None, no_paper: reason, ..results() };
+        assert!(csv(&results).contains(",3,,\n"), "{}", csv(&results));
+        let markdown = markdown(&results);
+        assert!(
+            markdown.ends_with("\n\nNo columns of the paper: the paper had no override.\n"),
+            "{markdown}"
+        );
+        assert!(!markdown.contains("paper AET"), "{markdown}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! table      the printed table; quality is its second part, screen lays both out
+//! verdicts   how far a run is from the paper, and which of its claims it supports
 //! progress   the live view
 //! report     report.html of a run, and comparisons of runs; html has what all pages share
 //! export     the results in formats of other programs
@@ -24,6 +25,7 @@ pub mod report;
 pub(crate) mod screen;
 pub mod table;
 pub mod timeline;
+pub mod verdicts;
 
 use std::fmt::Arguments;
 use std::process;

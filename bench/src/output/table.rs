@@ -5,11 +5,11 @@ use plc_node::ExecutionType;
 
 use crate::output::progress::label;
 use crate::output::quality;
-use crate::output::screen::{drawn, styled};
+use crate::output::screen::{self, drawn, styled};
+use crate::output::verdicts;
+use crate::records::calibrated::{SKILL_OVERHEAD, figure};
 use crate::records::lateness::CycleLateness;
-use crate::records::results::{
-    Allocations, PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, START_QUANTUM, VELOCITY,
-};
+use crate::records::results::{Allocations, PaperFigure, Results};
 use crate::records::schedule::repetitions;
 
 /// Mark of a figure that a number of the setup was calibrated to.
@@ -51,20 +51,13 @@ fn figures(results: &Results) -> String {
     for execution_type in ExecutionType::ALL {
         let Some(result) = results.results.get(execution_type) else { continue };
         let found = results.figure(execution_type);
-        let mark = |key: Option<&str>| match key {
-            Some(key) if results.is_calibrated(key) => CALIBRATED,
-            _ => " ",
-        };
-        let aet_key = match execution_type {
-            ExecutionType::Rc => Some(VELOCITY),
-            ExecutionType::Sm => Some(SKILL_OVERHEAD),
-            ExecutionType::Cm => None,
-        };
-        let mad_key = (execution_type != ExecutionType::Cm).then_some(QUANTUM);
+        let mark = |is_calibrated| if is_calibrated { CALIBRATED } else { " " };
+        let aet_mark = mark(results.is_aet_calibrated(execution_type));
+        let mad_mark = mark(results.is_mad_calibrated(execution_type));
         let mut row = vec![
             label(execution_type),
-            found.map_or_else(none, |found| format!("{}{}", millis(found.aet_ms), mark(aet_key))),
-            found.map_or_else(none, |found| format!("{}{}", millis(found.mad_ms), mark(mad_key))),
+            found.map_or_else(none, |found| format!("{}{}", millis(found.aet_ms), aet_mark)),
+            found.map_or_else(none, |found| format!("{}{}", millis(found.mad_ms), mad_mark)),
             result.samples_ms.len().to_string(),
         ];
         if let Some(without) = &results.without_skill_overhead {
@@ -108,16 +101,19 @@ fn legend(results: &Results) -> String {
     if !results.calibrated.is_empty() {
         lines.push(format!("{CALIBRATED} calibrated on the paper's figure beside it, so no prediction:"));
         for calibrated in &results.calibrated {
-            let execution_type = match calibrated.key.as_str() {
-                VELOCITY => "RC's AET",
-                SKILL_OVERHEAD => "SM's AET",
-                START_QUANTUM => "RC's MAD",
-                QUANTUM if results.is_calibrated(START_QUANTUM) => "SM's MAD",
-                _ => "the MADs of RC and SM",
-            };
-            lines.push(format!("    {} = {} from {execution_type}", calibrated.key, calibrated.value));
+            let met = figure(&calibrated.key, &results.calibrated);
+            lines.push(format!("    {} = {} from {met}", calibrated.key, calibrated.value));
         }
-        lines.push("  Predicted: CM, and with h = 0 all of SM − CM but for the speed.".to_owned());
+    }
+    if let Some(reason) = &results.no_paper {
+        lines.push(screen::sentences([format!("No columns of the paper: {reason}.").as_str()]));
+    }
+    if let Some(sentence) = verdicts::by_construction(results) {
+        lines.push(screen::sentences([sentence.as_str()]));
+    }
+    let distances = verdicts::distance_sentences(results);
+    if !distances.is_empty() {
+        lines.push(screen::sentences(distances.iter().map(String::as_str)));
     }
     if results.without_skill_overhead.is_some() {
         let whence = if results.mode == "real" { ", from a virtual run" } else { "" };
@@ -194,12 +190,18 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
+    use crate::records::paper::Standing;
     use crate::records::schedule::Schedule;
+    use setup::Provenance;
     use std::time::Duration;
 
     fn results(mode: Mode, types: &[ExecutionType]) -> Results {
-        let setup = setup::setup("A").unwrap();
-        let mut results = Results::new(&setup, "pick-and-place", mode, &Schedule::new(types, 2, 7));
+        let (mut setup, found) = planning::setup_with_application("A").unwrap();
+        let standing = Standing::of(&setup, &found.application, None, &[]);
+        let cycle = setup::Sourced { from: Provenance::Calibrated, ..setup.robot.cycle_us.varied(1) };
+        setup.robot.continuous_start_cycles = Some(cycle);
+        let mut results = Results::new(&setup, "pick-and-place", mode, &Schedule::new(types, 2, 7))
+            .beside_the_paper(&setup, standing);
         for calibrated in &mut results.calibrated {
             calibrated.value = 1.0;
         }
@@ -232,18 +234,39 @@ mod tests {
         ──────────────────────────────────────────────────────────────────────────────────────────────
          RC     3725.5*   3.0*   2       3725.5          3.0        3725         3.6   +0.5 (+0.01 %)
          SM     6480.0*   3.0*   2       5953.3        702.2        6477        11.3   +3.0 (+0.05 %)
-         CM     3730.0    3.0    2       3730.0          3.0        3729         3.3   +1.0 (+0.03 %)
+         CM     3730.0*   3.0    2       3730.0          3.0        3729         3.3   +1.0 (+0.03 %)
          AETi   42.4 %*                  37.3 %                     42 %
         ──────────────────────────────────────────────────────────────────────────────────────────────
 
         * calibrated on the paper's figure beside it, so no prediction:
             motions.velocity_percent = 1 from RC's AET
             robot.skill_overhead_us = 1 from SM's AET
+            robot.continuous_start_cycles = 1 from CM's AET less RC's
             robot.interpreter_quantum_us = 1 from the MADs of RC and SM
-          Predicted: CM, and with h = 0 all of SM − CM but for the speed.
+          CM's AET is RC's by construction, but for the one robot cycle of robot.continuous_start_cycles:
+          the same motions by the same law, and one call each. The model predicts only that the PLC sends
+          them in time.
           h = 0: a skill call costs nothing but its motion and the cycles it waits for.
           Cyclic frames: 0 sent, 0 received, 0 lost.
         ");
+    }
+
+    #[test]
+    fn a_copy_with_another_speed_has_no_columns_of_the_paper_and_says_why_in_one_line() {
+        let (mut setup, found) = planning::setup_with_application("A").unwrap();
+        setup.motions.velocity_percent.value = 50.0;
+        let standing = Standing::of(&setup, &found.application, None, &[]);
+        let schedule = Schedule::new(&[ExecutionType::Rc], 2, 7);
+        let table = render(
+            &Results::new(&setup, "pick-and-place", Mode::Virtual, &schedule)
+                .beside_the_paper(&setup, standing),
+        );
+        assert!(!table.contains("3725") && !table.contains("calibrated"), "{table}");
+        let line = table.lines().find(|line| line.contains("paper")).unwrap();
+        assert!(
+            line.starts_with("  No columns of the paper: motions.velocity_percent is 50.0 and in"),
+            "{line}"
+        );
     }
 
     #[test]
@@ -272,8 +295,8 @@ mod tests {
         * calibrated on the paper's figure beside it, so no prediction:
             motions.velocity_percent = 1 from RC's AET
             robot.skill_overhead_us = 1 from SM's AET
+            robot.continuous_start_cycles = 1 from CM's AET less RC's
             robot.interpreter_quantum_us = 1 from the MADs of RC and SM
-          Predicted: CM, and with h = 0 all of SM − CM but for the speed.
           Cycles late by p50 / p99 / max: PLC not reported; robot not reported.
           Cyclic frames: 0 sent, 0 received, 0 lost.
         ");

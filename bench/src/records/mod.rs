@@ -7,6 +7,8 @@
 //! conditions     the result of one run, and the conditions of the measurement
 //! results        the results of a measurement, as in results.json; statistics has the formulas, quality the arm's
 //! motion
+//! paper          when the paper's figures stand beside a run; calibrated: the numbers chosen to meet them
+//! distance       how far a run is from the paper, in standard errors
 //! trace          both nodes tick by tick
 //! ratio          the ratio of two means of a real run, with its confidence interval
 //! faults         the faults that the user injects, and their result
@@ -14,11 +16,14 @@
 //! run_directory  the files of a measurement
 //! ```
 
+pub mod calibrated;
 pub mod conditions;
+pub mod distance;
 pub mod faults;
 pub mod host;
 pub mod lateness;
 pub mod mode;
+pub mod paper;
 pub mod quality;
 pub mod ratio;
 pub mod results;

@@ -6,8 +6,9 @@
 use plc_node::ExecutionType;
 use robot_node::quality::RatingExceeded;
 use serde::{Deserialize, Serialize};
-use setup::{Provenance, Setup, Sourced};
+use setup::Setup;
 
+use crate::records::calibrated::{self, Calibrated};
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::FaultReport;
 use crate::records::lateness::CycleLateness;
@@ -48,10 +49,15 @@ pub struct Results {
     pub aet_improvement: Option<f64>,
     /// The same in virtual time without the calibrated skill overhead; null if it was not run.
     pub without_skill_overhead: Option<WithoutOverhead>,
-    /// The paper's figures; null for a setup that is not in the paper, and with an override, which the paper did not use.
+    /// The paper's figures; null unless the run is of the paper's cell.
     pub paper: Option<PerType<PaperFigure>>,
-    /// Numbers of the setup that were chosen to reproduce the paper's figures; none with an override, which changes the
-    /// figures.
+    /// Why the paper's figures do not stand beside a run whose setup has them; absent where they do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_paper: Option<String>,
+    /// The paper's two arms, each also with the other's programmed motions; absent unless the run is of the paper's cell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arms: Option<Arms>,
+    /// Numbers of the setup that were chosen to reproduce the paper's figures; none unless those stand beside the run.
     pub calibrated: Vec<Calibrated>,
     /// Lateness of the cycles.
     pub cycle: Cycles,
@@ -179,6 +185,30 @@ pub struct PaperFigure {
     pub mad_ms: f64,
 }
 
+/// AET of RC on the paper's two arms, in virtual time, and on each with the motions as they are programmed on the other.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Arms {
+    /// Setup A, in ms.
+    pub a_ms: f64,
+    /// Setup B, in ms.
+    pub b_ms: f64,
+    /// Setup B's arm with Setup A's programmed motions, in ms.
+    pub b_as_a_ms: f64,
+    /// Setup A's arm with Setup B's programmed motions, in ms.
+    pub a_as_b_ms: f64,
+}
+
+impl Arms {
+    /// Returns the shares of the difference between the setups that are left where both arms run one setup's programmed
+    /// motions: those of A, and those of B.
+    #[must_use]
+    pub fn shares(&self) -> [f64; 2] {
+        let difference_ms = self.b_ms - self.a_ms;
+        [(self.b_as_a_ms - self.a_ms) / difference_ms, (self.b_ms - self.a_as_b_ms) / difference_ms]
+    }
+}
+
 impl From<Figure> for PaperFigure {
     fn from(Figure { aet_ms, mad_ms }: Figure) -> Self {
         Self { aet_ms, mad_ms }
@@ -189,18 +219,6 @@ impl From<setup::Figure> for PaperFigure {
     fn from(setup::Figure { aet_ms, mad_ms }: setup::Figure) -> Self {
         Self { aet_ms, mad_ms }
     }
-}
-
-/// A number that was chosen to reproduce a published figure.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Calibrated {
-    /// Its key in the setup.
-    pub key: String,
-    /// Its value, in the unit that the key names.
-    pub value: f64,
-    /// The figure that it was calibrated to, and how.
-    pub note: String,
 }
 
 /// Lateness of the cycles. In virtual mode nothing is late.
@@ -238,7 +256,7 @@ pub struct Allocations {
 }
 
 impl Results {
-    /// Creates the results of a run that is about to start.
+    /// Creates the results of a run that is about to start, without the paper's figures.
     #[must_use]
     pub fn new(setup: &Setup, application: &str, mode: Mode, schedule: &Schedule) -> Self {
         let mut results = PerType::default();
@@ -258,12 +276,10 @@ impl Results {
             results,
             aet_improvement: None,
             without_skill_overhead: None,
-            paper: setup.paper.as_ref().filter(|_| schedule.overrides.is_none()).map(|paper| PerType {
-                rc: Some(paper.rc.into()),
-                sm: Some(paper.sm.into()),
-                cm: Some(paper.cm.into()),
-            }),
-            calibrated: if schedule.overrides.is_none() { calibrated(setup) } else { Vec::new() },
+            paper: None,
+            no_paper: None,
+            arms: None,
+            calibrated: Vec::new(),
             cycle: Cycles::default(),
             bus: Frames::default(),
             connected_after_ms: None,
@@ -349,6 +365,18 @@ impl Results {
         self.calibrated.iter().any(|calibrated| calibrated.key == key)
     }
 
+    /// Returns whether a number of the setup was chosen to meet the AET of this type.
+    #[must_use]
+    pub fn is_aet_calibrated(&self, of: ExecutionType) -> bool {
+        self.is_calibrated(calibrated::of_aet(of))
+    }
+
+    /// Returns whether a number of the setup was chosen to meet the MAD of this type.
+    #[must_use]
+    pub fn is_mad_calibrated(&self, of: ExecutionType) -> bool {
+        calibrated::of_mad(of).iter().any(|key| self.is_calibrated(key))
+    }
+
     /// Returns the seed and, if there is one, the override: the end of the line that describes the run.
     #[must_use]
     pub fn seed_and_override(&self, separator: &str) -> String {
@@ -366,33 +394,6 @@ impl Results {
 fn figure(samples_ms: &[f64]) -> Option<Figure> {
     let nanos = |millis: &f64| std::time::Duration::from_nanos((millis * 1e6).round() as u64);
     Figure::of(samples_ms.iter().map(nanos))
-}
-
-/// Key of the programmed speed, which is calibrated to RC's AET.
-pub const VELOCITY: &str = "motions.velocity_percent";
-/// Key of the cost of a skill call, which is calibrated to SM's AET.
-pub const SKILL_OVERHEAD: &str = "robot.skill_overhead_us";
-/// Key of the controller's time quantum, which is calibrated to the MADs.
-pub const QUANTUM: &str = "robot.interpreter_quantum_us";
-
-/// Key of the spread of a program's start, which is calibrated to RC's MAD.
-pub const START_QUANTUM: &str = "robot.start_quantum_us";
-
-fn calibrated(setup: &Setup) -> Vec<Calibrated> {
-    fn entry<T: Copy + Into<f64>>(key: &str, number: &Sourced<T>) -> Option<Calibrated> {
-        (number.from == Provenance::Calibrated).then(|| Calibrated {
-            key: key.to_owned(),
-            value: number.value.into(),
-            note: number.note.clone(),
-        })
-    }
-    let numbers = [
-        entry(VELOCITY, &setup.motions.velocity_percent),
-        entry(SKILL_OVERHEAD, &setup.robot.skill_overhead_us),
-        entry(QUANTUM, &setup.robot.interpreter_quantum_us),
-        setup.robot.start_quantum_us.as_ref().and_then(|quantum| entry(START_QUANTUM, quantum)),
-    ];
-    numbers.into_iter().flatten().collect()
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The paper's figures from measured execution times.
 
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::time::Duration;
 
 /// Average execution time and mean absolute deviation of one execution type.
@@ -30,6 +31,35 @@ impl Figure {
     }
 }
 
+/// Returns the standard deviation of a normal distribution that a mean absolute deviation of `count` samples from their
+/// mean points to, in its unit; `None` for fewer than two samples.
+///
+/// The mean absolute deviation is √(2/π) of the standard deviation, and √((n − 1) / n) less for the mean being that of the
+/// same samples: a factor of 1.279 at n = 25.
+#[must_use]
+pub fn deviation_from_mad(mad: f64, count: u32) -> Option<f64> {
+    let count = f64::from(count);
+    (count >= 2.0).then(|| mad * (FRAC_PI_2 * count / (count - 1.0)).sqrt())
+}
+
+/// Returns the standard error of the mean of `count` samples with this mean absolute deviation: 0.256 of it at n = 25.
+#[must_use]
+pub fn error_of_mean(mad: f64, count: u32) -> Option<f64> {
+    deviation_from_mad(mad, count).map(|deviation| deviation / f64::from(count).sqrt())
+}
+
+/// Returns the standard error of the mean absolute deviation of `count` samples, where that of the distribution is `mad` at
+/// `mad_count` samples: 0.154 of it where both are 25 (R. A. Fisher, 1920: normal distribution).
+#[must_use]
+pub fn error_of_mad(mad: f64, mad_count: u32, count: u32) -> Option<f64> {
+    let deviation = deviation_from_mad(mad, mad_count)?;
+    let n = f64::from(count);
+    (n >= 2.0).then(|| {
+        let spread = FRAC_PI_2 + (n * (n - 2.0)).sqrt() - n + libm::asin(1.0 / (n - 1.0));
+        deviation * (2.0 * (n - 1.0) / (PI * n * n) * spread).max(0.0).sqrt()
+    })
+}
+
 /// Computes AETi, the paper's formula (1): the share (0…1) of SM's execution time that CM saves.
 #[must_use]
 pub fn aet_improvement(sm_aet_ms: f64, cm_aet_ms: f64) -> f64 {
@@ -39,6 +69,8 @@ pub fn aet_improvement(sm_aet_ms: f64, cm_aet_ms: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand_core::{Rng, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
 
     fn millis(times: &[u64]) -> Option<Figure> {
         Figure::of(times.iter().map(|time| Duration::from_millis(*time)))
@@ -54,6 +86,37 @@ mod tests {
     fn one_time_has_no_deviation_and_no_times_have_no_figure() {
         assert_eq!(millis(&[3725]), Some(Figure { aet_ms: 3725.0, mad_ms: 0.0 }));
         assert_eq!(millis(&[]), None);
+    }
+
+    #[test]
+    fn of_25_samples_of_a_normal_distribution_mads_and_means_scatter_as_their_formulas_say() {
+        let approx = |value: Option<f64>, wanted: f64| (value.unwrap() - wanted).abs() < 5e-4;
+        assert!(approx(deviation_from_mad(1.0, 25), 1.2791), "{:?}", deviation_from_mad(1.0, 25));
+        assert!(approx(error_of_mean(1.0, 25), 0.2558), "{:?}", error_of_mean(1.0, 25));
+        assert!(approx(error_of_mad(1.0, 25, 25), 0.1538), "{:?}", error_of_mad(1.0, 25, 25));
+        assert_eq!((deviation_from_mad(1.0, 1), error_of_mad(1.0, 25, 1)), (None, None));
+        // The same by 4,000 draws, each uniform sum of twelve about normal.
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let draws: Vec<[f64; 2]> = (0..4_000)
+            .map(|_| {
+                let times: Vec<f64> = (0..25).map(|_| (0..12).map(|_| uniform()).sum::<f64>()).collect();
+                let mean = times.iter().sum::<f64>() / 25.0;
+                [mean, times.iter().map(|time| (time - mean).abs()).sum::<f64>() / 25.0]
+            })
+            .collect();
+        let mean = |index: usize| draws.iter().map(|draw| draw[index]).sum::<f64>() / 4_000.0;
+        let scatter = |index: usize| {
+            let squares = draws
+                .iter()
+                .map(|draw| (draw[index] - mean(index)) * (draw[index] - mean(index)))
+                .sum::<f64>();
+            (squares / 4_000.0).sqrt()
+        };
+        let mad = mean(1);
+        assert!((deviation_from_mad(mad, 25).unwrap() - 1.0).abs() < 0.02, "{mad}");
+        assert!((scatter(0) / error_of_mean(mad, 25).unwrap() - 1.0).abs() < 0.04, "{}", scatter(0));
+        assert!((scatter(1) / error_of_mad(mad, 25, 25).unwrap() - 1.0).abs() < 0.04, "{}", scatter(1));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! are compiled in ([`SETUPS`]); a path selects a user's setup.
 
 mod check;
+mod difference;
 mod error;
 mod load;
 mod model;
@@ -11,6 +12,7 @@ mod sourced;
 mod vary;
 mod write;
 
+pub use difference::Difference;
 pub use error::Error;
 pub use load::{SETUPS, Text, check, find, setup, setup_with_directory};
 pub use model::{

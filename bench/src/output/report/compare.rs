@@ -105,8 +105,10 @@ fn columns(runs: &[Run]) -> Vec<Column> {
         };
         let commit = run.host("commit").map_or_else(String::new, |commit| format!(", commit {commit}"));
         let results = &run.results;
+        let other = results.no_paper.as_ref();
+        let other = other.map_or_else(String::new, |reason| format!("; not the paper's cell: {reason}"));
         let about = format!(
-            "setup {}, {} mode, {}, {}{commit}{ended}",
+            "setup {}, {} mode, {}, {}{commit}{ended}{other}",
             results.setup,
             results.mode,
             repetitions(results.reps),

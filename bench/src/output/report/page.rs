@@ -10,8 +10,10 @@ use crate::output::html::document::fill;
 use crate::output::html::figure::Figure;
 use crate::output::progress::label;
 use crate::output::quality;
+use crate::output::verdicts;
+use crate::records::calibrated::{self, SKILL_OVERHEAD};
 use crate::records::ratio::Ratio;
-use crate::records::results::{PaperFigure, QUANTUM, Results, SKILL_OVERHEAD, Status, VELOCITY};
+use crate::records::results::{PaperFigure, Results, Status};
 use crate::records::schedule::repetitions;
 use crate::records::statistics::aet_improvement;
 use crate::records::trace::Trace;
@@ -32,6 +34,11 @@ struct Page {
     rows: Vec<Row>,
     improvement: Improvement,
     calibrated: Vec<[String; 3]>,
+    no_paper: Option<String>,
+    by_construction: Option<String>,
+    not_reproduced: Option<String>,
+    distances: Vec<verdicts::DistanceRow>,
+    claims: Vec<verdicts::Claim>,
     ratio: Option<String>,
     suppressed: u32,
     frames: [u64; 4],
@@ -129,6 +136,11 @@ fn page(run: &Run) -> anyhow::Result<Page> {
             .collect(),
         improvement: improvement(results),
         calibrated: calibrated(results),
+        no_paper: results.no_paper.clone(),
+        by_construction: verdicts::by_construction(results),
+        not_reproduced: verdicts::not_reproduced(results),
+        distances: verdicts::distance_rows(results),
+        claims: verdicts::claims(results),
         ratio: ratio(results),
         suppressed: ExecutionType::ALL
             .iter()
@@ -255,11 +267,6 @@ fn pair(figure: Option<PaperFigure>) -> [String; 2] {
 fn row(results: &Results, execution_type: ExecutionType) -> Option<Row> {
     let result = results.results.get(execution_type)?;
     let found = results.figure(execution_type);
-    let aet_key = match execution_type {
-        ExecutionType::Rc => Some(VELOCITY),
-        ExecutionType::Sm => Some(SKILL_OVERHEAD),
-        ExecutionType::Cm => None,
-    };
     let paper = results.paper.as_ref().and_then(|paper| paper.get(execution_type)).copied();
     let without = results
         .without_skill_overhead
@@ -275,11 +282,9 @@ fn row(results: &Results, execution_type: ExecutionType) -> Option<Row> {
             ExecutionType::Cm => "MoveContinuousSkill",
         },
         aet,
-        is_aet_calibrated: found.is_some() && aet_key.is_some_and(|key| results.is_calibrated(key)),
+        is_aet_calibrated: found.is_some() && results.is_aet_calibrated(execution_type),
         mad,
-        is_mad_calibrated: found.is_some()
-            && execution_type != ExecutionType::Cm
-            && results.is_calibrated(QUANTUM),
+        is_mad_calibrated: found.is_some() && results.is_mad_calibrated(execution_type),
         count: result.samples_ms.len(),
         without: pair(without),
         paper: paper.map_or_else(
@@ -318,8 +323,9 @@ fn improvement(results: &Results) -> Improvement {
 }
 
 fn calibrated(results: &Results) -> Vec<[String; 3]> {
-    let line = |calibrated: &crate::records::results::Calibrated| {
-        [calibrated.key.clone(), calibrated.value.to_string(), calibrated.note.clone()]
+    let line = |of: &calibrated::Calibrated| {
+        let met = calibrated::figure(&of.key, &results.calibrated);
+        [of.key.clone(), of.value.to_string(), met.to_owned()]
     };
     results.calibrated.iter().map(line).collect()
 }

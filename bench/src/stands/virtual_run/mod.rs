@@ -38,6 +38,7 @@ use crate::output::exit::Failure;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
+use crate::records::paper::Standing;
 use crate::records::results::{Results, Status};
 use crate::records::schedule::{Schedule, Step};
 use crate::records::trace::{Recording, Trace};
@@ -238,10 +239,12 @@ impl VirtualRun {
 ///
 /// The nodes do not connect, or a repetition fails.
 pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> anyhow::Result<Results> {
-    run_whole(setup, &application.name, Work::of(setup, application)?, schedule)
+    let results = run_whole(setup, &application.name, Work::of(setup, application)?, schedule)?;
+    let standing = Standing::of(setup, application, schedule.overrides.as_ref(), &[]);
+    Ok(results.beside_the_paper(setup, standing))
 }
 
-/// Executes a whole schedule like [`whole`], of a planned application.
+/// Executes a whole schedule like [`whole`], of a planned application; the paper's figures do not stand beside it.
 ///
 /// # Errors
 ///

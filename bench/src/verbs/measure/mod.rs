@@ -1,5 +1,6 @@
 //! A measured run: from its options to its table and exit code.
 
+mod companions;
 mod options;
 pub mod session;
 
@@ -7,11 +8,10 @@ pub use options::{Capture, RunOptions};
 
 use std::future::Future;
 use std::path::PathBuf;
-use std::thread::{self, JoinHandle};
 use std::time::SystemTime;
 
 use anyhow::anyhow;
-use planning::{Application, Found};
+use planning::Found;
 use protocol_linux::capture::Keep;
 use robot_node::RobotConfig;
 use setup::Setup;
@@ -28,14 +28,16 @@ use crate::output::timeline;
 use crate::records::faults;
 use crate::records::host::Host;
 use crate::records::mode::Mode;
-use crate::records::results::{self, Results, Status};
+use crate::records::paper::Standing;
+use crate::records::results::{Results, Status};
 use crate::records::run_directory::{self, Durability, RunDirectory, replace};
 use crate::records::schedule::Schedule;
 use crate::records::trace::Trace;
 use crate::stands::rig::{self, Rig};
-use crate::stands::virtual_run::{self, VirtualRun};
+use crate::stands::virtual_run::VirtualRun;
 use crate::stands::{Finished, Stand, StandConfig};
 use crate::verbs::event_loop::{event_loop, interrupt};
+use companions::Companions;
 use session::{Ended, Session};
 
 /// Warnings of a plan that are shown before a run.
@@ -167,23 +169,35 @@ impl Measurement<'_> {
         let host = Host::look(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
-        let results =
-            Results::new(&self.setup, &self.found.application.name, self.options.mode, &self.schedule);
-        let overhead_free = || WithoutOverhead::start(&self.setup, &self.found.application, &self.schedule);
-        // In real mode it runs afterwards, so that it takes no core from the nodes.
-        let meanwhile = (self.options.mode == Mode::Virtual).then(overhead_free);
+        let results = self.empty_results();
+        let of_the_paper = results.paper.is_some();
+        let companions =
+            || Companions::start(&self.setup, &self.found.application, &self.schedule, of_the_paper);
+        // In real mode they run afterwards, so that they take no core from the nodes.
+        let meanwhile = (self.options.mode == Mode::Virtual).then(companions);
         let ended = match self.options.mode {
             Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await?,
             Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await?,
         };
         let ended = match ended.exit {
-            Exit::Pass => ended.beside(meanwhile.unwrap_or_else(overhead_free).finish()?),
-            // After an interrupt, or if a node needs attention, the user does not want to wait for it.
+            Exit::Pass => {
+                let results = meanwhile.unwrap_or_else(companions).finish(ended.results)?;
+                Ended { results, ..ended }
+            }
+            // After an interrupt, or if a node needs attention, the user does not want to wait for them.
             _ => ended,
         };
         // If the disk was full before, do not write again: the files there are complete.
         let saved = if ended.exit == Exit::Internal { Ok(()) } else { session.finish(&ended.results) };
         Ok((ended.and_saved(saved), path))
+    }
+
+    fn empty_results(&self) -> Results {
+        let (setup, application) = (&self.setup, &self.found.application);
+        let overrides = self.schedule.overrides.as_ref();
+        let standing = Standing::of(setup, application, overrides, &self.options.fault);
+        Results::new(setup, &application.name, self.options.mode, &self.schedule)
+            .beside_the_paper(setup, standing)
     }
 
     /// Prints the plan's first warnings: for a grid each would be repeated in every cycle.
@@ -303,25 +317,5 @@ impl Measurement<'_> {
     /// Returns whether the captures of a run with this exit code are written.
     fn wants_capture(&self, exit: Exit) -> bool {
         self.options.capture == Capture::Always || exit.is_failed_run()
-    }
-}
-
-/// The virtual run without the calibrated overhead, on another core; `None` if there is no overhead.
-struct WithoutOverhead(Option<JoinHandle<anyhow::Result<Results>>>);
-
-impl WithoutOverhead {
-    fn start(setup: &Setup, application: &Application, schedule: &Schedule) -> Self {
-        if setup.robot.skill_overhead_us.value == 0 {
-            return Self(None);
-        }
-        let (mut setup, application, schedule) = (setup.clone(), application.clone(), schedule.clone());
-        setup.robot.skill_overhead_us.value = 0;
-        Self(Some(thread::spawn(move || virtual_run::whole(&setup, &application, &schedule))))
-    }
-
-    fn finish(self) -> anyhow::Result<Option<results::WithoutOverhead>> {
-        let Some(thread) = self.0 else { return Ok(None) };
-        let results = thread.join().map_err(|_| anyhow!("the virtual run without overhead broke off"))??;
-        Ok(Some(results.as_without_overhead()))
     }
 }

@@ -5,7 +5,7 @@ use crate::output::exit::Exit;
 use crate::output::export::Exports;
 use crate::output::progress::Progress;
 use crate::records::host::Host;
-use crate::records::results::{Results, Status, WithoutOverhead};
+use crate::records::results::{Results, Status};
 use crate::records::run_directory::{Durability, RunDirectory};
 use crate::records::schedule::Schedule;
 use crate::stands::Stand;
@@ -33,12 +33,6 @@ pub struct Ended {
 }
 
 impl Ended {
-    /// Adds the result of the run that it is compared with.
-    #[must_use]
-    pub fn beside(self, without_skill_overhead: Option<WithoutOverhead>) -> Self {
-        Self { results: Results { without_skill_overhead, ..self.results }, ..self }
-    }
-
     /// Adds the result of saving more of the run. If that failed, a run that passed becomes a failure.
     #[must_use]
     pub fn and_saved(mut self, saved: anyhow::Result<()>) -> Self {

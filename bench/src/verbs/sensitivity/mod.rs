@@ -22,6 +22,7 @@ pub use table::{csv, render};
 
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
+use crate::records::paper::Standing;
 use crate::records::results::{PaperFigure, PerType};
 use crate::records::schedule::Schedule;
 use crate::stands::virtual_run;
@@ -76,7 +77,7 @@ pub struct Sensitivity {
     pub reps: u32,
     /// Seed of clocks, phases and pauses.
     pub seed: u64,
-    /// The published figures, if the paper measured this setup.
+    /// The published figures, if this is the paper's cell.
     pub paper: Option<PerType<PaperFigure>>,
     /// The cases; the first one is the unchanged setup.
     pub rows: Vec<Row>,
@@ -196,11 +197,10 @@ fn study(
         application: application.name.clone(),
         reps: options.reps,
         seed: options.study.seed,
-        paper: setup.paper.as_ref().map(|paper| PerType {
-            rc: Some(paper.rc.into()),
-            sm: Some(paper.sm.into()),
-            cm: Some(paper.cm.into()),
-        }),
+        paper: match Standing::of(setup, application, None, &[]) {
+            Standing::Paper(paper) => Some(paper),
+            Standing::Other(_) | Standing::Unpublished => None,
+        },
         rows: rows.collect(),
     })
 }

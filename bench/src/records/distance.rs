@@ -1,0 +1,136 @@
+//! How far a run is from the paper, in standard errors.
+//!
+//! Both are samples of a few repetitions, so that a difference means something only beside its error. The paper's error
+//! follows from its MADs, the run's from its own; for MADs see [`error_of_mad`]. The formulas are those of a normal
+//! distribution.
+
+use plc_node::ExecutionType;
+
+use crate::records::results::{PaperFigure, Results};
+use crate::records::schedule::REPETITIONS;
+use crate::records::statistics::{error_of_mad, error_of_mean};
+
+/// Beyond so many standard errors a figure counts as not reproduced: one of twenty is there by chance.
+pub const REPRODUCED_WITHIN: f64 = 2.0;
+
+/// Fewest repetitions of each type from which an error is derived.
+const FEWEST: usize = 5;
+
+/// A figure with its standard error, in ms.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Estimate {
+    /// The figure.
+    pub ms: f64,
+    /// Its standard error.
+    pub error_ms: f64,
+}
+
+impl Estimate {
+    /// Returns this less another one; the errors are independent.
+    #[must_use]
+    pub fn less(self, other: Self) -> Self {
+        Self { ms: self.ms - other.ms, error_ms: libm::hypot(self.error_ms, other.error_ms) }
+    }
+}
+
+/// A figure of a run beside the paper's.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Distance {
+    /// Its name, such as `CM − RC`.
+    pub figure: String,
+    /// The paper's.
+    pub paper: Estimate,
+    /// The run's.
+    pub run: Estimate,
+    /// Whether a number of the setup was chosen to meet it.
+    pub is_calibrated: bool,
+}
+
+impl Distance {
+    /// Returns how far the run is from the paper, in standard errors of the difference.
+    #[must_use]
+    pub fn in_errors(&self) -> f64 {
+        let Estimate { ms, error_ms } = self.run.less(self.paper);
+        ms / error_ms
+    }
+
+    /// Returns whether the difference is too large to be by chance.
+    #[must_use]
+    pub fn is_too_large(&self) -> bool {
+        self.in_errors().abs() > REPRODUCED_WITHIN
+    }
+}
+
+/// Returns the distance of each figure that the paper has: AETs, MADs, and the difference of CM's and RC's AETs. Empty if
+/// the paper's figures do not stand beside the run; a type of fewer than five repetitions, or without scatter, is left out.
+#[must_use]
+pub fn distances(results: &Results) -> Vec<Distance> {
+    let of_types: Vec<OfType> =
+        ExecutionType::ALL.into_iter().filter_map(|of| OfType::new(results, of)).collect();
+    let aets = of_types.iter().map(OfType::aet);
+    let mads = of_types.iter().filter_map(OfType::mad);
+    let find = |wanted| of_types.iter().find(|of_type| of_type.of == wanted);
+    let cm_and_rc = find(ExecutionType::Cm).zip(find(ExecutionType::Rc));
+    let difference = cm_and_rc.map(|(cm, rc)| Distance {
+        figure: "CM − RC".to_owned(),
+        paper: cm.paper_aet.less(rc.paper_aet),
+        run: cm.run_aet.less(rc.run_aet),
+        is_calibrated: cm.is_aet_calibrated,
+    });
+    aets.chain(mads).chain(difference).collect()
+}
+
+/// One type of a run and of the paper.
+struct OfType {
+    of: ExecutionType,
+    count: u32,
+    paper: PaperFigure,
+    run: PaperFigure,
+    paper_aet: Estimate,
+    run_aet: Estimate,
+    is_aet_calibrated: bool,
+    is_mad_calibrated: bool,
+}
+
+impl OfType {
+    fn new(results: &Results, of: ExecutionType) -> Option<Self> {
+        let paper = *results.paper.as_ref()?.get(of)?;
+        let run = results.figure(of).filter(|figure| figure.mad_ms > 0.0)?;
+        let samples = results.results.get(of)?.samples_ms.len();
+        let count = u32::try_from(samples).ok().filter(|_| samples >= FEWEST)?;
+        let estimate = |figure: PaperFigure, count| {
+            Some(Estimate { ms: figure.aet_ms, error_ms: error_of_mean(figure.mad_ms, count)? })
+        };
+        Some(Self {
+            of,
+            count,
+            paper,
+            run,
+            paper_aet: estimate(paper, REPETITIONS)?,
+            run_aet: estimate(run, count)?,
+            is_aet_calibrated: results.is_aet_calibrated(of),
+            is_mad_calibrated: results.is_mad_calibrated(of),
+        })
+    }
+
+    fn aet(&self) -> Distance {
+        Distance {
+            figure: format!("{} AET", self.of.to_string().to_uppercase()),
+            paper: self.paper_aet,
+            run: self.run_aet,
+            is_calibrated: self.is_aet_calibrated,
+        }
+    }
+
+    /// A MAD's error is a share of the MAD itself. The run's is taken for both: it is what the paper's repetitions would
+    /// have if they were the model's.
+    fn mad(&self) -> Option<Distance> {
+        let error = |count| error_of_mad(self.run.mad_ms, self.count, count);
+        Some(Distance {
+            figure: format!("{} MAD", self.of.to_string().to_uppercase()),
+            paper: Estimate { ms: self.paper.mad_ms, error_ms: error(REPETITIONS)? },
+            run: Estimate { ms: self.run.mad_ms, error_ms: error(self.count)? },
+            is_calibrated: self.is_mad_calibrated,
+        })
+    }
+}

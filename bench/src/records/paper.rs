@@ -1,0 +1,173 @@
+//! When the paper's figures stand beside a run.
+//!
+//! They do only if the run is of the paper's cell: the content of setup and application is that of the built-in ones, and
+//! nothing was changed for the run. Otherwise the reason is said in one line.
+
+use planning::Application;
+use plc_node::OverrideSchedule;
+use setup::{Difference, Setup};
+
+use crate::records::calibrated;
+use crate::records::faults::Fault;
+use crate::records::results::{PaperFigure, PerType, Results};
+
+/// The paper's application (section 6.1), by its built-in name.
+const APPLICATION: &str = "pick-and-place";
+
+/// Keys of a setup that do not change what the cell does: where its nodes are in a network, what they are called, and how
+/// long they tolerate a stalled host.
+const FREE: [&str; 9] = [
+    "title",
+    "application",
+    "bus.watchdog_cycles",
+    "bus.plc_address",
+    "bus.robot_address",
+    "bus.subnet_mask",
+    "bus.profinet.cyclic",
+    "bus.profinet.plc_station_name",
+    "bus.profinet.robot_station_name",
+];
+
+/// Whether the paper's figures stand beside a run.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Standing {
+    /// It is the paper's cell, whose figures are these.
+    Paper(PerType<PaperFigure>),
+    /// Its setup has figures of the paper, but the run is of something else, for this reason.
+    Other(String),
+    /// Its setup has no figures of the paper.
+    Unpublished,
+}
+
+impl Standing {
+    /// Returns the standing of a run under these conditions.
+    #[must_use]
+    pub fn of(
+        setup: &Setup,
+        application: &Application,
+        overrides: Option<&OverrideSchedule>,
+        faults: &[Fault],
+    ) -> Self {
+        let Some(paper) = &setup.paper else { return Self::Unpublished };
+        if let Some(overrides) = overrides {
+            return Self::Other(format!("the paper had no override, and this run has {overrides}"));
+        }
+        if !faults.is_empty() {
+            return Self::Other("faults were put into the cable".to_owned());
+        }
+        match other_than_the_paper(setup, application) {
+            Some(reason) => Self::Other(reason),
+            None => Self::Paper(PerType {
+                rc: Some(paper.rc.into()),
+                sm: Some(paper.sm.into()),
+                cm: Some(paper.cm.into()),
+            }),
+        }
+    }
+}
+
+impl Results {
+    /// Returns these results with the paper's figures and the numbers that were calibrated to them, or with the reason why
+    /// they do not stand there.
+    #[must_use]
+    pub fn beside_the_paper(self, setup: &Setup, standing: Standing) -> Self {
+        match standing {
+            Standing::Paper(paper) => Self { paper: Some(paper), calibrated: calibrated::of(setup), ..self },
+            Standing::Other(reason) => Self { no_paper: Some(reason), ..self },
+            Standing::Unpublished => self,
+        }
+    }
+}
+
+/// Returns in what a cell is not the paper's; `None` if it is.
+fn other_than_the_paper(setup: &Setup, application: &Application) -> Option<String> {
+    let name = &setup.name;
+    let Some(shipped) = built_in(name) else {
+        let known: Vec<_> = setup::SETUPS.iter().map(|(name, _)| *name).collect();
+        return Some(format!("`{name}` is no setup of the paper; those are {}", known.join(" and ")));
+    };
+    let differences = match setup.differences(&shipped) {
+        Ok(differences) => differences,
+        Err(error) => return Some(error.to_string()),
+    };
+    let counts = |difference: &Difference| !FREE.contains(&difference.key.as_str());
+    if let Some(Difference { key, first, second }) = differences.into_iter().find(counts) {
+        let text = |value: Option<String>| value.unwrap_or_else(|| "missing".to_owned());
+        return Some(format!("{key} is {} and in the paper's setup {name} {}", text(first), text(second)));
+    }
+    let is_papers =
+        planning::application(APPLICATION, None).is_ok_and(|found| found.application == *application);
+    (!is_papers).then(|| {
+        format!("the application `{}` differs from the paper's, the built-in {APPLICATION}", application.name)
+    })
+}
+
+/// Returns the built-in setup of this name.
+fn built_in(name: &str) -> Option<Setup> {
+    let (name, _) = setup::SETUPS.iter().find(|(known, _)| *known == name)?;
+    setup::setup(name).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(name: &str) -> (Setup, Application) {
+        let (setup, found) = planning::setup_with_application(name).unwrap();
+        (setup, found.application)
+    }
+
+    fn reason(setup: &Setup, application: &Application) -> String {
+        match Standing::of(setup, application, None, &[]) {
+            Standing::Other(reason) => reason,
+            standing => panic!("{standing:?}"),
+        }
+    }
+
+    #[test]
+    fn the_papers_cell_is_known_by_its_content_wherever_its_nodes_are() {
+        for name in ["A", "B"] {
+            let (mut setup, application) = cell(name);
+            setup.bus.robot_address = "10.0.0.2".parse().unwrap();
+            setup.bus.watchdog_cycles.value = 3;
+            setup.application = "copy.toml".to_owned();
+            setup.motions.velocity_percent.note.clear();
+            let standing = Standing::of(&setup, &application, None, &[]);
+            assert!(matches!(standing, Standing::Paper(_)), "{standing:?}");
+        }
+    }
+
+    #[test]
+    fn a_cell_with_another_number_has_no_column_of_the_paper_and_the_number_is_named() {
+        let (shipped, application) = cell("A");
+        let mut setup = shipped.clone();
+        setup.motions.velocity_percent.value = 50.0;
+        let papers = shipped.motions.velocity_percent.value;
+        let told = format!("motions.velocity_percent is 50.0 and in the paper's setup A {papers:?}");
+        assert_eq!(reason(&setup, &application), told);
+        let mut setup = shipped.clone();
+        setup.robot.cycle_us.value = 2_000;
+        insta::assert_snapshot!(reason(&setup, &application), @"robot.cycle_us is 2000 and in the paper's setup A 4000");
+        let mut setup = shipped.clone();
+        setup.paper.as_mut().unwrap().cm.aet_ms = 1.0;
+        insta::assert_snapshot!(reason(&setup, &application), @"paper.cm.aet_ms is 1.0 and in the paper's setup A 3729.0");
+        let mut setup = shipped;
+        setup.name = "my-cell".to_owned();
+        insta::assert_snapshot!(reason(&setup, &application), @"`my-cell` is no setup of the paper; those are A and B");
+        setup.paper = None;
+        assert_eq!(Standing::of(&setup, &application, None, &[]), Standing::Unpublished);
+    }
+
+    #[test]
+    fn another_application_an_override_and_faults_are_named() {
+        let (setup, application) = cell("A");
+        let mut moved = application.clone();
+        moved.start.0.pose.point.z += 1.0;
+        insta::assert_snapshot!(reason(&setup, &moved), @"the application `pick-and-place` differs from the paper's, the built-in pick-and-place");
+        let overrides = "50".parse().unwrap();
+        let told = Standing::of(&setup, &application, Some(&overrides), &[]);
+        assert_eq!(told, Standing::Other("the paper had no override, and this run has 50".to_owned()));
+        let told = Standing::of(&setup, &application, None, &["loss=0.1".parse().unwrap()]);
+        assert_eq!(told, Standing::Other("faults were put into the cable".to_owned()));
+    }
+}

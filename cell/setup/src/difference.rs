@@ -1,0 +1,111 @@
+//! Where two setups differ, key by key.
+//!
+//! Only values count: the provenance of a number and the notes on it change nothing that happens in the cell.
+
+use toml::{Table, Value};
+
+use crate::{Error, Setup};
+
+/// A key whose value is not the same in two setups.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Difference {
+    /// Path of the key, such as `motions.velocity_percent`.
+    pub key: String,
+    /// Value in the first setup, as TOML; `None` if the key is missing there.
+    pub first: Option<String>,
+    /// Value in the second setup.
+    pub second: Option<String>,
+}
+
+impl Setup {
+    /// Returns where this setup differs from another one, in the order of their keys.
+    ///
+    /// # Errors
+    ///
+    /// One of them cannot be written as TOML.
+    pub fn differences(&self, other: &Self) -> Result<Vec<Difference>, Error> {
+        let (first, second) = (Table::try_from(self)?, Table::try_from(other)?);
+        let mut differences = Vec::new();
+        compare_tables("", &first, &second, &mut differences);
+        Ok(differences)
+    }
+}
+
+fn compare_tables(path: &str, first: &Table, second: &Table, differences: &mut Vec<Difference>) {
+    let only_second = second.keys().filter(|key| !first.contains_key(*key));
+    for key in first.keys().chain(only_second) {
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        compare(path, first.get(key).map(bare), second.get(key).map(bare), differences);
+    }
+}
+
+fn compare(key: String, first: Option<&Value>, second: Option<&Value>, differences: &mut Vec<Difference>) {
+    match (first, second) {
+        (Some(Value::Table(first)), Some(Value::Table(second))) => {
+            compare_tables(&key, first, second, differences);
+        }
+        (Some(Value::Array(first)), Some(Value::Array(second)))
+            if first.len() == second.len() && first.iter().all(Value::is_table) =>
+        {
+            for (index, (first, second)) in first.iter().zip(second).enumerate() {
+                compare(format!("{key}[{index}]"), Some(first), Some(second), differences);
+            }
+        }
+        (first, second) if first == second => {}
+        (first, second) => {
+            let text = |value: Option<&Value>| value.map(Value::to_string);
+            differences.push(Difference { key, first: text(first), second: text(second) });
+        }
+    }
+}
+
+/// Returns the value of a number with provenance, and any other value as it is.
+fn bare(value: &Value) -> &Value {
+    match value {
+        Value::Table(table) if table.contains_key("from") => table.get("value").unwrap_or(value),
+        _ => value,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Provenance, setup};
+
+    fn keys(first: &Setup, second: &Setup) -> Vec<String> {
+        let differences = first.differences(second).unwrap();
+        differences
+            .into_iter()
+            .map(|Difference { key, first, second }| {
+                let text = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
+                format!("{key}: {} {}", text(first), text(second))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn another_value_is_a_difference_and_another_note_or_source_is_none() {
+        let shipped = setup("A").unwrap();
+        let mut changed = shipped.clone();
+        changed.motions.velocity_percent.note = "measured".to_owned();
+        changed.motions.velocity_percent.from = Provenance::Assumed;
+        assert_eq!(keys(&shipped, &changed), Vec::<String>::new());
+        changed.motions.velocity_percent.value = 50.5;
+        changed.robot.start_quantum_us = Some(shipped.robot.interpreter_quantum_us.varied(7));
+        changed.robot.bases.clear();
+        let velocity = shipped.motions.velocity_percent.value;
+        let told = keys(&shipped, &changed);
+        assert!(told[0].starts_with("robot.bases: [") && told[0].ends_with(" []"), "{}", told[0]);
+        assert_eq!(told[1], "robot.start_quantum_us: - 7");
+        assert_eq!(told[2], format!("motions.velocity_percent: {velocity:?} 50.5"));
+        assert_eq!(told.len(), 3);
+    }
+
+    #[test]
+    fn within_a_list_the_entry_is_named() {
+        let shipped = setup("A").unwrap();
+        let mut changed = shipped.clone();
+        changed.robot.bases[0].number = 2;
+        assert_eq!(keys(&shipped, &changed), ["robot.bases[0].number: 1 2"]);
+    }
+}
