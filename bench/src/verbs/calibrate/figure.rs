@@ -1,0 +1,141 @@
+//! Figures over many seeds, and what the paper says of each.
+
+use planning::Application;
+use plc_node::ExecutionType;
+use setup::{Paper, Setup};
+
+use crate::records::distance::Estimate;
+use crate::records::schedule::{REPETITIONS, Schedule};
+use crate::records::statistics::{error_of_mad, error_of_mean};
+use crate::stands::virtual_run;
+use crate::verbs::jobs;
+
+/// A figure of Table 2, or what follows from two of them.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Figure {
+    /// Average execution time of a type.
+    Aet(ExecutionType),
+    /// Mean absolute deviation of a type.
+    Mad(ExecutionType),
+    /// AET of CM less that of RC.
+    CmLessRc,
+}
+
+impl Figure {
+    /// All figures, in the order in which they are shown.
+    pub const ALL: [Self; 7] = [
+        Self::Aet(ExecutionType::Rc),
+        Self::Aet(ExecutionType::Sm),
+        Self::Aet(ExecutionType::Cm),
+        Self::Mad(ExecutionType::Rc),
+        Self::Mad(ExecutionType::Sm),
+        Self::Mad(ExecutionType::Cm),
+        Self::CmLessRc,
+    ];
+
+    /// Returns its name, such as `RC AET`.
+    #[must_use]
+    pub fn name(self) -> String {
+        match self {
+            Self::Aet(of) => format!("{} AET", of.to_string().to_uppercase()),
+            Self::Mad(of) => format!("{} MAD", of.to_string().to_uppercase()),
+            Self::CmLessRc => "CM − RC".to_owned(),
+        }
+    }
+
+    /// Returns the paper's figure, with the standard error that its 25 repetitions leave.
+    #[must_use]
+    pub fn of_paper(self, paper: &Paper) -> Estimate {
+        let row = |of| match of {
+            ExecutionType::Rc => paper.rc,
+            ExecutionType::Sm => paper.sm,
+            ExecutionType::Cm => paper.cm,
+        };
+        match self {
+            Self::Aet(of) => {
+                let setup::Figure { aet_ms, mad_ms } = row(of);
+                Estimate { ms: aet_ms, error_ms: error_of_mean(mad_ms, REPETITIONS).unwrap_or(0.0) }
+            }
+            Self::Mad(of) => {
+                let ms = row(of).mad_ms;
+                Estimate { ms, error_ms: error_of_mad(ms, REPETITIONS, REPETITIONS).unwrap_or(0.0) }
+            }
+            Self::CmLessRc => {
+                let [cm, rc] = [ExecutionType::Cm, ExecutionType::Rc].map(|of| Self::Aet(of).of_paper(paper));
+                cm.less(rc)
+            }
+        }
+    }
+
+    /// Returns its execution types.
+    const fn types(self) -> &'static [ExecutionType] {
+        match self {
+            Self::Aet(ExecutionType::Rc) | Self::Mad(ExecutionType::Rc) => &[ExecutionType::Rc],
+            Self::Aet(ExecutionType::Sm) | Self::Mad(ExecutionType::Sm) => &[ExecutionType::Sm],
+            Self::Aet(ExecutionType::Cm) | Self::Mad(ExecutionType::Cm) => &[ExecutionType::Cm],
+            Self::CmLessRc => &[ExecutionType::Rc, ExecutionType::Cm],
+        }
+    }
+
+    /// A MAD depends on the number of repetitions, a mean does not.
+    pub(super) const fn is_mad(self) -> bool {
+        matches!(self, Self::Mad(_))
+    }
+}
+
+/// Measures figures of setups with one application, over many seeds.
+#[derive(Clone, Copy, Debug)]
+pub struct Seeds<'a> {
+    /// What is executed.
+    pub application: &'a Application,
+    /// First seed.
+    pub first: u64,
+    /// How many seeds.
+    pub count: u32,
+    /// Repetitions of each type and seed.
+    pub reps: u32,
+}
+
+/// Repetitions of each seed for means alone: more seeds tell more than more repetitions.
+const MEAN_REPETITIONS: u32 = 5;
+
+impl Seeds<'_> {
+    /// Returns the mean of each figure over the seeds, with its standard error.
+    ///
+    /// # Errors
+    ///
+    /// A run fails.
+    pub fn measure(&self, setup: &Setup, figures: &[Figure]) -> anyhow::Result<Vec<Estimate>> {
+        let needs_mad = figures.iter().any(|figure| figure.is_mad());
+        let reps = if needs_mad { self.reps } else { self.reps.min(MEAN_REPETITIONS) };
+        let types: Vec<_> = figures.iter().flat_map(|figure| figure.types()).copied().collect();
+        let seeds: Vec<u64> =
+            (0..u64::from(self.count)).map(|index| self.first.wrapping_add(index)).collect();
+        let planned = planning::plan(self.application, setup)?;
+        let runs = jobs::run("seeds", true, &seeds, |seed| {
+            let results = virtual_run::whole_of(setup, &planned, &Schedule::new(&types, reps, *seed))?;
+            let value = |figure: &Figure| {
+                let of = |of| results.figure(of);
+                match *figure {
+                    Figure::Aet(execution_type) => of(execution_type).map(|found| found.aet_ms),
+                    Figure::Mad(execution_type) => of(execution_type).map(|found| found.mad_ms),
+                    Figure::CmLessRc => {
+                        of(ExecutionType::Cm).zip(of(ExecutionType::Rc)).map(|(cm, rc)| cm.aet_ms - rc.aet_ms)
+                    }
+                }
+            };
+            Ok(figures.iter().map(|figure| value(figure).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
+        })?;
+        let column = |index: usize| runs.iter().filter_map(move |values| values.get(index).copied());
+        Ok((0..figures.len()).map(|index| estimate(&column(index).collect::<Vec<_>>())).collect())
+    }
+}
+
+/// Returns the mean of values and its standard error, which is 0 for one value.
+fn estimate(values: &[f64]) -> Estimate {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+    let error = if values.len() > 1 { (squares / (count - 1.0) / count).sqrt() } else { 0.0 };
+    Estimate { ms: mean, error_ms: error }
+}

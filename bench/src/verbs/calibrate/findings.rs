@@ -1,0 +1,188 @@
+//! What a calibration found: lines for the setup's file, and what they reach.
+
+use std::fmt::Write as _;
+
+use setup::{Paper, Provenance, Setup};
+
+use super::Speed;
+use super::figure::{Figure, Seeds};
+use super::fit::Fit;
+use super::number::Number;
+use crate::records::distance::Estimate;
+use crate::records::schedule::REPETITIONS;
+use crate::records::statistics::error_of_mad;
+
+/// A number and what the figures say of it.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Found {
+    /// Which number.
+    pub number: Number,
+    /// Its value in the calibrated setup.
+    pub value: f64,
+    /// Where the setup says that it is from; only a calibrated one is changed.
+    pub from: Provenance,
+    /// What the figures say.
+    pub fit: Fit,
+}
+
+/// What a calibration was made with.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Conditions {
+    seeds: u32,
+    reps: u32,
+}
+
+impl Conditions {
+    pub(super) const fn of(seeds: Seeds<'_>) -> Self {
+        Self { seeds: seeds.count, reps: seeds.reps }
+    }
+}
+
+/// What a calibration found.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Calibration {
+    /// The setup with the numbers that were found.
+    pub setup: Setup,
+    /// The numbers.
+    pub found: Vec<Found>,
+    /// What the setup reaches, over all seeds.
+    pub reached: Vec<(Figure, Estimate)>,
+    /// What else RC's AET depends on.
+    pub speed: Speed,
+    pub(super) paper: Paper,
+    pub(super) conditions: Conditions,
+}
+
+impl Found {
+    /// Returns from where to where the figures stay within their errors, with two digits of the error.
+    pub(super) fn interval(&self) -> String {
+        let Fit { value, known_to, .. } = self.fit;
+        let (lowest, highest, _) = self.number.range();
+        let (from, to) = ((value - known_to).max(lowest), (value + known_to).min(highest));
+        format!("{} to {}", with_digits_of(from, known_to), with_digits_of(to, known_to))
+    }
+}
+
+/// Formats a value to the digit that `error` has first; to the next one if that is a 1.
+fn with_digits_of(value: f64, error: f64) -> String {
+    let places = (0..7).find(|places| error * f64::from(10_u32.pow(*places)) >= 1.5).unwrap_or(7);
+    if places > 0 || error < 15.0 {
+        return format!("{value:.*}", places as usize);
+    }
+    let step = (0..7).map(|power| f64::from(10_u32.pow(power))).take_while(|step| error / step >= 1.5).last();
+    let step = step.unwrap_or(1.0);
+    format!("{:.0}", (value / step).round() * step)
+}
+
+impl Calibration {
+    /// Returns the value of a number as it stands in a setup.
+    pub(super) fn value(found: &Found) -> String {
+        match found.number {
+            Number::Velocity => format!("{:?}", found.value),
+            _ => format!("{:.0}", found.value),
+        }
+    }
+
+    /// Returns what a setup says of a number: from what it was found, and how well it is known.
+    pub(super) fn note(&self, found: &Found) -> String {
+        let seeds = self.conditions.seeds;
+        let interval = found.interval();
+        let figures = match found.number {
+            Number::Quantum if self.setup.robot.start_quantum_us.is_some() => "SM's MAD",
+            Number::Quantum => "the MADs of RC and SM",
+            Number::StartQuantum => "RC's MAD",
+            Number::Velocity => "RC's AET",
+            Number::Overhead => "SM's AET",
+            Number::StartCycles => "CM's AET less RC's",
+        };
+        let assumed = match found.number {
+            Number::Velocity => format!(" at the assumed acceleration, {}", self.beside_acceleration()),
+            _ => String::new(),
+        };
+        format!("`bench calibrate` on {figures}, {seeds} seeds: {interval}{assumed}")
+    }
+
+    /// Returns by how much more speed a hundredth more acceleration is balanced, in words.
+    fn beside_acceleration(&self) -> String {
+        let Speed { by_velocity_ms, by_acceleration_ms, .. } = self.speed;
+        if by_velocity_ms >= -0.05 {
+            return "on which alone RC's AET depends here".to_owned();
+        }
+        let percent = by_acceleration_ms / by_velocity_ms;
+        let digits = if percent < 1.0 { 2 } else { 0 };
+        format!("of which 1 % more does as much as {percent:.digits$} % more speed")
+    }
+
+    /// Returns the lines to put into the setup's file, and what they reach.
+    #[must_use]
+    pub fn report(&self) -> String {
+        let mut text = String::new();
+        for section in ["motions", "robot"] {
+            let _ = writeln!(text, "[{section}]");
+            for found in &self.found {
+                if let Some((_, key)) =
+                    found.number.key().split_once('.').filter(|(table, _)| *table == section)
+                {
+                    let _ = writeln!(text, "{}", self.line(key, found));
+                }
+            }
+            text.push('\n');
+        }
+        let Conditions { seeds, reps } = self.conditions;
+        let _ = writeln!(
+            text,
+            "# {seeds} seeds with {reps} repetitions; ± is the standard error, and the last column the distance in"
+        );
+        let _ = writeln!(text, "# standard errors of paper and model. In ms:");
+        for (figure, model) in &self.reached {
+            let paper = self.of_paper(*figure, *model);
+            let difference = model.less(paper);
+            let _ = writeln!(
+                text,
+                "# {:<8} {:>8.1} ± {:.1}   paper {:>6.1} ± {:.1}   {:>+6.1}   {:>+5.1}",
+                figure.name(),
+                model.ms,
+                model.error_ms,
+                paper.ms,
+                paper.error_ms,
+                difference.ms,
+                difference.ms / difference.error_ms,
+            );
+        }
+        let Speed { by_velocity_ms, by_acceleration_ms, at_full_speed_ms } = self.speed;
+        let _ = writeln!(
+            text,
+            "# RC's AET changes by {by_velocity_ms:+.1} ms for 1 % more velocity_percent, by {by_acceleration_ms:+.1} ms for 1 % more\n\
+             # acceleration_percent, which is {}; at 100 % of speed it is {at_full_speed_ms:.0} ms.",
+            self.setup.motions.acceleration_percent.from
+        );
+        text
+    }
+
+    fn line(&self, key: &str, found: &Found) -> String {
+        let value = Self::value(found);
+        if found.from == Provenance::Calibrated {
+            return format!(
+                "{key} = {{ value = {value}, from = \"calibrated\", note = \"{}\" }}",
+                self.note(found)
+            );
+        }
+        format!(
+            "# {key} = {value} is from \"{}\" and stays; the figures would have {}",
+            found.from,
+            found.interval()
+        )
+    }
+
+    /// The error of the paper's MAD is that of the model's MAD at the paper's repetitions, as in a run's report.
+    fn of_paper(&self, figure: Figure, model: Estimate) -> Estimate {
+        let paper = figure.of_paper(&self.paper);
+        match figure {
+            Figure::Mad(_) => {
+                let error = error_of_mad(model.ms, self.conditions.reps, REPETITIONS);
+                Estimate { error_ms: error.unwrap_or(paper.error_ms), ..paper }
+            }
+            Figure::Aet(_) | Figure::CmLessRc => paper,
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! `bench calibrate`: finds the numbers of a setup that only the paper's Table 2 can fix, in virtual time, over many seeds.
+//!
+//! ```text
+//! number     which numbers, and the figure that each one is found from
+//! figure     a figure over many seeds, and the paper's with its error
+//! fit        the value with which a figure comes out, and how well it is known
+//! findings   what was found, in words and as lines of a setup
+//! write      these lines into a setup's file
+//! ```
+//!
+//! Each figure depends on one number more than on the others, so the numbers are found in turn. Only those are changed that
+//! the setup calls calibrated; of the others the figures' opinion is printed.
+
+mod figure;
+mod findings;
+mod fit;
+mod number;
+mod write;
+
+use std::path::Path;
+
+use anyhow::{Context, anyhow, bail};
+use clap::Args;
+use setup::{Paper, Provenance, Setup};
+
+pub use figure::{Figure, Seeds};
+pub use findings::{Calibration, Found};
+pub use fit::Fit;
+pub use number::Number;
+
+use crate::out;
+use crate::output::errln;
+use crate::output::exit::{Exit, Failure};
+use crate::records::distance::Estimate;
+use crate::records::schedule::{REPETITIONS, SEED};
+use crate::verbs::setup_option::SetupOption;
+use findings::Conditions;
+use fit::Target;
+
+/// Seeds of a calibration: its own error is then small beside the paper's.
+const SEEDS: u32 = 32;
+
+/// Speed and cost of a call take a little of each other's figure: each round takes back what the other did.
+const ROUNDS: usize = 2;
+
+/// A programmed speed from which the right one is found where the setup's own is on a plateau, in %.
+const SLOW_PERCENT: f64 = 10.0;
+
+/// Share by which an assumed number is varied to see what depends on it.
+const VARIED: f64 = 0.05;
+
+/// Options of a calibration.
+#[derive(Args, Debug)]
+pub struct CalibrateOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Seeds over which each figure is averaged.
+    #[arg(long, value_name = "N", default_value_t = SEEDS, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub seeds: u32,
+    /// First seed of the clocks and phases; the others follow it.
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    pub seed: u64,
+    /// Repetitions of each execution type with a seed, where the scatter is measured.
+    #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub reps: u32,
+    /// Write the numbers into the setup's file, with a note on how well each is known. The file's comments stay.
+    #[arg(long)]
+    pub write: bool,
+}
+
+/// Calibrates a setup and prints the numbers that were found, or writes them into its file.
+///
+/// # Errors
+///
+/// The setup or its application cannot be used, the paper has no figures for it, or its file cannot be written.
+pub fn run(options: &CalibrateOptions) -> Result<Exit, Failure> {
+    let (setup, found) = options.setup.load()?;
+    found.plan(&setup)?;
+    let file = options.write.then(|| Path::new(options.setup.name()));
+    if let Some(file) = file
+        && !file.is_file()
+    {
+        let error = anyhow!(
+            "--write changes a setup's file, and {} is built in: name its file by --setup",
+            options.setup.name()
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    let seeds = Seeds {
+        application: &found.application,
+        first: options.seed,
+        count: options.seeds,
+        reps: options.reps,
+    };
+    let calibration = calibrate(&setup, seeds, |text| errln!("{text}"))?;
+    out!("{}", calibration.report());
+    if let Some(file) = file {
+        write::into_file(file, &calibration)?;
+        errln!("{} has the new numbers.", file.display());
+    }
+    Ok(Exit::Pass)
+}
+
+/// Calibrates a setup on the paper's figures for it.
+///
+/// # Errors
+///
+/// The paper has no figures for this setup, a run fails, or a figure is out of reach of its number.
+pub fn calibrate(setup: &Setup, seeds: Seeds<'_>, progress: impl FnMut(&str)) -> anyhow::Result<Calibration> {
+    let Some(paper) = setup.paper.clone() else {
+        bail!("setup {} has no [paper] figures to calibrate on", setup.name);
+    };
+    let mut search = Search { paper, seeds, setup: setup.clone(), progress };
+    let mut found = Vec::new();
+    for number in [Number::Quantum, Number::StartQuantum] {
+        found.extend(search.settle(number, true)?);
+    }
+    for _ in 1..ROUNDS {
+        search.settle(Number::Velocity, false)?;
+        search.settle(Number::Overhead, false)?;
+    }
+    for number in [Number::Velocity, Number::Overhead, Number::StartCycles] {
+        found.extend(search.settle(number, true)?);
+    }
+    let Search { paper, setup, .. } = search;
+    let figures = seeds.measure(&setup, &Figure::ALL)?;
+    let reached = Figure::ALL.into_iter().zip(figures).collect();
+    let speed = speed_and_acceleration(&setup, seeds)?;
+    Ok(Calibration { paper, found, reached, speed, conditions: Conditions::of(seeds), setup })
+}
+
+/// A setup whose numbers are found one after the other.
+struct Search<'a, P> {
+    paper: Paper,
+    seeds: Seeds<'a>,
+    setup: Setup,
+    progress: P,
+}
+
+impl<P: FnMut(&str)> Search<'_, P> {
+    /// Finds a number, and takes it over if the setup calls it calibrated: with all its digits, or `as_known` with no more
+    /// than are known. `None` if the setup does not have the number.
+    fn settle(&mut self, number: Number, as_known: bool) -> anyhow::Result<Option<Found>> {
+        let Some((own, from)) = number.of(&self.setup) else { return Ok(None) };
+        let targets: Vec<Target> =
+            number.figures(&self.setup).iter().map(|figure| self.target(*figure)).collect();
+        let measure = |value: f64| self.measure(number, &targets, value);
+        let fit = fit_of(number, &targets, own, measure)
+            .with_context(|| format!("cannot calibrate {}", number.key()))?;
+        let finest = number.range().2;
+        let steps = targets.first().copied().filter(|_| number.has_steps());
+        let value = match (from, as_known, steps) {
+            (Provenance::Calibrated, true, Some(target)) => {
+                let measure = |value| Ok(measure(value)?.first().context("no figure")?.ms);
+                fit.measured(target, own, finest, measure)?
+            }
+            (Provenance::Calibrated, true, None) => fit.rounded(own, finest),
+            (Provenance::Calibrated, false, _) => fit.value,
+            _ => own,
+        };
+        self.setup = number.put(value, self.setup.clone());
+        let found = Found { number, value, from, fit };
+        (self.progress)(&format!("{}: {}", number.key(), found.interval()));
+        Ok(Some(found))
+    }
+
+    /// Returns the targets' figures with a value of a number.
+    fn measure(&self, number: Number, targets: &[Target], value: f64) -> anyhow::Result<Vec<Estimate>> {
+        let figures: Vec<Figure> = targets.iter().map(|target| target.figure).collect();
+        let setup = number.put(value, self.setup.clone());
+        self.seeds.measure(&setup, &figures)
+    }
+
+    /// Returns the paper's figure with its error. An AET ends with a robot cycle, so that it is met to the scatter of one.
+    fn target(&self, figure: Figure) -> Target {
+        let Estimate { ms, error_ms } = figure.of_paper(&self.paper);
+        let cycle_ms = f64::from(self.setup.robot.cycle_us.value) / 1e3;
+        let error_ms = match figure {
+            Figure::Aet(_) => libm::hypot(error_ms, cycle_ms / 12.0_f64.sqrt()),
+            Figure::Mad(_) | Figure::CmLessRc => error_ms,
+        };
+        Target { figure, wanted: Estimate { ms, error_ms } }
+    }
+}
+
+fn fit_of(
+    number: Number,
+    targets: &[Target],
+    own: f64,
+    measure: impl Fn(f64) -> anyhow::Result<Vec<Estimate>> + Copy,
+) -> anyhow::Result<Fit> {
+    let range = number.range();
+    match number {
+        Number::StartCycles => fit::fit_from_zero(targets, range, measure),
+        Number::Velocity => fit::fit(targets, own, range, measure)
+            .or_else(|_| fit::fit(targets, SLOW_PERCENT, range, measure)),
+        Number::Quantum | Number::StartQuantum | Number::Overhead => fit::fit(targets, own, range, measure),
+    }
+}
+
+/// What RC's AET depends on besides the programmed speed.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Speed {
+    /// Change of RC's AET, in ms, for a hundredth more programmed speed.
+    pub by_velocity_ms: f64,
+    /// The same for a hundredth more programmed acceleration.
+    pub by_acceleration_ms: f64,
+    /// RC's AET at full speed, in ms.
+    pub at_full_speed_ms: f64,
+}
+
+fn speed_and_acceleration(setup: &Setup, seeds: Seeds<'_>) -> anyhow::Result<Speed> {
+    let rc = |setup: &Setup| -> anyhow::Result<f64> {
+        let figure = Figure::Aet(plc_node::ExecutionType::Rc);
+        Ok(seeds.measure(setup, &[figure])?.first().context("no figure")?.ms)
+    };
+    let (velocity, acceleration) =
+        (setup.motions.velocity_percent.value, setup.motions.acceleration_percent.value);
+    let by_a_hundredth = |vary: &dyn Fn(f64) -> Setup, value: f64| -> anyhow::Result<f64> {
+        let (less, more) = (value * (1.0 - VARIED), (value * (1.0 + VARIED)).min(100.0));
+        let change = rc(&vary(more))? - rc(&vary(less))?;
+        Ok(change / ((more - less) / value) / 100.0)
+    };
+    Ok(Speed {
+        by_velocity_ms: by_a_hundredth(&|percent| setup.clone().with_velocity(percent), velocity)?,
+        by_acceleration_ms: by_a_hundredth(
+            &|percent| setup.clone().with_acceleration(percent),
+            acceleration,
+        )?,
+        at_full_speed_ms: rc(&setup.clone().with_velocity(100.0))?,
+    })
+}
