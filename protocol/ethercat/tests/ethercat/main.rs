@@ -6,6 +6,7 @@
 mod cables;
 mod clocks;
 mod devices;
+mod eeprom;
 mod faults;
 mod faulty;
 mod foe;

@@ -209,3 +209,21 @@ fn a_buffer_can_be_read_once_the_device_has_written_it() {
     hand.write(0x0838, &[0x00, 0x28, 4, 0, 0x20, 0, 1, 0]);
     assert_eq!(hand.read(0x2800, 4).1, 0);
 }
+
+#[test]
+fn a_full_mailbox_shows_as_a_bit_of_the_process_image_and_in_the_event_requests() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&BRIDGE));
+    let mut hand = Hand::start(segment);
+    // Bit 3 of the status of sync manager 1 to logical bit 5.
+    hand.write(0x0620, &[0, 0, 0, 0, 1, 0, 5, 5, 0x0D, 0x08, 3, 1, 1, 0, 0, 0]);
+    hand.write(0x0200, &[0xFF, 0x0F]);
+    let (_, empty, _) = hand.exchange_at(LRD, 0, &[0]).unwrap();
+    hand.post(3, &[0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0]);
+    let (_, full, counted) = hand.exchange_at(LRD, 0, &[0]).unwrap();
+    assert_eq!((empty[0], full[0], counted), (0, 0b0010_0000, 1));
+    let reply = hand.send(&frame(BRD, 0, &[0])).unwrap();
+    assert_eq!(reply[24] & 0b0010_0000, 0b0010_0000, "sync manager 1 in the event requests");
+    hand.fetch().unwrap();
+    assert_eq!(hand.send(&frame(BRD, 0, &[0])).unwrap()[24] & 0b0010_0000, 0);
+}

@@ -1,0 +1,100 @@
+//! The EEPROM: its bytes, as ethercrab reads and writes them, and what the chip does with them.
+
+use ethercat_subdevice::{DeviceConfig, DeviceId, Segment, sii_image};
+use ethercrab::error::Error;
+use machine::Duration;
+
+use crate::devices::{BRIDGE, PLAIN};
+use crate::hand::{APRD, APWR, FIRST, Hand};
+use crate::main_device::Stand;
+use crate::time;
+
+fn one(config: &DeviceConfig) -> Segment {
+    let mut segment = Segment::new();
+    segment.add(config);
+    segment
+}
+
+#[test]
+fn an_alias_that_ethercrab_writes_with_its_checksum_counts_after_power_on() {
+    let mut segment = one(&DeviceConfig { alias: 5, ..DeviceConfig::new(&BRIDGE) });
+    let ended = Stand::new(&mut segment).run(async |main| {
+        let mut group = main.init_single_group::<4, 512>(time::now_ns).await?;
+        let mut device = group.iter_mut(main).next().ok_or(Error::UnknownSubDevice)?;
+        let before = device.alias_address();
+        device.set_alias_address(0x0777).await?;
+        let description = device.description().await?.map(|words| words.as_str().to_owned());
+        Ok::<_, Error>((before, description, device.eeprom_size(main).await?))
+    });
+    let size = sii_image(&BRIDGE, 0, 5).len();
+    assert_eq!(ended.result, Some(Ok((5, Some(BRIDGE.name.to_owned()), size))));
+    let mut hand = Hand::new(segment);
+    assert_eq!(hand.exchange(APRD, 0, 0x0012, &[0; 2]).0, [5, 0], "not before");
+    hand.segment.set_power(hand.now, DeviceId(0), false);
+    hand.segment.set_power(hand.now, DeviceId(0), true);
+    assert_eq!(hand.exchange(APRD, 0, 0x0012, &[0; 2]).0, [0x77, 0x07]);
+    assert_eq!(hand.exchange(APRD, 0, 0x0502, &[0; 2]).0, [0xC0, 0x00], "no error");
+}
+
+#[test]
+fn a_wrong_checksum_leaves_the_device_without_alias_and_in_init() {
+    let mut segment = one(&DeviceConfig { alias: 5, ..DeviceConfig::new(&PLAIN) });
+    segment.eeprom_mut(DeviceId(0)).unwrap()[14] ^= 1;
+    let mut hand = Hand::new(segment);
+    hand.segment.set_power(hand.now, DeviceId(0), false);
+    hand.segment.set_power(hand.now, DeviceId(0), true);
+    assert_eq!(hand.exchange(APRD, 0, 0x0502, &[0; 2]).0, [0xC0, 0x18], "checksum error, not loaded");
+    assert_eq!(hand.exchange(APRD, 0, 0x0110, &[0]).0[0] & 1, 0);
+    assert_eq!(hand.exchange(APRD, 0, 0x0012, &[0; 2]).0, [0, 0]);
+    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    hand.request_state(2);
+    assert_eq!(hand.al_status(), (0x01, 0));
+}
+
+#[test]
+fn a_command_takes_its_time_and_errors_show_until_the_next() {
+    let busy = DeviceConfig { eeprom_delay: Duration::from_micros(400), ..DeviceConfig::new(&PLAIN) };
+    let mut hand = Hand::new(one(&busy));
+    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    // Read of the vendor.
+    hand.write(0x0502, &[0, 1, 8, 0, 0, 0]);
+    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x80]);
+    hand.wait(Duration::from_micros(399));
+    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x80]);
+    hand.wait(Duration::from_micros(1));
+    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x00]);
+    assert_eq!(hand.read(0x0508, 8).0, [0, 0x0F, 0, 0, 3, 0, 0, 0]);
+    // A write without the permission in the same command.
+    hand.write(0x0502, &[0, 2, 4, 0, 0, 0]);
+    hand.wait(Duration::from_micros(400));
+    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x40]);
+    // While the EEPROM belongs to the device's own side, nothing is done.
+    hand.write(0x0500, &[1]);
+    hand.write(0x0502, &[0, 1, 8, 0, 0, 0]);
+    assert_eq!(hand.read(0x0503, 1).0, [0x40]);
+    hand.write(0x0500, &[0]);
+    hand.write(0x0502, &[0, 0]);
+    assert_eq!(hand.read(0x0503, 1).0, [0]);
+}
+
+#[test]
+fn the_image_begins_with_what_the_standard_lays_down() {
+    let image = sii_image(&BRIDGE, 0x0403_0201, 0x1234);
+    assert_eq!(image[..14], [0x08, 0, 0, 0xCC, 100, 0, 0, 0, 0x34, 0x12, 0, 0, 0, 0]);
+    assert_eq!(image[16..32], [0, 0x0F, 0, 0, 2, 0, 0, 0, 0, 0, 1, 0, 1, 2, 3, 4]);
+    let mailboxes = [0x00, 0x10, 128, 0, 0x80, 0x10, 128, 0];
+    assert_eq!((&image[40..48], &image[48..56]), (&mailboxes[..], &mailboxes[..]), "in BOOT, and else");
+    assert_eq!(image[56..58], [0x0C, 0], "CoE and FoE");
+    assert_eq!(image[124..128], [(image.len() / 128 - 1) as u8, 0, 1, 0]);
+    assert_eq!(image[128..130], [10, 0], "strings");
+    assert_eq!(image[133..140], *b"\x06BRIDGE");
+    // Each category leads to the next, the last one is the end.
+    let word = |at: usize| usize::from(u16::from_le_bytes([image[at * 2], image[at * 2 + 1]]));
+    let mut at = 0x40;
+    let mut kinds = Vec::new();
+    while word(at) != 0xFFFF {
+        kinds.push(word(at));
+        at += 2 + word(at + 1);
+    }
+    assert_eq!(kinds, [10, 30, 40, 41, 50, 51]);
+}
