@@ -43,32 +43,24 @@ pub(crate) struct Cabling {
 }
 
 impl Cabling {
-    /// Adds a device. Returns `None` if there is no such port, or something is plugged into it.
-    pub(crate) fn add(
-        &mut self,
-        upstream: End,
-        cable_delay: Duration,
-        forwarding_delay: Duration,
-    ) -> Option<()> {
-        let taken = self.stations.iter().any(|station| station.upstream == upstream);
-        let there = match upstream {
-            End::MainDevice => true,
-            End::Device(Place { device, port }) => device < self.stations.len() && (1..PORTS).contains(&port),
-        };
-        if taken || !there {
-            return None;
-        }
-        let station = Station {
+    /// Returns whether there is such a port, 1 to 3, and nothing is plugged into it.
+    pub(crate) fn is_free(&self, place: Place) -> bool {
+        place.device < self.stations.len()
+            && (1..PORTS).contains(&place.port)
+            && self.stations.iter().all(|station| station.upstream != End::Device(place))
+    }
+
+    /// Adds a device at a free place.
+    pub(crate) fn add(&mut self, upstream: End, cable_delay: Duration, forwarding_delay: Duration) {
+        self.stations.push(Station {
             upstream,
             cable_delay,
             forwarding_delay,
             cut: false,
             powered: true,
             peers: [None; PORTS],
-        };
-        self.stations.push(station);
+        });
         self.update();
-        Some(())
     }
 
     pub(crate) fn set_cut(&mut self, device: usize, cut: bool) {
@@ -78,11 +70,14 @@ impl Cabling {
         self.update();
     }
 
-    pub(crate) fn set_power(&mut self, device: usize, powered: bool) {
-        if let Some(station) = self.stations.get_mut(device) {
-            station.powered = powered;
-        }
+    /// Returns whether this changes anything.
+    pub(crate) fn set_power(&mut self, device: usize, powered: bool) -> bool {
+        let changed = self.stations.get_mut(device).is_some_and(|station| {
+            let before = core::mem::replace(&mut station.powered, powered);
+            before != powered
+        });
         self.update();
+        changed
     }
 
     pub(crate) fn is_powered(&self, device: usize) -> bool {

@@ -79,24 +79,27 @@ impl Segment {
 
     /// Adds a device behind the last one, at its port 1.
     pub fn add(&mut self, config: &DeviceConfig) -> DeviceId {
-        let upstream = match self.devices.len().checked_sub(1) {
-            Some(device) => End::Device(Place { device, port: 1 }),
-            None => End::MainDevice,
-        };
-        // Nothing can be behind the last one, unless it was added there by its number.
-        self.connect(config, upstream).unwrap_or(DeviceId(usize::MAX))
+        // Nothing is behind the last one: whatever is added becomes the last one.
+        self.connect(
+            config,
+            match self.devices.len().checked_sub(1) {
+                Some(device) => End::Device(Place { device, port: 1 }),
+                None => End::MainDevice,
+            },
+        )
     }
 
     /// Adds a device at a port, 1 to 3, of another one. Returns `None` if there is no such port or if it is taken.
     pub fn add_at(&mut self, config: &DeviceConfig, device: DeviceId, port: usize) -> Option<DeviceId> {
-        self.connect(config, End::Device(Place { device: device.0, port }))
+        let place = Place { device: device.0, port };
+        self.cabling.is_free(place).then(|| self.connect(config, End::Device(place)))
     }
 
-    fn connect(&mut self, config: &DeviceConfig, upstream: End) -> Option<DeviceId> {
-        self.cabling.add(upstream, config.cable_delay, config.forwarding_delay)?;
+    fn connect(&mut self, config: &DeviceConfig, upstream: End) -> DeviceId {
+        self.cabling.add(upstream, config.cable_delay, config.forwarding_delay);
         self.devices.push(SubDevice::new(config));
         self.update_links();
-        Some(DeviceId(self.devices.len() - 1))
+        DeviceId(self.devices.len() - 1)
     }
 
     /// Returns the number of devices.
@@ -188,11 +191,12 @@ impl Segment {
         self.update_links();
     }
 
-    /// Takes a device's power, or gives it back, after which the device is in INIT and has no address.
+    /// Takes a device's power, or gives it back: it is in INIT then and has no address. Its EEPROM, file and objects
+    /// keep their values.
     pub fn set_power(&mut self, now: Instant, id: DeviceId, powered: bool) {
-        let was_powered = self.cabling.is_powered(id.0);
-        self.cabling.set_power(id.0, powered);
-        if let Some(device) = self.devices.get_mut(id.0).filter(|_| powered && !was_powered) {
+        if self.cabling.set_power(id.0, powered)
+            && let Some(device) = self.devices.get_mut(id.0)
+        {
             device.power_on(now, &mut Sink { id, events: &mut self.events });
         }
         self.update_links();

@@ -65,11 +65,15 @@ impl SubDevice {
 
     /// Sets all to what it is after power-on, except the EEPROM.
     pub(crate) fn power_on(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        let before = self.state();
         self.esc.reset(now);
         self.al = StateMachine::new();
         (self.al_due, self.mailbox_due) = (None, None);
         self.start();
-        sink.push(Event::StateChanged { state: self.al.state(), code: self.al.error() });
+        let (state, code) = self.state();
+        if (state, code) != before {
+            sink.push(Event::StateChanged { state, code });
+        }
     }
 
     fn start(&mut self) {

@@ -64,8 +64,11 @@ fn a_device_that_lost_power_comes_back_in_init_without_an_address_and_takes_thos
     for position in 0..3_u16 {
         hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &(0x1000 + position).to_le_bytes());
     }
+    hand.exchange(APWR, 0xFFFF, 0x0120, &[2, 0]);
+    assert_eq!(hand.segment.state(DeviceId(1)).unwrap().0, AlState::PreOp);
     hand.segment.set_power(hand.now, DeviceId(1), false);
     assert_eq!(count(&mut hand), 1);
+    assert_eq!(hand.segment.state(DeviceId(1)).unwrap().0, AlState::Init);
     hand.segment.set_power(hand.now, DeviceId(1), true);
     assert_eq!(count(&mut hand), 3);
     let addresses: Vec<_> = (0..3_u16)

@@ -106,6 +106,30 @@ fn ethercrab_measures_the_delays_of_the_cable_and_makes_all_clocks_agree() {
 }
 
 #[test]
+fn ethercrab_measures_the_delays_of_a_tree_as_they_are() {
+    let mut segment = Segment::new();
+    let device = |cable_ns| bridge((0, 0, cable_ns));
+    // A fork with a line of two at port 1 and one device at port 2.
+    let first = segment.add(&device(500));
+    let fork = segment.add_at(&device(100), first, 1).unwrap();
+    let branch = segment.add_at(&device(220), fork, 1).unwrap();
+    segment.add_at(&device(40), branch, 1).unwrap();
+    segment.add_at(&device(360), fork, 2).unwrap();
+    let ended = Stand::new(&mut segment).run(async |main| {
+        let group = main.init_single_group::<8, 4096>(time::now_ns).await?;
+        Ok::<_, Error>(group.iter(main).map(|device| device.propagation_delay()).collect::<Vec<_>>())
+    });
+    let measured = ended.result.unwrap().unwrap();
+    let to_fork = 300 + 100;
+    let to_branch = to_fork + 300 + 220;
+    let to_its_end = to_branch + 300 + 40;
+    // The frame has been down the branch and back when it leaves for the last one.
+    let back_at_fork = to_its_end + 300 + 40 + 300 + 220;
+    let truth = [0, to_fork, to_branch, to_its_end, back_at_fork + 300 + 360];
+    assert_eq!(measured, truth);
+}
+
+#[test]
 fn sync_signals_come_at_every_device_at_the_same_time_and_by_the_period() {
     let mut segment = line();
     let mut stand = Stand::new(&mut segment);
