@@ -237,7 +237,7 @@ verb_examples() { #: the stacks' examples against each other, each in a process 
     local target="${CARGO_TARGET_DIR:-$PWD/target}" stack
     export EXAMPLES="$target/debug/examples" OUT
     build
-    for stack in profinet ethernet-ip; do
+    for stack in profinet ethernet-ip ethercat; do
         OUT="$target/interop/examples-$stack"
         echo "-- $stack"
         timeout 90 bash "scripts/examples/$stack.sh"

@@ -15,6 +15,7 @@ mod hand;
 mod limits;
 mod main_device;
 mod operation;
+mod scripted;
 mod sdo;
 mod states;
 mod time;

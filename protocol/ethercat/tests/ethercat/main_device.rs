@@ -1,78 +1,15 @@
-//! ethercrab's MainDevice as a machine: a script in its own words runs against a segment in virtual time.
-
-use std::pin::Pin;
-use std::task::{Context, Poll, Waker};
+//! A script for ethercrab's MainDevice runs against a segment in virtual time.
 
 use ethercat_subdevice::{DeviceId, Event as SegmentEvent, Segment};
-use ethercrab::{MainDevice, MainDeviceConfig, PduRx, PduStorage, PduTx, Timeouts};
-use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
+use ethercrab::{MainDevice, MainDeviceConfig, PduStorage, Timeouts};
+use machine::{Duration, Instant};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
 use crate::faulty::{Faulty, FrameFault};
-use crate::time;
+use crate::scripted::Scripted;
 
 const FRAMES: usize = 16;
 const DATA: usize = PduStorage::element_size(1486);
-
-/// A MainDevice that follows a script, and the frames of both.
-pub struct Scripted<'a, T> {
-    script: Option<Pin<Box<dyn Future<Output = T> + 'a>>>,
-    tx: PduTx<'a>,
-    rx: PduRx<'a>,
-    wake: Option<Instant>,
-    result: Option<T>,
-    /// Frames that ethercrab could not use.
-    pub refused: usize,
-}
-
-impl<T> Scripted<'_, T> {
-    fn poll(&mut self, now: Instant) {
-        let Some(script) = &mut self.script else { return };
-        let mut context = Context::from_waker(Waker::noop());
-        let (poll, wake) = time::at(now, || script.as_mut().poll(&mut context));
-        self.wake = wake;
-        if let Poll::Ready(result) = poll {
-            (self.script, self.wake, self.result) = (None, None, Some(result));
-        }
-    }
-}
-
-impl<T> Machine for Scripted<'_, T> {
-    type Event = T;
-
-    fn ports(&self) -> &[PortRequest] {
-        &[PortRequest::Ethernet { ether_type: ethercat_subdevice::ETHER_TYPE, groups: &[] }]
-    }
-
-    fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
-        // A late or a double frame is an error to it; the rest goes on.
-        self.refused += usize::from(self.rx.receive_frame(frame).is_err());
-        self.poll(now);
-    }
-
-    fn handle_timeout(&mut self, now: Instant) {
-        self.poll(now);
-    }
-
-    fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        let frame = self.tx.next_sendable_frame()?;
-        let mut len = 0;
-        let sent = frame.send_blocking(|bytes| {
-            buf[..bytes.len()].copy_from_slice(bytes);
-            len = bytes.len();
-            Ok(len)
-        });
-        sent.ok().map(|_| Transmit { port: Port::Ethernet, to: None, len })
-    }
-
-    fn poll_event(&mut self) -> Option<T> {
-        self.result.take()
-    }
-
-    fn poll_timeout(&self) -> Option<Instant> {
-        self.wake
-    }
-}
 
 /// A script, the segment that it runs against, and the cable between them.
 pub struct Stand<'s> {
@@ -130,9 +67,7 @@ impl<'s> Stand<'s> {
         let (tx, rx, pdu_loop) = storage.try_split().unwrap();
         let main_device = MainDevice::new(pdu_loop, self.timeouts, self.config);
         let script = async move { script(&main_device).await };
-        let mut scripted =
-            Scripted { script: Some(Box::pin(script)), tx, rx, wake: None, result: None, refused: 0 };
-        scripted.poll(Instant::ZERO);
+        let scripted = Scripted::start(Box::pin(script), tx, rx, Instant::ZERO);
         let config = PairConfig {
             seed: self.seed,
             clocks: [Clock::default(); 2],
