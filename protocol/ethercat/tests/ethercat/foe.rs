@@ -1,9 +1,9 @@
 //! FoE: a file is written and read back.
 
-use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
+use ethercat_subdevice::{AlStatusCode, DeviceConfig, DeviceId, Event, Segment};
 
-use crate::devices::BRIDGE;
-use crate::hand::Hand;
+use crate::devices::{BRIDGE, PLAIN};
+use crate::hand::{APWR, FIRST, Hand};
 
 /// Data in one packet: a mailbox of 128 bytes without both headers.
 const PACKET: usize = 128 - 6 - 6;
@@ -55,6 +55,30 @@ fn a_file_of_any_length_is_written_in_packets_and_read_back() {
         }
         assert_eq!((read, answer), (file, None));
     }
+}
+
+#[test]
+fn in_boot_the_mailbox_is_for_files_alone() {
+    let mut hand = started();
+    hand.request_state(3);
+    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_STATE_CHANGE.0), "from INIT only");
+    hand.request_state(0x11);
+    hand.request_state(3);
+    assert_eq!(hand.al_status(), (0x03, 0));
+    assert_eq!(foe(&mut hand, 2, 0, b"firmware.bin"), Some((4, 0, vec![])));
+    assert_eq!(foe(&mut hand, 3, 1, &[7; 10]), Some((4, 1, vec![])));
+    assert_eq!(hand.segment.file(DeviceId(0)), Some((&b"firmware.bin"[..], &[7; 10][..])));
+    assert_eq!(hand.post(3, &[0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0]), 1);
+    assert_eq!(hand.fetch().unwrap().2, [1, 0, 2, 0], "an unsupported protocol");
+    hand.request_state(2);
+    assert_eq!(hand.al_status(), (0x13, AlStatusCode::INVALID_STATE_CHANGE.0));
+
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&PLAIN));
+    let mut hand = Hand::new(segment);
+    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    hand.request_state(3);
+    assert_eq!(hand.al_status(), (0x11, AlStatusCode::BOOT_NOT_SUPPORTED.0));
 }
 
 #[test]

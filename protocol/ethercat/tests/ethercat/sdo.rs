@@ -177,6 +177,21 @@ fn an_emergency_comes_before_the_answer_and_both_arrive() {
 }
 
 #[test]
+fn emergencies_wait_for_the_mailbox_and_need_one_that_runs() {
+    let mut segment = bridge();
+    assert!(!segment.raise(BRIDGE_ID, Emergency::default()), "the device is in INIT");
+    let mut hand = Hand::start(segment);
+    // One is in the mailbox, another ready for it, and eight wait.
+    let raised = (0..20)
+        .filter(|code| hand.segment.raise(BRIDGE_ID, Emergency { code: *code, ..Emergency::default() }));
+    assert_eq!(raised.count(), 10);
+    for code in 0..10_u8 {
+        assert_eq!(hand.fetch().unwrap().2[2], code);
+    }
+    assert_eq!(hand.fetch(), None);
+}
+
+#[test]
 fn a_message_that_comes_twice_is_served_once_and_a_lost_answer_is_repeated() {
     let mut hand = Hand::start(bridge());
     let body = [vec![0, 0x20], request(0x2B, 0x8000, 1, 5)].concat();

@@ -227,3 +227,20 @@ fn a_full_mailbox_shows_as_a_bit_of_the_process_image_and_in_the_event_requests(
     hand.fetch().unwrap();
     assert_eq!(hand.send(&frame(BRD, 0, &[0])).unwrap()[24] & 0b0010_0000, 0);
 }
+
+#[test]
+fn a_tagged_frame_is_processed_and_keeps_its_tag_and_other_protocols_are_dropped() {
+    let mut hand = three();
+    let mut tagged = frame(BRD, 0, &[0]);
+    tagged.splice(12..12, [0x81, 0x00, 0xC0, 0x00]);
+    let reply = hand.send(&tagged).unwrap();
+    assert_eq!((&reply[12..16], &reply[31..33]), (&[0x81, 0x00, 0xC0, 0x00][..], &[3, 0][..]));
+    assert_eq!(reply[6], tagged[6] | 0x02, "the source is marked");
+    let mut foreign = frame(BRD, 0, &[0]);
+    foreign[13] = 0x92;
+    assert_eq!(hand.send(&foreign), None);
+    let mut mailbox_gateway = frame(BRD, 0, &[0]);
+    mailbox_gateway[15] = 0x50;
+    assert_eq!(hand.send(&mailbox_gateway), None);
+    assert_eq!(hand.segment.counters().foreign, 2);
+}
