@@ -179,6 +179,51 @@ fn sync_signals_come_at_every_device_at_the_same_time_and_by_the_period() {
 }
 
 #[test]
+fn a_sync1_longer_than_the_cycle_comes_after_every_second_sync0_and_a_cycle_of_0_makes_one_pulse() {
+    for (cycle, sync1, expected) in [
+        (
+            1_000_u32,
+            1_500_u32,
+            vec![(0, 10_000), (0, 11_000), (1, 11_500), (0, 12_000), (0, 13_000), (1, 13_500)],
+        ),
+        (
+            1_000,
+            0,
+            vec![
+                (0, 10_000),
+                (1, 10_000),
+                (0, 11_000),
+                (1, 11_000),
+                (0, 12_000),
+                (1, 12_000),
+                (0, 13_000),
+                (1, 13_000),
+            ],
+        ),
+        (0, 300, vec![(0, 10_000), (1, 10_300)]),
+    ] {
+        let mut segment = Segment::new();
+        segment.add(&bridge((0, 0, 0)));
+        let mut hand = Hand::start(segment);
+        hand.write(0x0990, &10_000_000_u64.to_le_bytes());
+        hand.write(0x09A0, &(cycle * 1_000).to_le_bytes());
+        hand.write(0x09A4, &(sync1 * 1_000).to_le_bytes());
+        hand.write(0x0981, &[0x07]);
+        hand.wait(Duration::from_micros(13_600));
+        let pulses: Vec<(u8, u64)> = hand
+            .events
+            .iter()
+            .filter_map(|(_, event)| match event {
+                Event::Sync0 { system_time_ns } => Some((0, system_time_ns / 1_000)),
+                Event::Sync1 { system_time_ns } => Some((1, system_time_ns / 1_000)),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(pulses, expected, "{cycle} us and {sync1} us");
+    }
+}
+
+#[test]
 fn a_sync_start_that_has_passed_makes_no_signal_and_keeps_the_device_from_safe_op() {
     let mut segment = Segment::new();
     segment.add(&bridge((1_000_000, 0, 0)));

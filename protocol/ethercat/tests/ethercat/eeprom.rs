@@ -61,6 +61,7 @@ fn a_command_takes_its_time_and_errors_show_until_the_next() {
     assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x80]);
     hand.wait(Duration::from_micros(399));
     assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x80]);
+    hand.write(0x0502, &[0, 1, 0, 0, 0, 0]);
     hand.wait(Duration::from_micros(1));
     assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x00]);
     assert_eq!(hand.read(0x0508, 8).0, [0, 0x0F, 0, 0, 3, 0, 0, 0]);

@@ -94,4 +94,8 @@ fn a_file_that_is_not_there_a_wrong_packet_and_too_much_data_are_errors() {
     }
     assert_eq!(foe(&mut hand, 3, 9, &[0; PACKET]), Some((5, 0x8003, vec![])));
     assert_eq!(hand.segment.file(DeviceId(0)), None, "a file is there once it is whole");
+    foe(&mut hand, 2, 0, b"file");
+    foe(&mut hand, 3, 1, &[1; 5]);
+    assert_eq!(foe(&mut hand, 1, 0, b"file"), Some((3, 1, vec![1; 5])));
+    assert_eq!(foe(&mut hand, 4, 2, &[]), Some((5, 0x8005, vec![])), "not the packet that was sent");
 }

@@ -24,12 +24,14 @@ pub struct Hand {
     pub segment: Segment,
     pub now: Instant,
     counter: u8,
+    /// Length in bytes of the first device's mailboxes.
+    mailbox: u16,
     pub events: Vec<(DeviceId, Event)>,
 }
 
 impl Hand {
     pub fn new(segment: Segment) -> Self {
-        Self { segment, now: Instant::ZERO, counter: 0, events: Vec::new() }
+        Self { segment, now: Instant::ZERO, counter: 0, mailbox: 128, events: Vec::new() }
     }
 
     /// Sends a frame; returns the one that comes back.
@@ -87,15 +89,21 @@ impl Hand {
         }
     }
 
-    /// Gives all devices their addresses, and brings the first, a bridge, to PRE-OP.
+    /// Gives all devices their addresses, and brings the first, with mailboxes of 128 bytes, to PRE-OP.
     pub fn start(segment: Segment) -> Self {
-        let mut hand = Self::new(segment);
+        Self::start_with(segment, 128)
+    }
+
+    /// The same for mailboxes of another length, up to 128 bytes.
+    pub fn start_with(segment: Segment, mailbox: u16) -> Self {
+        let mut hand = Self { mailbox, ..Self::new(segment) };
+        let [low, high] = mailbox.to_le_bytes();
         for position in 0..hand.segment.len() as u16 {
             let address = (FIRST + position).to_le_bytes();
             assert_eq!(hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &address).1, 1);
         }
-        assert_eq!(hand.write(0x0800, &[0x00, 0x10, 128, 0, 0x26, 0, 1, 0]), 1);
-        assert_eq!(hand.write(0x0808, &[0x80, 0x10, 128, 0, 0x22, 0, 1, 0]), 1);
+        assert_eq!(hand.write(0x0800, &[0x00, 0x10, low, high, 0x26, 0, 1, 0]), 1);
+        assert_eq!(hand.write(0x0808, &[0x80, 0x10, low, high, 0x22, 0, 1, 0]), 1);
         hand.request_state(2);
         assert_eq!(hand.al_status(), (0x02, 0));
         hand
@@ -130,13 +138,13 @@ impl Hand {
         let mut message = (body.len() as u16).to_le_bytes().to_vec();
         message.extend([0, 0, 0, protocol | counter << 4]);
         message.extend(body);
-        message.resize(128, 0);
+        message.resize(usize::from(self.mailbox), 0);
         self.write(0x1000, &message)
     }
 
     /// Fetches a message: protocol, counter and body; `None` if the mailbox is empty.
     pub fn fetch(&mut self) -> Option<(u8, u8, Vec<u8>)> {
-        let (message, working_counter) = self.read(0x1080, 128);
+        let (message, working_counter) = self.read(0x1080, usize::from(self.mailbox));
         if working_counter == 0 {
             return None;
         }

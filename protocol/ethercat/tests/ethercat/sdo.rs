@@ -3,7 +3,7 @@
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Event, Segment};
 use ethercrab::error::{Error, MailboxError};
 
-use crate::devices::{BRIDGE, LONG_TEXT};
+use crate::devices::{BRIDGE, LONG_TEXT, TINY};
 use crate::hand::Hand;
 use crate::main_device::Stand;
 use crate::time;
@@ -90,6 +90,56 @@ fn a_segmented_upload_gives_the_whole_text_and_refuses_a_toggle_bit_that_does_no
     assert_eq!(abort(&hand.sdo(&[0x70, 0, 0, 0, 0, 0, 0, 0])), 0x0503_0000);
     // The transfer has ended with that.
     assert_eq!(abort(&hand.sdo(&[0x60, 0, 0, 0, 0, 0, 0, 0])), 0x0504_0001);
+}
+
+#[test]
+fn a_segmented_download_wants_the_toggle_bit_to_change_and_the_length_that_was_named() {
+    let mut hand = Hand::start(bridge());
+    let mut first = request(0x21, 0x8001, 0, 200);
+    first.extend([0; 112]);
+    hand.sdo(&first);
+    assert_eq!(abort(&hand.sdo(&[&[0x10][..], &[0; 85]].concat())), 0x0503_0000);
+    hand.sdo(&first);
+    hand.sdo(&[&[0x00][..], &[0; 85]].concat());
+    assert_eq!(
+        abort(&hand.sdo(&[0x10 | 5 << 1 | 0x01, 0, 0, 0, 0, 0, 0, 0])),
+        0x0607_0010,
+        "one byte too few"
+    );
+    hand.sdo(&first);
+    assert_eq!(abort(&hand.sdo(&[&[0x01][..], &[0; 112]].concat())), 0x0607_0012, "too many");
+    assert_eq!(hand.segment.object(BRIDGE_ID, 0x8001, 0), Some(&LONG_TEXT[..]));
+}
+
+#[test]
+fn an_entry_that_is_written_in_pre_op_is_refused_above() {
+    let mut hand = Hand::start(bridge());
+    assert_eq!(hand.sdo(&request(0x2F, 0x8000, 2, 7)), request(0x60, 0x8000, 2, 0));
+    hand.operate();
+    assert_eq!(abort(&hand.sdo(&request(0x2F, 0x8000, 2, 8))), 0x0800_0022);
+    assert_eq!(hand.segment.object(BRIDGE_ID, 0x8000, 2), Some(&[7][..]));
+}
+
+#[test]
+fn a_list_of_objects_that_does_not_fit_a_mailbox_comes_whole_in_fragments() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&TINY));
+    let mut hand = Hand::start_with(segment, 32);
+    let first = hand.coe(8, &[1, 0, 0, 0, 1, 0]);
+    assert_eq!(first[2..8], [0x82, 0, 1, 0, 1, 0], "more follow, one fragment, all objects");
+    let (_, _, second) = hand.fetch().unwrap();
+    assert_eq!(second[2..6], [0x02, 0, 0, 0]);
+    assert_eq!((first.len(), second.len()), (26, 14), "the first is full");
+    let list = [&first[8..], &second[6..]].concat();
+    let indices: Vec<u16> = list.chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    assert_eq!(
+        indices,
+        [
+            0x1000, 0x1001, 0x1008, 0x1009, 0x100A, 0x1018, 0x1600, 0x1A00, 0x1C00, 0x1C12, 0x1C13, 0x6000,
+            0x7000
+        ]
+    );
+    assert_eq!(hand.fetch(), None);
 }
 
 #[test]
@@ -205,6 +255,9 @@ fn a_message_that_comes_twice_is_served_once_and_a_lost_answer_is_repeated() {
     hand.write(0x080E, &[0x03]);
     assert_eq!(hand.read(0x080F, 1).0, [0x02]);
     assert_eq!(hand.fetch(), Some((3, counter, answer)));
+    // The same bit once more is no request.
+    hand.write(0x080E, &[0x03]);
+    assert_eq!(hand.fetch(), None);
 }
 
 #[test]

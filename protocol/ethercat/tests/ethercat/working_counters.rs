@@ -174,22 +174,39 @@ fn a_buffer_is_opened_by_its_first_byte_and_handed_over_by_its_last() {
     assert_eq!(hand.write(0x280C, &[9]), 1, "behind them is free memory");
 }
 
+/// Returns a frame with two datagrams for the first device.
+fn two_in_one(commands: [u8; 2], offset: u16, data: &[u8]) -> Vec<u8> {
+    let mut both = frame(0, 0, &[]);
+    both.truncate(14);
+    both.extend((0x1000 | 2 * (12 + data.len()) as u16).to_le_bytes());
+    for (command, more) in commands.into_iter().zip([1, 0]) {
+        both.extend([command, 0]);
+        both.extend(FIRST.to_le_bytes());
+        both.extend(offset.to_le_bytes());
+        both.extend((data.len() as u16 | more << 15).to_le_bytes());
+        both.extend([0, 0]);
+        both.extend(data);
+        both.extend([0, 0]);
+    }
+    both.resize(60, 0);
+    both
+}
+
+#[test]
+fn the_last_byte_of_a_buffer_is_accessed_once_in_a_frame() {
+    let mut hand = three();
+    hand.write(0x0838, &[0x00, 0x28, 2, 0, 0x64, 0, 1, 0]);
+    let reply = hand.send(&two_in_one([FPWR, FPWR], 0x2800, &[1, 2])).unwrap();
+    assert_eq!((reply[28], reply[42]), (1, 0));
+    assert_eq!(hand.read(0x083D, 1).0, [0x01]);
+    assert_eq!(hand.write(0x2800, &[3, 4]), 1, "in the next frame");
+}
+
 #[test]
 fn a_register_keeps_its_value_until_the_frame_has_passed() {
     let mut hand = three();
-    let datagram = |command, more: u16| {
-        let mut bytes = vec![command, 0, FIRST as u8, (FIRST >> 8) as u8, 0x08, 0x01];
-        bytes.extend((1 | more << 15).to_le_bytes());
-        bytes.extend([0, 0, 7, 0, 0]);
-        bytes
-    };
-    let mut both = frame(0, 0, &[]);
-    both.truncate(14);
-    both.extend(0x101A_u16.to_le_bytes());
-    both.extend([datagram(FPWR, 1), datagram(FPRD, 0)].concat());
-    both.resize(60, 0);
     // 0x0108 is free for both sides.
-    let reply = hand.send(&both).unwrap();
+    let reply = hand.send(&two_in_one([FPWR, FPRD], 0x0108, &[7])).unwrap();
     assert_eq!((reply[26..29].to_vec(), reply[39..42].to_vec()), (vec![7, 1, 0], vec![0, 1, 0]));
     assert_eq!(hand.read(0x0108, 1).0, [7]);
 }
