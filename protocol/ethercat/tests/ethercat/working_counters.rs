@@ -178,7 +178,8 @@ fn a_buffer_is_opened_by_its_first_byte_and_handed_over_by_its_last() {
 fn two_in_one(commands: [u8; 2], offset: u16, data: &[u8]) -> Vec<u8> {
     let mut both = frame(0, 0, &[]);
     both.truncate(14);
-    both.extend((0x1000 | 2 * (12 + data.len()) as u16).to_le_bytes());
+    let len = 2 * (12 + data.len()) as u16;
+    both.extend((0x1000 | len).to_le_bytes());
     for (command, more) in commands.into_iter().zip([1, 0]) {
         both.extend([command, 0]);
         both.extend(FIRST.to_le_bytes());
