@@ -246,6 +246,44 @@ fn what_runs_there_has_to_be_what_is_asked_for() {
 }
 
 #[test]
+fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named() {
+    with_networks("another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named", |cell| {
+        let place = cell.place.path();
+        let built_in =
+            |list: &[(&str, &'static str)], name| list.iter().find(|(known, _)| *known == name).unwrap().1;
+        let setup = built_in(setup::SETUPS, "A");
+        let application = built_in(planning::APPLICATIONS, "pick-and-place");
+        let faster = setup.replace("velocity_percent = { value = 3", "velocity_percent = { value = 4");
+        fs::write(place.join("faster.toml"), faster).unwrap();
+        let own = setup.replace("application = \"pick-and-place\"", "application = \"task.toml\"");
+        fs::write(place.join("own.toml"), own).unwrap();
+        fs::write(place.join("task.toml"), application).unwrap();
+        let measure = |run: &str, name: &str, args: &[&str]| {
+            let setup = place.join(name);
+            let args = [&["--reps", "1", "--setup", setup.to_str().unwrap()], args].concat();
+            let output = cell.measure(run, BOTH, &args);
+            (output.status.code(), text(&output.stderr))
+        };
+        let (code, error) = measure("faster", "faster.toml", &[]);
+        assert_eq!(code, Some(2), "{error}");
+        let told =
+            "the plc-node at 10.77.0.1:7700 runs another cell: in its setup, `motions.velocity_percent` is 3";
+        assert!(error.contains(told) && error.contains(", and here 4"), "{error}");
+        let (code, error) = measure("cyclic", "own.toml", &["--cyclic", "rt1"]);
+        assert_eq!(code, Some(2), "{error}");
+        assert!(error.contains("`bus.profinet.cyclic` is \"udp\", and here \"rt1\""), "{error}");
+        // The same application from a file of one's own passes; another height in it does not.
+        let (code, error) = measure("same", "own.toml", &[]);
+        assert_eq!(code, Some(0), "{error}");
+        fs::write(place.join("task.toml"), application.replace("clearance_mm = 8.0", "clearance_mm = 8.5"))
+            .unwrap();
+        let (code, error) = measure("other", "own.toml", &[]);
+        assert_eq!(code, Some(2), "{error}");
+        assert!(error.contains("in its application, `ways.clearance_mm` is "), "{error}");
+    });
+}
+
+#[test]
 fn a_node_that_is_not_there_is_waited_for_and_then_named() {
     let place = tempfile::tempdir().unwrap();
     // A port that was free a moment ago, so nobody listens on it.
@@ -259,8 +297,7 @@ fn a_node_that_is_not_there_is_waited_for_and_then_named() {
 
 #[test]
 fn what_cannot_be_asked_of_running_nodes_is_refused() {
-    let refused =
-        [["--mode", "virtual"], ["--capture", "always"], ["--cyclic", "rt1"], ["--attach", "robot=a:1"]];
+    let refused = [["--mode", "virtual"], ["--capture", "always"], ["--attach", "robot=a:1"]];
     for option in refused {
         let attach: &[_] = if option[0] == "--attach" { &[] } else { &["--attach", "plc=127.0.0.1:7700"] };
         let output = bench().args(attach).args(option).output().unwrap();

@@ -63,6 +63,18 @@ pub struct Hello {
     pub mac: String,
     /// What the host refused the cyclic thread, and how to allow it.
     pub warning: Option<String>,
+    /// What it runs; `None` from a node of an older version.
+    #[serde(default)]
+    pub cell: Option<CellText>,
+}
+
+/// The whole setup and application of a node, so that its controller can compare them with its own.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct CellText {
+    /// The setup in TOML, with the node's options in it.
+    pub setup: String,
+    /// The application's file as it was read.
+    pub application: String,
 }
 
 /// What a node receives. `O` are the instructions of only this kind of node.
@@ -90,7 +102,7 @@ impl<M: Serialize> Message<M> {
 impl<M: fmt::Display> fmt::Display for Message<M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Hello(Hello { node, setup, bus, interface, mac, warning }) => {
+            Self::Hello(Hello { node, setup, bus, interface, mac, warning, cell: _ }) => {
                 write!(f, "{node}: setup {setup} on {interface} ({mac}), {bus}")?;
                 warning.as_ref().map_or(Ok(()), |warning| write!(f, "\nwarning: {warning}"))
             }

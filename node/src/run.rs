@@ -18,7 +18,7 @@ use protocol::direct::Direct;
 use protocol_linux::{Interface, StopSignals, capabilities, clock};
 use setup::{BusKind, Cyclic, Setup};
 
-use crate::message::{Console, Hello};
+use crate::message::{CellText, Console, Hello};
 use crate::role::NodeRole;
 use crate::supervise::{OperatingMode, Outcome, supervise};
 use crate::{Commands, ControlPort, Node, NodeProcess, errln};
@@ -131,7 +131,8 @@ impl Prepared {
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
-        let Self { setup, interface, signals, .. } = self;
+        let Self { setup, application, interface, signals, .. } = self;
+        let cell = CellText { setup: setup::setup_to_toml(&setup)?, application: application.text };
         let hello = Hello {
             node: role,
             setup: setup.name,
@@ -139,6 +140,7 @@ impl Prepared {
             interface: interface.name().to_owned(),
             mac: interface.mac().to_string(),
             warning: None,
+            cell: Some(cell),
         };
         let (console, commands) = match options.control {
             Some(address) => (Console::Text, Commands::Control(ControlPort::listen(address)?)),

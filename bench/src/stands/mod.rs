@@ -55,6 +55,8 @@ pub struct StandConfig<'a> {
     pub setup: &'a Setup,
     /// The robot's task in the cell.
     pub application: &'a Application,
+    /// The application's file, which running nodes must have too.
+    pub application_text: &'a str,
     /// Seed of clocks, phases and faults.
     pub seed: u64,
     /// The run directory: node processes read the setup from it; captures and traces are written to it.

@@ -1,6 +1,6 @@
-//! Where two setups differ, key by key.
+//! Where two setups, or two other files, differ, key by key.
 //!
-//! Only values count: the provenance of a number and the notes on it change nothing that happens in the cell.
+//! Of a number in a setup only the value counts: its provenance and the notes on it change nothing that happens in the cell.
 
 use toml::{Table, Value};
 
@@ -29,6 +29,15 @@ impl Setup {
         compare_tables("", &first, &second, &mut differences);
         Ok(differences)
     }
+}
+
+/// Returns where two texts in TOML differ, such as those of applications; `None` if one of them is no TOML.
+#[must_use]
+pub fn text_differences(first: &str, second: &str) -> Option<Vec<Difference>> {
+    let (first, second) = (first.parse::<Table>().ok()?, second.parse::<Table>().ok()?);
+    let mut differences = Vec::new();
+    compare_tables("", &first, &second, &mut differences);
+    Some(differences)
 }
 
 fn compare_tables(path: &str, first: &Table, second: &Table, differences: &mut Vec<Difference>) {
@@ -99,6 +108,15 @@ mod tests {
         assert_eq!(told[1], "robot.start_quantum_us: - 7");
         assert_eq!(told[2], format!("motions.velocity_percent: {velocity:?} 50.5"));
         assert_eq!(told.len(), 3);
+    }
+
+    #[test]
+    fn texts_are_compared_by_what_they_say_and_not_by_how_they_are_written() {
+        let first = "# a\nname = 'x'\n[[step]]\nat = [1, 2]\n";
+        assert_eq!(text_differences(first, "name = \"x\"\nstep = [{ at = [1,2] }]\n"), Some(Vec::new()));
+        let differences = text_differences(first, "name = 'x'\n[[step]]\nat = [1, 3]\n").unwrap();
+        assert_eq!(differences[0].key, "step[0].at");
+        assert_eq!(text_differences(first, "]"), None);
     }
 
     #[test]

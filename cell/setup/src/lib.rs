@@ -12,9 +12,9 @@ mod sourced;
 mod vary;
 mod write;
 
-pub use difference::Difference;
+pub use difference::{Difference, text_differences};
 pub use error::Error;
-pub use load::{SETUPS, Text, check, find, setup, setup_with_directory};
+pub use load::{SETUPS, Text, check, find, setup, setup_from_text, setup_with_directory};
 pub use model::{
     Axes, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpKey, Figure, Frame, Kinematics,
     Motions, Opw, Paper, Plc, Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule, Robot, Scara,

@@ -25,6 +25,13 @@ pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Erro
     Ok((setup, path.as_deref().and_then(Path::parent).map(Path::to_owned)))
 }
 
+/// Reads a setup from its text, which `origin` names in messages, and checks its values.
+pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
+    let setup = parse(origin, text)?;
+    check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
+    Ok(setup)
+}
+
 /// Checks a setup that was changed after it was read, for example by an option on the command line.
 pub fn check(setup: &Setup) -> Result<(), Error> {
     check_setup(setup).map_err(|problem| refuse(format!("setup {}", setup.name), problem))

@@ -12,6 +12,7 @@ use tokio::sync::mpsc;
 use super::attached_node::AttachedNode;
 use super::messages::Startup;
 use super::node::Node;
+use super::wanted_cell::WantedCell;
 use super::{Rig, RigError};
 
 /// Addresses of nodes that already run.
@@ -68,15 +69,15 @@ impl Rig {
     ///
     /// # Errors
     ///
-    /// A node does not answer, is not the requested one or has another controller; or the nodes do not connect to
-    /// each other.
-    pub async fn attach(to: &Attach, setup: &Setup) -> Result<Self, RigError> {
+    /// A node does not answer, is not the requested one, runs another cell or has another controller; or the nodes do not
+    /// connect to each other.
+    pub async fn attach(to: &Attach, setup: &Setup, application: &str) -> Result<Self, RigError> {
         let (sender, events) = mpsc::channel(1_024);
         let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, sender.clone()).await?;
         // A controller that has sent no line loses the control port to the next one.
         plc.tell(&Instruction::<PlcInstruction>::Report).await;
         let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
-        let mut startup = Startup::new(Some(&setup.name));
+        let mut startup = Startup::new(Some(WantedCell { setup, application }));
         // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
         rig.wait_for_hellos(&mut startup).await?;
         if let Some(address) = &to.robot {
@@ -91,19 +92,28 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Checks what answers: at an address may be the other node, or a node with another setup.
-    pub(super) fn check_hellos(&self, setup: Option<&str>) -> Result<(), RigError> {
+    /// Checks what answers: at an address may be the other node, or a node with another setup or application.
+    pub(super) fn check_hellos(&self, wanted: Option<WantedCell<'_>>) -> Result<(), RigError> {
         for (role, node) in [(NodeRole::Plc, Some(&self.plc)), (NodeRole::Robot, self.robot.as_ref())] {
             let hello = self.hellos.iter().find(|(from, _)| *from == role);
-            let (Some(Node::Attached(node)), Some((_, hello)), Some(setup)) = (node, hello, setup) else {
+            let (Some(Node::Attached(node)), Some((_, hello)), Some(wanted)) = (node, hello, wanted) else {
                 continue;
             };
-            if hello.node != role || hello.setup != setup {
+            let name = &wanted.setup.name;
+            let address = node.address().to_owned();
+            if hello.node != role || hello.setup != *name {
                 return Err(RigError::Other {
-                    address: node.address().to_owned(),
+                    address,
                     found: format!("{} of setup {}", hello.node, hello.setup),
-                    wanted: format!("{role} of setup {setup}"),
+                    wanted: format!("{role} of setup {name}"),
                 });
+            }
+            let difference = hello.cell.as_ref().map_or_else(
+                || Some("it does not say what it runs: its version is older".to_owned()),
+                |cell| wanted.difference(role, cell),
+            );
+            if let Some(difference) = difference {
+                return Err(RigError::OtherCell { role, address, difference });
             }
         }
         Ok(())

@@ -90,6 +90,16 @@ pub enum RigError {
         /// The node and setup requested.
         wanted: String,
     },
+    /// The node runs a setup or an application that differs from the one to be measured.
+    #[error("the {role} at {address} runs another cell: {difference}; start it with the same --setup")]
+    OtherCell {
+        /// Which node.
+        role: NodeRole,
+        /// Host and port.
+        address: String,
+        /// The first difference.
+        difference: String,
+    },
     /// The nodes did not connect.
     #[error("the PLC found no robot that was ready within {} s: {reason}{}", waited.as_secs(), quoted(last_stderr))]
     NotConnected {
@@ -169,7 +179,7 @@ impl RigError {
             | Self::NotConnected { .. }
             | Self::Unreachable { .. }
             | Self::Busy { .. } => Exit::EnvironmentUnusable,
-            Self::Other { .. } => Exit::Usage,
+            Self::Other { .. } | Self::OtherCell { .. } => Exit::Usage,
             Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {
                 Exit::EnvironmentUnusable
             }

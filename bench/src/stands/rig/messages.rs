@@ -11,6 +11,7 @@ use tokio::time::timeout;
 
 use super::node::Node;
 use super::node_process::NodeEvent;
+use super::wanted_cell::WantedCell;
 use super::{Links, Reports, Rig, RigError};
 
 /// Longest wait for the nodes to connect. A real connection takes less than a second.
@@ -25,15 +26,15 @@ const ANSWER: Duration = Duration::from_secs(1);
 /// What the rig waits for before a run, and what it learned so far.
 #[derive(Debug)]
 pub(super) struct Startup<'a> {
-    /// The setup that already running nodes must have.
-    setup: Option<&'a str>,
+    /// The cell that already running nodes must have.
+    cell: Option<WantedCell<'a>>,
     /// Why the last attempt to connect failed.
     last_attempt: Option<String>,
 }
 
 impl<'a> Startup<'a> {
-    pub(super) const fn new(setup: Option<&'a str>) -> Self {
-        Self { setup, last_attempt: None }
+    pub(super) const fn new(cell: Option<WantedCell<'a>>) -> Self {
+        Self { cell, last_attempt: None }
     }
 
     fn note(&mut self, event: NodeEvent) {
@@ -51,7 +52,7 @@ impl Rig {
             while self.hellos.len() < nodes {
                 startup.note(self.next_event().await?);
             }
-            self.check_hellos(startup.setup)
+            self.check_hellos(startup.cell)
         };
         let result = timeout(CONNECT, all_hellos).await;
         result.unwrap_or_else(|_| Err(self.not_connected(startup)))

@@ -29,6 +29,7 @@ mod messages;
 mod node;
 mod node_process;
 mod stand;
+mod wanted_cell;
 
 pub use attach::{Attach, AttachError};
 pub use config::RigConfig;

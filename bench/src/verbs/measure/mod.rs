@@ -133,8 +133,6 @@ fn check_attach(options: &RunOptions) -> Result<(), Failure> {
          `tc qdisc add dev IF root netem` for instance"
     } else if options.trace || options.mcap {
         "--trace and --mcap record nodes that the bench starts: leave them out with --attach"
-    } else if options.cyclic.is_some() {
-        "the nodes run already: give --cyclic to plc-node"
     } else {
         return Ok(());
     };
@@ -224,6 +222,7 @@ impl Measurement<'_> {
         let config = StandConfig {
             setup: &self.setup,
             application: &self.found.application,
+            application_text: &self.found.text,
             seed: self.options.seed,
             directory: &directory,
             capture: self.keep(),
