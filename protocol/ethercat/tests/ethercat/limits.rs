@@ -19,21 +19,41 @@ fn one(config: &DeviceConfig) -> Segment {
     segment
 }
 
-#[test]
-#[should_panic(expected = "left != right")]
-fn an_emergency_in_place_of_an_answer_is_a_panic() {
+/// Reads an object while the device raises an emergency with this code: the request is in the mailbox, the answer not yet.
+fn read_with_an_emergency(code: u16) -> Option<Result<u32, Error>> {
     let mut segment = one(&DeviceConfig { answer_delay: MS * 10, ..DeviceConfig::new(&SMART) });
-    let stand = Stand::new(&mut segment);
     let script = async |main: &MainDevice<'_>| {
         let group = main.init_single_group::<4, 64>(time::now_ns).await?;
         Timer::at(embassy_time::Instant::from_millis(500)).await;
         group.subdevice(main, 0)?.sdo_read::<u32>(0x1000, 0).await
     };
-    // The request is in the mailbox, the answer not yet. Codes whose bits 5 to 7 are no command of SDOs are an error only.
-    let happenings = [(Instant::from_millis(505), Emergency { code: 0x7320, ..Emergency::default() })];
-    stand.run_with(script, &happenings, |segment, _, emergency| {
+    let happenings = [(Instant::from_millis(505), Emergency { code, ..Emergency::default() })];
+    let ended = Stand::new(&mut segment).run_with(script, &happenings, |segment, _, emergency| {
         assert!(segment.raise(DeviceId(0), emergency));
     });
+    ended.result
+}
+
+#[test]
+#[should_panic(expected = "left != right")]
+fn an_emergency_in_place_of_an_answer_is_a_panic() {
+    read_with_an_emergency(0x7320);
+}
+
+#[test]
+fn an_emergency_whose_code_is_no_command_of_sdos_is_an_error_that_says_nothing_of_it() {
+    let read = read_with_an_emergency(0x1000);
+    assert!(matches!(read, Some(Err(Error::Wire(_)))), "{read:?}");
+}
+
+#[test]
+fn a_value_above_four_bytes_cannot_be_written() {
+    let mut segment = one(&DeviceConfig::new(&BRIDGE));
+    let ended = Stand::new(&mut segment).run(async |main| {
+        let group = main.init_single_group::<4, 512>(time::now_ns).await?;
+        group.subdevice(main, 0)?.sdo_write(0x8000, 4, 1_u64).await
+    });
+    assert_eq!(ended.result, Some(Err(Error::Internal)));
 }
 
 #[test]
