@@ -119,6 +119,21 @@ fn an_application_runs_with_the_elbow_on_the_side_that_it_names() {
     }
 }
 
+/// From the second repetition on the PLC moves to the joints of the start, which have no configuration beside them.
+#[test]
+fn a_start_that_names_its_configuration_is_reached_again_where_the_end_is_elsewhere() {
+    let setup = setup::setup("A").unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    let elsewhere = text.replacen("start = \"home\"", "start = \"above-wall\"", 1).replacen(
+        "[frames]",
+        "[frames]\nabove-wall = { mm_deg = [150.0, 20.0, 170.0, 0.0, 0.0, 180.0], configuration = { status = 2 } }",
+        1,
+    );
+    let application = planning::Application::parse("test", &elsewhere).unwrap();
+    let results = whole(&setup, &application, &Schedule::new(&[Rc], 3, 1)).unwrap();
+    assert_eq!(results.results.rc.as_ref().unwrap().samples_ms.len(), 3);
+}
+
 #[test]
 fn a_start_in_a_configuration_that_the_arm_does_not_have_is_refused_with_frame_and_bits() {
     let setup = setup::setup("A").unwrap();

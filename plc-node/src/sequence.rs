@@ -2,7 +2,7 @@
 
 use machine::Instant;
 use planning::{Stop, Switch};
-use protocol::image::{Motion, MotionKind};
+use protocol::image::MotionKind;
 
 use crate::function_blocks::{
     BlockError, BufferMode, MotionInputs, MoveCircular, MoveContinuous, MoveLinCartesian,
@@ -92,8 +92,8 @@ pub(crate) struct Sequence {
     blocks: Blocks,
     /// Motions before the current skill.
     step: u32,
-    /// SM: the motion of the current step, read when the step begins.
-    motion: Option<Motion>,
+    /// SM: the motion of the current step, its kind and the inputs of its block, read when the step begins.
+    motion: Option<(MotionKind, MotionInputs)>,
     /// CM: whether the block was called for this continuous motion.
     is_called: bool,
     stage: Stage,
@@ -227,26 +227,32 @@ impl Sequence {
         motions: &mut dyn MotionSource,
         group: &mut AxesGroup,
     ) -> Result<Answer, BlockError> {
-        if let Some(motion) = self.motion {
-            return self.call(true, &motion, group);
+        if let Some((kind, inputs)) = self.motion {
+            return self.call(true, kind, &inputs, group);
         }
         let (index, total) = (self.step, motions.total());
         let motion = motions.get(index).ok_or(BlockError::SourceEnded { index, total })?;
-        self.motion = Some(motion);
-        self.call(false, &motion, group)?;
-        self.call(true, &motion, group)
+        let (kind, inputs) = (motion.kind, MotionInputs::from(&motion));
+        self.motion = Some((kind, inputs));
+        self.call(false, kind, &inputs, group)?;
+        self.call(true, kind, &inputs, group)
     }
 
-    fn call(&mut self, execute: bool, motion: &Motion, group: &mut AxesGroup) -> Result<Answer, BlockError> {
-        let inputs = MotionInputs::from(motion);
+    fn call(
+        &mut self,
+        execute: bool,
+        kind: MotionKind,
+        inputs: &MotionInputs,
+        group: &mut AxesGroup,
+    ) -> Result<Answer, BlockError> {
         macro_rules! call {
             ($block:ident) => {{
                 let block = &mut self.blocks.$block;
-                let outputs = block.call(execute, &inputs, MODE, group);
+                let outputs = block.call(execute, inputs, MODE, group);
                 Ok(Answer { outputs, error: block.error(), tally: block.tally() })
             }};
         }
-        match motion.kind {
+        match kind {
             MotionKind::LinCartesian => call!(lin),
             MotionKind::PtpCartesian => call!(ptp_cartesian),
             MotionKind::PtpJoint => call!(ptp_joint),

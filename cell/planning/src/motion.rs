@@ -87,6 +87,19 @@ pub struct Motion {
     pub base: u8,
 }
 
+/// How the arm is to stand at the target of a PTP; as it comes where nothing is said.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Arrival {
+    pub(crate) joints_deg: Option<[f64; 6]>,
+    pub(crate) configuration: Option<Configuration>,
+}
+
+impl From<&Place> for Arrival {
+    fn from(place: &Place) -> Self {
+        Self { joints_deg: place.joints_deg, configuration: place.configuration }
+    }
+}
+
 impl Motion {
     /// A motion along the straight line, of any kind that has no circle in it.
     pub(crate) fn straight(role: Role, kind: MotionKind, start: Pose, target: Pose) -> Self {
@@ -118,9 +131,8 @@ impl Motion {
     }
 
     /// A PTP; by its joints where the frame names them.
-    pub(crate) fn point_to_point(role: Role, start: Pose, target: Pose, place: Option<&Place>) -> Self {
-        let joints_deg = place.and_then(|place| place.joints_deg);
-        let configuration = place.and_then(|place| place.configuration);
+    pub(crate) fn point_to_point(role: Role, start: Pose, target: Pose, arrival: Arrival) -> Self {
+        let Arrival { joints_deg, configuration } = arrival;
         let kind = if joints_deg.is_some() { MotionKind::PtpJoint } else { MotionKind::PtpCartesian };
         Self { joints_deg, configuration, ..Self::straight(role, kind, start, target) }
     }

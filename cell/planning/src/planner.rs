@@ -3,10 +3,10 @@
 use protocol::image::{Configuration, MotionKind};
 use setup::Setup;
 
-use crate::application::{Application, Course, Labels, Place, Step, Tool};
+use crate::application::{Application, Course, Labels, Step, Tool};
 use crate::error::{Error, LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Point, Pose};
-use crate::motion::{Motion, Role};
+use crate::motion::{Arrival, Motion, Role};
 use crate::path::Path;
 use crate::plan::{Continuous, Plan, Reason, ToStart};
 use crate::way::{Space, Way};
@@ -127,35 +127,30 @@ impl<'a> Planner<'a> {
         match &step.course {
             Course::Reach(place) => {
                 let target = self.application.pose(place, cell);
-                self.way(target, Some(place), "", into)
+                self.way(target, place.into(), "", into)
             }
             Course::Follow { from, segments, approach_mm, retreat_mm } => {
                 let start = from.as_ref().map_or(self.here.0, |from| self.application.pose(from, cell));
                 let path = Path::plan(self.application, step, start, segments, cell);
                 let pre = path.pre_movement(*approach_mm);
                 let post = path.post_movement(*retreat_mm);
-                let mut first = from.clone();
-                let begin = match &pre {
+                let first = from.as_ref().map_or_else(Arrival::default, Arrival::from);
+                let (begin, arrival) = match &pre {
                     // The joints are those of the path's beginning, and their signs too. A line leads there, so that elbow
                     // and wrist are the same before it.
                     Ok(Some(pre)) => {
                         let status = |it: Configuration| Configuration { turn: None, ..it };
-                        first = first.map(|first| Place {
-                            joints_deg: None,
-                            configuration: first.configuration.map(status),
-                            ..first
-                        });
-                        pre.start
+                        let configuration = first.configuration.map(status);
+                        (pre.start, Arrival { joints_deg: None, configuration })
                     }
-                    _ => start,
+                    _ => (start, first),
                 };
                 if differ(self.here.0, begin) {
-                    self.way(begin, first.as_ref(), "before ", into)?;
+                    self.way(begin, arrival, "before ", into)?;
                 }
                 // A path that gives its pre-movement no direction is refused by its own number, one later.
                 if let Some(pre) = pre.map_err(|refusal| self.refused(step, 1, refusal))? {
-                    let configuration = from.as_ref().and_then(|from| from.configuration);
-                    let pre = Motion { configuration, ..pre };
+                    let pre = Motion { configuration: first.configuration, ..pre };
                     self.push(pre, &format!("LIN before {}", step.name), into)?;
                 }
                 let of = path.motions.len();
@@ -196,13 +191,13 @@ impl<'a> Planner<'a> {
         let mut plan = Plan::default();
         let into = &mut Destination { plan: &mut plan, reasons: &mut Vec::new(), index: 0, step: &step };
         if differ(self.here.0, start) {
-            self.way(start, Some(place), "to ", into)?;
+            self.way(start, place.into(), "to ", into)?;
         }
         let from_anywhere = Motion {
             name: "PTP to the start".to_owned(),
             tool: tool.number,
             base: self.application.base,
-            ..Motion::point_to_point(Role::ToStart, start, start, Some(place))
+            ..Motion::point_to_point(Role::ToStart, start, start, place.into())
         };
         let from_end =
             plan.motions.into_iter().map(|motion| Motion { role: Role::ToStart, ..motion }).collect();
@@ -239,7 +234,7 @@ impl<'a> Planner<'a> {
     fn way(
         &mut self,
         target: Pose,
-        place: Option<&Place>,
+        arrival: Arrival,
         word: &str,
         into: &mut Destination<'_>,
     ) -> Result<(), Error> {
@@ -270,14 +265,15 @@ impl<'a> Planner<'a> {
                 self.crossings.push(via);
             }
             for via in points.into_iter().flatten() {
-                let motion = Motion::point_to_point(Role::Crossing, self.here.0, target.at(via), None);
+                let motion =
+                    Motion::point_to_point(Role::Crossing, self.here.0, target.at(via), Arrival::default());
                 self.push(motion, &format!("PTP over the {name}"), into)?;
                 let step_mm = self.application.ways.map_or(0.0, |ways| ways.height_step_mm);
                 let why = Why::Over { obstacle: name.to_owned(), top_mm, step_mm, again };
                 into.reasons.push(Reason { motion: into.plan.motions.len() - 1, why });
             }
         }
-        let motion = Motion::point_to_point(Role::Way, self.here.0, target, place);
+        let motion = Motion::point_to_point(Role::Way, self.here.0, target, arrival);
         self.push(motion, &format!("PTP {word}{}", into.step.name), into)
     }
 

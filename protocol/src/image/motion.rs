@@ -54,8 +54,8 @@ impl MotionKind {
     }
 }
 
-/// Length of the bytes whose meaning depends on the kind.
-const AUXILIARY_LEN: usize = 12;
+/// Length of the auxiliary bytes that no field uses, where there is neither a point nor a force.
+const RESERVED: usize = 6;
 
 /// One motion, in the units of the image.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -108,34 +108,28 @@ impl Motion {
 
     /// Parses the 44 bytes.
     pub fn parse<O: ByteOrder>(reader: &mut Reader<'_, O>) -> Result<Self, Truncated> {
-        let mut motion = Self::EMPTY;
+        let slot = reader.array::<MOTION_LEN>()?;
+        // The kind comes after what it decides about.
+        let [.., kind, frames] = slot;
+        let mut motion = Self { kind: kind.into(), tool: frames >> 4, base: frames & 0x0F, ..Self::EMPTY };
+        let mut fields = Reader::<O>::new(&slot);
         for coordinate in &mut motion.target {
-            *coordinate = reader.f32()?;
+            *coordinate = fields.f32()?;
         }
-        let auxiliary = reader.array::<AUXILIARY_LEN>()?;
-        motion.velocity = reader.u16()?;
-        motion.acceleration = reader.u16()?;
-        motion.approximation = reader.u16()?;
-        motion.kind = reader.u8()?.into();
-        motion.parse_auxiliary::<O>(&auxiliary)?;
-        let frames = reader.u8()?;
-        (motion.tool, motion.base) = (frames >> 4, frames & 0x0F);
-        Ok(motion)
-    }
-
-    /// Parses the bytes whose meaning depends on the kind.
-    fn parse_auxiliary<O: ByteOrder>(&mut self, bytes: &[u8]) -> Result<(), Truncated> {
-        let mut reader = Reader::<O>::new(bytes);
-        if self.kind.has_auxiliary() {
-            for coordinate in &mut self.auxiliary {
-                *coordinate = reader.f32()?;
+        if motion.kind.has_auxiliary() {
+            for coordinate in &mut motion.auxiliary {
+                *coordinate = fields.f32()?;
             }
         } else {
-            self.configuration = Configuration::from_bytes(reader.array()?);
-            self.deceleration = reader.u16()?;
-            self.jerk = reader.u16()?;
+            motion.configuration = Configuration::from_bytes(fields.array()?);
+            motion.deceleration = fields.u16()?;
+            motion.jerk = fields.u16()?;
+            fields.skip(RESERVED)?;
         }
-        Ok(())
+        motion.velocity = fields.u16()?;
+        motion.acceleration = fields.u16()?;
+        motion.approximation = fields.u16()?;
+        Ok(motion)
     }
 
     /// Writes the 44 bytes.
@@ -149,7 +143,7 @@ impl Motion {
             writer.bytes(&Configuration::to_bytes(self.configuration));
             writer.u16(self.deceleration);
             writer.u16(self.jerk);
-            writer.zeros(6);
+            writer.zeros(RESERVED);
         }
         writer.u16(self.velocity);
         writer.u16(self.acceleration);
