@@ -7,6 +7,7 @@ mod plc;
 use plc::{Cell, application, lin, ptp};
 use protocol::image::{Control, ErrorNumber, Feedback, Motion, MotionKind, Skill, State, Status};
 use robot_node::RobotEvent;
+use robot_node::motion::{Programmed, Segment};
 
 #[test]
 fn a_reset_leads_from_halted_to_ready_once_enabled() {
@@ -49,6 +50,37 @@ fn single_skills_run_one_motion_each() {
         for (is, target) in cell.feedback().pose.iter().zip(motion.target).take(3) {
             assert!((is - target).abs() < 1e-3);
         }
+    }
+}
+
+#[test]
+fn a_segment_has_what_its_motion_is_programmed_with_and_the_robots_own_where_nothing_is() {
+    let config = plc::config();
+    let programmed = |motion: Motion| Segment::prepare(&motion, &config.home, &config).unwrap().programmed;
+    let line = Motion { velocity: 2_500, acceleration: 2_000, ..lin(0.0, 0.0, 90.0, 0) };
+    let own = Programmed { speed: 250.0, acceleration: 2_000.0, deceleration: 2_000.0, jerk: 500_000.0 };
+    assert_eq!(programmed(line), own);
+    let soft = Motion { deceleration: 800, jerk: 4_000, ..line };
+    assert_eq!(programmed(soft), Programmed { deceleration: 800.0, jerk: 40_000.0, ..own });
+    let way = Motion { velocity: 5_000, acceleration: 4_000, ..ptp(0.0, 0.0, 90.0, 0) };
+    let share = Programmed { speed: 0.5, acceleration: 0.4, deceleration: 0.4, jerk: 0.4 };
+    assert_eq!(programmed(way), share);
+    let soft = Motion { deceleration: 2_000, jerk: 1_000, ..way };
+    assert_eq!(programmed(soft), Programmed { deceleration: 0.2, jerk: 0.1, ..share });
+}
+
+#[test]
+fn a_lower_jerk_makes_a_line_and_a_ptp_take_longer() {
+    for motion in [lin(100.0, 40.0, 90.0, 0), ptp(100.0, 40.0, 90.0, 0)] {
+        let time = |jerk| {
+            let mut cell = Cell::ready(Vec::new());
+            cell.call(u8::from(motion.kind).into(), vec![Motion { jerk, ..motion }]);
+            cell.wait_for_end();
+            assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
+            cell.feedback().execution_ns / 1_000_000
+        };
+        let (own, low) = (time(0), time(500));
+        assert!(low > own + 50, "{:?}: {own} and {low} ms", motion.kind);
     }
 }
 

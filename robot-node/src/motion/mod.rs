@@ -31,6 +31,6 @@ pub use flange::Flange;
 pub use interpolator::{Interpolator, Step};
 pub use path::{Path, Place};
 pub use profile::{Change, Limits, Pace, Profile, reachable_speed};
-pub use segment::Segment;
+pub use segment::{Programmed, Segment};
 pub(crate) use settle::next_change;
 pub use spline::Spline;
