@@ -6,6 +6,8 @@ FROM rust:1.95 AS build
 # Cargo's profile: `release`, or `dev`, which builds in half the time.
 ARG PROFILE=release
 RUN command -v setcap || (apt-get update && apt-get install --yes --no-install-recommends libcap2-bin)
+# The commit of the sources, which come without their repository: `git rev-parse --short=12 HEAD`.
+ARG SKILLBENCH_COMMIT=
 WORKDIR /src
 COPY . .
 # The flag is for the target alone: build scripts and macros are linked as usual because --target is named. What was

@@ -379,3 +379,19 @@ fn faults_are_refused_for_nodes_that_already_run() {
 fn a_bench_built_without_mcap_says_how_to_build_it_with_mcap() {
     insta::assert_snapshot!(refused(&["--mode", "virtual", "--mcap"]), @"error: --mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and `cargo run -p bench --features mcap -- …` runs it");
 }
+
+#[test]
+fn the_commit_of_a_run_is_that_of_the_build_and_nothing_is_asked_at_run_time() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut command = Command::cargo_bin("bench").unwrap();
+    command.args(["--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet", "--out", "run"]);
+    // A repository of another commit, and no Git.
+    fs::create_dir(directory.path().join(".git")).unwrap();
+    command.current_dir(directory.path()).env("PATH", "").assert().success();
+    let host = fs::read_to_string(directory.path().join("run/host.json")).unwrap();
+    let host: serde_json::Value = serde_json::from_str(&host).unwrap();
+    let built = env!("SKILLBENCH_COMMIT");
+    assert_eq!(host["commit"].as_str().unwrap_or_default(), built);
+    let hash = built.strip_suffix("-modified").unwrap_or(built);
+    assert!(hash.is_empty() || hash.len() == 12 && hash.chars().all(|c| c.is_ascii_hexdigit()), "{built}");
+}

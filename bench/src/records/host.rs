@@ -1,7 +1,6 @@
 //! Description of the computer of a run, for `host.json`.
 
 use std::fs;
-use std::process::{Command, Stdio};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
@@ -13,8 +12,9 @@ pub struct Host {
     pub date: String,
     /// This program's version.
     pub version: &'static str,
-    /// Commit that it was built from, with `-dirty` if the tree had changes; null outside a repository.
-    pub commit: Option<String>,
+    /// Commit that it was built from, with `-modified` if a file differed from it; null if it was built outside a
+    /// repository.
+    pub commit: Option<&'static str>,
     /// Whether it was built with debug assertions.
     pub debug_assertions: bool,
     /// The kernel's release.
@@ -43,7 +43,7 @@ impl Host {
         Self {
             date: date(now),
             version: env!("CARGO_PKG_VERSION"),
-            commit: commit(),
+            commit: Some(env!("SKILLBENCH_COMMIT")).filter(|commit| !commit.is_empty()),
             debug_assertions: cfg!(debug_assertions),
             kernel: line("/proc/sys/kernel/osrelease"),
             cpu,
@@ -58,18 +58,6 @@ impl Host {
     pub fn to_json(&self) -> serde_json::Result<String> {
         serde_json::to_string_pretty(self).map(|json| json + "\n")
     }
-}
-
-/// Returns the commit of the repository that the program was built in, if it still exists.
-fn commit() -> Option<String> {
-    let output = Command::new("git")
-        .args(["-C", env!("CARGO_MANIFEST_DIR"), "describe", "--always", "--dirty", "--abbrev=12"])
-        .stderr(Stdio::null())
-        .stdin(Stdio::null())
-        .output()
-        .ok()
-        .filter(|output| output.status.success())?;
-    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
 }
 
 /// Formats a time in ISO 8601, UTC, in seconds: `2026-11-21T03:17:00Z`.
