@@ -79,7 +79,9 @@ impl Setup {
     /// Returns the setup without numbers that were chosen to reproduce published figures: motions at their rated
     /// speeds, and calls that take no time and are noticed at once.
     #[must_use]
-    pub fn uncalibrated(self) -> Self {
+    pub fn uncalibrated(mut self) -> Self {
+        let cycles = &mut self.robot.continuous_start_cycles;
+        *cycles = cycles.as_ref().map(|cycles| cycles.varied(0));
         self.with_velocity(100.0).with_skill_overhead(0).without_quanta()
     }
 }
