@@ -163,6 +163,8 @@ fn one_bench_after_the_other_measures_on_nodes_that_run_on() {
         let aet = |results: &serde_json::Value| results["results"]["cm"]["aet_ms"].as_f64().unwrap();
         assert!(aet(&slow) > 1.5 * aet(&first), "the override reaches a PLC that runs elsewhere");
         for results in [&first, &second] {
+            assert_eq!(results["attached"]["robot"]["address"], "10.77.1.1:7700");
+            assert!(results["without_skill_overhead"].is_object(), "both nodes are the model");
             assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
             assert_eq!(results["connected_after_ms"], serde_json::Value::Null);
         }
@@ -183,6 +185,24 @@ fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
         assert!(output.status.success(), "{}", text(&output.stderr));
         let table = text(&output.stdout);
         assert!(table.contains("robot not reported."), "{table}");
+        // A robot that is not ours is no model, so nothing that was calibrated or simulated stands beside its figures.
+        assert!(
+            ["h = 0", "calibrated", "by construction"].iter().all(|words| !table.contains(words)),
+            "{table}"
+        );
+        let told = table.replace("\n ", "");
+        assert!(
+            told.contains("Measured on nodes that ran already: PLC at 10.77.0.1:7700, skillbench"),
+            "{table}"
+        );
+        assert!(told.contains("robot not a node of skillbench."), "{table}");
+        let attached = &results(cell.place.path(), "run")["attached"];
+        assert_eq!(attached["plc"]["version"], env!("CARGO_PKG_VERSION"));
+        assert!(attached["plc"]["host"].as_str().unwrap().contains("Linux") && attached["robot"].is_null());
+        let report = fs::read_to_string(cell.place.path().join("run/report.html")).unwrap();
+        assert!(report.contains("Measured on nodes that ran already") && !report.contains("h = 0"));
+        let history = bench().arg("history").arg(cell.place.path()).output().unwrap();
+        assert!(text(&history.stdout).contains("real, attached"), "{}", text(&history.stdout));
     });
 }
 

@@ -66,6 +66,34 @@ pub struct Hello {
     /// What it runs; `None` from a node of an older version.
     #[serde(default)]
     pub cell: Option<CellText>,
+    /// Where it runs; `None` from a node of an older version.
+    #[serde(default)]
+    pub host: Option<NodeHost>,
+}
+
+/// The program of a node and the computer that it runs on.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct NodeHost {
+    /// The node's version.
+    pub version: String,
+    /// The computer's name in its network.
+    pub name: String,
+    /// Its kernel and release.
+    pub kernel: String,
+}
+
+impl NodeHost {
+    /// Returns this program's version and this computer.
+    #[must_use]
+    pub fn this() -> Self {
+        let system = rustix::system::uname();
+        let text = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            name: text(system.nodename()),
+            kernel: format!("{} {}", text(system.sysname()), text(system.release())),
+        }
+    }
 }
 
 /// The whole setup and application of a node, so that its controller can compare them with its own.
@@ -102,7 +130,7 @@ impl<M: Serialize> Message<M> {
 impl<M: fmt::Display> fmt::Display for Message<M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Hello(Hello { node, setup, bus, interface, mac, warning, cell: _ }) => {
+            Self::Hello(Hello { node, setup, bus, interface, mac, warning, .. }) => {
                 write!(f, "{node}: setup {setup} on {interface} ({mac}), {bus}")?;
                 warning.as_ref().map_or(Ok(()), |warning| write!(f, "\nwarning: {warning}"))
             }

@@ -18,7 +18,7 @@ use protocol::direct::Direct;
 use protocol_linux::{Interface, StopSignals, capabilities, clock};
 use setup::{BusKind, Cyclic, Setup};
 
-use crate::message::{CellText, Console, Hello};
+use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::supervise::{OperatingMode, Outcome, supervise};
 use crate::{Commands, ControlPort, Node, NodeProcess, errln};
@@ -141,6 +141,7 @@ impl Prepared {
             mac: interface.mac().to_string(),
             warning: None,
             cell: Some(cell),
+            host: Some(NodeHost::this()),
         };
         let (console, commands) = match options.control {
             Some(address) => (Console::Text, Commands::Control(ControlPort::listen(address)?)),

@@ -121,6 +121,9 @@ fn legend(results: &Results) -> String {
             "  h = 0: a skill call costs nothing but its motion and the cycles it waits for{whence}."
         ));
     }
+    if let Some(attached) = &results.attached {
+        lines.push(screen::sentences([format!("Measured on nodes that ran already: {attached}.").as_str()]));
+    }
     let suppressed: u32 = ExecutionType::ALL
         .iter()
         .filter_map(|execution_type| results.results.get(*execution_type))

@@ -103,7 +103,11 @@ fn signed(value: f64) -> String {
 #[must_use]
 pub fn by_construction(results: &Results) -> Option<String> {
     let has = |of| results.results.get(of).is_some();
-    if results.paper.is_none() || !has(ExecutionType::Rc) || !has(ExecutionType::Cm) {
+    if results.paper.is_none()
+        || !results.is_of_the_model()
+        || !has(ExecutionType::Rc)
+        || !has(ExecutionType::Cm)
+    {
         return None;
     }
     let cycles = results.calibrated.iter().find(|calibrated| calibrated.key == START_CYCLES);

@@ -11,11 +11,13 @@
 //! distance       how far a run is from the paper, in standard errors
 //! trace          both nodes tick by tick
 //! ratio          the ratio of two means of a real run, with its confidence interval
+//! attached       the nodes of a run that ran already
 //! faults         the faults that the user injects, and their result
 //! host           the computer of a run
 //! run_directory  the files of a measurement
 //! ```
 
+pub mod attached;
 pub mod calibrated;
 pub mod conditions;
 pub mod distance;

@@ -67,6 +67,18 @@ impl Standing {
 }
 
 impl Results {
+    /// Returns these results without what is only true of our model of the robot, for a run with another one.
+    #[must_use]
+    pub fn without_the_model(self) -> Self {
+        Self { calibrated: Vec::new(), ..self }
+    }
+
+    /// Returns whether the robot is our model of one.
+    #[must_use]
+    pub fn is_of_the_model(&self) -> bool {
+        self.attached.as_ref().is_none_or(|attached| attached.robot.is_some())
+    }
+
     /// Returns these results with the paper's figures and the numbers that were calibrated to them, or with the reason why
     /// they do not stand there.
     #[must_use]

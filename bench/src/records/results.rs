@@ -1,13 +1,14 @@
 //! The results of a measurement as JSON. `schema_version` counts changes that break a reader.
 //!
-//! They contain no time, host or path: a virtual run with one seed gives the same bytes on every computer. The host
-//! is described in `host.json`.
+//! They contain no time and no path, and no host but those of attached nodes: a virtual run with one seed gives the same
+//! bytes on every computer. The bench's host is described in `host.json`.
 
 use plc_node::ExecutionType;
 use robot_node::quality::RatingExceeded;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
 
+use crate::records::attached::Attached;
 use crate::records::calibrated::{self, Calibrated};
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::FaultReport;
@@ -41,6 +42,9 @@ pub struct Results {
     /// What became of the override in each repetition, as `--override` says it; absent where it stayed at 100 %.
     #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
     pub overrides: Option<String>,
+    /// The nodes that ran already; absent where the bench started its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attached: Option<Attached>,
     /// Progress of the run, or how it ended.
     pub status: Status,
     /// Results of each type; types that were not requested are absent.
@@ -272,6 +276,7 @@ impl Results {
             seed: schedule.seed,
             reps: schedule.reps,
             overrides: schedule.overrides.map(|overrides| overrides.to_string()),
+            attached: None,
             status: Status::Running,
             results,
             aet_improvement: None,

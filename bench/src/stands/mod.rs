@@ -17,6 +17,7 @@ use protocol_linux::capture::Keep;
 use setup::Setup;
 
 use crate::output::exit::Failure;
+use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::Fault;
 use crate::records::schedule::Step;
@@ -34,6 +35,11 @@ pub trait Stand: Sized {
 
     /// Returns what the host refused the threads that run the nodes; `None` if no thread has to keep time.
     fn refused(&self) -> Option<Vec<String>> {
+        None
+    }
+
+    /// Returns the nodes that ran already; `None` for those that the stand started.
+    fn attached(&self) -> Option<Attached> {
         None
     }
 

@@ -49,6 +49,8 @@ pub struct Entry {
     pub application: String,
     /// `real` or `virtual`.
     pub mode: String,
+    /// Whether the nodes ran already.
+    pub is_attached: bool,
     /// How it ended.
     pub status: Status,
     /// AET and MAD so far.
@@ -166,7 +168,7 @@ impl History {
                 or_none(&entry.date),
                 or_none(&entry.commit),
                 entry.setup.clone(),
-                entry.mode.clone(),
+                if entry.is_attached { format!("{}, attached", entry.mode) } else { entry.mode.clone() },
                 entry.application.clone(),
                 figure(ExecutionType::Rc),
                 figure(ExecutionType::Sm),
@@ -203,6 +205,7 @@ impl Entry {
             setup: results.setup,
             application: results.application,
             mode: results.mode,
+            is_attached: results.attached.is_some(),
             status: results.status,
             figures,
             aet_improvement: results.aet_improvement,
@@ -215,7 +218,8 @@ impl Entry {
     }
 
     fn measured_the_same(&self, other: &Self) -> bool {
-        (&self.setup, &self.application, &self.mode) == (&other.setup, &other.application, &other.mode)
+        (&self.setup, &self.application, &self.mode, self.is_attached)
+            == (&other.setup, &other.application, &other.mode, other.is_attached)
     }
 
     /// Formats the trend, for example `RC +0.0  SM −3.1  CM +0.2 ms`; empty for the first run of its kind.

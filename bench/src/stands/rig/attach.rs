@@ -14,6 +14,7 @@ use super::messages::Startup;
 use super::node::Node;
 use super::wanted_cell::WantedCell;
 use super::{Rig, RigError};
+use crate::records::attached::{Attached, AttachedAt};
 
 /// Addresses of nodes that already run.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -90,6 +91,22 @@ impl Rig {
         rig.ask_for_reports().await?;
         rig.before = rig.reports.clone();
         Ok(rig)
+    }
+
+    /// Returns where the nodes are and what they say of their hosts; `None` if this rig started them.
+    pub(super) fn attached_nodes(&self) -> Option<Attached> {
+        let at = |role: NodeRole, node: &Node| {
+            let Node::Attached(node) = node else { return None };
+            let hello = self.hellos.iter().find(|(from, _)| *from == role);
+            let host = hello.and_then(|(_, hello)| hello.host.as_ref());
+            Some(AttachedAt {
+                address: node.address().to_owned(),
+                version: host.map(|host| host.version.clone()),
+                host: host.map(|host| format!("{}, {}", host.name, host.kernel)),
+            })
+        };
+        let robot = self.robot.as_ref().and_then(|robot| at(NodeRole::Robot, robot));
+        Some(Attached { plc: at(NodeRole::Plc, &self.plc)?, robot })
     }
 
     /// Checks what answers: at an address may be the other node, or a node with another setup or application.

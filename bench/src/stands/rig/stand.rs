@@ -6,6 +6,7 @@ use ::node::report::NodeReport;
 
 use super::{FrameLog, Reports, Rig, RigConfig, RigError};
 use crate::output::exit::Failure;
+use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
 use crate::records::schedule::Step;
 use crate::records::trace::Trace;
@@ -34,6 +35,10 @@ impl Stand for Rig {
 
     fn refused(&self) -> Option<Vec<String>> {
         Some(self.warnings().into_iter().map(str::to_owned).collect())
+    }
+
+    fn attached(&self) -> Option<Attached> {
+        self.attached_nodes()
     }
 
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {

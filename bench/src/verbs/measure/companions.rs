@@ -14,7 +14,8 @@ use crate::stands::virtual_run;
 /// Repetitions of RC on each arm: their times differ by much less than those of the arms.
 const ARMS_REPETITIONS: u32 = 3;
 
-/// The companions of a run.
+/// The companions of a run; by default none.
+#[derive(Default)]
 pub(super) struct Companions {
     without_overhead: Option<JoinHandle<anyhow::Result<Results>>>,
     arms: Option<JoinHandle<anyhow::Result<Arms>>>,

@@ -169,8 +169,10 @@ impl Measurement<'_> {
         let interrupt = interrupt()?;
         let results = self.empty_results();
         let of_the_paper = results.paper.is_some();
-        let companions =
-            || Companions::start(&self.setup, &self.found.application, &self.schedule, of_the_paper);
+        let companions = || match self.is_of_the_model() {
+            true => Companions::start(&self.setup, &self.found.application, &self.schedule, of_the_paper),
+            false => Companions::default(),
+        };
         // In real mode they run afterwards, so that they take no core from the nodes.
         let meanwhile = (self.options.mode == Mode::Virtual).then(companions);
         let ended = match self.options.mode {
@@ -194,8 +196,14 @@ impl Measurement<'_> {
         let (setup, application) = (&self.setup, &self.found.application);
         let overrides = self.schedule.overrides.as_ref();
         let standing = Standing::of(setup, application, overrides, &self.options.fault);
-        Results::new(setup, &application.name, self.options.mode, &self.schedule)
-            .beside_the_paper(setup, standing)
+        let results = Results::new(setup, &application.name, self.options.mode, &self.schedule)
+            .beside_the_paper(setup, standing);
+        if self.is_of_the_model() { results } else { results.without_the_model() }
+    }
+
+    /// Returns whether the robot is our model of one, and not another device beside an attached PLC.
+    fn is_of_the_model(&self) -> bool {
+        self.options.attach.as_ref().is_none_or(|attach| attach.robot.is_some())
     }
 
     /// Prints the plan's first warnings: for a grid each would be repeated in every cycle.
@@ -251,6 +259,7 @@ impl Measurement<'_> {
             session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
+        let results = Results { attached: stand.attached(), ..results };
         let ended = session.run(&mut stand, &self.schedule, results, interrupt).await?;
         let finished = stand.finish(self.wants_capture(ended.exit)).await;
         Ok(self.take_up(ended, finished, session))
