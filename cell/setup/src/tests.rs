@@ -42,8 +42,8 @@ fn the_error_for_an_unknown_key_gives_file_line_key_and_the_existing_keys() {
        16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
     insta::assert_snapshot!(refusal(&changed("link_1_mm", "link_one_mm")), @r#"
-    DIR/my.toml:53: in `robot.kinematics`: unknown field `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
-       53 | link_one_mm = { value = 225.0, from = "datasheet" }
+    DIR/my.toml:55: in `robot.kinematics`: unknown field `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
+       55 | link_one_mm = { value = 225.0, from = "datasheet" }
     "#);
 }
 
