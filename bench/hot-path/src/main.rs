@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Largest allowed excess over a path's committed count.
 const LIMIT_PERCENT: f64 = 1.0;
 
-/// glibc selects its copy and sine functions by the processor, and each selection takes a different number of
+/// glibc selects its copy functions by the processor, and each selection takes a different number of
 /// instructions (a class 1 frame 655 or 834). These switches leave only one selection: an emulated EPYC Milan then
 /// counts the same as an Intel Xeon, and a Nehalem, which has no AVX, at most 0.5 % more.
 const ONE_PICK: &str =
