@@ -84,6 +84,25 @@ fn a_lower_jerk_makes_a_line_and_a_ptp_take_longer() {
     }
 }
 
+#[test]
+fn a_motion_keeps_a_lower_deceleration_all_along() {
+    for motion in [lin(100.0, 40.0, 90.0, 0), ptp(100.0, 40.0, 90.0, 0)] {
+        let time = |motion: Motion| {
+            let mut cell = Cell::ready(Vec::new());
+            cell.call(u8::from(motion.kind).into(), vec![motion]);
+            cell.wait_for_end();
+            assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
+            cell.feedback().execution_ns / 1_000_000
+        };
+        let jerk = if motion.kind.is_point_to_point() { motion.acceleration } else { 0 };
+        let low = motion.acceleration / 4;
+        let (own, softly) = (time(motion), time(Motion { deceleration: low, jerk, ..motion }));
+        assert!(softly > own + 20, "{:?}: {own} and {softly} ms", motion.kind);
+        // It speeds up no faster than it slows down.
+        assert_eq!(softly, time(Motion { acceleration: low, jerk, ..motion }), "{:?}", motion.kind);
+    }
+}
+
 /// A half circle in base 1 around (50, 40) at z = 90, from x = 0 to x = 100.
 fn half_circle(approximation_mm: u16) -> Motion {
     Motion {

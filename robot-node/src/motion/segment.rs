@@ -30,6 +30,12 @@ pub struct Programmed {
 }
 
 impl Programmed {
+    /// The lower of acceleration and deceleration, which the motion keeps where it speeds up and where it slows down: the law of
+    /// a part has one limit for both.
+    fn lower(&self) -> f64 {
+        self.acceleration.min(self.deceleration)
+    }
+
     /// Reads and checks what a motion is programmed with.
     fn of(motion: &Motion, config: &RobotConfig) -> Result<Self, Violation> {
         let is_point_to_point = motion.kind.is_point_to_point();
@@ -138,11 +144,8 @@ impl Segment {
         let approximation_mm = motion.approximation_mm();
         let programmed = Programmed::of(motion, config)?;
         if !motion.kind.is_point_to_point() {
-            let limits = Limits {
-                speed: programmed.speed,
-                acceleration: programmed.acceleration,
-                jerk: programmed.jerk,
-            };
+            let limits =
+                Limits { speed: programmed.speed, acceleration: programmed.lower(), jerk: programmed.jerk };
             let start = arm.forward(from) * tool;
             let curve = if motion.kind == MotionKind::Circular {
                 let through = base.point(motion.auxiliary.map(f64::from));
@@ -173,7 +176,7 @@ impl Segment {
             if let Some(configuration) = motion.configuration {
                 arm.ends_in(&end, configuration)?;
             }
-            let (tool_acceleration, tool_jerk) = (programmed.acceleration, programmed.jerk);
+            let (tool_acceleration, tool_jerk) = (programmed.lower(), programmed.jerk);
             Ok(Self {
                 curve,
                 end,
@@ -213,7 +216,7 @@ impl Segment {
                 limits,
                 zones: [curve.length() / 2.0; 2],
                 approximation_mm,
-                axis_share: programmed.acceleration,
+                axis_share: programmed.lower().min(programmed.jerk),
                 tool_acceleration,
                 tool_jerk,
                 tool,
@@ -263,7 +266,7 @@ fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> Limits {
     }
     Limits {
         speed: programmed.speed * per_way(&rated.speed),
-        acceleration: programmed.acceleration * per_way(&rated.acceleration),
+        acceleration: programmed.lower() * per_way(&rated.acceleration),
         jerk: programmed.jerk * per_way(&rated.jerk),
     }
 }
