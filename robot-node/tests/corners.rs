@@ -4,6 +4,7 @@ mod driven;
 
 use driven::{Driven, bare};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use protocol::image::{ErrorNumber, Motion, MotionKind, Skill, Status};
 use robot_node::RobotConfig;
 use robot_node::arm::{AXES, Joints};
@@ -118,7 +119,8 @@ fn check(setup: &str, list: &[(Joints, [f64; 3])]) -> Result<(), TestCaseError> 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    // The same lists every time; `bench judge` looks at as many others as one asks for.
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
     fn however_far_a_ptp_turns_a_scara_no_corner_makes_a_joint_jump(list in lists("A")) {

@@ -79,10 +79,16 @@ impl Setup {
     /// Returns the setup without numbers that were chosen to reproduce published figures: motions at their rated
     /// speeds, and calls that take no time and are noticed at once.
     #[must_use]
-    pub fn uncalibrated(mut self) -> Self {
+    pub fn uncalibrated(self) -> Self {
+        self.without_start_cycles().with_velocity(100.0).with_skill_overhead(0).without_quanta()
+    }
+
+    /// Returns the setup with a robot that needs no cycle between a MoveContinuousSkill and its first motion.
+    #[must_use]
+    pub fn without_start_cycles(mut self) -> Self {
         let cycles = &mut self.robot.continuous_start_cycles;
         *cycles = cycles.as_ref().map(|cycles| cycles.varied(0));
-        self.with_velocity(100.0).with_skill_overhead(0).without_quanta()
+        self
     }
 }
 

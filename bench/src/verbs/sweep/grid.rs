@@ -155,8 +155,10 @@ impl Grid {
             None => (ExecutionType::Rc, setup.plc.slots_in_use()),
             Some(depth) => (ExecutionType::Cm, depth),
         };
+        // What CM needs before its first motion is the same at every point, and no matter of slots or bus cycle.
         let setup = setup
             .clone()
+            .without_start_cycles()
             .with_bus_cycle(job.bus_cycle_us)
             .with_queue_depth(depth)
             .with_skill_overhead(OVERHEAD_US)
