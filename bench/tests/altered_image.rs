@@ -8,7 +8,7 @@ use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{Command, Digest, IMAGE_LEN, Image};
+use protocol::image::{Command, Digest, IMAGE_LEN, Image, Order};
 use robot_node::{RobotConfig, RobotNode};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
@@ -55,7 +55,9 @@ impl Machine for WrongSlot {
 }
 
 impl Fieldbus for WrongSlot {
-    type Order = BigEndian;
+    fn byte_order(&self) -> Order {
+        Order::BigEndian
+    }
 
     fn set_output(&mut self, image: &Image) {
         self.bus.set_output(image);

@@ -7,7 +7,7 @@ use bench::records::schedule::Schedule;
 use bench::stands::virtual_run::whole;
 use planning::Application;
 use plc_node::ExecutionType;
-use setup::{BusKind, Setup};
+use setup::{BusKind, EthernetIp, Setup};
 
 fn setup_a() -> (Setup, Application) {
     let (setup, found) = planning::setup_with_application("A").unwrap();
@@ -82,7 +82,7 @@ fn over_ethernet_ip_the_same_cell_takes_as_long_as_over_profinet() {
     let (mut setup, application) = setup_a();
     let schedule = Schedule::new(&ExecutionType::ALL, 3, 1);
     let profinet = whole(&setup, &application, &schedule).unwrap();
-    setup.bus.kind = BusKind::EthernetIp;
+    setup.bus.kind = BusKind::EthernetIp(*setup.bus.addresses().unwrap(), EthernetIp::default());
     let ethernet_ip = whole(&setup, &application, &schedule).unwrap();
     for execution_type in ExecutionType::ALL {
         let aet = |results: &Results| results.figure(execution_type).unwrap().aet_ms;

@@ -7,7 +7,7 @@
 //! exit_code              the process's exit code
 //! ```
 
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::net::{SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -15,8 +15,8 @@ use anyhow::Context as _;
 use machine::{Duration, Instant};
 use planning::{Found, Plan};
 use protocol::direct::Direct;
-use protocol_linux::{Interface, StopSignals, capabilities, clock};
-use setup::{BusKind, Cyclic, Setup};
+use protocol_linux::{Interface, InterfaceError, StopSignals, capabilities, clock};
+use setup::{Cyclic, Setup};
 
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
@@ -83,8 +83,8 @@ impl RunOptions {
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
         capabilities::raise().context("making use of the program's capabilities")?;
         let (mut setup, application) = planning::setup_with_application(&self.setup)?;
-        if let (Some(cyclic), Some(profinet)) = (self.cyclic, &mut setup.bus.profinet) {
-            profinet.cyclic = cyclic;
+        if let Some(cyclic) = self.cyclic {
+            setup.bus.set_cyclic(cyclic);
         }
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
@@ -101,21 +101,35 @@ impl RunOptions {
 }
 
 impl Prepared {
-    /// Returns a connection to `peer` without a bus protocol, in use from `start` on.
-    #[must_use]
-    pub fn direct(&self, peer: Ipv4Addr, start: Instant) -> Direct {
+    /// Returns a connection to the other node without a bus protocol, in use from `start` on.
+    ///
+    /// # Errors
+    ///
+    /// The setup's bus has no IP addresses, or the interface has another one or gets none.
+    pub fn direct(&self, own: NodeRole, start: Instant) -> anyhow::Result<Direct> {
+        self.take_address(own)?;
+        let addresses = self.setup.bus.addresses().context("--direct needs a bus with IP addresses")?;
+        let peer = match own {
+            NodeRole::Plc => addresses.robot,
+            NodeRole::Robot => addresses.plc,
+        };
         let cycle = Duration::from_micros(self.setup.bus.cycle_us.value.into());
         let bus = Direct::new(start, cycle, self.setup.bus.watchdog());
-        bus.over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT))
+        Ok(bus.over_udp(DIRECT_PORT, SocketAddrV4::new(peer, DIRECT_PORT)))
     }
 
-    /// Returns the error of a node that has no endpoint for the setup's bus.
-    #[must_use]
-    pub fn no_endpoint(&self, bus: BusKind) -> anyhow::Error {
-        anyhow::anyhow!(
-            "setup {} wants bus.kind {bus:?}, which does not run over a real network yet; profinet and ethernet_ip do",
-            self.setup.name
-        )
+    /// Gives the interface the IP address that this node has in the setup, if the bus has any.
+    ///
+    /// # Errors
+    ///
+    /// The interface has another address, which may be the user's own connection, or it gets none.
+    pub fn take_address(&self, own: NodeRole) -> Result<(), InterfaceError> {
+        let Some(addresses) = self.setup.bus.addresses() else { return Ok(()) };
+        let (key, address) = match own {
+            NodeRole::Plc => ("bus.plc_address", addresses.plc),
+            NodeRole::Robot => ("bus.robot_address", addresses.robot),
+        };
+        self.interface.take_address(key, address, addresses.mask)
     }
 
     /// Runs `node` until it is asked to end or `mode` ends it. `endpoint` is its role on the bus, for its first message.

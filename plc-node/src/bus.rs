@@ -8,18 +8,16 @@ use machine::{Duration, Instant};
 use profinet::description::{Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
 use profinet::rt::Transport;
 use profinet::{ArConfig, ControllerConfig, Parameter};
-use protocol::buses::{EthernetIpScanner, ProfinetController};
+use protocol::buses::{Endpoint, EthernetIpScanner, ProfinetController};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR, PROFINET_PLC, PROFINET_ROBOT};
-use setup::{Cyclic, EthernetIpAdapter, ProfinetDevice, Setup};
+use setup::{Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, Profinet, ProfinetDevice};
+
+/// The PLC's endpoint on any bus.
+pub type PlcBus = Endpoint<ProfinetController, EthernetIpScanner>;
 
 /// Why a setup gives no bus endpoint.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum BusError {
-    /// The setup names PROFINET but does not describe it.
-    #[error(
-        "bus.kind is `profinet`, so the setup needs a table [bus.profinet] with cyclic and both station names"
-    )]
-    NoProfinet,
     /// What the setup says of PROFINET does not work.
     #[error("bus: {0}")]
     Profinet(#[from] profinet::ConfigError),
@@ -33,31 +31,59 @@ pub enum BusError {
     },
 }
 
-/// The IO-Controller of a setup, on an interface with this MAC address. It looks for the robot from `start` on.
-///
-/// `seed` makes its UUIDs its own among those of earlier runs.
-pub fn profinet_controller(
-    setup: &Setup,
+/// What an endpoint has besides its setup.
+#[derive(Clone, Copy, Debug)]
+struct Station {
     mac: Mac,
     seed: u64,
     start: Instant,
+}
+
+/// Returns the PLC's endpoint on the bus of a setup, on an interface with this MAC address. It looks for the robot
+/// from `start` on.
+///
+/// `seed` makes its UUIDs and connection numbers its own among those of earlier runs.
+pub fn open(bus: &Bus, mac: Mac, seed: u64, start: Instant) -> Result<PlcBus, BusError> {
+    let station = Station { mac, seed, start };
+    Ok(match &bus.kind {
+        BusKind::Profinet(addresses, profinet) => {
+            Endpoint::Profinet(profinet_controller(bus, addresses, profinet, station)?)
+        }
+        BusKind::EthernetIp(addresses, ethernet_ip) => {
+            Endpoint::EthernetIp(ethernet_ip_scanner(bus, addresses, ethernet_ip, station)?)
+        }
+    })
+}
+
+/// Returns what the PLC is on this bus.
+#[must_use]
+pub const fn role(kind: &BusKind) -> &'static str {
+    match kind {
+        BusKind::Profinet(..) => "PROFINET IO-Controller",
+        BusKind::EthernetIp(..) => "EtherNet/IP scanner",
+    }
+}
+
+fn profinet_controller(
+    bus: &Bus,
+    addresses: &Addresses,
+    profinet: &Profinet,
+    Station { mac, seed, start }: Station,
 ) -> Result<ProfinetController, BusError> {
-    let bus = &setup.bus;
-    let profinet = bus.profinet.as_ref().ok_or(BusError::NoProfinet)?;
     let description = profinet.device.as_ref().map_or(PROFINET_ROBOT, described);
     // Devices may refuse a record for a subslot that they do not have.
     let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
     let config = ControllerConfig {
         mac,
         station_name: profinet.plc_station_name.clone(),
-        address: bus.plc_address,
-        mask: bus.subnet_mask,
+        address: addresses.plc,
+        mask: addresses.mask,
         description: PROFINET_PLC,
         seed,
     };
     let device = ArConfig {
         station_name: profinet.robot_station_name.clone(),
-        address: bus.robot_address,
+        address: addresses.robot,
         description,
         parameters: has_interface.then(Parameter::interface_adjust).into_iter().collect(),
         transport: match profinet.cyclic {
@@ -98,18 +124,13 @@ fn described(device: &ProfinetDevice) -> Description {
     Description { identity, modules: modules.leak(), ..PROFINET_ROBOT }
 }
 
-/// The scanner of a setup, on an interface with this MAC address. It connects to the robot from `start` on.
-///
-/// `seed` makes its connection numbers its own among those of earlier runs.
-pub fn ethernet_ip_scanner(
-    setup: &Setup,
-    Mac([_, _, serial @ ..]): Mac,
-    seed: u64,
-    start: Instant,
+fn ethernet_ip_scanner(
+    bus: &Bus,
+    addresses: &Addresses,
+    ethernet_ip: &EthernetIp,
+    Station { mac: Mac([_, _, serial @ ..]), seed, start }: Station,
 ) -> Result<EthernetIpScanner, BusError> {
-    let bus = &setup.bus;
-    let ethernet_ip = bus.ethernet_ip.as_ref();
-    let intervals = bus.timeout_intervals();
+    let intervals = ethernet_ip.timeout_intervals(&bus.watchdog_cycles);
     let config = ScannerConfig {
         vendor: ETHERNET_IP_VENDOR,
         serial_number: u32::from_be_bytes(serial),
@@ -117,10 +138,10 @@ pub fn ethernet_ip_scanner(
     };
     let connection = ConnectionConfig {
         multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
-        multicast: ethernet_ip.is_some_and(|ethernet_ip| ethernet_ip.multicast),
-        ..ConnectionConfig::exclusive_owner(bus.robot_address, &ETHERNET_IP_ROBOT, bus.cycle_us.value)
+        multicast: ethernet_ip.multicast,
+        ..ConnectionConfig::exclusive_owner(addresses.robot, &ETHERNET_IP_ROBOT, bus.cycle_us.value)
     };
-    let connection = match ethernet_ip.and_then(|ethernet_ip| ethernet_ip.adapter.as_ref()) {
+    let connection = match &ethernet_ip.adapter {
         Some(adapter) => of_adapter(adapter, connection),
         None => connection,
     };

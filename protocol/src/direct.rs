@@ -3,8 +3,7 @@
 use core::net::SocketAddrV4;
 
 use crate::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
-use crate::image::{IMAGE_LEN, Image};
-use machine::wire::BigEndian;
+use crate::image::{IMAGE_LEN, Image, Order};
 use machine::{Cycle, Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
 /// EtherType for experiments within one network (IEEE 802, 9.2.4).
@@ -109,7 +108,9 @@ impl Machine for Direct {
 }
 
 impl Fieldbus for Direct {
-    type Order = BigEndian;
+    fn byte_order(&self) -> Order {
+        Order::BigEndian
+    }
 
     fn set_output(&mut self, image: &Image) {
         self.output = *image;

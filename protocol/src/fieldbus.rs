@@ -2,16 +2,15 @@
 
 use core::fmt;
 
-use machine::wire::ByteOrder;
 pub use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Machine};
 
-use crate::image::Image;
+use crate::image::{Image, Order};
 
 /// A bus endpoint that carries one [`Image`] in each direction.
 pub trait Fieldbus: Machine<Event = LinkEvent> {
-    /// The byte order in which this bus carries numbers.
-    type Order: ByteOrder;
+    /// Returns the order in which this bus carries the bytes of a number. It never changes.
+    fn byte_order(&self) -> Order;
 
     /// Sets the image that is sent with the next cyclic frame and every later one.
     fn set_output(&mut self, image: &Image);

@@ -6,48 +6,75 @@ use ethernet_ip::{Adapter, AdapterConfig};
 use machine::Instant;
 use machine::ethernet::Mac;
 use profinet::{Device, DeviceConfig};
+use protocol::buses::Endpoint;
 use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
-use setup::Setup;
+use setup::{Addresses, Bus, BusKind, Profinet};
 
-/// Why a setup gives no bus endpoint.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum BusError {
-    /// The setup names PROFINET but does not describe it.
-    #[error(
-        "bus.kind is `profinet`, so the setup needs a table [bus.profinet] with cyclic and both station names"
-    )]
-    NoProfinet,
+/// The robot's endpoint on any bus.
+pub type RobotBus = Endpoint<Device, Adapter>;
+
+/// Returns the robot's endpoint on the bus of a setup, on an interface with this MAC address and, if it has one
+/// already, this IP address.
+///
+/// `seed` makes its connection numbers its own among those of earlier runs. `start` is asked only by an endpoint that
+/// has cycles of its own, for its first one.
+pub fn open(
+    bus: &Bus,
+    mac: Mac,
+    address: Option<Ipv4Addr>,
+    seed: u64,
+    start: impl FnOnce() -> Instant,
+) -> RobotBus {
+    match &bus.kind {
+        BusKind::Profinet(addresses, profinet) => {
+            Endpoint::Profinet(profinet_device(addresses, profinet, mac, address, start()))
+        }
+        BusKind::EthernetIp(addresses, _) => Endpoint::EthernetIp(ethernet_ip_adapter(addresses, mac, seed)),
+    }
 }
 
-/// The IO-Device of a setup, on an interface with this MAC address and, if it has one already, this IP address.
-pub fn profinet_device(
-    setup: &Setup,
+/// Returns what the robot is on this bus.
+#[must_use]
+pub const fn role(kind: &BusKind) -> &'static str {
+    match kind {
+        BusKind::Profinet(..) => "PROFINET IO-Device",
+        BusKind::EthernetIp(..) => "EtherNet/IP adapter",
+    }
+}
+
+/// Returns the IP address that the robot has from its project; `None` where its controller gives it one by DCP.
+#[must_use]
+pub const fn address_from_project(kind: &BusKind) -> Option<Ipv4Addr> {
+    match kind {
+        BusKind::Profinet(..) => None,
+        BusKind::EthernetIp(addresses, _) => Some(addresses.robot),
+    }
+}
+
+fn profinet_device(
+    addresses: &Addresses,
+    profinet: &Profinet,
     mac: Mac,
     address: Option<Ipv4Addr>,
     start: Instant,
-) -> Result<Device, BusError> {
-    let profinet = setup.bus.profinet.as_ref().ok_or(BusError::NoProfinet)?;
+) -> Device {
     let config = DeviceConfig {
         mac,
         station_name: profinet.robot_station_name.clone().into_bytes(),
         address,
-        mask: setup.bus.subnet_mask,
+        mask: addresses.mask,
         description: PROFINET_ROBOT,
     };
-    Ok(Device::new(config, start))
+    Device::new(config, start)
 }
 
-/// The adapter of a setup, on an interface with this MAC address and the setup's IP address.
-///
-/// `seed` makes its connection numbers its own among those of earlier runs.
-#[must_use]
-pub fn ethernet_ip_adapter(setup: &Setup, mac: Mac, seed: u64) -> Adapter {
+fn ethernet_ip_adapter(addresses: &Addresses, mac: Mac, seed: u64) -> Adapter {
     let Mac([_, _, serial @ ..]) = mac;
     Adapter::new(AdapterConfig {
         description: &ETHERNET_IP_ROBOT,
         serial_number: u32::from_be_bytes(serial),
-        address: setup.bus.robot_address,
-        mask: setup.bus.subnet_mask,
+        address: addresses.robot,
+        mask: addresses.mask,
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: mac.0,
         first_id: seed as u32,

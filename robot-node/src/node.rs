@@ -169,9 +169,9 @@ impl<B: Fieldbus> RobotNode<B> {
         // Every scan changes the head, but the slots only change with the motions.
         let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
             let slots = self.command.slots;
-            Command::parse_head::<B::Order>(&image).map(|head| Command { slots, ..head })
+            self.bus.byte_order().parse_command_head(&image).map(|head| Command { slots, ..head })
         } else {
-            Command::parse::<B::Order>(&image)
+            self.bus.byte_order().parse_command(&image)
         };
         if let Ok(command) = command {
             (self.command, self.image, self.connected) = (command, image, true);
@@ -179,7 +179,7 @@ impl<B: Fieldbus> RobotNode<B> {
     }
 
     fn write_feedback(&mut self) {
-        self.controller.feedback().emit::<B::Order>(&mut self.output);
+        self.bus.byte_order().emit_feedback(self.controller.feedback(), &mut self.output);
         self.bus.set_output(&self.output);
     }
 

@@ -16,7 +16,6 @@ use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use serde::{Deserialize, Serialize};
-use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::{
@@ -90,9 +89,7 @@ pub enum RobotInstruction {}
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let Subcommand::Run(run) = cli.command;
-    let is_usage = |error: &anyhow::Error| {
-        error.is::<bus::BusError>() || error.is::<ConfigError>() || error.is::<StartOutOfReach>()
-    };
+    let is_usage = |error: &anyhow::Error| error.is::<ConfigError>() || error.is::<StartOutOfReach>();
     node::run::exit_code(run.execute(), is_usage)
 }
 
@@ -104,30 +101,20 @@ impl Run {
         let config =
             RobotConfig::from_setup(setup)?.in_cell_of(&prepared.application.application, &to_start)?;
         let programs = vec![(PROGRAM, Program::new(plan.wire_motions(setup), &plan.stops()))];
-        let take_address =
-            || interface.take_address("bus.robot_address", setup.bus.robot_address, setup.bus.subnet_mask);
         let start = node::run::first_cycle();
         if self.options.direct {
-            take_address()?;
-            let bus = prepared.direct(setup.bus.plc_address, start);
+            let bus = prepared.direct(NodeRole::Robot, start)?;
             let node = RobotNode::new(config, programs, bus, self.seed, start);
             return self.supervise(prepared, "images without a protocol", node);
         }
-        match setup.bus.kind {
-            BusKind::Profinet => {
-                let bus = bus::profinet_device(setup, interface.mac(), interface.address(), start)?;
-                let node = RobotNode::new(config, programs, bus, self.seed, start);
-                self.supervise(prepared, "PROFINET IO-Device", node)
-            }
-            BusKind::EthernetIp => {
-                // An adapter has its address from its project: there is no DCP that gives it one.
-                take_address()?;
-                let bus = bus::ethernet_ip_adapter(setup, interface.mac(), start.as_nanos());
-                let node = RobotNode::new(config, programs, bus, self.seed, start);
-                self.supervise(prepared, "EtherNet/IP adapter", node)
-            }
-            other => Err(prepared.no_endpoint(other)),
+        if bus::address_from_project(&setup.bus.kind).is_some() {
+            prepared.take_address(NodeRole::Robot)?;
         }
+        let endpoint = bus::role(&setup.bus.kind);
+        let (mac, address) = (interface.mac(), interface.address());
+        let bus = bus::open(&setup.bus, mac, address, start.as_nanos(), || start);
+        let node = RobotNode::new(config, programs, bus, self.seed, start);
+        self.supervise(prepared, endpoint, node)
     }
 
     fn supervise<B: Fieldbus + Send + 'static>(

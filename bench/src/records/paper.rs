@@ -122,6 +122,8 @@ fn built_in(name: &str) -> Option<Setup> {
 
 #[cfg(test)]
 mod tests {
+    use setup::BusKind;
+
     use super::*;
 
     fn cell(name: &str) -> (Setup, Application) {
@@ -140,7 +142,11 @@ mod tests {
     fn the_papers_cell_is_known_by_its_content_wherever_its_nodes_are() {
         for name in ["A", "B"] {
             let (mut setup, application) = cell(name);
-            setup.bus.robot_address = "10.0.0.2".parse().unwrap();
+            match &mut setup.bus.kind {
+                BusKind::Profinet(addresses, _) | BusKind::EthernetIp(addresses, _) => {
+                    addresses.robot = "10.0.0.2".parse().unwrap();
+                }
+            }
             setup.bus.watchdog_cycles.value = 3;
             setup.application = "copy.toml".to_owned();
             setup.motions.velocity_percent.note.clear();

@@ -3,6 +3,8 @@
 //! A *setup* is a PLC, a bus and a robot ([`Setup`]), and it names the robot's application. The project's own setups
 //! are compiled in ([`SETUPS`]); a path selects a user's setup.
 
+mod bus;
+mod bus_section;
 mod check;
 mod difference;
 mod error;
@@ -12,14 +14,14 @@ mod sourced;
 mod vary;
 mod write;
 
+pub use bus::{
+    Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpKey, Profinet, ProfinetDevice,
+    ProfinetModule, ProfinetSubmodule, UnknownCyclic,
+};
 pub use difference::{Difference, text_differences};
 pub use error::Error;
 pub use load::{SETUPS, Text, check, find, setup, setup_from_text, setup_with_directory};
-pub use model::{
-    Axes, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpKey, Figure, Frame, Kinematics,
-    Motions, Opw, Paper, Plc, Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule, Robot, Scara,
-    Setup, UnknownCyclic,
-};
+pub use model::{Axes, Figure, Frame, Kinematics, Motions, Opw, Paper, Plc, Robot, Scara, Setup};
 pub use sourced::{Provenance, Sourced};
 pub use write::setup_to_toml;
 

@@ -1,5 +1,5 @@
 use crate::load::parse;
-use crate::{SETUPS, Setup, setup, setup_to_toml, setup_with_directory};
+use crate::{BusKind, EthernetIp, Profinet, SETUPS, Setup, setup, setup_to_toml, setup_with_directory};
 
 /// Returns Setup A's text with one change.
 fn changed(from: &str, to: &str) -> String {
@@ -15,6 +15,20 @@ fn refusal(text: &str) -> String {
     std::fs::write(&path, text).unwrap();
     let error = setup(path.to_str().unwrap()).unwrap_err();
     error.to_string().replace(&directory.path().display().to_string(), "DIR")
+}
+
+fn profinet_of(setup: &Setup) -> &Profinet {
+    match &setup.bus.kind {
+        BusKind::Profinet(_, profinet) => profinet,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn ethernet_ip_of(setup: &Setup) -> &EthernetIp {
+    match &setup.bus.kind {
+        BusKind::EthernetIp(_, ethernet_ip) => ethernet_ip,
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
@@ -72,6 +86,14 @@ fn the_error_for_a_missing_key_names_it() {
 }
 
 #[test]
+fn what_only_this_bus_needs_must_be_there() {
+    insta::assert_snapshot!(refusal(&changed("robot_address = ", "# robot_address = ")), @r#"
+    DIR/my.toml:19: in `bus`: `kind = "profinet"` needs the key `robot_address`
+       19 | [bus]
+    "#);
+}
+
+#[test]
 fn a_number_without_its_provenance_is_refused() {
     insta::assert_snapshot!(refusal(&changed("{ value = 1000, from = \"paper\", note = \"section 6.2\" }", "{ value = 1000 }")), @"
     DIR/my.toml:15: in `plc.scan_cycle_us`: missing field `from`
@@ -117,7 +139,8 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml: `bus.watchdog_cycles`: 0 would give every connection up at once; at least 1, and 3 is usual
     DIR/my.toml: `bus.watchdog_cycles`: 61441 cycles of 1000 µs hold for 61441 ms; PROFINET allows 61440 ms over udp, so at most 7680 cycles
     DIR/my.toml: `robot.cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
-    DIR/my.toml: `bus.profinet`: `kind = "profinet"` needs a section [bus.profinet]
+    DIR/my.toml:19: in `bus`: `kind = "profinet"` needs a section [bus.profinet]
+       19 | [bus]
     DIR/my.toml: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all
     DIR/my.toml: `bus.robot_address`: 192.168.65.2 is not in the subnet of 192.168.64.1
     DIR/my.toml: `bus.subnet_mask`: 255.0.255.0 is not a subnet mask
@@ -150,7 +173,7 @@ fn with_device(from: &str, to: &str) -> String {
 #[test]
 fn a_device_other_than_our_robot_is_described_by_its_modules() {
     let setup = parse::<Setup>("with a device", &with_device("", "")).unwrap();
-    let device = setup.bus.profinet.as_ref().and_then(|profinet| profinet.device.as_ref()).unwrap();
+    let device = profinet_of(&setup).device.as_ref().unwrap();
     assert_eq!((device.vendor, device.modules[1].submodules[0].ident), (0x0493, 0x140));
     let written = setup_to_toml(&setup).unwrap();
     assert_eq!(parse::<Setup>("written", &written).unwrap(), setup, "{written}");
@@ -223,10 +246,10 @@ fn ethernet_ip_has_a_range_of_packet_intervals_and_eight_timeout_multipliers() {
     {
         assert!(said.contains(key), "{said}");
     }
-    let mut setup = setup("A").unwrap();
-    setup.bus.kind = crate::BusKind::EthernetIp;
+    let text = changed("\"profinet\"", "\"ethernet-ip\"");
+    let setup: Setup = parse("the section [bus.profinet] may stay", &text).unwrap();
     crate::check(&setup).unwrap();
-    assert_eq!(setup.bus.timeout_intervals(), 500);
+    assert_eq!(ethernet_ip_of(&setup).timeout_intervals(&setup.bus.watchdog_cycles), 500);
 }
 
 #[test]
@@ -246,7 +269,7 @@ fn a_foreign_adapter_is_described_in_the_setup_and_may_support_other_intervals()
     };
     let setup: Setup = parse("my.toml", &with("[1, 0]")).unwrap();
     crate::check(&setup).unwrap();
-    let adapter = setup.bus.ethernet_ip.unwrap().adapter.unwrap();
+    let adapter = ethernet_ip_of(&setup).adapter.as_ref().unwrap();
     assert_eq!((adapter.consumed_assembly, adapter.produced_bytes, adapter.key), (770, 16, None));
     let odd = refusal(&with("[1]"));
     assert!(odd.contains("bus.ethernet_ip.adapter.route") && odd.contains("even number of bytes"), "{odd}");

@@ -275,7 +275,7 @@ impl<B: Fieldbus> PlcNode<B> {
             }
             Some(image) => {
                 self.inputs = image;
-                self.group.read(Feedback::parse::<B::Order>(&image).ok());
+                self.group.read(self.bus.byte_order().parse_feedback(&image).ok());
             }
             None => self.group.read(None),
         }
@@ -286,9 +286,9 @@ impl<B: Fieldbus> PlcNode<B> {
         let command = self.group.command();
         let slots = Some((command.number, command.written));
         if core::mem::replace(&mut self.emitted, slots) == slots {
-            command.emit_head::<B::Order>(&mut self.outputs);
+            self.bus.byte_order().emit_command_head(command, &mut self.outputs);
         } else {
-            command.emit::<B::Order>(&mut self.outputs);
+            self.bus.byte_order().emit_command(command, &mut self.outputs);
         }
     }
 

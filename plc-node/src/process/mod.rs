@@ -19,7 +19,6 @@ use node::run::{Prepared, RunOptions};
 use node::supervise::Outcome;
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use setup::BusKind;
 
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
@@ -83,8 +82,6 @@ impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
         let prepared = self.options.prepare()?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
-        // A PLC has its address from its project. Taking another one away could cut the user's own connection.
-        interface.take_address("bus.plc_address", setup.bus.plc_address, setup.bus.subnet_mask)?;
         // On a real clock the scan takes what it takes.
         let config = PlcConfig {
             scan_cost: Duration::ZERO,
@@ -96,23 +93,15 @@ impl Run {
         // The clock makes every start of this PLC a new one to the robot.
         let nonce = start.as_nanos();
         if self.options.direct {
-            let bus = prepared.direct(setup.bus.robot_address, start);
+            let bus = prepared.direct(NodeRole::Plc, start)?;
             let node = PlcNode::new(config, bus, start);
             return self.supervise(prepared, "images without a protocol", node);
         }
-        match setup.bus.kind {
-            BusKind::Profinet => {
-                let bus = bus::profinet_controller(setup, interface.mac(), nonce, start)?;
-                let node = PlcNode::new(config, bus, start);
-                self.supervise(prepared, "PROFINET IO-Controller", node)
-            }
-            BusKind::EthernetIp => {
-                let bus = bus::ethernet_ip_scanner(setup, interface.mac(), nonce, start)?;
-                let node = PlcNode::new(config, bus, start);
-                self.supervise(prepared, "EtherNet/IP scanner", node)
-            }
-            other => Err(prepared.no_endpoint(other)),
-        }
+        // A PLC has its address from its project.
+        prepared.take_address(NodeRole::Plc)?;
+        let endpoint = bus::role(&setup.bus.kind);
+        let bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
+        self.supervise(prepared, endpoint, PlcNode::new(config, bus, start))
     }
 
     fn supervise<B: Fieldbus + Send + fmt::Debug + 'static>(

@@ -3,12 +3,11 @@
 use core::fmt;
 
 use ethernet_ip::{Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
-use machine::wire::LittleEndian;
 use machine::{Counters, Instant};
 
 use super::machine_with_one_connection;
 use crate::fieldbus::Fieldbus;
-use crate::image::{IMAGE_LEN, Image};
+use crate::image::{IMAGE_LEN, Image, Order};
 use crate::stations::{COMMAND, FEEDBACK};
 
 /// A scanner with one connection.
@@ -42,7 +41,9 @@ impl EthernetIpScanner {
 machine_with_one_connection!(EthernetIpScanner, scanner);
 
 impl Fieldbus for EthernetIpScanner {
-    type Order = LittleEndian;
+    fn byte_order(&self) -> Order {
+        Order::LittleEndian
+    }
 
     /// The assembly may be shorter or longer than the image.
     fn set_output(&mut self, image: &Image) {
@@ -80,7 +81,9 @@ impl Fieldbus for EthernetIpScanner {
 
 /// An adapter that is described by [`ETHERNET_IP_ROBOT`](crate::stations::ETHERNET_IP_ROBOT).
 impl Fieldbus for Adapter {
-    type Order = LittleEndian;
+    fn byte_order(&self) -> Order {
+        Order::LittleEndian
+    }
 
     fn set_output(&mut self, image: &Image) {
         let taken = self.set_produced(FEEDBACK, image);

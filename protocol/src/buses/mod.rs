@@ -1,9 +1,11 @@
 //! The stacks' endpoints as [`Fieldbus`](crate::fieldbus::Fieldbus): what carries the image on each bus.
 
 mod assemblies;
+mod endpoint;
 mod submodules;
 
 pub use assemblies::EthernetIpScanner;
+pub use endpoint::Endpoint;
 pub use submodules::ProfinetController;
 
 /// Implements [`machine::Machine`] for an endpoint with one connection: all of its methods but that for events.

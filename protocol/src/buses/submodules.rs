@@ -1,12 +1,11 @@
 //! PROFINET: the image is the data of all submodules in its direction, one after another by slot and subslot.
 
-use machine::wire::BigEndian;
 use machine::{Counters, Instant};
 use profinet::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Device};
 
 use super::machine_with_one_connection;
 use crate::fieldbus::Fieldbus;
-use crate::image::{IMAGE_LEN, Image};
+use crate::image::{IMAGE_LEN, Image, Order};
 
 /// An IO-Controller that drives one IO-Device.
 #[derive(Debug)]
@@ -33,7 +32,9 @@ impl ProfinetController {
 machine_with_one_connection!(ProfinetController, controller);
 
 impl Fieldbus for ProfinetController {
-    type Order = BigEndian;
+    fn byte_order(&self) -> Order {
+        Order::BigEndian
+    }
 
     fn set_output(&mut self, image: &Image) {
         if let Some(ar) = self.controller.ar_mut(self.ar) {
@@ -57,7 +58,9 @@ impl Fieldbus for ProfinetController {
 }
 
 impl Fieldbus for Device {
-    type Order = BigEndian;
+    fn byte_order(&self) -> Order {
+        Order::BigEndian
+    }
 
     fn set_output(&mut self, image: &Image) {
         self.set_inputs(split(image));

@@ -2,7 +2,7 @@
 //!
 //! A fieldbus of the paper's kind carries at most 256 bytes a direction, and a motion takes 44 of them, so that five
 //! motions and a head of 36 bytes fill the image (paper, section 5.2). There is one definition; the bus picks the
-//! byte order, which is a type parameter.
+//! byte order ([`Order`]), which is a type parameter where bytes are read and written.
 //!
 //! ```text
 //! command  0..36  head      36..80  slot 0   80..124  slot 1  124..168  slot 2  168..212  slot 3  212..256  slot 4
@@ -20,6 +20,7 @@ mod error;
 mod feedback;
 mod finding;
 mod motion;
+mod order;
 
 pub use command::{Command, Control, Skill};
 pub use configuration::Configuration;
@@ -28,6 +29,7 @@ pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};
 pub use finding::{Finding, InWords};
 pub use motion::{Motion, MotionKind};
+pub use order::Order;
 
 /// Length in bytes of the image in either direction.
 pub const IMAGE_LEN: usize = 256;

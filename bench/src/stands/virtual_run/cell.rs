@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -61,7 +60,6 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     phases: &mut Phases,
     plc_bus: P,
     robot_bus: R,
-    robot_address: Option<Ipv4Addr>,
     Surroundings { faults, capture, frames }: &Surroundings<'_>,
 ) -> anyhow::Result<Box<dyn Cell>> {
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
@@ -76,7 +74,10 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         seed: phases.seed,
         clocks: phases.clocks,
         links: faults::links(faults, Impairment { delay, ..Impairment::default() }),
-        addresses: [Some(setup.bus.plc_address), robot_address],
+        addresses: [
+            setup.bus.addresses().map(|addresses| addresses.plc),
+            robot_node::bus::address_from_project(&setup.bus.kind),
+        ],
     };
     let mut pair = Pair::new(plc, robot, config);
     if capture.is_some() || frames.is_some() {

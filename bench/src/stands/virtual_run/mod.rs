@@ -17,7 +17,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use machine::Instant;
 use machine::ethernet::Mac;
 use planning::{Application, Stop, ToStart};
@@ -25,7 +25,7 @@ use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion};
 use protocol_linux::capture::Keep;
 use robot_node::RobotConfig;
-use setup::{BusKind, Setup};
+use setup::Setup;
 use virtual_time::Side;
 
 pub(crate) use cell::Nodes;
@@ -161,25 +161,16 @@ impl VirtualRun {
         let cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, work, &mut phases, plc, robot, None, faults)?
+                cell(setup, work, &mut phases, plc, robot, faults)?
             }
-            VirtualBus::OfSetup => match setup.bus.kind {
-                BusKind::Profinet => {
-                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
-                    let plc = plc_node::bus::profinet_controller(setup, PLC_MAC, seed, start)?;
-                    let start = phases.first(Side::B, setup.bus.cycle_us.value);
-                    let robot = robot_node::bus::profinet_device(setup, ROBOT_MAC, None, start)?;
-                    cell(setup, work, &mut phases, plc, robot, None, faults)?
-                }
-                BusKind::EthernetIp => {
-                    let start = phases.first(Side::A, setup.bus.cycle_us.value);
-                    let plc = plc_node::bus::ethernet_ip_scanner(setup, PLC_MAC, seed, start)?;
-                    let robot = robot_node::bus::ethernet_ip_adapter(setup, ROBOT_MAC, seed);
-                    let address = Some(setup.bus.robot_address);
-                    cell(setup, work, &mut phases, plc, robot, address, faults)?
-                }
-                other => bail!("bus.kind {other:?} is not implemented yet; Setup A uses profinet"),
-            },
+            VirtualBus::OfSetup => {
+                let bus = &setup.bus;
+                let start = phases.first(Side::A, bus.cycle_us.value);
+                let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+                let start = || phases.first(Side::B, bus.cycle_us.value);
+                let robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+                cell(setup, work, &mut phases, plc, robot, faults)?
+            }
         };
         let mut run = Self { cell, trace: Trace::default(), capture, started };
         if let Err(error) = run.cell.connect() {

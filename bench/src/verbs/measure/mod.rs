@@ -55,11 +55,10 @@ const GRANTED: &str = "SCHED_FIFO, memory locked";
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let (mut setup, found) = options.setup.load()?;
     if let Some(cyclic) = options.cyclic {
-        let Some(profinet) = &mut setup.bus.profinet else {
+        if !setup.bus.set_cyclic(cyclic.into()) {
             let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);
             return Err(Failure::new(Exit::Usage, error));
-        };
-        profinet.cyclic = cyclic.into();
+        }
         setup::check(&setup)?;
     }
     let plan = found.plan(&setup)?;

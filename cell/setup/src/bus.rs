@@ -1,0 +1,215 @@
+//! The bus of a setup: what every bus has, and which one it is with all that this one needs.
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::Sourced;
+
+/// The fieldbus.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Bus {
+    /// Which one, and what only this one needs.
+    pub kind: BusKind,
+    /// Time from one cyclic frame to the next, each way, in µs.
+    pub cycle_us: Sourced<u32>,
+    /// Cycles without a frame after which a side gives the connection up.
+    pub watchdog_cycles: Sourced<u32>,
+    /// One way over the cable, in µs. Modelled in virtual mode.
+    pub cable_delay_us: Sourced<u32>,
+    /// How far the nodes' clocks may be off, in parts per million. Modelled in virtual mode.
+    pub clock_drift_ppm: Sourced<u32>,
+}
+
+/// Which fieldbus.
+#[derive(Clone, PartialEq, Debug)]
+pub enum BusKind {
+    /// PROFINET IO: the PLC is the IO-Controller, the robot the IO-Device.
+    Profinet(Addresses, Profinet),
+    /// EtherNet/IP: the PLC is the scanner, the robot the adapter.
+    EthernetIp(Addresses, EthernetIp),
+}
+
+/// The nodes in an IP network.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Addresses {
+    /// PLC's IPv4 address.
+    pub plc: Ipv4Addr,
+    /// Robot's IPv4 address.
+    pub robot: Ipv4Addr,
+    /// Both nodes' subnet mask.
+    pub mask: Ipv4Addr,
+}
+
+impl Bus {
+    /// How long a side bears no frame before it gives the connection up.
+    #[must_use]
+    pub fn watchdog(&self) -> Duration {
+        Duration::from_micros(self.cycle_us.value.into()) * self.watchdog_cycles.value
+    }
+
+    /// Returns the nodes' IP addresses, if the bus has any.
+    #[must_use]
+    pub const fn addresses(&self) -> Option<&Addresses> {
+        match &self.kind {
+            BusKind::Profinet(addresses, _) | BusKind::EthernetIp(addresses, _) => Some(addresses),
+        }
+    }
+
+    /// Sets how PROFINET's cyclic frames travel. Returns whether the bus is PROFINET.
+    pub const fn set_cyclic(&mut self, cyclic: Cyclic) -> bool {
+        match &mut self.kind {
+            BusKind::Profinet(_, profinet) => {
+                profinet.cyclic = cyclic;
+                true
+            }
+            BusKind::EthernetIp(..) => false,
+        }
+    }
+}
+
+/// How PROFINET carries its cyclic frames.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Cyclic {
+    /// RT_CLASS_UDP: UDP port 34962.
+    Udp,
+    /// RT_CLASS_1: EtherType 0x8892.
+    Rt1,
+}
+
+impl std::str::FromStr for Cyclic {
+    type Err = UnknownCyclic;
+
+    fn from_str(name: &str) -> Result<Self, UnknownCyclic> {
+        match name {
+            "udp" => Ok(Self::Udp),
+            "rt1" => Ok(Self::Rt1),
+            _ => Err(UnknownCyclic(name.to_owned())),
+        }
+    }
+}
+
+/// No way of carrying cyclic frames has this name.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("cyclic frames travel by `udp` (RT_CLASS_UDP) or by `rt1` (EtherType 0x8892), not by `{0}`")]
+pub struct UnknownCyclic(pub String);
+
+/// What PROFINET needs besides.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profinet {
+    /// How the cyclic frames travel.
+    pub cyclic: Cyclic,
+    /// The PLC's name of station.
+    pub plc_station_name: String,
+    /// The robot's name of station.
+    pub robot_station_name: String,
+    /// What the PLC expects to find there, where it is not our robot node but, say, a robot's own fieldbus interface.
+    pub device: Option<ProfinetDevice>,
+}
+
+/// An IO-Device as its GSDML file describes it.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfinetDevice {
+    /// VendorID.
+    pub vendor: u16,
+    /// DeviceID.
+    pub device: u16,
+    /// What is plugged, by ascending slot; slot 0 is the device access point. The image goes over the submodules with
+    /// data, by slot and subslot; what does not fit is left out, what stays over is zero.
+    pub modules: Vec<ProfinetModule>,
+}
+
+/// What is in one slot of an IO-Device.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfinetModule {
+    /// Slot number.
+    pub slot: u16,
+    /// ModuleIdentNumber.
+    pub ident: u32,
+    /// Its submodules, by ascending subslot.
+    pub submodules: Vec<ProfinetSubmodule>,
+}
+
+/// What is in one subslot of an IO-Device.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProfinetSubmodule {
+    /// Subslot number.
+    pub subslot: u16,
+    /// SubmoduleIdentNumber.
+    pub ident: u32,
+    /// Data from the device to the PLC, in bytes.
+    #[serde(default)]
+    pub input_bytes: u16,
+    /// Data from the PLC to the device, in bytes.
+    #[serde(default)]
+    pub output_bytes: u16,
+}
+
+/// What EtherNet/IP may be told besides. The requested packet interval is [`Bus::cycle_us`], both ways.
+#[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthernetIp {
+    /// Packet intervals without a frame after which a side gives the connection up: 4, 8, 16 and so on up to 512.
+    /// Without it, the smallest that covers [`Bus::watchdog_cycles`].
+    pub timeout_multiplier: Option<Sourced<u32>>,
+    /// Whether the robot sends its frames to a multicast group, which other scanners may join as well, and not to this
+    /// PLC alone.
+    #[serde(default)]
+    pub multicast: bool,
+    /// The adapter, where it is not our robot.
+    pub adapter: Option<EthernetIpAdapter>,
+}
+
+/// An adapter as its EDS file describes it.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthernetIpAdapter {
+    /// Assembly of the data from the PLC to the adapter, O→T.
+    pub consumed_assembly: u32,
+    /// Its data, in bytes.
+    pub consumed_bytes: u16,
+    /// Assembly of the data from the adapter to the PLC, T→O.
+    pub produced_assembly: u32,
+    /// Its data, in bytes.
+    pub produced_bytes: u16,
+    /// Configuration assembly, where the adapter has one.
+    pub configuration_assembly: Option<u32>,
+    /// Port segments to the adapter behind a bridge, as a padded path.
+    #[serde(default)]
+    pub route: Vec<u8>,
+    /// What the adapter has to be; without it, it may be any.
+    pub key: Option<EthernetIpKey>,
+}
+
+/// An electronic key. A number that is 0 fits every device.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthernetIpKey {
+    /// ODVA vendor number.
+    pub vendor: u16,
+    /// Device type.
+    pub device_type: u16,
+    /// Product code.
+    pub product_code: u16,
+    /// Major revision.
+    pub major_revision: u8,
+    /// Minor revision.
+    pub minor_revision: u8,
+    /// Whether a device of another revision that says it is compatible will do.
+    #[serde(default)]
+    pub compatible: bool,
+}
+
+impl EthernetIp {
+    /// Packet intervals without a frame that the connection must bear at least, on a bus with this watchdog.
+    #[must_use]
+    pub fn timeout_intervals(&self, watchdog_cycles: &Sourced<u32>) -> u32 {
+        self.timeout_multiplier.as_ref().unwrap_or(watchdog_cycles).value
+    }
+}

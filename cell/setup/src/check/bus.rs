@@ -1,0 +1,172 @@
+//! Checks of the bus: what the standard of each allows.
+
+use std::time::Duration;
+
+use ethernet_ip::connection::TimeoutMultiplier;
+use protocol::stations::ETHERNET_IP_ROBOT;
+
+use super::{Check, cycle, problem};
+use crate::{Addresses, Bus, BusKind, Cyclic, EthernetIp, Profinet, ProfinetDevice};
+
+/// IEC 61158-6-10: one step of the cycle counter, the unit of every PROFINET cycle time.
+const PROFINET_UNIT_NS: u64 = 31_250;
+/// IEC 61158-6-10: SendClockFactor up to 128 times ReductionRatio up to 512.
+const PROFINET_MAX_UNITS: u64 = 128 * 512;
+/// IEC 61158-6-10: data hold time of RT_CLASS_1.
+const PROFINET_RT1_HOLD: Duration = Duration::from_millis(1_920);
+/// IEC 61158-6-10: data hold time of RT_CLASS_UDP.
+const PROFINET_UDP_HOLD: Duration = Duration::from_millis(61_440);
+/// IEC 61158-6-10: DataHoldFactor.
+const PROFINET_MAX_HOLD_FACTOR: u32 = 7_680;
+
+pub(super) fn check(bus: &Bus) -> Check {
+    cycle("bus.cycle_us", &bus.cycle_us)?;
+    if bus.watchdog_cycles.value == 0 {
+        return Err(problem(
+            "bus.watchdog_cycles",
+            "0 would give every connection up at once; at least 1, and 3 is usual",
+        ));
+    }
+    if bus.clock_drift_ppm.value > 1_000 {
+        let text = format!("{} ppm is no quartz; at most 1000", bus.clock_drift_ppm.value);
+        return Err(problem("bus.clock_drift_ppm", text));
+    }
+    if bus.cable_delay_us.value > 100_000 {
+        return Err(problem("bus.cable_delay_us", "more than 100 ms is no cable"));
+    }
+    match &bus.kind {
+        BusKind::Profinet(addresses, profinet) => {
+            check_addresses(addresses)?;
+            check_profinet(bus, profinet)
+        }
+        BusKind::EthernetIp(addresses, ethernet_ip) => {
+            check_addresses(addresses)?;
+            check_ethernet_ip(bus, ethernet_ip)
+        }
+    }
+}
+
+fn check_addresses(&Addresses { plc, robot, mask }: &Addresses) -> Check {
+    if plc == robot {
+        return Err(problem("bus.robot_address", format!("{robot} is the PLC's address as well")));
+    }
+    let bits = u32::from(mask);
+    if bits.leading_ones() + bits.trailing_zeros() != 32 {
+        return Err(problem("bus.subnet_mask", format!("{mask} is not a subnet mask")));
+    }
+    if u32::from(plc) & bits != u32::from(robot) & bits {
+        let text = format!("{robot} is not in the subnet of {plc}");
+        return Err(problem("bus.robot_address", text));
+    }
+    Ok(())
+}
+
+fn check_ethernet_ip(bus: &Bus, ethernet_ip: &EthernetIp) -> Check {
+    let (shortest, longest) = (ETHERNET_IP_ROBOT.min_rpi_us, ETHERNET_IP_ROBOT.max_rpi_us);
+    let adapter = ethernet_ip.adapter.as_ref();
+    // If a foreign adapter does not support the interval, it refuses the connection.
+    if adapter.is_none() && !(shortest..=longest).contains(&bus.cycle_us.value) {
+        let text = format!(
+            "{} µs is not a packet interval that the robot serves: {shortest} to {longest} µs",
+            bus.cycle_us.value
+        );
+        return Err(problem("bus.cycle_us", text));
+    }
+    let intervals = ethernet_ip.timeout_intervals(&bus.watchdog_cycles);
+    let covering = TimeoutMultiplier::covering(intervals).map(TimeoutMultiplier::intervals);
+    if ethernet_ip.timeout_multiplier.is_some() && covering != Some(intervals) {
+        let text =
+            format!("{intervals} is not a multiplier of EtherNet/IP: 4, 8, 16, 32, 64, 128, 256 or 512");
+        return Err(problem("bus.ethernet_ip.timeout_multiplier", text));
+    }
+    if adapter.is_some_and(|adapter| adapter.route.len() % 2 != 0) {
+        let text = "a padded path has an even number of bytes";
+        return Err(problem("bus.ethernet_ip.adapter.route", text));
+    }
+    if covering.is_none() {
+        let text =
+            format!("an EtherNet/IP connection waits for 512 packet intervals at most, not for {intervals}");
+        return Err(problem("bus.watchdog_cycles", text));
+    }
+    Ok(())
+}
+
+fn check_profinet(bus: &Bus, profinet: &Profinet) -> Check {
+    let cycle_ns = u64::from(bus.cycle_us.value) * 1_000;
+    let units = cycle_ns / PROFINET_UNIT_NS;
+    if cycle_ns % PROFINET_UNIT_NS != 0 || !units.is_power_of_two() || units > PROFINET_MAX_UNITS {
+        let text = format!(
+            "{} µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000",
+            bus.cycle_us.value
+        );
+        return Err(problem("bus.cycle_us", text));
+    }
+    let hold = bus.watchdog();
+    let (class, longest) = match profinet.cyclic {
+        Cyclic::Udp => ("udp", PROFINET_UDP_HOLD),
+        Cyclic::Rt1 => ("rt1", PROFINET_RT1_HOLD),
+    };
+    if hold > longest || bus.watchdog_cycles.value > PROFINET_MAX_HOLD_FACTOR {
+        let most = (longest.as_nanos() / u128::from(cycle_ns)).min(u128::from(PROFINET_MAX_HOLD_FACTOR));
+        let text = format!(
+            "{} cycles of {} µs hold for {} ms; PROFINET allows {} ms over {class}, so at most {most} cycles",
+            bus.watchdog_cycles.value,
+            bus.cycle_us.value,
+            hold.as_millis(),
+            longest.as_millis(),
+        );
+        return Err(problem("bus.watchdog_cycles", text));
+    }
+    station_name("bus.profinet.plc_station_name", &profinet.plc_station_name)?;
+    station_name("bus.profinet.robot_station_name", &profinet.robot_station_name)?;
+    if profinet.plc_station_name == profinet.robot_station_name {
+        return Err(problem("bus.profinet.robot_station_name", "the PLC has the same name"));
+    }
+    profinet.device.as_ref().map_or(Ok(()), profinet_device)
+}
+
+/// Checks that the description lists each slot and subslot once and in order, as a controller needs for its Connect.
+fn profinet_device(device: &ProfinetDevice) -> Check {
+    let key = "bus.profinet.device.modules";
+    if !device.modules.is_sorted_by(|one, next| one.slot < next.slot) {
+        return Err(problem(key, "list every slot once, the lowest first"));
+    }
+    for (index, module) in device.modules.iter().enumerate() {
+        if module.submodules.is_empty()
+            || !module.submodules.is_sorted_by(|one, next| one.subslot < next.subslot)
+        {
+            let text = "list every subslot once, the lowest first; a module has at least one";
+            return Err(problem(format!("{key}[{index}].submodules"), text));
+        }
+    }
+    let submodules = || device.modules.iter().flat_map(|module| &module.submodules);
+    let inputs: u64 = submodules().map(|submodule| u64::from(submodule.input_bytes)).sum();
+    let outputs: u64 = submodules().map(|submodule| u64::from(submodule.output_bytes)).sum();
+    if inputs == 0 || outputs == 0 {
+        let text = format!(
+            "the modules have {inputs} bytes of input and {outputs} of output; the process image needs both"
+        );
+        return Err(problem(key, text));
+    }
+    Ok(())
+}
+
+/// Checks a name of station by IEC 61158-6-10: labels of letters, digits and hyphens, at most 63 characters each,
+/// separated by dots.
+fn station_name(key: &str, name: &str) -> Check {
+    let label = |label: &str| {
+        !label.is_empty()
+            && label.len() <= 63
+            && !label.starts_with('-')
+            && !label.ends_with('-')
+            && label.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-')
+    };
+    if name.len() <= 240 && name.split('.').all(label) {
+        return Ok(());
+    }
+    let text = format!(
+        "`{name}` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 \
+         characters with dots between them, 240 in all"
+    );
+    Err(problem(key, text))
+}

@@ -1,0 +1,113 @@
+//! One node's endpoint on whichever bus its setup names.
+
+use core::fmt;
+use core::net::Ipv4Addr;
+
+use machine::{
+    Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
+};
+
+use crate::fieldbus::Fieldbus;
+use crate::image::{Image, Order};
+
+/// An endpoint on one of the buses, as one type.
+#[derive(Debug)]
+pub enum Endpoint<P, E> {
+    /// On PROFINET.
+    Profinet(P),
+    /// On EtherNet/IP.
+    EthernetIp(E),
+}
+
+/// Evaluates an expression for the endpoint that there is.
+macro_rules! on {
+    ($endpoint:expr, $bus:ident => $value:expr) => {
+        match $endpoint {
+            Endpoint::Profinet($bus) => $value,
+            Endpoint::EthernetIp($bus) => $value,
+        }
+    };
+}
+
+impl<P: Fieldbus, E: Fieldbus> Machine for Endpoint<P, E> {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        on!(self, bus => bus.handle_frame(now, from, frame));
+    }
+
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        on!(self, bus => bus.handle_broadcast(now, from, frame));
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        on!(self, bus => bus.handle_stream(now, stream, change));
+    }
+
+    fn ports(&self) -> &[PortRequest] {
+        on!(self, bus => bus.ports())
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        on!(self, bus => bus.listen_port())
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        on!(self, bus => bus.poll_stream())
+    }
+
+    fn dscp(&self, port: Port) -> u8 {
+        on!(self, bus => bus.dscp(port))
+    }
+
+    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
+        on!(self, bus => bus.group(port, index))
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        on!(self, bus => bus.handle_timeout(now));
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        on!(self, bus => bus.poll_transmit(now, buf))
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        on!(self, bus => bus.poll_event())
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        on!(self, bus => bus.poll_timeout())
+    }
+}
+
+impl<P: Fieldbus, E: Fieldbus> Fieldbus for Endpoint<P, E> {
+    fn byte_order(&self) -> Order {
+        on!(self, bus => bus.byte_order())
+    }
+
+    fn set_output(&mut self, image: &Image) {
+        on!(self, bus => bus.set_output(image));
+    }
+
+    fn input(&self) -> Option<Image> {
+        on!(self, bus => bus.input())
+    }
+
+    fn disconnect(&mut self, now: Instant) {
+        on!(self, bus => Fieldbus::disconnect(bus, now));
+    }
+
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => bus.explain(words))
+    }
+
+    fn counters(&self) -> Counters {
+        on!(self, bus => Fieldbus::counters(bus))
+    }
+
+    fn address_set(&mut self, now: Instant, done: bool) {
+        on!(self, bus => Fieldbus::address_set(bus, now, done));
+    }
+}
