@@ -3,32 +3,38 @@
 //! ```text
 //!   bench ── c0 ═ plc ── PLC's network ── plc0 ═ robot0 ── robot's network ── robot ═ c1 ── bench
 //! ```
-//!
-//! These tests make networks: they need root, or user namespaces and `unshare` (util-linux), and fail without.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::net::Ipv4Addr;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, ExitCode, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use protocol_linux::Interface;
+use networked_tests::End;
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::veth;
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Real-time tests need the host for themselves: one test at a time.
 static HOST: Mutex<()> = Mutex::new(());
 
-/// Set in the copy of this program that `unshare` runs as root of a user namespace.
-const INSIDE: &str = "SKILLBENCH_TEST_INSIDE";
-
 const PLC: &str = "plc=10.77.0.1:7700";
 const BOTH: &str = "plc=10.77.0.1:7700,robot=10.77.1.1:7700";
+
+fn main() -> ExitCode {
+    networked_tests::run(networked_tests::tests![
+        one_bench_after_the_other_measures_on_nodes_that_run_on,
+        the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours,
+        a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use,
+        a_second_bench_is_refused_and_does_not_disturb_the_first,
+        a_node_that_goes_away_fails_the_run,
+        what_runs_there_has_to_be_what_is_asked_for,
+        another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
+    ])
+}
 
 /// Both nodes of Setup A on their cable, and the network of their controllers.
 struct Cell {
@@ -102,20 +108,13 @@ impl Drop for Cell {
     }
 }
 
-type End<'a> = (&'a NetworkNamespace, &'a str, Option<[u8; 4]>);
-
-fn cable(a: End<'_>, b: End<'_>) {
-    veth::connect(a.0, a.1, b.0, b.1).unwrap();
-    for (network, name, address) in [a, b] {
-        let prepare = || {
-            let interface = Interface::open(name).unwrap();
-            interface.set_up().unwrap();
-            if let Some(address) = address {
-                interface.set_address(Ipv4Addr::from(address), Ipv4Addr::new(255, 255, 255, 0)).unwrap();
-            }
-        };
-        network.run(prepare).unwrap();
-    }
+/// Lays a cable between two networks; each end has a name and possibly an address.
+fn cable(a: (&NetworkNamespace, &str, Option<[u8; 4]>), b: (&NetworkNamespace, &str, Option<[u8; 4]>)) {
+    networked_tests::cable([a, b].map(|(network, name, address)| End {
+        network,
+        name,
+        address: address.map(Ipv4Addr::from),
+    }));
 }
 
 fn bench() -> Command {
@@ -130,197 +129,138 @@ fn results(place: &Path, run: &str) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(place.join(run).join("results.json")).unwrap()).unwrap()
 }
 
-/// Runs the test `name` where it may create networks: here if root, otherwise in a copy of this program.
-fn with_networks(name: &str, test: impl FnOnce(Cell)) {
-    if rustix::process::geteuid().is_root() {
-        return test(Cell::start());
-    }
-    assert!(std::env::var_os(INSIDE).is_none(), "unshare did not make this user root of a namespace");
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
-    let output = Command::new("unshare")
-        .args(["--user", "--map-root-user", "--net"])
-        .arg(std::env::current_exe().unwrap())
-        .args(["--exact", name, "--nocapture"])
-        .env(INSIDE, "1")
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
-}
-
-#[test]
 fn one_bench_after_the_other_measures_on_nodes_that_run_on() {
-    with_networks("one_bench_after_the_other_measures_on_nodes_that_run_on", |mut cell| {
-        let [_, longest] = ["first", "second"].map(|run| {
-            let started = Instant::now();
-            let output = cell.measure(run, BOTH, &["--reps", "1", "--quiet"]);
-            assert!(output.status.success(), "{}", text(&output.stderr));
-            started.elapsed()
-        });
-        assert!(cell.nodes_run());
-        let slow = cell.measure("slow", BOTH, &["--reps", "1", "--quiet", "--override", "100,20@500ms"]);
-        assert!(slow.status.success(), "{}", text(&slow.stderr));
-        let [first, second, slow] = ["first", "second", "slow"].map(|run| results(cell.place.path(), run));
-        let aet = |results: &serde_json::Value| results["results"]["cm"]["aet_ms"].as_f64().unwrap();
-        assert!(aet(&slow) > 1.5 * aet(&first), "the override reaches a PLC that runs elsewhere");
-        for results in [&first, &second] {
-            assert_eq!(results["attached"]["robot"]["address"], "10.77.1.1:7700");
-            assert!(results["without_skill_overhead"].is_object(), "both nodes are the model");
-            assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
-            assert_eq!(results["connected_after_ms"], serde_json::Value::Null);
-        }
-        // Counts since the nodes' start must be subtracted: with those of the first run, there would be more cycles
-        // of a millisecond than the second one took.
-        let most = longest.as_millis() as u64;
-        let frames = second["bus"]["frames_sent"].as_u64().unwrap();
-        let buckets = second["cycle"]["plc"]["buckets"].as_array().unwrap().iter();
-        let scans: u64 = buckets.map(|bucket| bucket[1].as_u64().unwrap()).sum();
-        assert!(frames <= most && scans <= most, "{frames} frames and {scans} scans in {most} ms");
-    });
-}
-
-#[test]
-fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
-    with_networks("the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours", |cell| {
-        let output = cell.measure("run", PLC, &["--reps", "1"]);
+    let mut cell = Cell::start();
+    let [_, longest] = ["first", "second"].map(|run| {
+        let started = Instant::now();
+        let output = cell.measure(run, BOTH, &["--reps", "1", "--quiet"]);
         assert!(output.status.success(), "{}", text(&output.stderr));
-        let table = text(&output.stdout);
-        assert!(table.contains("robot not reported."), "{table}");
-        // A robot that is not ours is no model, so nothing that was calibrated or simulated stands beside its figures.
-        assert!(
-            ["h = 0", "calibrated", "by construction"].iter().all(|words| !table.contains(words)),
-            "{table}"
-        );
-        let told = table.replace("\n ", "");
-        assert!(
-            told.contains("Measured on nodes that ran already: PLC at 10.77.0.1:7700, skillbench"),
-            "{table}"
-        );
-        assert!(told.contains("robot not a node of skillbench."), "{table}");
-        let attached = &results(cell.place.path(), "run")["attached"];
-        assert_eq!(attached["plc"]["version"], env!("CARGO_PKG_VERSION"));
-        assert!(attached["plc"]["host"].as_str().unwrap().contains("Linux") && attached["robot"].is_null());
-        let report = fs::read_to_string(cell.place.path().join("run/report.html")).unwrap();
-        assert!(report.contains("Measured on nodes that ran already") && !report.contains("h = 0"));
-        let history = bench().arg("history").arg(cell.place.path()).output().unwrap();
-        assert!(text(&history.stdout).contains("real, attached"), "{}", text(&history.stdout));
+        started.elapsed()
     });
-}
-
-#[test]
-fn a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use() {
-    with_networks(
-        "a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use",
-        |mut cell| {
-            for (signal, code) in [(Signal::KILL, None), (Signal::TERM, Some(130))] {
-                let run = format!("ended-by-{}", signal.as_raw());
-                let bench = cell.long_run(&run);
-                kill_process(Pid::from_child(&bench), signal).unwrap();
-                assert_eq!(bench.wait_with_output().unwrap().status.code(), code);
-            }
-            let output = cell.measure("after", BOTH, &["--reps", "1"]);
-            assert!(output.status.success(), "{}", text(&output.stderr));
-            assert!(cell.nodes_run());
-        },
-    );
-}
-
-#[test]
-fn a_second_bench_is_refused_and_does_not_disturb_the_first() {
-    with_networks("a_second_bench_is_refused_and_does_not_disturb_the_first", |cell| {
-        let mut first = cell.long_run("first");
-        let second = cell.measure("second", BOTH, &[]);
-        let error = text(&second.stderr);
-        assert_eq!(second.status.code(), Some(5), "{error}");
-        assert!(error.contains("the plc-node is controlled by 10.77.0.2:"), "{error}");
-        assert!(first.try_wait().unwrap().is_none());
-        first.kill().unwrap();
-        first.wait().unwrap();
-    });
-}
-
-#[test]
-fn a_node_that_goes_away_fails_the_run() {
-    with_networks("a_node_that_goes_away_fails_the_run", |cell| {
-        let first = cell.long_run("run");
-        kill_process(Pid::from_child(&cell.nodes[1]), Signal::KILL).unwrap();
-        let output = first.wait_with_output().unwrap();
-        let error = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(4), "{error}");
-        assert!(error.contains("the robot-node at 10.77.1.1:7700 went away"), "{error}");
-    });
-}
-
-#[test]
-fn what_runs_there_has_to_be_what_is_asked_for() {
-    with_networks("what_runs_there_has_to_be_what_is_asked_for", |cell| {
-        let other_setup = cell.measure("setup", BOTH, &["--setup", "B"]);
-        let error = text(&other_setup.stderr);
-        assert_eq!(other_setup.status.code(), Some(2), "{error}");
-        assert!(error.contains("plc-node of setup A, but plc-node of setup B is wanted"), "{error}");
-
-        let swapped = cell.measure("swapped", "plc=10.77.1.1:7700", &[]);
-        let error = text(&swapped.stderr);
-        assert_eq!(swapped.status.code(), Some(2), "{error}");
-        assert!(error.contains("robot-node of setup A, but plc-node of setup A is wanted"), "{error}");
-    });
-}
-
-#[test]
-fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named() {
-    with_networks("another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named", |cell| {
-        let place = cell.place.path();
-        let built_in =
-            |list: &[(&str, &'static str)], name| list.iter().find(|(known, _)| *known == name).unwrap().1;
-        let setup = built_in(setup::SETUPS, "A");
-        let application = built_in(planning::APPLICATIONS, "pick-and-place");
-        let faster = setup.replace("velocity_percent = { value = 3", "velocity_percent = { value = 4");
-        fs::write(place.join("faster.toml"), faster).unwrap();
-        let own = setup.replace("application = \"pick-and-place\"", "application = \"task.toml\"");
-        fs::write(place.join("own.toml"), own).unwrap();
-        fs::write(place.join("task.toml"), application).unwrap();
-        let measure = |run: &str, name: &str, args: &[&str]| {
-            let setup = place.join(name);
-            let args = [&["--reps", "1", "--setup", setup.to_str().unwrap()], args].concat();
-            let output = cell.measure(run, BOTH, &args);
-            (output.status.code(), text(&output.stderr))
-        };
-        let (code, error) = measure("faster", "faster.toml", &[]);
-        assert_eq!(code, Some(2), "{error}");
-        let told =
-            "the plc-node at 10.77.0.1:7700 runs another cell: in its setup, `motions.velocity_percent` is 3";
-        assert!(error.contains(told) && error.contains(", and here 4"), "{error}");
-        let (code, error) = measure("cyclic", "own.toml", &["--cyclic", "rt1"]);
-        assert_eq!(code, Some(2), "{error}");
-        assert!(error.contains("`bus.profinet.cyclic` is \"udp\", and here \"rt1\""), "{error}");
-        // The same application from a file of one's own passes; another height in it does not.
-        let (code, error) = measure("same", "own.toml", &[]);
-        assert_eq!(code, Some(0), "{error}");
-        fs::write(place.join("task.toml"), application.replace("clearance_mm = 8.0", "clearance_mm = 8.5"))
-            .unwrap();
-        let (code, error) = measure("other", "own.toml", &[]);
-        assert_eq!(code, Some(2), "{error}");
-        assert!(error.contains("in its application, `ways.clearance_mm` is "), "{error}");
-    });
-}
-
-#[test]
-fn a_node_that_is_not_there_is_waited_for_and_then_named() {
-    let place = tempfile::tempdir().unwrap();
-    // A port that was free a moment ago, so nobody listens on it.
-    let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let output =
-        bench().args(["--attach", &format!("plc={address}"), "--out"]).arg(place.path()).output().unwrap();
-    let error = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(5), "{error}");
-    assert!(error.contains(&format!("no plc-node answers at {address} within 10 s")), "{error}");
-}
-
-#[test]
-fn what_cannot_be_asked_of_running_nodes_is_refused() {
-    let refused = [["--mode", "virtual"], ["--capture", "always"], ["--attach", "robot=a:1"]];
-    for option in refused {
-        let attach: &[_] = if option[0] == "--attach" { &[] } else { &["--attach", "plc=127.0.0.1:7700"] };
-        let output = bench().args(attach).args(option).output().unwrap();
-        assert_eq!(output.status.code(), Some(2), "{option:?}: {}", text(&output.stderr));
+    assert!(cell.nodes_run());
+    let slow = cell.measure("slow", BOTH, &["--reps", "1", "--quiet", "--override", "100,20@500ms"]);
+    assert!(slow.status.success(), "{}", text(&slow.stderr));
+    let [first, second, slow] = ["first", "second", "slow"].map(|run| results(cell.place.path(), run));
+    let aet = |results: &serde_json::Value| results["results"]["cm"]["aet_ms"].as_f64().unwrap();
+    assert!(aet(&slow) > 1.5 * aet(&first), "the override reaches a PLC that runs elsewhere");
+    for results in [&first, &second] {
+        assert_eq!(results["attached"]["robot"]["address"], "10.77.1.1:7700");
+        assert!(results["without_skill_overhead"].is_object(), "both nodes are the model");
+        assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
+        assert_eq!(results["connected_after_ms"], serde_json::Value::Null);
     }
+    // Counts since the nodes' start must be subtracted: with those of the first run, there would be more cycles
+    // of a millisecond than the second one took.
+    let most = longest.as_millis() as u64;
+    let frames = second["bus"]["frames_sent"].as_u64().unwrap();
+    let buckets = second["cycle"]["plc"]["buckets"].as_array().unwrap().iter();
+    let scans: u64 = buckets.map(|bucket| bucket[1].as_u64().unwrap()).sum();
+    assert!(frames <= most && scans <= most, "{frames} frames and {scans} scans in {most} ms");
+}
+
+fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
+    let cell = Cell::start();
+    let output = cell.measure("run", PLC, &["--reps", "1"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    assert!(table.contains("robot not reported."), "{table}");
+    // A robot that is not ours is no model, so nothing that was calibrated or simulated stands beside its figures.
+    assert!(["h = 0", "calibrated", "by construction"].iter().all(|words| !table.contains(words)), "{table}");
+    let told = table.replace("\n ", "");
+    assert!(
+        told.contains("Measured on nodes that ran already: PLC at 10.77.0.1:7700, skillbench"),
+        "{table}"
+    );
+    assert!(told.contains("robot not a node of skillbench."), "{table}");
+    let attached = &results(cell.place.path(), "run")["attached"];
+    assert_eq!(attached["plc"]["version"], env!("CARGO_PKG_VERSION"));
+    assert!(attached["plc"]["host"].as_str().unwrap().contains("Linux") && attached["robot"].is_null());
+    let report = fs::read_to_string(cell.place.path().join("run/report.html")).unwrap();
+    assert!(report.contains("Measured on nodes that ran already") && !report.contains("h = 0"));
+    let history = bench().arg("history").arg(cell.place.path()).output().unwrap();
+    assert!(text(&history.stdout).contains("real, attached"), "{}", text(&history.stdout));
+}
+
+fn a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use() {
+    let mut cell = Cell::start();
+    for (signal, code) in [(Signal::KILL, None), (Signal::TERM, Some(130))] {
+        let run = format!("ended-by-{}", signal.as_raw());
+        let bench = cell.long_run(&run);
+        kill_process(Pid::from_child(&bench), signal).unwrap();
+        assert_eq!(bench.wait_with_output().unwrap().status.code(), code);
+    }
+    let output = cell.measure("after", BOTH, &["--reps", "1"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(cell.nodes_run());
+}
+
+fn a_second_bench_is_refused_and_does_not_disturb_the_first() {
+    let cell = Cell::start();
+    let mut first = cell.long_run("first");
+    let second = cell.measure("second", BOTH, &[]);
+    let error = text(&second.stderr);
+    assert_eq!(second.status.code(), Some(5), "{error}");
+    assert!(error.contains("the plc-node is controlled by 10.77.0.2:"), "{error}");
+    assert!(first.try_wait().unwrap().is_none());
+    first.kill().unwrap();
+    first.wait().unwrap();
+}
+
+fn a_node_that_goes_away_fails_the_run() {
+    let cell = Cell::start();
+    let first = cell.long_run("run");
+    kill_process(Pid::from_child(&cell.nodes[1]), Signal::KILL).unwrap();
+    let output = first.wait_with_output().unwrap();
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{error}");
+    assert!(error.contains("the robot-node at 10.77.1.1:7700 went away"), "{error}");
+}
+
+fn what_runs_there_has_to_be_what_is_asked_for() {
+    let cell = Cell::start();
+    let other_setup = cell.measure("setup", BOTH, &["--setup", "B"]);
+    let error = text(&other_setup.stderr);
+    assert_eq!(other_setup.status.code(), Some(2), "{error}");
+    assert!(error.contains("plc-node of setup A, but plc-node of setup B is wanted"), "{error}");
+
+    let swapped = cell.measure("swapped", "plc=10.77.1.1:7700", &[]);
+    let error = text(&swapped.stderr);
+    assert_eq!(swapped.status.code(), Some(2), "{error}");
+    assert!(error.contains("robot-node of setup A, but plc-node of setup A is wanted"), "{error}");
+}
+
+fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named() {
+    let cell = Cell::start();
+    let place = cell.place.path();
+    let built_in =
+        |list: &[(&str, &'static str)], name| list.iter().find(|(known, _)| *known == name).unwrap().1;
+    let setup = built_in(setup::SETUPS, "A");
+    let application = built_in(planning::APPLICATIONS, "pick-and-place");
+    let faster = setup.replace("velocity_percent = { value = 3", "velocity_percent = { value = 4");
+    fs::write(place.join("faster.toml"), faster).unwrap();
+    let own = setup.replace("application = \"pick-and-place\"", "application = \"task.toml\"");
+    fs::write(place.join("own.toml"), own).unwrap();
+    fs::write(place.join("task.toml"), application).unwrap();
+    let measure = |run: &str, name: &str, args: &[&str]| {
+        let setup = place.join(name);
+        let args = [&["--reps", "1", "--setup", setup.to_str().unwrap()], args].concat();
+        let output = cell.measure(run, BOTH, &args);
+        (output.status.code(), text(&output.stderr))
+    };
+    let (code, error) = measure("faster", "faster.toml", &[]);
+    assert_eq!(code, Some(2), "{error}");
+    let told =
+        "the plc-node at 10.77.0.1:7700 runs another cell: in its setup, `motions.velocity_percent` is 3";
+    assert!(error.contains(told) && error.contains(", and here 4"), "{error}");
+    let (code, error) = measure("cyclic", "own.toml", &["--cyclic", "rt1"]);
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("`bus.profinet.cyclic` is \"udp\", and here \"rt1\""), "{error}");
+    // The same application from a file of one's own passes; another height in it does not.
+    let (code, error) = measure("same", "own.toml", &[]);
+    assert_eq!(code, Some(0), "{error}");
+    fs::write(place.join("task.toml"), application.replace("clearance_mm = 8.0", "clearance_mm = 8.5"))
+        .unwrap();
+    let (code, error) = measure("other", "own.toml", &[]);
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("in its application, `ways.clearance_mm` is "), "{error}");
 }

@@ -395,3 +395,22 @@ fn the_commit_of_a_run_is_that_of_the_build_and_nothing_is_asked_at_run_time() {
     let hash = built.strip_suffix("-modified").unwrap_or(built);
     assert!(hash.is_empty() || hash.len() == 12 && hash.chars().all(|c| c.is_ascii_hexdigit()), "{built}");
 }
+
+#[test]
+fn a_node_that_is_not_there_is_waited_for_and_then_named() {
+    let directory = tempfile::tempdir().unwrap();
+    // A port that was free a moment ago, so nobody listens on it.
+    let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let said = bench(directory.path(), &["--attach", &format!("plc={address}")]);
+    assert_eq!(said.code, Some(5), "{}", said.stderr);
+    let told = format!("no plc-node answers at {address} within 10 s");
+    assert!(said.stderr.contains(&told), "{}", said.stderr);
+}
+
+#[test]
+fn what_cannot_be_asked_of_running_nodes_is_refused() {
+    let attached = ["--attach", "plc=127.0.0.1:7700"];
+    refused(&[&attached[..], &["--mode", "virtual"]].concat());
+    refused(&[&attached[..], &["--capture", "always"]].concat());
+    refused(&["--attach", "robot=a:1"]);
+}

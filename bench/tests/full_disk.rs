@@ -1,13 +1,21 @@
 //! A full disk: earlier results stay readable, no partly written file replaces a file, and the error says what to do.
 //!
-//! The disks are file systems in memory, in a mount namespace of each test: the tests need root or user namespaces,
-//! and fail without.
+//! The disks are file systems in memory, in a mount namespace of each test, which needs the same permission as networks.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, ExitCode};
+
+fn main() -> ExitCode {
+    networked_tests::run(networked_tests::tests![
+        a_run_ends_in_order_at_whatever_point_the_disk_becomes_full_and_its_files_can_be_read,
+        a_report_without_room_on_the_disk_keeps_the_old_one,
+        a_baseline_without_room_on_the_disk_keeps_the_old_one,
+        a_real_run_on_a_full_disk_ends_with_the_reason_and_leaves_nothing_running,
+    ])
+}
 
 /// Output of a script on a small disk.
 struct Said {
@@ -20,7 +28,7 @@ struct Said {
 fn on_a_disk(place: &Path, kib: u32, script: &str) -> Said {
     let script = format!("mkdir -p disk && mount -t tmpfs -o size={kib}k tmpfs disk\n{script}");
     let output = Command::new("unshare")
-        .args(["--user", "--map-root-user", "--mount", "sh", "-c", &script])
+        .args(["--mount", "sh", "-c", &script])
         .env("BENCH", env!("CARGO_BIN_EXE_bench"))
         .current_dir(place)
         .output()
@@ -96,7 +104,6 @@ fn run_into(kib: u32) -> End {
     End::AmongTheRepetitions
 }
 
-#[test]
 fn a_run_ends_in_order_at_whatever_point_the_disk_becomes_full_and_its_files_can_be_read() {
     let sizes = (4..48).step_by(4).chain((48..=1_024).step_by(256)).chain([8_192]);
     let ends: Vec<End> = sizes.map(run_into).collect();
@@ -108,7 +115,6 @@ fn a_run_ends_in_order_at_whatever_point_the_disk_becomes_full_and_its_files_can
     }
 }
 
-#[test]
 fn a_report_without_room_on_the_disk_keeps_the_old_one() {
     let place = tempfile::tempdir().unwrap();
     let script = "
@@ -126,7 +132,6 @@ fn a_report_without_room_on_the_disk_keeps_the_old_one() {
     assert!(!place.path().join("copy/report.html.new").exists());
 }
 
-#[test]
 fn a_baseline_without_room_on_the_disk_keeps_the_old_one() {
     let place = tempfile::tempdir().unwrap();
     let baseline =
@@ -147,7 +152,6 @@ fn a_baseline_without_room_on_the_disk_keeps_the_old_one() {
 }
 
 /// The captures and both nodes' rows fill the disk while the arm moves.
-#[test]
 fn a_real_run_on_a_full_disk_ends_with_the_reason_and_leaves_nothing_running() {
     let place = tempfile::tempdir().unwrap();
     let script = "$BENCH --mode real --types cm --reps 3 --capture always --out disk/run";

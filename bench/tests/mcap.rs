@@ -6,8 +6,19 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::process::ExitCode;
 
 use assert_cmd::Command;
+
+fn main() -> ExitCode {
+    networked_tests::run_beside(
+        networked_tests::tests![a_real_run_has_the_same_topics],
+        networked_tests::tests![
+            a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros,
+            the_path_speed_stays_below_the_programmed_one,
+        ],
+    )
+}
 
 /// A message as the reader gives it.
 struct Heard {
@@ -110,7 +121,6 @@ fn positions_and_speeds(data: &[u8], joints: usize) -> [Vec<f64>; 2] {
     [values(end - 8 * joints - 8), values(end)]
 }
 
-#[test]
 fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
     for (setup, joints, linear) in [("A", 4, Some(2)), ("B", 6, None)] {
         let directory = tempfile::tempdir().unwrap();
@@ -150,7 +160,6 @@ fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
 
 /// Lines are too short here for the arm to reach its speed; that it never passes it shows that both speeds are of the same
 /// motion. A point-to-point motion programs none.
-#[test]
 fn the_path_speed_stays_below_the_programmed_one() {
     let directory = tempfile::tempdir().unwrap();
     let topics = run(directory.path(), "virtual", "A", "rc,sm,cm");
@@ -179,8 +188,6 @@ fn the_path_speed_stays_below_the_programmed_one() {
     }
 }
 
-/// Real sockets, real time: needs root or user namespaces.
-#[test]
 fn a_real_run_has_the_same_topics() {
     let directory = tempfile::tempdir().unwrap();
     let topics = run(directory.path(), "real", "A", "rc");

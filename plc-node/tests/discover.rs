@@ -1,25 +1,35 @@
-//! `plc-node discover` on a real cable, in network namespaces that the tests make and that vanish with them.
-//!
-//! They need root or user namespaces, and fail where they have neither. How long a search takes is not looked at.
+//! `plc-node discover` on a real cable, in network namespaces that the tests make and that vanish with them. How long a
+//! search takes is not looked at.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
-use std::process::Command;
+use std::process::{Command, ExitCode};
 
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::{Instant, Machine};
+use networked_tests::End;
 use profinet::{Device, DeviceConfig};
 use protocol::fieldbus::LinkEvent;
 use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, OpenPort, Outbox, Task, clock, veth};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, OpenPort, Outbox, Task, clock};
 use serde_json::{Value, json};
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
+
+fn main() -> ExitCode {
+    networked_tests::run(networked_tests::tests![
+        a_robot_of_each_bus_on_one_cable_is_found,
+        who_may_not_open_raw_sockets_still_finds_ethernet_ip_devices,
+        a_cable_without_devices_is_no_failure,
+        an_interface_that_cannot_be_used_is_named_with_what_to_do,
+        a_search_beside_a_node_that_has_the_ports_of_the_bus_works,
+    ])
+}
 
 /// A cable with both of its ends.
 struct Cable {
@@ -36,21 +46,12 @@ struct Said {
 
 impl Cable {
     fn lay() -> Self {
-        let new = || {
-            NetworkNamespace::new()
-                .expect("this test makes network namespaces: run it as root, or under `unshare -Ur`")
-        };
-        let cable = Self { plc: new(), robot: new() };
-        veth::connect(&cable.plc, "plc0", &cable.robot, "robot0").unwrap();
-        for (end, name, address) in [(&cable.plc, "plc0", PLC), (&cable.robot, "robot0", ROBOT)] {
-            let prepare = || {
-                let interface = Interface::open(name).unwrap();
-                interface.set_address(address, MASK).unwrap();
-                interface.set_up().unwrap();
-            };
-            end.run(prepare).unwrap();
-        }
-        cable
+        let [plc, robot] = [(); 2].map(|()| NetworkNamespace::new().unwrap());
+        networked_tests::cable([
+            End { network: &plc, name: "plc0", address: Some(PLC) },
+            End { network: &robot, name: "robot0", address: Some(ROBOT) },
+        ]);
+        Self { plc, robot }
     }
 
     /// Runs a device at the robot's end.
@@ -136,7 +137,6 @@ fn ethernet_ip_robot(interface: &Interface) -> Adapter {
     Adapter::new(config)
 }
 
-#[test]
 fn a_robot_of_each_bus_on_one_cable_is_found() {
     let cable = Cable::lay();
     let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
@@ -165,7 +165,6 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     assert!(!said.stdout.contains("EtherNet/IP"), "{}", said.stdout);
 }
 
-#[test]
 fn who_may_not_open_raw_sockets_still_finds_ethernet_ip_devices() {
     let cable = Cable::lay();
     let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
@@ -184,7 +183,6 @@ fn who_may_not_open_raw_sockets_still_finds_ethernet_ip_devices() {
     assert!(said.stderr.starts_with("error: nothing can be asked on `plc0`: opening raw"), "{}", said.stderr);
 }
 
-#[test]
 fn a_cable_without_devices_is_no_failure() {
     let cable = Cable::lay();
     let said = cable.discover(&["--interface", "plc0", "--timeout", "200"]);
@@ -194,7 +192,6 @@ fn a_cable_without_devices_is_no_failure() {
     assert_eq!(said.stdout, nothing);
 }
 
-#[test]
 fn an_interface_that_cannot_be_used_is_named_with_what_to_do() {
     let cable = Cable::lay();
     let said = cable.discover(&["--interface", "nosuch0"]);
@@ -220,7 +217,6 @@ fn an_interface_that_cannot_be_used_is_named_with_what_to_do() {
     );
 }
 
-#[test]
 fn a_search_beside_a_node_that_has_the_ports_of_the_bus_works() {
     let cable = Cable::lay();
     let _ethernet_ip = cable.attach(ethernet_ip_robot);

@@ -1,6 +1,4 @@
 //! The rig in real time on real sockets: what the bench leaves behind, and how soon it notices an error.
-//!
-//! These tests run the bench, which creates networks: they need root or user namespaces, and fail without.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -9,7 +7,7 @@ mod process;
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::os::unix::process::ExitStatusExt as _;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 use std::sync::PoisonError;
 use std::thread;
 use std::time::Duration;
@@ -19,7 +17,24 @@ use pcap_file::pcapng::{Block, PcapNgReader};
 use process::{Bench, Ended, HOST, networks, patient};
 use rustix::process::{Pid, Signal, kill_process};
 
-#[test]
+fn main() -> ExitCode {
+    networked_tests::run(networked_tests::tests![
+        a_run_over_either_cyclic_transport_passes,
+        a_run_of_setup_b_passes_and_loses_no_frame,
+        a_killed_node_fails_the_run_at_once_and_is_named,
+        a_node_that_hangs_fails_the_run,
+        a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was_lost,
+        ctrl_c_and_sigterm_end_everything_and_keep_the_samples,
+        even_a_killed_bench_leaves_nothing_behind,
+        a_real_timeline_has_the_frames_of_both_ends_without_an_unrequested_capture,
+        a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted,
+        a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture,
+        a_run_of_setup_b_survives_a_lossy_real_cable,
+        the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept,
+        an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far,
+    ])
+}
+
 fn a_run_over_either_cyclic_transport_passes() {
     for cyclic in ["udp", "rt1"] {
         let ended = Bench::start_patient("A", &["--reps", "1", "--cyclic", cyclic]).wait();
@@ -30,7 +45,6 @@ fn a_run_over_either_cyclic_transport_passes() {
 
 /// EtherNet/IP between two processes. If the host stalls, cycles are skipped, and both sides report it; every sent
 /// frame must arrive.
-#[test]
 fn a_run_of_setup_b_passes_and_loses_no_frame() {
     let ended = Bench::start_patient("B", &["--reps", "1"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
@@ -44,7 +58,6 @@ fn a_run_of_setup_b_passes_and_loses_no_frame() {
     assert_eq!((&allocations["plc"], &allocations["robot"]), (&0.into(), &0.into()));
 }
 
-#[test]
 fn a_killed_node_fails_the_run_at_once_and_is_named() {
     for (index, name) in [(0, "plc-node"), (1, "robot-node")] {
         let mut bench = Bench::start(&["--reps", "1000"]);
@@ -64,7 +77,6 @@ fn a_killed_node_fails_the_run_at_once_and_is_named() {
     }
 }
 
-#[test]
 fn a_node_that_hangs_fails_the_run() {
     for index in [0, 1] {
         let mut bench = Bench::start(&["--reps", "1000"]);
@@ -82,7 +94,6 @@ fn a_node_that_hangs_fails_the_run() {
 }
 
 /// The host breaks the connection, while both nodes are correct: this must not fail the run.
-#[test]
 fn a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was_lost() {
     let hold_up = |index: usize| {
         let mut bench = Bench::start(&["--reps", "2"]);
@@ -107,7 +118,6 @@ fn a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was
     }
 }
 
-#[test]
 fn ctrl_c_and_sigterm_end_everything_and_keep_the_samples() {
     for signal in [Signal::INT, Signal::TERM] {
         let mut bench = Bench::start(&["--reps", "1000"]);
@@ -121,7 +131,6 @@ fn ctrl_c_and_sigterm_end_everything_and_keep_the_samples() {
     }
 }
 
-#[test]
 fn even_a_killed_bench_leaves_nothing_behind() {
     let mut bench = Bench::start(&["--reps", "1000"]);
     let networks = networks(bench.nodes());
@@ -138,7 +147,6 @@ fn frames(timeline: &serde_json::Value, track: u64) -> Vec<(f64, bool)> {
     frames.map(|event| (event["ts"].as_f64().unwrap(), event["args"]["fault"] == true)).collect()
 }
 
-#[test]
 fn a_real_timeline_has_the_frames_of_both_ends_without_an_unrequested_capture() {
     let ended = Bench::start_patient("A", &["--reps", "1", "--trace"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
@@ -178,7 +186,6 @@ fn passed(bus: &serde_json::Value) -> u64 {
     ["frames_sent", "frames_received"].iter().map(|frames| bus[frames].as_u64().unwrap()).sum()
 }
 
-#[test]
 fn a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted() {
     let mut args = vec!["--reps", "1", "--capture", "always", "--trace"];
     for fault in ["loss=0.01", "to-plc:duplicate=0.02", "to-robot:reorder=0.01@3ms"] {
@@ -208,7 +215,6 @@ fn a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted() {
     assert!(frames(&ended.timeline, 1).iter().any(|(_, faulty)| *faulty));
 }
 
-#[test]
 fn a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture() {
     let faults = ["--fault", "cut-at=500ms..1s", "--fault", "kill-robot-at=1500ms"];
     let ended =
@@ -228,7 +234,6 @@ fn a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture() {
 }
 
 /// EtherNet/IP also uses TCP connections on the same cable: lost segments are retransmitted.
-#[test]
 fn a_run_of_setup_b_survives_a_lossy_real_cable() {
     let ended = Bench::start_patient("B", &["--reps", "1", "--fault", "loss=0.02"]).wait();
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
@@ -237,7 +242,6 @@ fn a_run_of_setup_b_survives_a_lossy_real_cable() {
     assert!(lost * 200 > passed(&ended.results["bus"]), "{lost} lost: {}", ended.results["bus"]);
 }
 
-#[test]
 fn the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
@@ -263,7 +267,6 @@ fn the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept()
     assert!(length("trace-plc.rows") > 5_000 && length("trace-robot.rows") > 5_000);
 }
 
-#[test]
 fn an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();

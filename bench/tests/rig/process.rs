@@ -132,9 +132,7 @@ impl Bench {
             if let Some(status) = self.child.try_wait().unwrap() {
                 let mut stderr = String::new();
                 self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
-                panic!(
-                    "the bench ended ({status}) before {what}: {stderr}\n(as an ordinary user it needs user namespaces)"
-                );
+                panic!("the bench ended ({status}) before {what}: {stderr}");
             }
             assert!(start.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
             thread::sleep(Duration::from_millis(5));

@@ -203,6 +203,17 @@ impl Interface {
         Ok(self.flags()? & UP != 0)
     }
 
+    /// Returns whether it is up and something is at the other end of its cable, so that it can send.
+    ///
+    /// When a cable gets its other end, the kernel leaves the rest to a background job; until then it discards what is
+    /// sent, on a busy host for more than a second. This request finishes that job first.
+    pub fn has_carrier(&self) -> Result<bool, InterfaceError> {
+        /// `ETHTOOL_GLINK` of linux/ethtool.h.
+        const GET_LINK: u32 = 0x0A;
+        let link = self.ethtool(GET_LINK, 0).map_err(|error| self.refused("reading the carrier", error))?;
+        Ok(link != 0)
+    }
+
     /// Brings it up, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is up already.
     pub fn set_up(&self) -> Result<(), InterfaceError> {
         let flags = self.flags()?;
@@ -220,13 +231,20 @@ impl Interface {
     pub fn fill_in_checksums(&self) -> Result<(), InterfaceError> {
         /// `ETHTOOL_STXCSUM` of linux/ethtool.h.
         const SET_TX_CHECKSUMMING: u32 = 0x17;
-        // A `struct ethtool_value`: the command and its value, 0 for off.
-        let mut value = [SET_TX_CHECKSUMMING, 0];
+        self.ethtool(SET_TX_CHECKSUMMING, 0)
+            .map(drop)
+            .map_err(|error| self.refused("switching checksum offload off", error))
+    }
+
+    /// Makes a request with a `struct ethtool_value`, the command and its value. Returns the value that the kernel left
+    /// there.
+    fn ethtool(&self, command: u32, value: u32) -> std::io::Result<u32> {
+        let mut value = [command, value];
         let mut request = self.request();
         request.ifr_ifru.ifru_data = value.as_mut_ptr().cast();
-        // `value` outlives the request, and the kernel reads no more than its eight bytes.
-        self.ioctl(libc::SIOCETHTOOL, &mut request)
-            .map_err(|error| self.refused("switching checksum offload off", error))
+        // `value` outlives the request, and the kernel touches no more than its eight bytes.
+        self.ioctl(libc::SIOCETHTOOL, &mut request)?;
+        Ok(value[1])
     }
 
     fn flags(&self) -> Result<libc::c_short, InterfaceError> {

@@ -39,8 +39,6 @@ pub mod scheduling;
 mod signals;
 mod socket_option;
 mod stream;
-#[cfg(test)]
-mod test_cable;
 mod udp;
 pub mod veth;
 mod wait;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpStream, UdpSocket};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ENCAPSULATION_PORT, IO_PORT, ScannerConfig};
 use machine::{Machine, Port, PortRequest, Source, Transmit};
@@ -14,18 +14,15 @@ use protocol::buses::EthernetIpScanner;
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
 use protocol_linux::capture::Keep;
-use protocol_linux::{CyclicThread, Interface, Recorder, clock};
+use protocol_linux::{Interface, Recorder, clock};
 
-use super::{ADDRESSES, Bed, MASK, Watch, stop};
+use super::bed::{ADDRESSES, Bed, MASK, PATIENCE, Progress};
 
 const PLC: Ipv4Addr = ADDRESSES[0];
 const ROBOT: Ipv4Addr = ADDRESSES[1];
 
 /// The robot's own group: 239.192.1.0 + 32 · (host − 1).
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 192, 1, 32);
-
-/// Limit for each wait; a wait that takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(10);
 
 fn adapter(interface: &Interface) -> Adapter {
     Adapter::new(AdapterConfig {
@@ -39,25 +36,26 @@ fn adapter(interface: &Interface) -> Adapter {
     })
 }
 
-/// Runs a scanner for a moment once it is connected. Returns how many frames it received.
+impl Progress for EthernetIpScanner {
+    fn progress(&self) -> u64 {
+        self.counters().received
+    }
+}
+
+impl Progress for Adapter {}
+
+impl Progress for DatagramLog {}
+
+/// Runs a scanner until it has received 20 frames.
 ///
 /// It ends without closing the connection, so the next scanner has to wait for the adapter's watchdog.
-fn exchange(bed: &Bed, multicast: bool) -> u64 {
+fn exchange(bed: &Bed, multicast: bool) {
     let config = ScannerConfig { vendor: ETHERNET_IP_VENDOR, serial_number: 1, first_id: 0x5C00_0000 };
     let connection = ConnectionConfig::exclusive_owner(ROBOT, &ETHERNET_IP_ROBOT, 2_000);
     let connection = ConnectionConfig { multicast, ..connection };
-    let mut thread = bed.start(0, |_| EthernetIpScanner::new(config, connection, clock::now()));
-    until_up(&mut thread);
-    std::thread::sleep(Duration::from_millis(200));
-    stop(thread).driver.machine().counters().received
-}
-
-fn until_up<M: Machine<Event = LinkEvent> + Send + 'static>(thread: &mut CyclicThread<M, Watch>) {
-    let start = Instant::now();
-    while thread.news() != Some(LinkEvent::Up) {
-        assert!(start.elapsed() < PATIENCE, "it does not come up");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    let scanner = bed.start(0, |_| EthernetIpScanner::new(config, connection, clock::now()));
+    scanner.until(if multicast { "20 frames to its group" } else { "20 frames to the scanner alone" }, 20);
+    scanner.stop();
 }
 
 /// Sets the DSCP of scheduled data, by an explicit message.
@@ -125,24 +123,20 @@ fn packets(capture: File) -> Vec<Packet> {
     packets
 }
 
-#[test]
-fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on() {
+pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on()
+{
     let bed = Bed::lay();
     let robot = bed.start(1, adapter);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
     let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Keep::All).unwrap();
     let recorder = bed.ends[0].0.run(start).unwrap();
-    let unicast = exchange(&bed, false);
+    exchange(&bed, false);
     set_scheduled_dscp(&bed, 20);
-    let multicast = exchange(&bed, true);
+    exchange(&bed, true);
     recorder.stop().unwrap();
-    stop(robot);
+    robot.stop();
     let capture = File::open(&place).unwrap();
     std::fs::remove_file(&place).unwrap();
-    assert!(
-        unicast > 10 && multicast > 10,
-        "{unicast} frames to the scanner alone, {multicast} to its group"
-    );
 
     let packets = packets(capture);
     let of = |packets: &[Packet], kind| {
@@ -211,11 +205,23 @@ impl Machine for DatagramLog {
     }
 }
 
-#[test]
-fn a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only() {
+/// Waits until somebody at the robot's end is in its group. A machine joins its groups on its own thread.
+fn until_joined(bed: &Bed) {
+    // The kernel lists an address as a number in the processor's own byte order.
+    let group = format!("{:08X}", u32::from_ne_bytes(GROUP.octets()));
+    let start = std::time::Instant::now();
+    let groups = |_: &Interface| std::fs::read_to_string("/proc/thread-self/net/igmp").unwrap();
+    while !bed.run(1, groups).contains(&group) {
+        assert!(start.elapsed() < PATIENCE, "nobody joins {GROUP}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+pub(crate) fn a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only() {
     let bed = Bed::lay();
     let ear = |_: &Interface| DatagramLog::default();
     let mut ear = bed.start(1, ear);
+    until_joined(&bed);
     let other_group = Ipv4Addr::new(239, 192, 1, 64);
     let send = || {
         let socket = UdpSocket::bind(SocketAddrV4::new(PLC, 0)).unwrap();
@@ -230,8 +236,8 @@ fn a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_
         say(ROBOT, LAST);
     };
     bed.ends[0].0.run(send).unwrap();
-    until_up(&mut ear);
-    let ear = stop(ear);
+    ear.until_up();
+    let ear = ear.stop();
     let DatagramLog { own, to_all, .. } = ear.driver.machine();
     assert_eq!((&own[..], &to_all[..]), (&b"adz"[..], &b"bc"[..]));
 }

@@ -2,20 +2,17 @@
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, SocketAddrV4, TcpListener, TcpStream};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, clock};
+use protocol_linux::{Driver, Notifier, clock};
 
+use super::bed::{ADDRESSES, Bed, PATIENCE, Running};
 use super::machines::tcp::{Caller, EchoServer, FAREWELL, FLOOD, GREETING, LEAVE, TCP_PORT};
-use super::{ADDRESSES, Bed, Watch, stop};
 
 const SERVER: SocketAddrV4 = SocketAddrV4::new(ADDRESSES[1], TCP_PORT);
 
-/// Limit for each wait; a wait that takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(10);
-
 impl Bed {
-    fn echo_server(&self) -> CyclicThread<EchoServer, Watch> {
+    fn echo_server(&self) -> Running<EchoServer> {
         self.start(1, |_| EchoServer::new(clock::now()))
     }
 
@@ -33,8 +30,7 @@ fn echoes(mut client: &TcpStream, text: &[u8]) -> bool {
     client.write_all(text).is_ok() && client.read_exact(&mut received).is_ok() && received == text
 }
 
-#[test]
-fn a_client_that_sends_single_bytes_and_closes_its_side_receives_every_answer() {
+pub(crate) fn a_client_that_sends_single_bytes_and_closes_its_side_receives_every_answer() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let text: Vec<u8> = (0..2000_u32).map(|n| n as u8).collect();
@@ -46,12 +42,11 @@ fn a_client_that_sends_single_bytes_and_closes_its_side_receives_every_answer() 
     let mut received = Vec::new();
     client.read_to_end(&mut received).unwrap();
     assert!(received == text, "{} of {} bytes came back", received.len(), text.len());
-    let server = stop(server);
+    let server = server.stop();
     assert_eq!(server.driver.machine().opened, server.driver.machine().closed);
 }
 
-#[test]
-fn a_connection_that_the_machine_closes_first_sends_its_last_bytes() {
+pub(crate) fn a_connection_that_the_machine_closes_first_sends_its_last_bytes() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let mut client = bed.client();
@@ -61,14 +56,13 @@ fn a_connection_that_the_machine_closes_first_sends_its_last_bytes() {
     assert_eq!(received, FAREWELL);
     drop(client);
     assert_eq!(
-        stop(server).driver.machine().closed,
+        server.stop().driver.machine().closed,
         [],
         "the machine is not informed of a close that it requested"
     );
 }
 
-#[test]
-fn a_client_that_does_not_read_is_disconnected_and_delays_nobody() {
+pub(crate) fn a_client_that_does_not_read_is_disconnected_and_delays_nobody() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let (mut deaf, other) = (bed.client(), bed.client());
@@ -79,13 +73,12 @@ fn a_client_that_does_not_read_is_disconnected_and_delays_nobody() {
         assert!(echoes(&other, b"still there?"));
     }
     assert!(echoes(&other, b"and after it?"));
-    let server = stop(server);
+    let server = server.stop();
     assert_eq!(server.driver.statistics().streams.overflowed, 1);
     assert_eq!(server.driver.machine().closed, server.driver.machine().opened[..1]);
 }
 
-#[test]
-fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
+pub(crate) fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
     let bed = Bed::lay();
     let server = bed.echo_server();
     let first = bed.client();
@@ -99,7 +92,7 @@ fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
     while !echoes(&bed.client(), b"after the flood") {
         assert!(started.elapsed() < PATIENCE, "nobody gets in any more");
     }
-    let server = stop(server);
+    let server = server.stop();
     assert!(server.driver.statistics().streams.turned_away >= 69);
     let mut numbers = server.driver.machine().opened.clone();
     numbers.dedup();
@@ -107,36 +100,31 @@ fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
     assert!(server.driver.machine().ticks > 0);
 }
 
-#[test]
-fn a_machine_is_informed_that_nobody_listens_and_connects_once_somebody_does() {
+pub(crate) fn a_machine_is_informed_that_nobody_listens_and_connects_once_somebody_does() {
     let bed = Bed::lay();
     let caller = bed.start(0, |_| Caller::new(SERVER, clock::now()));
-    std::thread::sleep(Duration::from_millis(200));
+    caller.until("two refused attempts", 2);
     let listener = bed.ends[1].0.run(|| TcpListener::bind(SERVER)).unwrap().unwrap();
     let (mut called, _) = listener.accept().unwrap();
     let mut greeting = [0; GREETING.len()];
     called.read_exact(&mut greeting).unwrap();
     assert_eq!(greeting, GREETING);
+    let refused = caller.progress();
     called.write_all(b"me").unwrap();
     drop(called);
-    std::thread::sleep(Duration::from_millis(200));
-    let caller = stop(caller);
+    caller.until("the close of the connection", refused + 1);
+    let caller = caller.stop();
     let machine = caller.driver.machine();
     assert!(machine.closed.len() > 1 && machine.received.starts_with(b"me"), "{machine:?}");
     assert!(machine.closed.is_sorted(), "a number was used again: {machine:?}");
 }
 
-#[test]
-fn the_error_for_a_taken_tcp_port_names_its_user() {
+pub(crate) fn the_error_for_a_taken_tcp_port_names_its_user() {
     let bed = Bed::lay();
-    let (namespace, name) = &bed.ends[1];
-    let message = namespace
-        .run(|| {
-            let _other = TcpListener::bind(SERVER).unwrap();
-            let interface = Interface::open(name).unwrap();
-            let machine = EchoServer::new(clock::now());
-            Driver::new(machine, interface, Notifier::new().unwrap()).unwrap_err().to_string()
-        })
-        .unwrap();
+    let message = bed.run(1, |interface| {
+        let _other = TcpListener::bind(SERVER).unwrap();
+        let machine = EchoServer::new(clock::now());
+        Driver::new(machine, interface.clone(), Notifier::new().unwrap()).unwrap_err().to_string()
+    });
     assert!(message.contains("TCP port 44818") && message.contains(" at 10.0.0.2:44818;"), "{message}");
 }

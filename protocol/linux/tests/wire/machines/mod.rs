@@ -5,15 +5,22 @@ pub(crate) mod tcp;
 use std::net::SocketAddrV4;
 
 use machine::ethernet::Mac;
-use machine::{Cycle, Duration, Instant, Lateness, Machine, Port, PortRequest, Source, Tick, Transmit};
+use machine::{Cycle, Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
+use protocol::image::IMAGE_LEN;
 use protocol_linux::Interface;
+
+use super::bed::Progress;
 
 pub(crate) const UDP_PORT: u16 = 34962;
 const PERIOD: Duration = Duration::from_millis(1);
 const BROADCAST: [u8; 6] = [0xFF; 6];
-const ETHERTYPE: [u8; 2] = [0x88, 0x92];
+pub(crate) const ETHERTYPE: [u8; 2] = [0x88, 0x92];
+/// Priority 6, VLAN 0, as class 1 frames have it.
+pub(crate) const PRIORITY_TAG: [u8; 4] = [0x81, 0x00, 0xC0, 0x00];
+/// Longer than any stall of the host.
+const WATCHDOG: Duration = Duration::from_secs(60);
 
 /// How images travel.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -32,27 +39,54 @@ pub(crate) struct Station {
     /// Built once: the cyclic path must not allocate.
     head: Vec<u8>,
     peer: SocketAddrV4,
+    /// The number in the last image that was received.
+    last: u64,
+    /// Images whose number is not above that of the image before.
+    pub(crate) out_of_order: u64,
 }
 
 impl Station {
     pub(crate) fn new(cable: Cable, mac: Mac, peer: SocketAddrV4, now: Instant) -> Self {
         Self {
-            direct: Direct::new(now + PERIOD, PERIOD, Duration::from_secs(1)),
+            direct: Direct::new(now + PERIOD, PERIOD, WATCHDOG),
             cable,
             head: head(mac, cable),
             peer,
+            last: 0,
+            out_of_order: 0,
         }
     }
 
     pub(crate) fn counters(&self) -> Counters {
         self.direct.counters()
     }
+
+    /// Puts the number of the next image into it.
+    fn number_output(&mut self) {
+        let mut image = [0; IMAGE_LEN];
+        image[..8].copy_from_slice(&(self.counters().sent + 1).to_be_bytes());
+        self.direct.set_output(&image);
+    }
+
+    fn check_number(&mut self) {
+        let image = self.direct.input().unwrap_or([0; IMAGE_LEN]);
+        let number = image.first_chunk().map_or(0, |bytes| u64::from_be_bytes(*bytes));
+        self.out_of_order += u64::from(number <= self.last);
+        self.last = number;
+    }
+}
+
+impl Progress for Station {
+    /// Images that were sent, or received if those are fewer.
+    fn progress(&self) -> u64 {
+        self.counters().sent.min(self.counters().received)
+    }
 }
 
 fn head(mac: Mac, cable: Cable) -> Vec<u8> {
     let tag = match cable {
         Cable::Untagged => vec![],
-        Cable::PriorityTagged => vec![0x81, 0x00, 0xC0, 0x00],
+        Cable::PriorityTagged => PRIORITY_TAG.to_vec(),
         Cable::Vlan(id) => [[0x81, 0x00], id.to_be_bytes()].concat(),
         Cable::Udp => return vec![],
     };
@@ -78,9 +112,11 @@ impl Machine for Station {
             Port::Ethernet => self.direct.handle_frame(now, from, frame.get(14..).unwrap_or_default()),
             _ => self.direct.handle_frame(now, from, frame),
         }
+        self.check_number();
     }
 
     fn handle_timeout(&mut self, now: Instant) {
+        self.number_output();
         self.direct.handle_timeout(now);
     }
 
@@ -103,14 +139,24 @@ impl Machine for Station {
     }
 }
 
-/// Sends a request every cycle and measures when the answer arrives; or answers.
+/// Sends a request with its instant every cycle and counts the answers; or answers.
 #[derive(Debug)]
 pub(crate) struct Echo {
     mac: Mac,
     cycle: Option<Cycle>,
     send: Option<u64>,
     pub(crate) asked: u64,
-    pub(crate) round_trip: Lateness,
+    pub(crate) answered: u64,
+    /// The instant in the last answer.
+    last: u64,
+    /// Answers whose instant is not after that in the answer before.
+    pub(crate) out_of_order: u64,
+}
+
+impl Progress for Echo {
+    fn progress(&self) -> u64 {
+        self.answered
+    }
 }
 
 impl Echo {
@@ -120,7 +166,15 @@ impl Echo {
     }
 
     pub(crate) fn answers(interface: &Interface) -> Self {
-        Self { mac: interface.mac(), cycle: None, send: None, asked: 0, round_trip: Lateness::default() }
+        Self {
+            mac: interface.mac(),
+            cycle: None,
+            send: None,
+            asked: 0,
+            answered: 0,
+            last: 0,
+            out_of_order: 0,
+        }
     }
 }
 
@@ -131,14 +185,15 @@ impl Machine for Echo {
         PORTS
     }
 
-    fn handle_frame(&mut self, now: Instant, _: Source, frame: &[u8]) {
+    fn handle_frame(&mut self, _: Instant, _: Source, frame: &[u8]) {
         let Some(stamp) = frame.get(14..22).and_then(|bytes| bytes.try_into().ok()) else {
             return;
         };
         let stamp = u64::from_be_bytes(stamp);
         if self.cycle.is_some() {
-            let due = Instant::from_nanos(stamp);
-            self.round_trip.record(&Tick { due, lateness: now.since(due), skipped: 0 });
+            self.answered += 1;
+            self.out_of_order += u64::from(stamp <= self.last);
+            self.last = stamp;
         } else {
             self.send = Some(stamp);
         }

@@ -9,6 +9,8 @@ use machine::{
 };
 use protocol::fieldbus::LinkEvent;
 
+use crate::bed::Progress;
+
 pub(crate) const TCP_PORT: u16 = 44818;
 const PERIOD: Duration = Duration::from_millis(1);
 
@@ -44,6 +46,8 @@ impl EchoServer {
         }
     }
 }
+
+impl Progress for EchoServer {}
 
 impl Machine for EchoServer {
     type Event = LinkEvent;
@@ -138,6 +142,13 @@ impl Caller {
             closed: Vec::new(),
             received: Vec::new(),
         }
+    }
+}
+
+impl Progress for Caller {
+    /// Attempts that were refused and connections that were closed.
+    fn progress(&self) -> u64 {
+        self.closed.len() as u64
     }
 }
 
