@@ -30,6 +30,9 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v docker-compose >/dev/null || missing+=(docker-compose)
     command -v setcap >/dev/null || missing+=(libcap2-bin)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
+    command -v debootstrap >/dev/null || missing+=(debootstrap)
+    # Debian has the parts of Python that make an environment in a package of its own.
+    python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
     if [ ${#missing[@]} -gt 0 ]; then
         apt-get update -qq
         DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
@@ -245,19 +248,6 @@ verb_examples() { #: the stacks' examples against each other, each in a process 
     done
 }
 
-# newest_python: prints a Python that can run every peer; ethernetip2 needs 3.12.
-newest_python() {
-    local python
-    for python in python3 python3.1{4,3,2} ~/.pyenv/versions/3.1[2-9]*/bin/python3; do
-        if "$python" -c 'import sys, venv; sys.exit(sys.version_info < (3, 12))' 2>/dev/null; then
-            command -v "$python"
-            return
-        fi
-    done
-    echo "the interop peers need Python 3.12 or newer with the module venv" >&2
-    return 1
-}
-
 verb_interop() { #: our stacks against those of others, each in a process of its own; captures through the gates (as root)
     local target="${CARGO_TARGET_DIR:-$PWD/target}" interop=scripts/interop
     export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python"
@@ -266,8 +256,9 @@ verb_interop() { #: our stacks against those of others, each in a process of its
     cargo build --manifest-path "$interop/peers/Cargo.toml" --target-dir "$target/interop/peers" --locked
     if ! cmp -s "$interop/peers/python.txt" "$VENV/python.txt"; then
         rm -rf "$VENV"
-        "$(newest_python)" -m venv "$VENV"
-        "$VENV/bin/pip" install --quiet --requirement "$interop/peers/python.txt"
+        python3 -m venv "$VENV"
+        # ethernetip2 asks for Python 3.12 but runs on Debian 12's 3.11.
+        "$VENV/bin/pip" install --quiet --ignore-requires-python --requirement "$interop/peers/python.txt"
         cp "$interop/peers/python.txt" "$VENV/python.txt"
     fi
     if ! cmp -s "$interop/peers/package-lock.json" "$target/interop/package-lock.json"; then
@@ -349,16 +340,50 @@ verb_timing() { #: how evenly cyclic frames come, beside a bare loop and the ada
     built bench timing "$@" -- chrt --fifo 49 "$peers/debug/ciplink-robot"
 }
 
-verb_user() { #: the same run as an ordinary user, without any privilege (as root)
+verb_user() { #: a run and the tests on networks as an ordinary user, without any privilege (as root)
     build
     local home
     home=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$home'" EXIT
-    install -m 755 "${CARGO_TARGET_DIR:-target}/debug/bench" "$home/bench"
     chown 65534:65534 "$home"
-    (cd "$home" && HOME="$home" setpriv --reuid 65534 --regid 65534 --clear-groups --inh-caps=-all \
-        ./bench --setup A --reps 1 --out run)
+    HOME="$home" scripts/as-user.sh "${CARGO_TARGET_DIR:-$PWD/target}/debug/bench" --setup A --reps 1 --out "$home/run"
+    # Cargo stays root, which has built everything; what it runs does not.
+    NETWORKED_TESTS_REQUIRED=1 cargo --config "target.'cfg(unix)'.runner = '$PWD/scripts/as-user.sh'" \
+        test --workspace --all-features --locked --no-fail-fast \
+        --test wire --test discover --test impaired_cable --test attach --test full_disk --test mcap --test rig
+}
+
+verb_fresh() { #: the README's commands on a new Debian with what the README says to install (as root)
+    local root packages
+    # shellcheck disable=SC2016 # the backticks are Markdown's
+    packages=$(sed -n 's/.*`apt install \([a-z0-9. -]*\)`.*/\1/p' README.md)
+    root=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$root'" EXIT
+    debootstrap --variant=minbase --include="${packages// /,}" bookworm "$root" >"$root.log" ||
+        { tail "$root.log" >&2; return 1; }
+    rm "$root.log"
+    # Rust as this machine has it, and the crates that it downloaded: rustup.rs is no package.
+    mkdir -p "$root/rust" "$root/cargo" "$root/skillbench"
+    tar --create --directory "$(rustc --print sysroot)" --exclude lib/rustlib/src --exclude share bin lib |
+        tar --extract --directory "$root/rust"
+    cargo fetch --locked --quiet
+    tar --create --directory "${CARGO_HOME:-$HOME/.cargo}" registry/index registry/cache |
+        tar --extract --directory "$root/cargo"
+    git ls-files -z | tar --create --null --files-from - | tar --extract --directory "$root/skillbench"
+    # shellcheck disable=SC2016 # likewise
+    sed -n '/^```sh$/,/^```$/ { /^```/! p }' README.md >"$root/commands"
+    echo "new Debian with $packages and:"
+    cat "$root/commands"
+    # What is mounted ends with the namespace.
+    # shellcheck disable=SC2016 # expanded by the inner shell
+    unshare --mount --pid --fork bash -euc '
+        mount -t proc proc "$1/proc"
+        exec chroot "$1" env -i HOME=/root PATH=/rust/bin:/usr/sbin:/usr/bin:/sbin:/bin CARGO_HOME=/cargo \
+            CARGO_NET_OFFLINE=true bash -euc "cd /skillbench; . /commands"
+    ' - "$root"
+    du --summarize --human-readable "$root/skillbench/target"
 }
 
 # demo_compose ARGUMENT...: runs compose, either the engine's plugin or the separate program. The latter lets the
@@ -430,7 +455,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
 }
 
 verb_ci() { #: all of it but setup and timing
-    for verb in format lint modules purity test docs browser gate bits instructions wire user examples interop demo; do
+    for verb in format lint modules purity test docs browser gate bits instructions wire user fresh examples interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

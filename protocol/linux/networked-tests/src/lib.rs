@@ -59,7 +59,7 @@ pub fn run_beside(tests: impl IntoIterator<Item = Test>, others: impl IntoIterat
     let tests = tests.into_iter().map(|test| trial(test).with_ignored_flag(refusal.is_some()));
     let conclusion = libtest_mimic::run(&arguments, tests.chain(others).collect());
     if let Some(reason) = refusal {
-        eprintln!("{} tests were not run, since they make networks: {reason}\n", conclusion.num_ignored);
+        eprintln!("not run, because they make networks: {}; {reason}\n", conclusion.num_ignored);
     }
     conclusion.exit_code()
 }
