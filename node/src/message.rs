@@ -30,6 +30,11 @@ pub enum Message<M> {
         /// Why the interface refused the address, if it did.
         problem: Option<String>,
     },
+    /// Somebody else requested what only the owner of the connection may, and was refused.
+    Foreign {
+        /// Who requested what, as text.
+        request: String,
+    },
     /// The node's report so far, on request.
     Report(NodeReport),
     /// Last message: the node ends.
@@ -147,6 +152,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 }
                 problem.as_ref().map_or(Ok(()), |problem| write!(f, "\nerror: {problem}"))
             }
+            Self::Foreign { request } => write!(f, "warning: {request}"),
             Self::Busy { controller } => write!(f, "controlled by {controller}"),
             Self::Node(message) => message.fmt(f),
         }

@@ -209,7 +209,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                     news.tell(News::NoAddress(address, error));
                 }
             }
-            None => {}
+            Some(LinkEvent::Foreign(_)) | None => {}
         }
         ControlFlow::Continue(())
     }

@@ -200,7 +200,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     match link {
                         LinkEvent::Up => self.linked = true,
                         LinkEvent::Down(_) => self.linked = false,
-                        LinkEvent::SetAddress { .. } => {}
+                        LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
                     }
                     (Some(link_message(link, self.explanation.take())), self.mode.link(link))
                 }
@@ -252,5 +252,6 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Message<
             reason: explanation.map_or_else(|| down.to_string(), |words| words.as_str().to_owned()),
         },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
+        LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
     }
 }

@@ -4,19 +4,25 @@
 
 extern crate alloc;
 
+mod allowed;
 mod contract;
 mod cycle;
 pub mod ethernet;
+mod foreign;
 mod lateness;
 mod link;
 pub mod search;
+mod sequence;
 mod time;
 pub mod wire;
 
+pub use allowed::{Allowed, Peer};
 pub use contract::{
     Attempt, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
 pub use cycle::{Cycle, Tick};
+pub use foreign::{ForeignRequest, ForeignRequests, Requested, Sender};
 pub use lateness::Lateness;
 pub use link::{Counters, Down, DownCause, LinkEvent};
+pub use sequence::{Numbering, Sequence};
 pub use time::{Duration, Instant};

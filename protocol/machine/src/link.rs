@@ -3,6 +3,8 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use crate::ForeignRequest;
+
 /// An event of the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum LinkEvent {
@@ -20,6 +22,8 @@ pub enum LinkEvent {
         /// Its gateway, or its own address if there is none.
         gateway: Ipv4Addr,
     },
+    /// Somebody else requested what only the owner of the connection may, and was refused. The connection stays as it is.
+    Foreign(ForeignRequest),
 }
 
 /// Why a connection is down.

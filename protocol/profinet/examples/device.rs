@@ -41,6 +41,7 @@ impl Owner<Device> for Echo {
                 let set = self.interface.set_address(address, mask);
                 device.address_set(now, set.is_ok());
             }
+            LinkEvent::Foreign(request) => println!("{request}"),
         }
         ControlFlow::Continue(())
     }
@@ -56,6 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         address: interface.address(),
         mask: interface.mask().unwrap_or([255, 255, 255, 0].into()),
         description: echo::DEVICE,
+        controllers: machine::Allowed::default(),
     };
     let device = Device::new(config, clock::now());
     let mut driver = Driver::new(device, interface.clone(), Notifier::new()?)?;

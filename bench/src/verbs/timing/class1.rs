@@ -149,7 +149,7 @@ impl Task<EthernetIpScanner> for Turn {
                     return ControlFlow::Break(());
                 }
             }
-            LinkEvent::SetAddress { .. } => {}
+            LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
         }
         ControlFlow::Continue(())
     }

@@ -1,0 +1,172 @@
+//! The place of a receiver in a stream of numbered frames: which frames are newer than all before, and how a receiver
+//! finds its place again after a single frame with a wrong number.
+
+use crate::{Duration, Instant};
+
+/// How a bus numbers its frames.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Numbering {
+    /// All bits of a number.
+    pub mask: u32,
+    /// Largest distance at which a frame is newer; beyond it the frame is older.
+    pub newer: u32,
+    /// Largest distance at which a newer frame is accepted at once, besides what the time since the last frame allows.
+    pub slack: u32,
+    /// Distance from one frame to the next.
+    pub step: u32,
+    /// Time from one frame to the next.
+    pub cycle: Duration,
+}
+
+/// The receiver's place.
+#[derive(Clone, Copy, Debug)]
+pub struct Sequence {
+    numbering: Numbering,
+    last: Option<Last>,
+    elsewhere: Option<Elsewhere>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    number: u32,
+    at: Instant,
+}
+
+/// Frames that follow each other, but not the last accepted one.
+#[derive(Clone, Copy, Debug)]
+struct Elsewhere {
+    number: u32,
+    since: Instant,
+}
+
+impl Sequence {
+    /// Creates a receiver that accepts the first frame at any number.
+    #[must_use]
+    pub const fn new(numbering: Numbering) -> Self {
+        Self { numbering, last: None, elsewhere: None }
+    }
+
+    /// Returns whether a frame was accepted.
+    #[must_use]
+    pub const fn has_started(&self) -> bool {
+        self.last.is_some()
+    }
+
+    /// Returns how far a frame is ahead of the last accepted one; `None` if it is not to be used.
+    ///
+    /// A frame is accepted if it is newer, and not further ahead than time since the last frame allows. Frames at another
+    /// place are refused, until they follow each other there for a cycle without one at the old place between them: then
+    /// the sender is there. This is in time for the shortest watchdogs of the buses, three and four cycles. Old frames that
+    /// were held up on the way come in a shorter time.
+    pub fn accept(&mut self, now: Instant, number: u32) -> Option<u32> {
+        let Numbering { mask, newer, step, .. } = self.numbering;
+        let Some(last) = &mut self.last else {
+            self.last = Some(Last { number, at: now });
+            return Some(step);
+        };
+        let ahead = number.wrapping_sub(last.number) & mask;
+        let is_newer = (1..=newer).contains(&ahead);
+        if ahead == step || is_newer && is_plausible(&self.numbering, ahead, now.since(last.at)) {
+            *last = Last { number, at: now };
+            self.elsewhere = None;
+            return Some(ahead);
+        }
+        if ahead != 0 && self.is_place(now, number) {
+            self.last = Some(Last { number, at: now });
+            self.elsewhere = None;
+            return Some(step);
+        }
+        None
+    }
+
+    /// Returns whether frames have followed each other at another place for a cycle.
+    fn is_place(&mut self, now: Instant, number: u32) -> bool {
+        let Numbering { mask, slack, cycle, .. } = self.numbering;
+        let Some(elsewhere) = &mut self.elsewhere else {
+            self.elsewhere = Some(Elsewhere { number, since: now });
+            return false;
+        };
+        match number.wrapping_sub(elsewhere.number) & mask {
+            0 => return false,
+            ahead if ahead <= slack => elsewhere.number = number,
+            _ => *elsewhere = Elsewhere { number, since: now },
+        }
+        now.since(elsewhere.since) >= cycle
+    }
+}
+
+/// Returns whether the sender can be so far ahead after this time, with half as long a cycle as agreed.
+fn is_plausible(numbering: &Numbering, ahead: u32, elapsed: Duration) -> bool {
+    let Numbering { slack, step, cycle, .. } = *numbering;
+    let Some(beyond) = ahead.checked_sub(slack).filter(|beyond| *beyond > 0) else { return true };
+    u128::from(beyond) * cycle.as_nanos() <= 2 * elapsed.as_nanos() * u128::from(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of 1 ms, numbered one by one with 32 bits.
+    fn sequence() -> Sequence {
+        let cycle = Duration::from_millis(1);
+        Sequence::new(Numbering { mask: u32::MAX, newer: 0x7FFF_FFFF, slack: 100, step: 1, cycle })
+    }
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(1_000 + millis)
+    }
+
+    #[test]
+    fn the_sequence_continues_after_its_wrap_and_late_or_repeated_frames_are_refused() {
+        let mut sequence = sequence();
+        assert_eq!(sequence.accept(at(0), u32::MAX - 1), Some(1));
+        assert_eq!(sequence.accept(at(1), u32::MAX - 1), None);
+        assert_eq!(sequence.accept(at(2), 1), Some(3));
+        assert_eq!(sequence.accept(at(2), 0), None);
+    }
+
+    #[test]
+    fn after_one_frame_with_any_bit_flipped_the_second_frame_at_the_latest_is_accepted() {
+        for bit in 0..32 {
+            let mut sequence = sequence();
+            for millis in 0..10 {
+                sequence.accept(at(millis), 500 + millis as u32);
+            }
+            let wrong = sequence.accept(at(10), 510 ^ 1 << bit);
+            assert!(wrong.is_none_or(|ahead| ahead <= 100), "bit {bit}: {wrong:?} ahead");
+            let accepted: Vec<_> =
+                (11..14).map(|millis| sequence.accept(at(millis), 500 + millis as u32)).collect();
+            assert!(accepted[1].is_some_and(|ahead| ahead <= 2), "bit {bit}: {accepted:?}");
+        }
+    }
+
+    #[test]
+    fn a_sender_that_was_silent_may_be_as_far_ahead_as_the_time_allows() {
+        let mut sequence = sequence();
+        sequence.accept(at(0), 1);
+        assert_eq!(sequence.accept(at(5_000), 5_001), Some(5_000));
+        let (a, b, c) = (at(5_001), at(5_002), at(5_003));
+        let restarted =
+            [(a, 3_000_000), (b, 3_000_001), (c, 3_000_002)].map(|(at, n)| sequence.accept(at, n));
+        assert_eq!(restarted, [None, Some(1), Some(1)], "at a new place nothing is missing");
+    }
+
+    #[test]
+    fn old_frames_that_were_held_up_and_come_in_one_burst_are_refused() {
+        let mut sequence = sequence();
+        for millis in 0..20 {
+            sequence.accept(at(millis), millis as u32);
+        }
+        for held in 5..15 {
+            assert_eq!(sequence.accept(at(20), held), None);
+        }
+        assert_eq!(sequence.accept(at(20), 20), Some(1));
+    }
+
+    #[test]
+    fn a_repeated_old_frame_never_becomes_the_place() {
+        let mut sequence = sequence();
+        sequence.accept(at(0), 50);
+        assert!((1..100).all(|millis| sequence.accept(at(millis), 40).is_none()));
+    }
+}
