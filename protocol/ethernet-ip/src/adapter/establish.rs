@@ -9,8 +9,8 @@ use crate::IO_PORT;
 use crate::cip::{Application, Violation, class};
 use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::connection::{
-    ConnectionType, Inhibit, OpenRequest, Opened, Parameters, Priority, SequenceCheck, TimeoutMultiplier,
-    Trigger, Watchdog,
+    ConnectionType, Inhibit, OpenRequest, Opened, Parameters, Priority, TimeoutMultiplier, Trigger, Watchdog,
+    sequence,
 };
 use crate::description::{Assembly, Role};
 use machine::{Cycle, Duration};
@@ -147,7 +147,7 @@ impl State {
             o_t_id,
             o_t_len: usize::from(o_t.size.saturating_sub(SEQUENCE_LEN)),
             watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
-            sequence: SequenceCheck::default(),
+            sequence: sequence(micros(o_t_rpi_us)),
             count: None,
             run: false,
             producer,

@@ -4,10 +4,10 @@ use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::class1::{Frame, RUN_IDLE_LEN};
-use crate::connection::{Inhibit, Parameters, SequenceCheck, Triad, Trigger, Watchdog};
+use crate::connection::{Inhibit, Parameters, Triad, Trigger, Watchdog};
 use crate::description::Description;
 use crate::objects::AssemblyData;
-use machine::{Cycle, Instant};
+use machine::{Cycle, Instant, Sequence};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -32,7 +32,7 @@ pub(super) struct IoConnection {
     /// Bytes behind the sequence count of an O→T frame.
     pub(super) o_t_len: usize,
     pub(super) watchdog: Watchdog,
-    pub(super) sequence: SequenceCheck,
+    pub(super) sequence: Sequence,
     /// Sequence count of the last data taken over.
     pub(super) count: Option<u16>,
     /// What the last run/idle header said.
@@ -191,7 +191,7 @@ impl IoConnections {
         if !connection.takes(frame.payload.len()) {
             return Taken::WrongSize;
         }
-        let Some(missing) = connection.sequence.accept(frame.sequence) else { return Taken::Late };
+        let Some(ahead) = connection.sequence.accept(now, frame.sequence) else { return Taken::Late };
         connection.watchdog.feed(now);
         if connection.kind == Kind::ExclusiveOwner
             && let Ok((run, data)) = frame.run_and_data()
@@ -204,7 +204,7 @@ impl IoConnections {
                 assemblies.consume(consumed, data);
             }
         }
-        Taken::Fresh { missing }
+        Taken::Fresh { missing: ahead.saturating_sub(1) }
     }
 
     pub(super) fn next_due(&mut self, now: Instant) -> Option<Due> {

@@ -6,4 +6,4 @@ mod timing;
 
 pub use open::{CloseRequest, Closed, OpenRequest, Opened, Refused, Triad};
 pub use parameters::{ConnectionType, Parameters, Priority, Transport, Trigger};
-pub use timing::{Inhibit, SequenceCheck, TimeoutMultiplier, Watchdog};
+pub use timing::{Inhibit, TimeoutMultiplier, Watchdog, sequence};

@@ -4,18 +4,21 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::{CycleTime, CyclicFrame, DataStatus};
-use machine::{Duration, Instant};
+use machine::{Duration, Instant, Numbering, Sequence};
 
 /// How far a cycle counter may be ahead of the last one, in counts: 1.92 s. A counter further "ahead" is from the 128
 /// ms before the last one: that frame is late.
-const NEWER_WINDOW: u16 = 61_440;
+const NEWER_WINDOW: u32 = 61_440;
+
+/// How far it may be ahead at once, in counts: 128 ms, as far as a late frame may be behind.
+const SLACK: u32 = 4_096;
 
 /// Result of receiving a frame with this receiver's FrameID.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Received {
     /// It is the newest; its data was accepted.
     New,
-    /// It is not newer than an accepted one.
+    /// It is not newer than an accepted one, or further ahead than time allows.
     Late,
     /// Its DataStatus tells to ignore it.
     Ignored,
@@ -27,12 +30,12 @@ pub enum Received {
 #[derive(Debug)]
 pub struct CyclicReceiver {
     frame_id: u16,
-    counts: u16,
+    counts: u32,
     hold: Duration,
     deadline: Instant,
     c_sdu: Vec<u8>,
     data_status: DataStatus,
-    last: Option<u16>,
+    sequence: Sequence,
     received: u64,
     late: u64,
     lost: u64,
@@ -43,14 +46,18 @@ impl CyclicReceiver {
     /// frame.
     #[must_use]
     pub fn new(frame_id: u16, time: CycleTime, c_sdu_len: usize, hold: Duration, now: Instant) -> Self {
+        let counts = time.counts().clamp(1, 0xFFFF);
+        let slack = SLACK.max(counts.saturating_mul(2)).min(NEWER_WINDOW);
+        let cycle = time.period();
+        let numbering = Numbering { mask: 0xFFFF, newer: NEWER_WINDOW, slack, step: counts, cycle };
         Self {
             frame_id,
-            counts: u16::try_from(time.counts()).unwrap_or(u16::MAX).max(1),
+            counts,
             hold,
             deadline: now + hold,
             c_sdu: vec![0; c_sdu_len],
             data_status: DataStatus(0),
-            last: None,
+            sequence: Sequence::new(numbering),
             received: 0,
             late: 0,
             lost: 0,
@@ -72,20 +79,16 @@ impl CyclicReceiver {
         if frame.data_status.contains(DataStatus::IGNORE) {
             return Received::Ignored;
         }
-        if let Some(last) = self.last {
-            let ahead = frame.cycle_counter.wrapping_sub(last);
-            if ahead == 0 || ahead > NEWER_WINDOW {
-                self.late += 1;
-                return Received::Late;
-            }
-            // Nearly always it is the next one; avoid the division then, which takes as long as all the rest here.
-            if ahead != self.counts {
-                // Half a cycle of jitter in the provider's grid is not a lost frame.
-                let cycles = (u32::from(ahead) + u32::from(self.counts) / 2) / u32::from(self.counts);
-                self.lost += u64::from(cycles.saturating_sub(1));
-            }
+        let Some(ahead) = self.sequence.accept(now, frame.cycle_counter.into()) else {
+            self.late += 1;
+            return Received::Late;
+        };
+        // Nearly always it is the next one; avoid the division then, which takes as long as all the rest here.
+        if ahead != self.counts {
+            // Half a cycle of jitter in the provider's grid is not a lost frame.
+            let cycles = (ahead + self.counts / 2) / self.counts;
+            self.lost += u64::from(cycles.saturating_sub(1));
         }
-        self.last = Some(frame.cycle_counter);
         self.c_sdu.copy_from_slice(frame.c_sdu);
         self.data_status = frame.data_status;
         self.deadline = now + self.hold;
@@ -97,13 +100,13 @@ impl CyclicReceiver {
     /// time; check [`is_expired`](Self::is_expired).
     #[must_use]
     pub fn usable(&self) -> Option<&[u8]> {
-        (self.last.is_some() && self.data_status.is_usable()).then_some(&self.c_sdu[..])
+        (self.sequence.has_started() && self.data_status.is_usable()).then_some(&self.c_sdu[..])
     }
 
     /// Returns the data of the newest frame, whatever its status; `None` before the first one.
     #[must_use]
     pub fn c_sdu(&self) -> Option<&[u8]> {
-        self.last.is_some().then_some(&self.c_sdu[..])
+        self.sequence.has_started().then_some(&self.c_sdu[..])
     }
 
     /// Returns the DataStatus of the newest frame; 0 before the first one.

@@ -101,12 +101,23 @@ fn late_and_duplicate_frames_are_dropped_and_missing_ones_counted() {
 }
 
 #[test]
-fn an_old_counter_counts_as_a_new_start_once_it_cannot_be_a_late_frame() {
-    let mut receiver = receiver();
-    let running = DataStatus::RUNNING;
-    assert_eq!(receiver.handle_frame(Instant::ZERO, &frame(10_000, running, &[1])), Received::New);
-    assert_eq!(receiver.handle_frame(Instant::ZERO, &frame(10_000 - 4_095, running, &[1])), Received::Late);
-    assert_eq!(receiver.handle_frame(Instant::ZERO, &frame(10_000 - 4_096, running, &[1])), Received::New);
+fn after_one_frame_with_a_wrong_counter_no_connection_ends_and_few_frames_are_missing() {
+    let watchdog = MS.times(3);
+    for wrong in [33, 4_000, 10_000, 40_000, 61_440, 61_441, 65_000] {
+        let mut receiver = CyclicReceiver::new(0x8000, MS, 1, watchdog, Instant::ZERO);
+        for cycle in 1..100_u16 {
+            let now = Instant::from_millis(cycle.into());
+            assert!(!receiver.is_expired(now), "{wrong} ahead, in cycle {cycle}");
+            receiver.handle_frame(now, &frame(cycle * 32, DataStatus::RUNNING, &[1]));
+            if cycle == 50 {
+                receiver
+                    .handle_frame(now, &frame((cycle * 32).wrapping_add(wrong), DataStatus::RUNNING, &[2]));
+            }
+        }
+        assert!(receiver.lost() <= 4_096 / 32, "{wrong} ahead: {}", receiver.lost());
+        assert!(receiver.late() <= 3, "{wrong} ahead: {}", receiver.late());
+        assert_eq!(receiver.usable(), Some(&[1][..]));
+    }
 }
 
 #[test]

@@ -6,9 +6,9 @@ use super::super::config::ConnectionConfig;
 use super::dialogue::Sockets;
 use crate::IO_PORT;
 use crate::class1::{self, Frame};
-use crate::connection::{Opened, SequenceCheck, Watchdog};
+use crate::connection::{Opened, Watchdog, sequence};
 use machine::Counters;
-use machine::{Cycle, Duration, Instant};
+use machine::{Cycle, Duration, Instant, Sequence};
 
 /// A connection that is open.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub(super) struct Io {
     cycle: Cycle,
     sequence: u32,
     count: u16,
-    check: SequenceCheck,
+    check: Sequence,
     watchdog: Watchdog,
     /// Bytes behind the sequence count of a T→O frame.
     t_o_len: usize,
@@ -62,7 +62,7 @@ impl Io {
             cycle: Cycle::new(now, micros(opened.o_t_api_us)),
             sequence: 0,
             count: 0,
-            check: SequenceCheck::default(),
+            check: sequence(micros(opened.t_o_api_us)),
             watchdog: Watchdog::start(now, config.multiplier.timeout(micros(opened.t_o_api_us))),
             t_o_len: usize::from(config.t_o_size) + usize::from(header),
             t_o_run_idle: config.t_o_run_idle,
@@ -97,7 +97,7 @@ impl Io {
             counters.malformed += 1;
             return;
         }
-        let Some(missing) = self.check.accept(frame.sequence) else {
+        let Some(ahead) = self.check.accept(now, frame.sequence) else {
             counters.late += 1;
             return;
         };
@@ -108,7 +108,7 @@ impl Io {
         };
         self.watchdog.feed(now);
         counters.received += 1;
-        counters.lost += u64::from(missing);
+        counters.lost += u64::from(ahead.saturating_sub(1));
         self.good = run;
         if let Some(input) = input.get_mut(..data.len()) {
             input.copy_from_slice(data);
