@@ -83,6 +83,7 @@ fn profinet_controller(
     };
     let device = ArConfig {
         station_name: profinet.robot_station_name.clone(),
+        mac: None,
         address: addresses.robot,
         description,
         parameters: has_interface.then(Parameter::interface_adjust).into_iter().collect(),

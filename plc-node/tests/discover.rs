@@ -120,6 +120,7 @@ fn profinet_robot(interface: &Interface) -> Device {
         address: interface.address(),
         mask: MASK,
         description: PROFINET_ROBOT,
+        controllers: machine::Allowed::default(),
     };
     Device::new(config, clock::now())
 }

@@ -67,6 +67,7 @@ impl Segment {
                 address: Some(address(number)),
                 mask: MASK,
                 description: PROFINET_ROBOT,
+                controllers: machine::Allowed::default(),
             };
             (address(number), Box::new(Device::new(config, Instant::ZERO)))
         };

@@ -64,6 +64,7 @@ fn profinet_device(
         address,
         mask: addresses.mask,
         description: PROFINET_ROBOT,
+        controllers: machine::Allowed::default(),
     };
     Device::new(config, start)
 }

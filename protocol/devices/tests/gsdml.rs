@@ -144,6 +144,7 @@ fn bus(cycle: Duration, description: Description) -> Bus {
     };
     let wanted = ArConfig {
         station_name: "robot".into(),
+        mac: None,
         address: robot,
         description,
         parameters: vec![Parameter::interface_adjust()],
@@ -157,6 +158,7 @@ fn bus(cycle: Duration, description: Description) -> Bus {
         address: Some(robot),
         mask,
         description: ROBOT,
+        controllers: machine::Allowed::default(),
     };
     let links = [Impairment { delay: Duration::from_micros(5), ..Impairment::default() }; 2];
     let addresses = [Some(plc), Some(robot)];

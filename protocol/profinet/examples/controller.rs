@@ -72,6 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     })?;
     let device = ArConfig {
         station_name: name.clone(),
+        mac: None,
         address: device_address.parse()?,
         description: echo::DEVICE,
         parameters: Vec::new(),

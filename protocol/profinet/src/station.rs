@@ -9,12 +9,12 @@ use crate::dcp::{
 };
 use crate::description::Description;
 use machine::ethernet::{EthernetHeader, Mac};
-use machine::{Duration, Instant};
+use machine::{Duration, Instant, Requested};
 
 /// Largest number of blocks in one Set or Get; further ones are not answered.
 const MOST_BLOCKS: usize = 16;
 
-/// Largest number of waiting answers.
+/// Largest number of answers that are due at once, and of answers to Identify that wait for their delay.
 const MOST_REPLIES: usize = 8;
 
 /// Time for the owner to set an address on the interface. After it the requester has given up.
@@ -37,8 +37,9 @@ pub(super) struct Station {
     name: Vec<u8>,
     factory_name: Vec<u8>,
     ip: IpSuite,
-    replies: [Option<Reply>; MOST_REPLIES],
-    /// When the first one is due.
+    prompt: [Option<Reply>; MOST_REPLIES],
+    delayed: [Option<Reply>; MOST_REPLIES],
+    /// When the first of both is due.
     reply_due: Option<Instant>,
     setting: Option<Setting>,
 }
@@ -88,10 +89,19 @@ struct Setting {
 pub(super) struct Effect {
     /// The address that the owner must set on the interface.
     pub(super) address: Option<IpSuite>,
-    /// The station's name was changed.
-    pub(super) renamed: bool,
-    /// The station was reset.
-    pub(super) reset: bool,
+    /// The change that was refused since an AR runs.
+    pub(super) refused: Option<Requested>,
+}
+
+/// Whether the sender of a DCP PDU may change the station.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum MaySet {
+    /// It may.
+    Yes,
+    /// Nobody may: an AR runs.
+    InOperation,
+    /// Others may, but not this sender.
+    NotListed,
 }
 
 /// Why a DCP PDU was ignored.
@@ -126,7 +136,8 @@ impl Station {
             name: own,
             factory_name: name.to_vec(),
             ip,
-            replies: [None; MOST_REPLIES],
+            prompt: [None; MOST_REPLIES],
+            delayed: [None; MOST_REPLIES],
             reply_due: None,
             setting: None,
         }
@@ -146,6 +157,7 @@ impl Station {
         now: Instant,
         header: &EthernetHeader,
         payload: &[u8],
+        may_set: MaySet,
     ) -> Result<Effect, Refusal> {
         let pdu = Pdu::parse(payload).map_err(|_| Refusal::Malformed)?;
         let reply =
@@ -159,17 +171,17 @@ impl Station {
                     return Err(Refusal::Foreign);
                 }
                 let due = now + response_delay(self.mac, pdu.response_delay_factor);
-                self.queue(Reply { due, service: Service::IdentifyResponse, ..reply })?;
+                self.queue(now, Reply { due, service: Service::IdentifyResponse, ..reply })?;
                 Ok(Effect::default())
             }
             Service::GetRequest if header.destination == self.mac => {
                 let mut results = Results::NONE;
                 pdu.wanted().for_each(|code| results.push(code, self.get_error(code)));
-                self.queue(Reply { service: Service::GetResponse, results, ..reply })?;
+                self.queue(now, Reply { service: Service::GetResponse, results, ..reply })?;
                 Ok(Effect::default())
             }
             Service::SetRequest if header.destination == self.mac => {
-                self.set(now, &pdu, Reply { service: Service::SetResponse, ..reply })
+                self.set(now, &pdu, Reply { service: Service::SetResponse, ..reply }, may_set)
             }
             _ => Err(Refusal::Foreign),
         }
@@ -210,7 +222,13 @@ impl Station {
         }
     }
 
-    fn set(&mut self, now: Instant, pdu: &Pdu<'_>, mut reply: Reply) -> Result<Effect, Refusal> {
+    fn set(
+        &mut self,
+        now: Instant,
+        pdu: &Pdu<'_>,
+        mut reply: Reply,
+        may_set: MaySet,
+    ) -> Result<Effect, Refusal> {
         if self.setting.is_some_and(|setting| (setting.reply.xid, setting.reply.to) == (reply.xid, reply.to))
         {
             // A repetition of the Set in progress.
@@ -222,7 +240,11 @@ impl Station {
         }
         let mut effect = Effect::default();
         for block in pdu.blocks().flatten() {
+            let change = self.change(&block.content).filter(|_| may_set != MaySet::Yes);
+            effect.refused = effect.refused.or(change);
             let error = match block.content {
+                _ if change.is_some() && may_set == MaySet::InOperation => BlockError::InOperation,
+                _ if change.is_some() => BlockError::NotPossible,
                 _ if self.role == IO_CONTROLLER && matches!(block.code().0 >> 8, 1 | 2) => {
                     BlockError::NotPossible
                 }
@@ -238,13 +260,12 @@ impl Station {
                 }
                 Content::NameOfStation(name) if !is_station_name(name) => BlockError::SuboptionNotSet,
                 Content::NameOfStation(name) => {
-                    effect.renamed |= self.rename(name);
+                    self.rename(name);
                     BlockError::None
                 }
                 Content::FactoryReset | Content::ResetToFactory => {
-                    effect.reset = true;
                     let name = core::mem::take(&mut self.factory_name);
-                    effect.renamed |= self.rename(&name);
+                    self.rename(&name);
                     self.factory_name = name;
                     BlockError::None
                 }
@@ -256,18 +277,25 @@ impl Station {
         }
         match effect.address {
             Some(suite) => self.setting = Some(Setting { reply, suite, deadline: now + ADDRESS_TIME }),
-            None => self.queue(reply)?,
+            None => self.queue(now, reply)?,
         }
         Ok(effect)
     }
 
-    fn rename(&mut self, name: &[u8]) -> bool {
-        if self.name == name {
-            return false;
+    /// Returns the change that a block of a Set asks for, if the station would be another one afterwards: what it is found
+    /// and reached by.
+    fn change(&self, content: &Content<'_>) -> Option<Requested> {
+        match content {
+            Content::Ip(suite) if *suite != self.ip => Some(Requested::Address),
+            Content::NameOfStation(name) if *name != self.name => Some(Requested::Name),
+            Content::FactoryReset | Content::ResetToFactory => Some(Requested::Reset),
+            _ => None,
         }
+    }
+
+    fn rename(&mut self, name: &[u8]) {
         self.name.clear();
         self.name.extend_from_slice(name.get(..MAX_NAME_LEN).unwrap_or(name));
-        true
     }
 
     /// Reports whether the owner could set the address on the interface. Returns whether the address changed.
@@ -285,14 +313,20 @@ impl Station {
         }
         reply.due = now;
         // If there is no room for the answer, the controller asks again and is answered at once.
-        let _ = self.queue(reply);
+        let _ = self.queue(now, reply);
         done
     }
 
-    fn queue(&mut self, reply: Reply) -> Result<(), Refusal> {
-        let place = self.replies.iter_mut().find(|place| place.is_none()).ok_or(Refusal::Foreign)?;
-        *place = Some(reply);
-        self.reply_due = Instant::earlier(self.reply_due, Some(reply.due));
+    fn queue(&mut self, now: Instant, reply: Reply) -> Result<(), Refusal> {
+        let free = |places: &mut [Option<Reply>; MOST_REPLIES], reply: Reply| {
+            let place = places.iter_mut().find(|place| place.is_none())?;
+            *place = Some(reply);
+            Some(reply.due)
+        };
+        let delayed = if reply.due > now { free(&mut self.delayed, reply) } else { None };
+        // Without a place to wait in, the answer goes out at once: long delays must not silence the station.
+        let due = delayed.or_else(|| free(&mut self.prompt, Reply { due: now, ..reply }));
+        self.reply_due = Instant::earlier(self.reply_due, Some(due.ok_or(Refusal::Foreign)?));
         Ok(())
     }
 
@@ -310,9 +344,8 @@ impl Station {
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
         self.reply_due.filter(|due| *due <= now)?;
         let is_due = |reply: &Option<Reply>| reply.as_ref().is_some_and(|reply| reply.due <= now);
-        let index = self.replies.iter().position(is_due)?;
-        let reply = self.replies.get_mut(index)?.take()?;
-        self.reply_due = self.replies.iter().flatten().map(|reply| reply.due).min();
+        let reply = self.prompt.iter_mut().chain(&mut self.delayed).find(|reply| is_due(reply))?.take()?;
+        self.reply_due = self.prompt.iter().chain(&self.delayed).flatten().map(|reply| reply.due).min();
         let header =
             EthernetHeader { destination: reply.to, source: self.mac, tag: None, ether_type: ETHER_TYPE };
         let emitted = header.emit(buf, |writer| match reply.service {

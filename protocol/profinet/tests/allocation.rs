@@ -109,6 +109,7 @@ fn main() {
         let mut controller = Controller::new(config).expect("a valid configuration");
         let config = ArConfig {
             station_name: "device".into(),
+            mac: None,
             address: DEVICE,
             description: samples::DEVICE,
             parameters: vec![Parameter::interface_adjust()],
@@ -123,6 +124,7 @@ fn main() {
             address: None,
             mask: MASK,
             description: samples::DEVICE,
+            controllers: machine::Allowed::default(),
         };
         let mut cable = Cable {
             controller,

@@ -5,6 +5,7 @@
 extern crate alloc;
 
 mod clock;
+pub mod hostile;
 mod in_flight;
 mod link;
 mod network;

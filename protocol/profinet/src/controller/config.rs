@@ -35,6 +35,9 @@ pub struct ArConfig {
     pub station_name: String,
     /// IP address that the device is to have.
     pub address: Ipv4Addr,
+    /// MAC address of the device; `None` if any station of that name and identity may be it. With it, the answers of other
+    /// stations to DCP change nothing.
+    pub mac: Option<Mac>,
     /// The device: identity, modules, submodules.
     pub description: Description,
     /// Parameter records that the device gets before data are exchanged.

@@ -140,7 +140,7 @@ impl Controller {
             // Others look for this station, as an engineering system does.
             Ok(pdu) if pdu.service.is_request() => {
                 self.has_answers = true;
-                match self.station.handle_frame(now, header, payload) {
+                match self.station.handle_frame(now, header, payload, station::MaySet::Yes) {
                     Ok(_) => {}
                     Err(station::Refusal::Malformed) => self.counters.malformed += 1,
                     Err(station::Refusal::Foreign) => self.counters.foreign += 1,

@@ -1,6 +1,7 @@
-//! Stores answers, so that a repeated request gets the same answer and is not executed twice.
+//! Stores answers, so that a repeated request gets the same answer and is not executed twice. A caller is a station and
+//! its activity: a station that uses the activity of another is another caller.
 
-use core::net::SocketAddrV4;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::RPC_PORT;
 use crate::block::BlockWriter;
@@ -11,6 +12,15 @@ use machine::{Port, Transmit};
 
 /// Number of callers whose last answer is stored.
 const CALLERS: usize = 4;
+
+/// A request to be answered.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Call<'a> {
+    pub(super) request: &'a Header,
+    pub(super) from: SocketAddrV4,
+    /// Station whose newest answer no other station may displace.
+    pub(super) controller: Option<Ipv4Addr>,
+}
 
 /// The last answer to each of the most recent callers.
 #[derive(Debug)]
@@ -47,7 +57,7 @@ impl Answers {
 
     /// Looks up a request. If it was answered, queues the answer again, to the port that the request came from.
     pub(super) fn look_up(&mut self, request: &Header, from: SocketAddrV4) -> Known {
-        let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request)) else {
+        let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request, from)) else {
             return Known::New;
         };
         let Some(last) = answer.message.header() else { return Known::New };
@@ -69,8 +79,9 @@ impl Answers {
     /// Returns whether the call of a ping was answered, and queues its answer again.
     pub(super) fn look_up_ping(&mut self, ping: &Header, from: SocketAddrV4) -> bool {
         let mut callers = self.callers.iter_mut();
-        let answered =
-            |answer: &&mut Answer| answer.message.header().is_some_and(|last| last.is_same_call(ping));
+        let answered = |answer: &&mut Answer| {
+            answer.is_of(ping, from) && answer.message.header().is_some_and(|last| last.is_same_call(ping))
+        };
         callers.find(answered).is_some_and(|answer| {
             answer.to = Some(from);
             answer.message.repeat();
@@ -82,34 +93,41 @@ impl Answers {
     /// Answers a request with a status and blocks.
     pub(super) fn answer(
         &mut self,
-        request: &Header,
-        to: SocketAddrV4,
+        call: Call<'_>,
         maximum: u32,
         status: Status,
         blocks: impl FnOnce(&mut BlockWriter<'_>),
     ) -> Result<(), Overflow> {
-        self.answer_with(request, to, |body| ResponseArgs::emit(status, maximum, body, blocks))
+        self.answer_with(call, |body| ResponseArgs::emit(status, maximum, body, blocks))
     }
 
     /// Answers a request with a body.
     pub(super) fn answer_with(
         &mut self,
-        request: &Header,
-        to: SocketAddrV4,
+        Call { request, from, controller }: Call<'_>,
         body: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
     ) -> Result<(), Overflow> {
         self.uses += 1;
         self.pending = true;
-        let own = self.callers.iter().position(|answer| answer.is_of(request));
+        let own = self.callers.iter().position(|answer| answer.is_of(request, from));
+        let kept = controller.filter(|kept| kept != from.ip()).and_then(|kept| self.newest_of(kept));
         let oldest = || {
             let places = self.callers.iter().enumerate();
-            places.min_by_key(|(_, answer)| answer.last_use).map_or(0, |(index, _)| index)
+            let others = places.filter(|(index, _)| Some(*index) != kept);
+            others.min_by_key(|(_, answer)| answer.last_use).map_or(0, |(index, _)| index)
         };
         let index = own.unwrap_or_else(oldest);
         let Some(answer) = self.callers.get_mut(index) else { return Ok(()) };
         answer.last_use = self.uses;
-        answer.to = Some(to);
+        answer.to = Some(from);
         answer.message.set(request.answer(Kind::Response), body)
+    }
+
+    /// The place of the newest answer to a station.
+    fn newest_of(&self, station: Ipv4Addr) -> Option<usize> {
+        let places = self.callers.iter().enumerate();
+        let own = places.filter(|(_, answer)| answer.to.is_some_and(|to| *to.ip() == station));
+        own.max_by_key(|(_, answer)| answer.last_use).map(|(index, _)| index)
     }
 
     /// Writes the next datagram.
@@ -128,7 +146,8 @@ impl Answers {
 }
 
 impl Answer {
-    fn is_of(&self, request: &Header) -> bool {
-        self.message.header().is_some_and(|last| last.activity == request.activity)
+    fn is_of(&self, request: &Header, from: SocketAddrV4) -> bool {
+        self.to.is_some_and(|to| to.ip() == from.ip())
+            && self.message.header().is_some_and(|last| last.activity == request.activity)
     }
 }

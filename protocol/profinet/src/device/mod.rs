@@ -9,7 +9,9 @@
 //! UDP 34964 ───────── RPC ────────────────────── server, answers, records, admission
 //! ```
 //!
-//! One controller at a time. A second one is refused; the same one that starts anew takes its old AR's place.
+//! One controller at a time. A second one is refused; the same one that starts anew takes its old AR's place: it must
+//! have the IP address and the MAC address of the AR. While there is an AR, nobody else can end or change it, and name
+//! and addresses of the station stay as they are.
 
 mod admission;
 mod alarms;
@@ -17,6 +19,7 @@ mod answers;
 mod process_data;
 mod records;
 mod relation;
+mod requests;
 mod server;
 
 use alloc::collections::VecDeque;
@@ -26,19 +29,20 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use alarms::{AlarmReceived, Farewell};
 use answers::Answers;
 use relation::Relation;
+use requests::Requests;
 
 use super::RPC_PORT;
 use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
 use super::dcp::{self, IpSuite};
 use super::description::Description;
 use super::provided::{DataError, Provided};
-use super::rpc::{Header, Kind, Message, Reassembly, Received as Fragment, flags, rpc_status};
+use super::rpc::{Header, Kind, Message, Received as Fragment, flags, rpc_status};
 use super::rt::{Received, Transport, UDP_PORT};
-use super::station::{Effect, Refusal, Station};
+use super::station::{Effect, MaySet, Refusal, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
 use machine::ethernet::{EthernetHeader, Mac};
-use machine::{Counters, Down, DownCause, LinkEvent};
+use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Peer, Requested, Sender};
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
 
 /// Events that can wait for the owner; it drains them after every call, of which none makes as many.
@@ -57,12 +61,14 @@ pub struct DeviceConfig {
     pub mask: Ipv4Addr,
     /// What the device is.
     pub description: Description,
+    /// Controllers that may connect and, by DCP, set name and address.
+    pub controllers: Allowed,
 }
 
 /// An IO-Device.
 #[derive(Debug)]
 pub struct Device {
-    reassembly: Reassembly,
+    requests: Requests,
     core: Core,
 }
 
@@ -72,6 +78,7 @@ struct Core {
     mac: Mac,
     start: Instant,
     description: Description,
+    controllers: Allowed,
     station: Station,
     answers: Answers,
     reply: Option<Reply>,
@@ -82,6 +89,7 @@ struct Core {
     farewell: Option<Farewell>,
     inputs: Provided,
     events: VecDeque<LinkEvent>,
+    foreign: ForeignRequests,
     /// Without the cyclic frames of the present AR.
     counters: Counters,
     /// Whether anything but cyclic frames may wait to be sent: only since something else came or was due.
@@ -104,7 +112,7 @@ impl Device {
     /// A device that starts now. It takes its memory here; a Connect takes the memory of its AR; nothing else does.
     #[must_use]
     pub fn new(config: DeviceConfig, start: Instant) -> Self {
-        let DeviceConfig { mac, station_name, address, mask, description } = config;
+        let DeviceConfig { mac, station_name, address, mask, description, controllers } = config;
         let ip = address.map(|address| IpSuite { address, mask, gateway: address });
         let inputs = description.submodules();
         let inputs = inputs.map(|(slot, submodule)| (slot, submodule.subslot, submodule.input_len));
@@ -112,6 +120,7 @@ impl Device {
             mac,
             start,
             description,
+            controllers,
             station: Station::device(mac, description, &station_name, ip),
             answers: Answers::new(),
             reply: None,
@@ -122,10 +131,11 @@ impl Device {
             farewell: None,
             inputs: Provided::new(inputs),
             events: VecDeque::with_capacity(MOST_EVENTS),
+            foreign: ForeignRequests::default(),
             counters: Counters::default(),
             acyclic: false,
         };
-        Self { reassembly: Reassembly::new(), core }
+        Self { requests: Requests::new(), core }
     }
 
     /// The station name, which DCP may have changed.
@@ -146,7 +156,7 @@ impl Device {
                 core.counters.foreign += 1;
                 core.reply(&header, Kind::Reject, Some(rpc_status::UNKNOWN_INTERFACE), from);
             }
-            Kind::Request => match self.reassembly.take(&header, body) {
+            Kind::Request => match self.requests.take(*from.ip(), core.controller(), &header, body) {
                 Fragment::Whole(body) => core.handle_request(now, from, &header, body),
                 Fragment::Part if header.flags & flags::NO_FRAGMENT_ACK == 0 => {
                     core.reply(&header, Kind::FragmentAck, None, from);
@@ -160,7 +170,7 @@ impl Device {
                 }
             }
             Kind::Response if header.is_fragment() => core.counters.malformed += 1,
-            Kind::Response => core.handle_response(now, &header, body),
+            Kind::Response => core.handle_response(now, from, &header, body),
             // The controller is not ready to be called, or busy: the call is repeated in time.
             Kind::Working | Kind::NoCall | Kind::Reject | Kind::Fault | Kind::Ack | Kind::FragmentAck => {}
             Kind::Cancel | Kind::CancelAck | Kind::Unknown(_) => core.counters.foreign += 1,
@@ -185,8 +195,8 @@ impl Core {
         };
         if dcp::FRAME_IDS.contains(&frame_id) {
             self.acyclic = true;
-            match self.station.handle_frame(now, &header, payload) {
-                Ok(effect) => self.follow(effect),
+            match self.station.handle_frame(now, &header, payload, self.may_set(header.source)) {
+                Ok(effect) => self.follow(now, header.source, effect),
                 Err(Refusal::Malformed) => self.counters.malformed += 1,
                 Err(Refusal::Foreign) => self.counters.foreign += 1,
             }
@@ -198,6 +208,17 @@ impl Core {
             self.handle_rt(now, Transport::Rt1, frame_id, payload);
         } else {
             self.counters.foreign += 1;
+        }
+    }
+
+    /// What a station may change by DCP: nothing while an AR runs, or if it is not one of the listed controllers.
+    fn may_set(&self, source: Mac) -> MaySet {
+        if self.relation.is_some() {
+            MaySet::InOperation
+        } else if self.controllers.allows(Peer { mac: Some(source), ..Peer::default() }) {
+            MaySet::Yes
+        } else {
+            MaySet::NotListed
         }
     }
 
@@ -257,12 +278,11 @@ impl Core {
         }
     }
 
-    /// What DCP did to the station concerns the AR and the owner.
-    fn follow(&mut self, effect: Effect) {
-        if effect.reset {
-            self.abort(Violation::FactoryReset);
-        } else if effect.renamed {
-            self.abort(Violation::StationNameChanged);
+    /// Tells the owner what DCP did to the station, or was not allowed to.
+    fn follow(&mut self, now: Instant, from: Mac, effect: Effect) {
+        if let Some(what) = effect.refused {
+            self.counters.foreign += 1;
+            self.report_foreign(now, Sender::Mac(from), what);
         }
         if let Some(IpSuite { address, mask, gateway }) = effect.address {
             self.tell(LinkEvent::SetAddress { address, mask, gateway });
@@ -307,6 +327,13 @@ impl Core {
             counters.late += relation.receiver.late();
         }
         counters
+    }
+
+    /// Tells the owner of a request that was refused since it came from somebody else than the controller.
+    fn report_foreign(&mut self, now: Instant, from: Sender, what: Requested) {
+        if let Some(report) = self.foreign.refuse(now, from, what) {
+            self.tell(LinkEvent::Foreign(report));
+        }
     }
 
     fn tell(&mut self, event: LinkEvent) {

@@ -4,7 +4,7 @@
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::admit;
-use super::answers::Known;
+use super::answers::{Call, Known};
 use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
 use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
 use super::{Core, closed_by_peer};
@@ -21,8 +21,8 @@ use crate::rpc::{
 use crate::rt::UDP_PORT;
 use crate::status::{Service, Status, Violation};
 use crate::{RPC_PORT, Uuid};
-use machine::Instant;
 use machine::wire::{BigEndian, Overflow, Writer};
+use machine::{Instant, Peer, Requested, Sender};
 
 /// MaxAlarmDataLength of the device: the least there is.
 const MAX_ALARM_DATA: u16 = 200;
@@ -46,8 +46,9 @@ impl Core {
                 return;
             }
         }
+        let call = Call { request: header, from, controller: self.controller() };
         if header.interface == ENDPOINT_MAPPER_INTERFACE {
-            return self.handle_lookup(from, header, body);
+            return self.handle_lookup(call, body);
         }
         let operation = Operation::from(header.operation);
         let service = match operation {
@@ -66,7 +67,7 @@ impl Core {
             Ok(args) => args,
             Err(violation) => {
                 self.counters.malformed += 1;
-                let answered = self.answers.answer(header, from, 0, refusal(violation), |_| {});
+                let answered = self.answers.answer(call, 0, refusal(violation), |_| {});
                 return self.count_overflow(answered);
             }
         };
@@ -74,17 +75,17 @@ impl Core {
         let result = match operation {
             Operation::Connect => self
                 .connect(now, from, args.blocks)
-                .map(|response| self.answers.answer(header, from, maximum, Status::OK, |w| response.emit(w))),
+                .map(|response| self.answers.answer(call, maximum, Status::OK, |w| response.emit(w))),
             Operation::Release | Operation::Control => {
-                self.control(now, operation, args.blocks).map(|control| {
+                self.control(now, *from.ip(), operation, args.blocks).map(|control| {
                     let answered =
-                        self.answers.answer(header, from, maximum, Status::OK, |w| control.emit_response(w));
+                        self.answers.answer(call, maximum, Status::OK, |w| control.emit_response(w));
                     self.after_control(control.command);
                     answered
                 })
             }
-            Operation::Write => self.write(now, from, header, &args),
-            _ => self.read(from, header, &args),
+            Operation::Write => self.write(now, call, &args),
+            _ => self.read(now, call, &args),
         };
         let answered = result.unwrap_or_else(|violation| {
             match violation {
@@ -93,7 +94,7 @@ impl Core {
                 }
                 _ => self.counters.malformed += 1,
             }
-            self.answers.answer(header, from, maximum, refusal(violation), |_| {})
+            self.answers.answer(call, maximum, refusal(violation), |_| {})
         });
         self.count_overflow(answered);
     }
@@ -111,14 +112,25 @@ impl Core {
         from: SocketAddrV4,
         blocks: &[u8],
     ) -> Result<ConnectResponse, Violation> {
+        if self.is_foreign(*from.ip()) {
+            // Not even read: that would cost memory while the controller's data are exchanged.
+            self.refuse_foreign(now, *from.ip(), Requested::Connection);
+            return Err(Violation::OutOfArResources);
+        }
         let request = ConnectRequest::parse(blocks)?;
         let admission = admit(&request, &self.description)?;
         let ar = &request.ar;
+        let peer = Peer { address: Some(*from.ip()), mac: Some(ar.initiator_mac), serial_number: None };
+        if !self.controllers.allows(peer) {
+            self.refuse_foreign(now, *from.ip(), Requested::Connection);
+            return Err(Violation::InitiatorMac);
+        }
         if let Some(relation) = &self.relation {
             if (relation.uuid, relation.session) == (ar.uuid, ar.session) {
                 return Err(Violation::StateConflict);
             }
             if relation.initiator_mac != ar.initiator_mac {
+                self.refuse_foreign(now, *from.ip(), Requested::Connection);
                 return Err(Violation::OutOfArResources);
             }
             // The controller has started anew before it was missed.
@@ -156,12 +168,42 @@ impl Core {
         })
     }
 
-    /// The AR that a control block or record names.
-    fn relation_of(&mut self, uuid: Uuid, unknown: Violation) -> Result<&mut Relation, Violation> {
-        self.relation.as_mut().filter(|relation| relation.uuid == uuid).ok_or(unknown)
+    /// IP address of the controller that has the AR.
+    pub(super) fn controller(&self) -> Option<Ipv4Addr> {
+        self.relation.as_ref().map(|relation| relation.controller)
     }
 
-    fn control(&mut self, now: Instant, operation: Operation, blocks: &[u8]) -> Result<Control, Violation> {
+    /// Whether there is an AR, with another controller.
+    fn is_foreign(&self, from: Ipv4Addr) -> bool {
+        self.controller().is_some_and(|controller| controller != from)
+    }
+
+    /// The AR that a control block or record names. For any station but its controller there is no such AR.
+    fn relation_of(
+        &mut self,
+        now: Instant,
+        from: Ipv4Addr,
+        uuid: Uuid,
+        what: Requested,
+    ) -> Result<&mut Relation, Violation> {
+        if self.is_foreign(from) {
+            self.refuse_foreign(now, from, what);
+            return Err(Violation::ArUuidUnknown);
+        }
+        self.relation.as_mut().filter(|relation| relation.uuid == uuid).ok_or(Violation::ArUuidUnknown)
+    }
+
+    fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
+        self.report_foreign(now, Sender::Ip(from), what);
+    }
+
+    fn control(
+        &mut self,
+        now: Instant,
+        from: Ipv4Addr,
+        operation: Operation,
+        blocks: &[u8],
+    ) -> Result<Control, Violation> {
         let control = Control::parse_request(blocks)?;
         let belongs = match control.command {
             Command::Release => operation == Operation::Release,
@@ -171,7 +213,8 @@ impl Core {
         if !belongs {
             return Err(Violation::UnknownBlocks);
         }
-        let relation = self.relation_of(control.ar, Violation::ArUuidUnknown)?;
+        let what = if control.command == Command::Release { Requested::End } else { Requested::Step };
+        let relation = self.relation_of(now, from, control.ar, what)?;
         if relation.session != control.session {
             return Err(control.command.wrong_session());
         }
@@ -195,12 +238,11 @@ impl Core {
     fn write(
         &mut self,
         now: Instant,
-        from: SocketAddrV4,
-        header: &Header,
+        call: Call<'_>,
         args: &RequestArgs<'_>,
     ) -> Result<Result<(), Overflow>, Violation> {
         let write = WriteRequest::parse(&mut BlockReader::new(args.blocks))?;
-        self.relation_of(write.address.ar, Violation::ArUuidUnknown)?.step(now);
+        self.relation_of(now, *call.from.ip(), write.address.ar, Requested::Write)?.step(now);
         let status = if write.address.index == index::MULTIPLE_WRITE {
             for part in write.parts() {
                 if part?.address.index == index::MULTIPLE_WRITE {
@@ -212,20 +254,20 @@ impl Core {
             write_status(&self.description, &write)
         };
         let description = &self.description;
-        Ok(self.answers.answer(header, from, args.maximum, status, |w| {
+        Ok(self.answers.answer(call, args.maximum, status, |w| {
             emit_write_answer(description, &write, status, w);
         }))
     }
 
     fn read(
         &mut self,
-        from: SocketAddrV4,
-        header: &Header,
+        now: Instant,
+        call: Call<'_>,
         args: &RequestArgs<'_>,
     ) -> Result<Result<(), Overflow>, Violation> {
         let read = ReadRequest::parse(&mut BlockReader::new(args.blocks))?;
-        if Operation::from(header.operation) == Operation::Read {
-            self.relation_of(read.address.ar, Violation::ArUuidUnknown)?;
+        if Operation::from(call.request.operation) == Operation::Read {
+            self.relation_of(now, *call.from.ip(), read.address.ar, Requested::Read)?;
         }
         let mut record = [0; RECORD_CAPACITY];
         let found = records::read(&self.description, &read, &mut record);
@@ -234,23 +276,23 @@ impl Core {
             Err(violation) => (violation.status(Service::Read), 0),
         };
         let record = record.get(..len).unwrap_or_default();
-        Ok(self.answers.answer(header, from, args.maximum, status, |w| {
+        Ok(self.answers.answer(call, args.maximum, status, |w| {
             ReadResponse { address: read.address, record }.emit(w);
         }))
     }
 
-    fn handle_lookup(&mut self, from: SocketAddrV4, header: &Header, body: &[u8]) {
+    fn handle_lookup(&mut self, call: Call<'_>, body: &[u8]) {
+        let Call { request: header, from, .. } = call;
         let answered = match (header.operation, Lookup::parse(header, body)) {
             (LOOKUP, Ok(lookup)) => {
                 let object = object(1, self.description.identity);
                 let station_type = self.description.station_type.as_bytes();
                 let address: Ipv4Addr = self.station.ip().address;
-                self.answers.answer_with(header, from, |body| {
-                    lookup.answer(object, station_type, RPC_PORT, address, body)
-                })
+                self.answers
+                    .answer_with(call, |body| lookup.answer(object, station_type, RPC_PORT, address, body))
             }
             // The handle that comes back is nil: there was nothing to free.
-            (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(header, from, |body| {
+            (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(call, |body| {
                 let mut writer = Writer::<BigEndian>::new(body);
                 writer.zeros(24);
                 writer.finish()
@@ -292,7 +334,11 @@ impl Core {
     }
 
     /// Takes the controller's answer to ApplicationReady.
-    pub(super) fn handle_response(&mut self, now: Instant, header: &Header, body: &[u8]) {
+    pub(super) fn handle_response(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
+        if self.is_foreign(*from.ip()) {
+            self.counters.foreign += 1;
+            return self.refuse_foreign(now, *from.ip(), Requested::Step);
+        }
         let Some(relation) = &mut self.relation else {
             self.counters.foreign += 1;
             return;

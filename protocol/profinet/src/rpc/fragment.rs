@@ -129,6 +129,11 @@ impl Reassembly {
         Self { body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, call: None }
     }
 
+    /// Drops an unfinished call.
+    pub const fn clear(&mut self) {
+        self.call = None;
+    }
+
     /// Takes a PDU. One that is not a fragment is complete.
     pub fn take<'a>(&'a mut self, header: &Header, body: &'a [u8]) -> Received<'a> {
         if !header.is_fragment() {

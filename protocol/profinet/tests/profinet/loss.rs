@@ -105,6 +105,7 @@ impl Cell {
         .unwrap();
         let config = ArConfig {
             station_name: "device".into(),
+            mac: None,
             address: DEVICE,
             description: samples::DEVICE,
             parameters: vec![Parameter::interface_adjust()],
@@ -124,6 +125,7 @@ impl Cell {
             address,
             mask: MASK,
             description: self.description,
+            controllers: machine::Allowed::default(),
         };
         let mut device = Device::new(config, now);
         device.set_inputs(|_, _, data| data.fill(2));

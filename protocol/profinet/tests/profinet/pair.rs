@@ -61,6 +61,7 @@ fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
     .unwrap();
     let config = ArConfig {
         station_name: "sample-device".into(),
+        mac: None,
         address: DEVICE,
         description: samples::DEVICE,
         parameters: Vec::new(),
@@ -77,6 +78,7 @@ fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
             address: None,
             mask: MASK,
             description: samples::DEVICE,
+            controllers: machine::Allowed::default(),
         },
         Instant::from_nanos(clocks[1].offset_ns),
     );

@@ -75,6 +75,7 @@ struct Cell {
 fn ar(index: usize, transport: Transport) -> ArConfig {
     ArConfig {
         station_name: NAMES[index].into(),
+        mac: None,
         address: DEVICES[index],
         description: samples::DEVICE,
         parameters: Vec::new(),
@@ -109,6 +110,7 @@ impl Cell {
                 address: None,
                 mask: MASK,
                 description: samples::DEVICE,
+                controllers: machine::Allowed::default(),
             };
             let mac = config.mac;
             let mut device = Device::new(config, Instant::ZERO);

@@ -27,6 +27,8 @@ pub(super) struct Wanted {
     pub(super) name: Box<[u8]>,
     /// VendorID and DeviceID.
     pub(super) identity: (u16, u16),
+    /// MAC address, if it is known.
+    pub(super) mac: Option<Mac>,
     pub(super) address: IpSuite,
 }
 
@@ -73,6 +75,11 @@ impl Discovery {
         self.send = true;
     }
 
+    /// The station that answered to the name first.
+    pub(super) const fn device(&self) -> Option<Mac> {
+        self.device
+    }
+
     /// Whether a station answered to the name.
     pub(super) const fn has_found(&self) -> bool {
         self.device.is_some()
@@ -85,6 +92,9 @@ impl Discovery {
     }
 
     pub(super) fn handle(&mut self, now: Instant, from: Mac, pdu: &Pdu<'_>) -> Progress {
+        if self.wanted.mac.is_some_and(|mac| mac != from) {
+            return Progress::Foreign;
+        }
         match pdu.service {
             Service::IdentifyResponse if pdu.xid == self.xid => self.identified(now, from, pdu),
             Service::SetResponse if pdu.xid == self.xid.wrapping_add(1) => self.address_set(from, pdu),
@@ -211,7 +221,7 @@ mod tests {
     fn looking() -> Discovery {
         let name = Box::from(&b"robot"[..]);
         let mut discovery =
-            Discovery::new(Wanted { own_mac: OWN, name, identity: (0x0493, 2), address: ADDRESS });
+            Discovery::new(Wanted { own_mac: OWN, name, identity: (0x0493, 2), mac: None, address: ADDRESS });
         discovery.begin(Instant::ZERO, 100);
         discovery
     }

@@ -23,10 +23,11 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// The AR that the device granted, if its answer fits what was asked for.
+    /// The AR that the device granted, if its answer fits what was asked for. The MAC addresses are those of the controller
+    /// and of the station that was found.
     pub(super) fn new(
         now: Instant,
-        own: Mac,
+        (own, found): (Mac, Option<Mac>),
         config: &ArConfig,
         plan: &Plan,
         output: &Provided,
@@ -46,7 +47,8 @@ impl Link {
             }
         };
         let device = granted.ar.responder_mac;
-        if device.is_group() {
+        // The cyclic frames go to the station that was found, not to a third one that the answer names.
+        if device.is_group() || config.transport == Transport::Rt1 && found != Some(device) {
             return Err(unfit);
         }
         let route = match config.transport {

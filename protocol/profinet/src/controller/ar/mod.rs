@@ -131,6 +131,7 @@ impl Ar {
             own_mac: own.mac,
             name: config.station_name.as_bytes().into(),
             identity: (identity.vendor, identity.device),
+            mac: config.mac,
             address: IpSuite { address: config.address, mask: own.mask, gateway: config.address },
         });
         let outputs = config.description.submodules();

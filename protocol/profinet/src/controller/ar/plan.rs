@@ -189,6 +189,7 @@ mod tests {
         };
         let config = ArConfig {
             station_name: "rt-labs-dev".into(),
+            mac: None,
             address: Ipv4Addr::new(172, 16, 2, 10),
             description: samples::P_NET,
             parameters: Vec::new(),

@@ -35,23 +35,12 @@ impl Ar {
         self.acyclic = Acyclic::Active;
         match self.discovery.handle(now, from, pdu) {
             Progress::Found(_) if self.phase == Phase::Looking => self.connect(now),
-            // Once data go both ways, a second station of the name is no reason to stop.
-            Progress::Refused(refusal) if self.is_starting_up() => self.refuse(now, refusal),
-            Progress::Pending | Progress::Found(_) | Progress::Refused(_) => {}
-            Progress::Foreign => return false,
+            Progress::Refused(refusal) if self.phase == Phase::Looking => self.refuse(now, refusal),
+            Progress::Pending | Progress::Found(_) => {}
+            // Once the device is called, another station of its name is no reason to stop.
+            Progress::Refused(_) | Progress::Foreign => return false,
         }
         true
-    }
-
-    const fn is_starting_up(&self) -> bool {
-        match self.phase {
-            Phase::Looking
-            | Phase::Connecting
-            | Phase::Writing { .. }
-            | Phase::Ending { .. }
-            | Phase::Readying { .. } => true,
-            Phase::Stopped | Phase::Pausing { .. } | Phase::Exchanging | Phase::Releasing { .. } => false,
-        }
     }
 
     fn connect(&mut self, now: Instant) {
@@ -113,7 +102,8 @@ impl Ar {
     }
 
     fn connected(&mut self, now: Instant, granted: ConnectResponse) {
-        let link = match Link::new(now, self.own, &self.config, &self.plan, &self.output, &granted) {
+        let macs = (self.own, self.discovery.device());
+        let link = match Link::new(now, macs, &self.config, &self.plan, &self.output, &granted) {
             Ok(link) => link,
             Err(refusal) => return self.refuse(now, refusal),
         };

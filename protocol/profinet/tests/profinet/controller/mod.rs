@@ -36,6 +36,7 @@ fn controller() -> Controller {
 fn ar(transport: Transport) -> ArConfig {
     ArConfig {
         station_name: "device".into(),
+        mac: None,
         address: DEVICE_ADDRESS,
         description: samples::DEVICE,
         parameters: vec![Parameter { slot: 1, subslot: 1, index: 1, data: vec![1, 2, 3, 4] }],

@@ -17,6 +17,7 @@ fn p_net_with(address: Option<Ipv4Addr>) -> Rig {
         address,
         mask: MASK,
         description: samples::P_NET,
+        controllers: machine::Allowed::default(),
     };
     Rig::around(Device::new(config, Instant::ZERO))
 }

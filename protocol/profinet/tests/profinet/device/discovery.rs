@@ -108,22 +108,47 @@ fn a_name_is_set_if_it_is_one() {
 }
 
 #[test]
-fn a_new_name_or_address_ends_the_connection_and_the_same_one_does_not() {
-    let suite = |last| IpSuite { address: Ipv4Addr::new(192, 168, 64, last), mask: MASK, gateway: ADDRESS };
+fn while_a_connection_runs_name_and_address_stay_and_a_reset_is_refused_and_afterwards_they_can_be_set() {
+    let suite = |last| {
+        Content::Ip(IpSuite { address: Ipv4Addr::new(192, 168, 64, last), mask: MASK, gateway: ADDRESS })
+    };
+    let gateway = IpSuite { address: ADDRESS, mask: MASK, gateway: Ipv4Addr::new(192, 168, 64, 9) };
+    let changes = [
+        Content::NameOfStation(b"other"),
+        suite(3),
+        Content::Ip(gateway),
+        Content::FactoryReset,
+        Content::ResetToFactory,
+    ];
     let mut rig = Rig::connected(RtClass::Class1);
-    let sent = rig.receive(Port::Ethernet, &set([Content::NameOfStation(b"device"), Content::Ip(suite(2))]));
-    assert_eq!(results(&sent).len(), 2);
-    assert_eq!(rig.events(), []);
-    rig.receive(Port::Ethernet, &set([Content::Ip(suite(3))]));
+    for change in changes {
+        let sent = rig.receive(Port::Ethernet, &set([change]));
+        assert_eq!(results(&sent)[0].1, BlockError::InOperation, "{change:?}");
+    }
+    let same = set([Content::NameOfStation(b"device"), suite(2), Content::Signal(0x0100)]);
+    let errors: Vec<_> =
+        results(&rig.receive(Port::Ethernet, &same)).iter().map(|(_, error)| *error).collect();
+    assert_eq!(errors, [BlockError::None; 3], "what changes nothing is allowed");
+    let [LinkEvent::Foreign(report)] = rig.events()[..] else { panic!("one report for all") };
+    assert_eq!(report.what, machine::Requested::Name);
+    assert_eq!((rig.device.station_name(), rig.device.output(1, 1).is_some()), (&b"device"[..], true));
+
+    rig.control(Operation::Release, control(Command::Release));
+    rig.events();
+    assert_eq!(results(&rig.receive(Port::Ethernet, &set([changes[0]])))[0].1, BlockError::None);
+    assert_eq!(rig.device.station_name(), b"other");
+}
+
+#[test]
+fn an_address_that_was_being_set_when_the_controller_connected_ends_the_connection() {
+    let suite = IpSuite { address: Ipv4Addr::new(192, 168, 64, 3), mask: MASK, gateway: ADDRESS };
+    let mut rig = Rig::new();
+    rig.receive(Port::Ethernet, &set([Content::Ip(suite)]));
     assert_eq!(rig.events().len(), 1, "the owner is asked first");
+    rig.establish(&connect_request(RtClass::Class1, true));
     rig.device.address_set(rig.now, true);
     let [LinkEvent::Down(down)] = rig.events()[..] else { panic!("the connection is over") };
     assert_eq!(down.code, 0xCF81_FD25);
-
-    let mut rig = Rig::connected(RtClass::Class1);
-    rig.receive(Port::Ethernet, &set([Content::NameOfStation(b"other")]));
-    let [LinkEvent::Down(down)] = rig.events()[..] else { panic!("the connection is over") };
-    assert_eq!(down.code, 0xCF81_FD1F);
 }
 
 #[test]
@@ -163,12 +188,37 @@ fn signal_and_reset_are_answered_and_unknown_options_refused_one_by_one() {
 }
 
 #[test]
+fn identify_requests_with_the_longest_delay_keep_nobody_from_an_answer() {
+    let mut rig = Rig::new();
+    let slow = request(dcp::IDENTIFY_MULTICAST, |w| {
+        emit(w, Dcp::IdentifyRequest, 6, 6_400, [Content::All.into()]);
+    });
+    for _ in 0..8 {
+        assert!(rig.receive(Port::Ethernet, &slow).is_empty());
+    }
+    assert_eq!(
+        rig.receive(Port::Ethernet, &slow).len(),
+        1,
+        "without a place to wait in the answer goes out at once"
+    );
+    let get = request(MAC, |w| emit_get_request(w, 9, &[Code::NAME_OF_STATION]));
+    assert_eq!(rig.receive(Port::Ethernet, &get).len(), 1);
+    assert_eq!(
+        results(&rig.receive(Port::Ethernet, &set([Content::NameOfStation(b"a")])))[0].1,
+        BlockError::None
+    );
+    rig.receive(Port::Ethernet, &identify([Content::All]));
+    rig.advance(Duration::from_secs(64));
+    assert_eq!(rig.device.counters().foreign, 0, "every request is answered");
+}
+
+#[test]
 fn a_flood_of_requests_fills_the_queue_and_no_more() {
     let mut rig = Rig::new();
     let source = Source { port: Port::Ethernet, peer: None };
     for _ in 0..1_000 {
         rig.device.handle_frame(rig.now, source, &identify([Content::All]));
     }
+    assert_eq!(rig.device.counters().foreign, 992, "a driver drains after each frame");
     assert_eq!(rig.drain().len(), 8);
-    assert_eq!(rig.device.counters().foreign, 992);
 }

@@ -5,6 +5,7 @@ mod discovery;
 mod hostile;
 mod life;
 mod refusals;
+mod strangers;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -41,6 +42,7 @@ fn device() -> Device {
             address: Some(ADDRESS),
             mask: MASK,
             description: samples::DEVICE,
+            controllers: machine::Allowed::default(),
         },
         Instant::ZERO,
     )
@@ -196,7 +198,11 @@ impl Rig {
     }
 
     fn receive(&mut self, port: Port, frame: &[u8]) -> Sent {
-        let peer = (port != Port::Ethernet).then_some(CONTROLLER);
+        self.receive_from(CONTROLLER, port, frame)
+    }
+
+    fn receive_from(&mut self, peer: SocketAddrV4, port: Port, frame: &[u8]) -> Sent {
+        let peer = (port != Port::Ethernet).then_some(peer);
         self.device.handle_frame(self.now, Source { port, peer }, frame);
         self.drain()
     }
@@ -233,10 +239,19 @@ impl Rig {
 
     /// Makes a call; returns its status, the blocks of the answer, and what else is sent.
     fn call(&mut self, operation: Operation, blocks: &[u8]) -> (Status, Vec<u8>, Sent) {
+        self.call_from(CONTROLLER, operation, blocks)
+    }
+
+    fn call_from(
+        &mut self,
+        from: SocketAddrV4,
+        operation: Operation,
+        blocks: &[u8],
+    ) -> (Status, Vec<u8>, Sent) {
         let datagram = self.datagram(operation, blocks);
         self.sequence += 1;
-        let mut sent = self.receive(Port::Udp(RPC_PORT), &datagram);
-        let answer = sent.iter().position(|(transmit, _)| transmit.to == Some(CONTROLLER));
+        let mut sent = self.receive_from(from, Port::Udp(RPC_PORT), &datagram);
+        let answer = sent.iter().position(|(transmit, _)| transmit.to == Some(from));
         let (_, answer) = sent.remove(answer.expect("an answer"));
         let (header, body) = Header::parse(&answer).unwrap();
         let args = ResponseArgs::parse(&header, body).unwrap();

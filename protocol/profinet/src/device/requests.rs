@@ -1,0 +1,60 @@
+//! Puts fragmented requests together, those of each station apart: no station can spoil the request of another.
+
+use core::net::Ipv4Addr;
+
+use crate::rpc::{Header, Reassembly, Received};
+
+/// Stations whose requests can be unfinished at the same time.
+const STATIONS: usize = 4;
+
+/// Unfinished requests, one of a station.
+#[derive(Debug)]
+pub(super) struct Requests {
+    places: [Place; STATIONS],
+    uses: u64,
+}
+
+#[derive(Debug)]
+struct Place {
+    from: Option<Ipv4Addr>,
+    last_use: u64,
+    reassembly: Reassembly,
+}
+
+impl Requests {
+    /// Takes the memory of all places; nothing later allocates.
+    pub(super) fn new() -> Self {
+        let place = |_| Place { from: None, last_use: 0, reassembly: Reassembly::new() };
+        Self { places: core::array::from_fn(place), uses: 0 }
+    }
+
+    /// Takes a request or a fragment of one. A station without a place gets that of the station that was silent longest,
+    /// but never the place of the AR's controller.
+    pub(super) fn take<'a>(
+        &'a mut self,
+        from: Ipv4Addr,
+        controller: Option<Ipv4Addr>,
+        header: &Header,
+        body: &'a [u8],
+    ) -> Received<'a> {
+        if !header.is_fragment() {
+            return Received::Whole(body);
+        }
+        let own = self.places.iter().position(|place| place.from == Some(from));
+        let others = || {
+            let places = self.places.iter().enumerate();
+            let not_controllers =
+                places.filter(|(_, place)| place.from.is_none() || place.from != controller);
+            not_controllers.min_by_key(|(_, place)| place.last_use).map(|(index, _)| index)
+        };
+        let Some(place) = own.or_else(others).and_then(|index| self.places.get_mut(index)) else {
+            return Received::Refused;
+        };
+        self.uses += 1;
+        place.last_use = self.uses;
+        if place.from.replace(from) != Some(from) {
+            place.reassembly.clear();
+        }
+        place.reassembly.take(header, body)
+    }
+}
