@@ -58,6 +58,10 @@ pub struct UnknownExecutionType(pub String);
 pub enum PlcEvent {
     /// News of the connection.
     Link(LinkEvent),
+    /// The connection is up, but the robot marks its data as bad: the PLC has no image of it.
+    ImageBad,
+    /// The robot marks its data as good again.
+    ImageGood,
     /// The arm does not stand where a run starts and is moved there.
     MovingToStart,
     /// The robot is connected and ready, and the arm stands where a run starts: a run may start. Comes again after each run

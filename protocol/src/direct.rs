@@ -20,6 +20,7 @@ pub struct Direct {
     output: Image,
     input: Image,
     last_input: Option<Instant>,
+    is_input_bad: bool,
     send: bool,
     event: Option<LinkEvent>,
     counters: Counters,
@@ -39,6 +40,7 @@ impl Direct {
             output: [0; IMAGE_LEN],
             input: [0; IMAGE_LEN],
             last_input: None,
+            is_input_bad: false,
             send: false,
             event: None,
             counters: Counters {
@@ -51,6 +53,11 @@ impl Direct {
                 foreign: 0,
             },
         }
+    }
+
+    /// Treats the peer's images as if it marked them as bad, or no longer so.
+    pub const fn set_input_bad(&mut self, bad: bool) {
+        self.is_input_bad = bad;
     }
 
     /// Sends over UDP instead, so that it also works on a real cable.
@@ -117,7 +124,7 @@ impl Fieldbus for Direct {
     }
 
     fn input(&self) -> Option<Image> {
-        self.last_input.map(|_| self.input)
+        self.last_input.filter(|_| !self.is_input_bad).map(|_| self.input)
     }
 
     fn disconnect(&mut self, _now: Instant) {

@@ -46,6 +46,8 @@ pub struct PlcNode<B> {
     /// The arm could not be moved to the start the last time.
     start_not_reached: bool,
     connected: bool,
+    /// The owner was told that the robot marks its data as bad.
+    image_bad: bool,
     mode: Mode,
     readiness: Readiness,
     run: Run,
@@ -127,6 +129,7 @@ impl<B: Fieldbus> PlcNode<B> {
             start_position: StartPosition::new(config.to_start),
             start_not_reached: false,
             connected: false,
+            image_bad: false,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
             run: Run {
@@ -269,7 +272,12 @@ impl<B: Fieldbus> PlcNode<B> {
 
     /// Takes over the robot's image; none without a connection.
     fn read_inputs(&mut self) {
-        match self.bus.input().filter(|_| self.connected) {
+        let image = self.bus.input().filter(|_| self.connected);
+        let is_bad = self.connected && image.is_none();
+        if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.connected {
+            self.push(if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });
+        }
+        match image {
             Some(image) if self.inputs == image && self.group.feedback().is_some() => {
                 self.group.read_again();
             }
@@ -310,7 +318,7 @@ impl<B: Fieldbus> PlcNode<B> {
                     self.fail(FailureCause::ConnectionLost(down));
                     self.disarm();
                 }
-                LinkEvent::SetAddress { .. } => {}
+                LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
             }
         }
     }

@@ -10,6 +10,10 @@ use crate::{Execution, ExecutionType, OverrideError, OverrideSchedule, PlcEvent,
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlcMessage {
+    /// The connection is up, but the robot marks its data as bad.
+    ImageBad,
+    /// The robot marks its data as good again.
+    ImageGood,
     /// The arm does not stand where a run starts and is moved there.
     MovingToStart,
     /// The robot is connected and ready, and the arm where a run starts: a run may start.
@@ -40,6 +44,11 @@ pub enum PlcMessage {
 impl fmt::Display for PlcMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::ImageBad => f.write_str(
+                "the robot marks its data as bad, although the connection is up: look at its node, and whether it has \
+                 another controller",
+            ),
+            Self::ImageGood => f.write_str("the robot marks its data as good again"),
             Self::MovingToStart => f.write_str("moving the arm to the application's start"),
             Self::Ready => f.write_str("robot ready"),
             Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
@@ -115,6 +124,8 @@ impl From<PlcInstruction> for PlcOrder {
 pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
         PlcEvent::Link(_) => return None,
+        PlcEvent::ImageBad => PlcMessage::ImageBad,
+        PlcEvent::ImageGood => PlcMessage::ImageGood,
         PlcEvent::MovingToStart => PlcMessage::MovingToStart,
         PlcEvent::Ready => PlcMessage::Ready,
         PlcEvent::Started { execution_type, at } => {

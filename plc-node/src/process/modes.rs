@@ -78,6 +78,8 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for St
             PlcEvent::Ready => self.next(),
             PlcEvent::Failed(_) => Next::End(Outcome::RunFailed),
             PlcEvent::Link(_)
+            | PlcEvent::ImageBad
+            | PlcEvent::ImageGood
             | PlcEvent::MovingToStart
             | PlcEvent::Started { .. }
             | PlcEvent::Finished(_) => Next::Wait,

@@ -50,6 +50,27 @@ fn a_cut_cable_fails_the_run_when_the_watchdog_expires_and_mending_it_makes_the_
 }
 
 #[test]
+fn data_that_the_robot_marks_as_bad_are_reported_within_a_scan_whether_a_run_is_under_way_or_not() {
+    for runs in [false, true] {
+        let mut cell = ready_cell(Fault::None);
+        if runs {
+            start(&mut cell, Cm);
+        }
+        pause(&mut cell, Duration::from_millis(100));
+        cell.command_a(|plc, _| plc.bus_mut().set_input_bad(true));
+        let bad_at = cell.now();
+        wait_for(&mut cell, |event| (event == PlcEvent::ImageBad).then_some(()));
+        assert!(cell.now().since(bad_at) <= Duration::from_millis(1));
+        if runs {
+            assert_eq!(wait_for_failure(&mut cell).cause, FailureCause::NoImage);
+        }
+        cell.command_a(|plc, _| plc.bus_mut().set_input_bad(false));
+        wait_for(&mut cell, |event| (event == PlcEvent::ImageGood).then_some(()));
+        works_again(&mut cell);
+    }
+}
+
+#[test]
 fn a_killed_robot_fails_the_run() {
     let mut cell = ready_cell(Fault::None);
     start(&mut cell, Cm);

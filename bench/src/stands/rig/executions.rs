@@ -98,7 +98,9 @@ impl Rig {
                 PlcMessage::Started { execution_type, at_ns } if self.recording => {
                     self.traced.push(Window { execution_type, start_ns: at_ns, length_ns: None });
                 }
-                PlcMessage::MovingToStart
+                PlcMessage::ImageBad
+                | PlcMessage::ImageGood
+                | PlcMessage::MovingToStart
                 | PlcMessage::Ready
                 | PlcMessage::Started { .. }
                 | PlcMessage::Refused { .. } => {}

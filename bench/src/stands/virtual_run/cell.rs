@@ -220,7 +220,12 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                     return Ok(Measured { execution, quality: Some(self.quality) });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
-                PlcEvent::Link(_) | PlcEvent::MovingToStart | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+                PlcEvent::Link(_)
+                | PlcEvent::ImageBad
+                | PlcEvent::ImageGood
+                | PlcEvent::MovingToStart
+                | PlcEvent::Ready
+                | PlcEvent::Started { .. } => {}
             }
         }
         bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())

@@ -133,7 +133,12 @@ impl LongRun {
             match event {
                 PlcEvent::Finished(execution) => return Ok(Some(execution)),
                 PlcEvent::Failed(failure) => return Err(failure.into()),
-                PlcEvent::Link(_) | PlcEvent::MovingToStart | PlcEvent::Ready | PlcEvent::Started { .. } => {}
+                PlcEvent::Link(_)
+                | PlcEvent::ImageBad
+                | PlcEvent::ImageGood
+                | PlcEvent::MovingToStart
+                | PlcEvent::Ready
+                | PlcEvent::Started { .. } => {}
             }
         }
         let [sent, accepted] = self.digests().map(|digest| digest.mark());
