@@ -28,23 +28,23 @@ pub(crate) const MUTED: RGBColor = RGBColor(0x66, 0x64, 0x5F);
 /// Lines of a grid.
 pub(crate) const GRID: RGBColor = RGBColor(0xE4, 0xE2, 0xDB);
 /// Axes.
-const AXIS: RGBColor = RGBColor(0xB5, 0xB2, 0xA9);
+pub(crate) const AXIS: RGBColor = RGBColor(0xB5, 0xB2, 0xA9);
 /// Background of the figure.
 pub(crate) const PAPER: RGBColor = RGBColor(0xFF, 0xFF, 0xFE);
 
 /// Returns the colour of a type, the same in all figures.
 pub(crate) const fn colour(execution_type: ExecutionType) -> RGBColor {
     match execution_type {
-        ExecutionType::Rc => RGBColor(0x2A, 0x78, 0xD6),
-        ExecutionType::Sm => RGBColor(0xE0, 0x5A, 0x24),
-        ExecutionType::Cm => RGBColor(0x12, 0x8A, 0x63),
+        ExecutionType::Rc => RGBColor(0x1F, 0x6C, 0xC7),
+        ExecutionType::Sm => RGBColor(0xC4, 0x46, 0x1A),
+        ExecutionType::Cm => RGBColor(0x0E, 0x7A, 0x57),
     }
 }
 
 /// Format of the page.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Format {
-    /// A screen or paper: 960 pixels.
+    /// A screen or paper: 800 pixels.
     Wide,
     /// A phone: 360 pixels.
     Narrow,
@@ -54,7 +54,7 @@ impl Format {
     /// Width of a figure in pixels.
     pub(crate) const fn width(self) -> f64 {
         match self {
-            Self::Wide => 960.0,
+            Self::Wide => 800.0,
             Self::Narrow => 360.0,
         }
     }
@@ -174,6 +174,9 @@ pub(crate) struct Axes<'a> {
 }
 
 impl Axes<'_> {
+    /// Width in pixels right of the axes: half of a label is there.
+    pub(crate) const RIGHT: f64 = 20.0;
+
     /// Height in pixels of the labels below the horizontal axis.
     pub(crate) const fn below(has_title: bool) -> f64 {
         if has_title { 44.0 } else { 6.0 }
@@ -189,7 +192,7 @@ impl Axes<'_> {
         } else {
             builder.margin_bottom(below);
         }
-        builder.margin_right(px(10.0)).margin_top(px(6.0));
+        builder.margin_right(px(Self::RIGHT)).margin_top(px(6.0));
         let mut chart = builder.build_cartesian_2d(self.x.0..self.x.1, self.y.0..self.y.1)?;
         let small = format.pick(12.0, 11.0);
         let mut mesh = chart.configure_mesh();
