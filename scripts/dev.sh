@@ -114,10 +114,14 @@ browser() {
     command -v chromium || command -v chromium-browser || command -v google-chrome
 }
 
-verb_browser() { #: open reports in a headless Chromium, wide, on a phone and in print
+verb_browser() { #: open the pages in a headless Chromium: phone to desktop, light, dark and print; play the race
     CHROMIUM=$(browser) || { echo "there is no Chromium: scripts/dev.sh setup installs it" >&2; return 1; }
     export CHROMIUM
     cargo test --workspace --all-features --locked --test browser -- --ignored
+}
+
+verb_vendor() { #: make the libraries of the race page again from npm; fail where the committed ones differ
+    scripts/vendor.sh --check
 }
 
 # gate_profinet CAPTURE: prints the faults in a capture; fails if there are any, or if the capture is empty.
@@ -320,8 +324,8 @@ verb_bits() { #: prove that virtual runs are the same bytes whatever glibc picks
     mv "$out/runs" "$out/this"
     GLIBC_TUNABLES=$PLAIN_PROCESSOR virtual_runs "$out/runs"
     mv "$out/runs" "$out/plain"
-    # host.json and the report contain the time of the run.
-    diff --recursive --brief --exclude host.json --exclude report.html "$out/this" "$out/plain"
+    # host.json and the report contain the time of the run, the race its directory.
+    diff --recursive --brief --exclude host.json --exclude report.html --exclude race.html "$out/this" "$out/plain"
     compared=$(find "$out/this" -name results.json | wc -l)
     [ "$compared" -ge 12 ] || { cat "$out/this/"*.txt; return 1; }
     echo "$compared virtual runs are the same bytes with and without AVX and FMA: results, samples, traces, captures"
@@ -455,7 +459,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
 }
 
 verb_ci() { #: all of it but setup and timing
-    for verb in format lint modules purity test docs browser gate bits instructions wire user fresh examples interop demo; do
+    for verb in format lint modules purity test docs browser vendor gate bits instructions wire user fresh examples interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

@@ -194,6 +194,7 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
         [
             "application.toml",
             "host.json",
+            "race.html",
             "report.html",
             "results.json",
             "samples.csv",

@@ -9,8 +9,9 @@ use assert_cmd::Command;
 use bench::records::lateness::CycleLateness;
 use bench::records::results::{Results, Status};
 
-const SECTIONS: [&str; 10] =
-    ["table", "claims", "quality", "speed", "samples", "path", "queue", "lateness", "numbers", "host"];
+const SECTIONS: [&str; 11] = [
+    "table", "claims", "quality", "race", "speed", "samples", "path", "queue", "lateness", "numbers", "host",
+];
 
 struct Said {
     code: Option<i32>,
@@ -62,7 +63,7 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
     for id in SECTIONS {
         section(&html, id);
     }
-    for id in ["speed", "samples", "path", "queue"] {
+    for id in ["race", "speed", "samples", "path", "queue"] {
         assert_eq!(section(&html, id).matches("<svg").count(), 2, "{id}");
     }
     assert!(!html.contains("class=\"banner\""));
@@ -223,6 +224,18 @@ fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
     insta::assert_snapshot!(refused(), @"error: run/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
     std::fs::write(run.join("results.json"), "{\"schema_version\": 1").unwrap();
     insta::assert_snapshot!(refused(), @"error: run/results.json is no results file: EOF while parsing an object at line 1 column 20");
+}
+
+#[test]
+fn a_report_links_to_the_race_beside_it_and_names_it_from_elsewhere() {
+    let directory = a_run();
+    assert!(directory.path().join("run/race.html").is_file());
+    assert!(section(&report(directory.path()), "race").contains("href=\"race.html\""));
+    let said = bench(directory.path(), &["report", "run", "--out", "elsewhere.html"]);
+    assert_eq!((said.code, said.stdout.trim()), (Some(0), "elsewhere.html"), "{}", said.stderr);
+    let html = std::fs::read_to_string(directory.path().join("elsewhere.html")).unwrap();
+    let race = section(&html, "race");
+    assert!(race.contains("<svg") && !race.contains("href") && race.contains("in the run's directory"));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! table      the printed table; quality is its second part, screen lays both out
 //! verdicts   how far a run is from the paper, and which of its claims it supports
 //! progress   the live view
-//! report     report.html of a run, and comparisons of runs; html has what all pages share
+//! report     report.html and race.html of a run, and comparisons of runs; html has what all pages share
 //! export     the results in formats of other programs
 //! timeline   a trace for Perfetto
 //! playback   a trace for Foxglove and Rerun, if it is built in

@@ -8,6 +8,7 @@
 //! results.json      the results so far, replaced as a whole
 //! trace-*.csv       both nodes tick by tick in the first repetition of each type
 //! report.html       the report
+//! race.html         the three arms side by side
 //! ```
 
 use std::fs::{self, File, OpenOptions};

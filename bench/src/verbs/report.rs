@@ -15,23 +15,34 @@ pub struct ReportOptions {
     /// The run directory.
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// Write the report to this file [default: RUN/report.html].
+    /// Write the report to this file alone [default: RUN/report.html, and RUN/race.html].
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
 
-/// Draws a run's report again and prints its path.
+/// Draws a run's report and its race again and prints the path of the report; with `--out` the report alone.
 ///
 /// # Errors
 ///
 /// There is no run, it has another version, or the report cannot be written; the old report is then kept.
 pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
-    let path = options.out.clone().unwrap_or_else(|| options.run.join(report::FILE));
-    let html = report::render(&options.run)?;
-    replace(&path, &html, Durability::Synced)
-        .map_err(|error| error.context("the run is as it was; name a file that can be written by --out"))?;
+    let path = match &options.out {
+        None => report::write(&options.run).map_err(as_it_was)?.report,
+        Some(path) => {
+            let html = report::render(&options.run)?;
+            replace(path, &html, Durability::Synced).map_err(|error| as_it_was(error.into()))?;
+            path.clone()
+        }
+    };
     outln!("{}", path.display());
     Ok(Exit::Pass)
+}
+
+/// Says what to do about a page that cannot be written.
+fn as_it_was(failure: Failure) -> Failure {
+    let Failure { exit, error } = failure;
+    let what_to_do = "the run is as it was; name a file that can be written by --out";
+    Failure { exit, error: if exit == Exit::Usage { error } else { error.context(what_to_do) } }
 }
 
 /// Options of a comparison.

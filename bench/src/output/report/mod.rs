@@ -1,10 +1,12 @@
-//! The report of a run: one file without scripts and without anything from elsewhere, to read, print and send.
+//! The pages of a run: its report, to read, print and send, and the race, which moves. Each is one file without anything
+//! from elsewhere; the report has no scripts.
 //!
 //! ```text
 //! run        what a run directory holds
 //! page       the report's words and tables, for page.html
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! └─ numbers                                  what the setup says, and from where
+//! race       race.html, and the picture of it in the report
 //! compare    several runs beside each other
 //! ```
 
@@ -14,6 +16,7 @@ mod numbers;
 mod page;
 mod path;
 mod queue;
+mod race;
 mod run;
 mod samples;
 mod speed;
@@ -29,22 +32,42 @@ use run::Run;
 /// The report's name in the run directory.
 pub const FILE: &str = "report.html";
 
-/// Writes the report of a run into its directory and returns its path.
+/// The pages of a run directory.
+#[derive(Debug)]
+pub struct Pages {
+    /// The report.
+    pub report: PathBuf,
+    /// The race.
+    pub race: PathBuf,
+}
+
+/// Writes the pages of a run into its directory and returns their paths.
 ///
 /// # Errors
 ///
-/// The same as for [`render`], or the report cannot be written.
-pub fn write(directory: &Path) -> Result<PathBuf, Failure> {
-    let path = directory.join(FILE);
-    replace(&path, render(directory)?, Durability::Synced)?;
-    Ok(path)
+/// There is no run, it has another version, or a page cannot be written; what was there is then kept.
+pub fn write(directory: &Path) -> Result<Pages, Failure> {
+    let run = Run::load(directory)?;
+    let pages = Pages { report: directory.join(FILE), race: directory.join(race::FILE) };
+    replace(&pages.report, &page::render(&run, RaceIs::Beside)?, Durability::Synced)?;
+    replace(&pages.race, &race::render(&run)?, Durability::Synced)?;
+    Ok(pages)
 }
 
-/// Returns the report of a run as HTML.
+/// Returns the report of a run as HTML, for another place than its directory.
 ///
 /// # Errors
 ///
 /// There is no run, or it has another version.
 pub fn render(directory: &Path) -> Result<String, Failure> {
-    Ok(page::render(&Run::load(directory)?)?)
+    Ok(page::render(&Run::load(directory)?, RaceIs::Elsewhere)?)
+}
+
+/// Where the race is, as seen from the report.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum RaceIs {
+    /// In the same directory, so that the report links to it.
+    Beside,
+    /// In the run's directory, and the report in another.
+    Elsewhere,
 }

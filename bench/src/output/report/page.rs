@@ -3,8 +3,9 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use super::race::{self, Race};
 use super::run::Run;
-use super::{lateness, numbers, path, queue, samples, speed};
+use super::{RaceIs, lateness, numbers, path, queue, samples, speed};
 use crate::output::html::chart::{colour, short};
 use crate::output::html::document::fill;
 use crate::output::html::figure::Figure;
@@ -14,7 +15,6 @@ use crate::output::verdicts;
 use crate::records::calibrated::{self, SKILL_OVERHEAD};
 use crate::records::ratio::Ratio;
 use crate::records::results::{PaperFigure, Results, Status};
-use crate::records::schedule::repetitions;
 use crate::records::statistics::aet_improvement;
 use crate::records::trace::Trace;
 
@@ -48,6 +48,9 @@ struct Page {
     quality_columns: [[&'static str; 2]; quality::COLUMNS.len()],
     quality_legend: [&'static str; quality::LEGEND.len()],
     quality_summary: Option<String>,
+    race: Option<RaceStill>,
+    /// Why there is no race, and what would make one.
+    no_race: Option<String>,
     speed: Option<Figure>,
     samples: Option<Figure>,
     path: Option<Figure>,
@@ -100,15 +103,36 @@ struct QualityRow {
     cells: [String; quality::COLUMNS.len()],
 }
 
+/// The picture of the race.
+#[derive(Serialize)]
+struct RaceStill {
+    figure: Option<Figure>,
+    result: String,
+    /// What opens the page, at the moment of the picture; none where the page is not beside the report.
+    link: Option<String>,
+    file: &'static str,
+}
+
+impl RaceStill {
+    fn of(race: &Race, is: RaceIs) -> anyhow::Result<Self> {
+        let figure = Figure::draw("The arms at the moment at which the first of them is done", |format| {
+            race.still(format).map(Some)
+        })?;
+        let link = (is == RaceIs::Beside).then(|| race::FILE.to_owned());
+        Ok(Self { figure, result: race.result(), link, file: race::FILE })
+    }
+}
+
 const NONE: &str = "–";
 
 /// Returns the report as HTML.
-pub(super) fn render(run: &Run) -> anyhow::Result<String> {
-    fill(TEMPLATE, &page(run)?)
+pub(super) fn render(run: &Run, race: RaceIs) -> anyhow::Result<String> {
+    fill(TEMPLATE, &page(run, race)?)
 }
 
-fn page(run: &Run) -> anyhow::Result<Page> {
+fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
     let results = &run.results;
+    let race = Race::of(run);
     let trace = run.trace.as_ref();
     let traced = |draw: &dyn Fn(&Trace) -> anyhow::Result<Option<String>>| match trace {
         Some(trace) => draw(trace),
@@ -117,14 +141,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
     Ok(Page {
         name: run.name(),
         title: results.title.clone(),
-        subtitle: format!(
-            "Setup {} · {} · {} mode · {} of each type · {}",
-            results.setup,
-            results.application,
-            results.mode,
-            repetitions(results.reps),
-            results.seed_and_override(" · ")
-        ),
+        subtitle: run.about(),
         made: made(run),
         banner: banner(results),
         summary: summary(results),
@@ -155,6 +172,8 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         quality_columns: quality::COLUMNS,
         quality_legend: quality::LEGEND,
         quality_summary: quality::summary(results),
+        no_race: race.as_ref().err().cloned(),
+        race: race.ok().map(|race| RaceStill::of(&race, race_is)).transpose()?,
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
             traced(&|trace| speed::draw(trace, format))
         })?,
@@ -178,14 +197,7 @@ fn page(run: &Run) -> anyhow::Result<Page> {
         failures: failures(results),
         missing: run.missing.clone(),
         cut_off: trace.and_then(Trace::cut_off),
-        no_trace: if results.mode == "real" {
-            format!(
-                "Not recorded: the nodes left no trace. bench --mode virtual --setup {} draws it in virtual time.",
-                run.directory.join("setup.toml").display()
-            )
-        } else {
-            "Not recorded: this run has no trace.".to_owned()
-        },
+        no_trace: run.no_trace(),
     })
 }
 

@@ -61,7 +61,7 @@ pub(super) fn draw(
     if points.is_empty() {
         return Ok(None);
     }
-    let inner = format.width() - format.margin() - 10.0;
+    let inner = format.width() - format.margin() - Axes::RIGHT;
     let ends = |axis: usize| {
         let values = || points.iter().filter_map(|point| point.get(axis).copied());
         let (low, high) =

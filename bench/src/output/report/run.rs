@@ -9,6 +9,7 @@ use setup::Setup;
 use crate::output::exit::{Exit, Failure};
 use crate::records::results::Results;
 use crate::records::run_directory;
+use crate::records::schedule::repetitions;
 use crate::records::trace::{Trace, tables};
 
 /// Everything of a run that its report shows.
@@ -63,6 +64,39 @@ impl Run {
     pub(super) fn name(&self) -> String {
         let name = self.directory.file_name().or_else(|| self.directory.parent()?.file_name());
         name.map_or_else(|| self.directory.display().to_string(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// Returns its conditions in a line.
+    pub(super) fn about(&self) -> String {
+        let results = &self.results;
+        format!(
+            "Setup {} · {} · {} mode · {} of each type · {}",
+            results.setup,
+            results.application,
+            results.mode,
+            repetitions(results.reps),
+            results.seed_and_override(" · ")
+        )
+    }
+
+    /// Returns why there is no recording, and what would make one.
+    pub(super) fn no_trace(&self) -> String {
+        let setup = self.directory.join("setup.toml");
+        let setup = setup.display();
+        if self.results.attached.is_some() {
+            format!(
+                "Not recorded: nodes that ran already leave no trace. bench --mode virtual --setup {setup} records \
+                 the same cell in virtual time, and bench --setup {setup} on nodes that it starts."
+            )
+        } else if self.results.mode == "real" {
+            format!(
+                "Not recorded: the nodes left no trace. bench --mode virtual --setup {setup} draws it in virtual time."
+            )
+        } else {
+            format!(
+                "Not recorded: this run has no trace. bench --mode virtual --setup {setup} records it again."
+            )
+        }
     }
 
     /// Returns a value of `host.json` as text.

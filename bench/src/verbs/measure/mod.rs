@@ -22,7 +22,7 @@ use crate::output::exit::{Exit, Failure};
 #[cfg(feature = "mcap")]
 use crate::output::playback;
 use crate::output::progress::Progress;
-use crate::output::report;
+use crate::output::report::{self, Pages};
 use crate::output::table;
 use crate::output::timeline;
 use crate::records::faults;
@@ -104,7 +104,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     } else {
         outln!("  Saved in {shown}.");
         match report::write(&directory) {
-            Ok(path) => outln!("  Report: {}.", path.display()),
+            Ok(Pages { report, race }) => {
+                outln!("  Report: {}.", report.display());
+                outln!("  Race: {}, the three arms side by side.", race.display());
+            }
             Err(Failure { error, .. }) => errln!(
                 "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
             ),

@@ -1,0 +1,192 @@
+//! `race.html`: the first repetitions of RC, SM and CM side by side on one clock, three arms in 3D, with their speed and
+//! their slots.
+//!
+//! ```text
+//! chain    the arm as it is drawn
+//! lane     what is shown of a recording
+//! cell     what stands around the arm
+//! still    the picture in the report that opens the page
+//! *.js     the page's own scripts: recording, scene (three.js), curves (uPlot), race
+//! ```
+//!
+//! The page is one file: it includes its data, its scripts and two libraries, which `scripts/vendor.sh` makes.
+
+mod cell;
+mod chain;
+mod lane;
+pub(super) mod still;
+
+use minijinja::Value;
+use plc_node::ExecutionType;
+use robot_node::RobotConfig;
+use serde::Serialize;
+
+use super::run::Run;
+use crate::output::html::chart::short;
+use crate::output::html::document::fill;
+use cell::Cell;
+use chain::Chain;
+use lane::{Lane, UNITS, Units};
+
+/// The page, in the run directory.
+pub(super) const FILE: &str = "race.html";
+
+const TEMPLATE: &str = include_str!("race.html");
+const STYLE: &str = include_str!("race.css");
+/// In the order in which they need each other.
+const SCRIPTS: [&str; 6] = [
+    include_str!("../../../../vendor/three.min.js"),
+    include_str!("../../../../vendor/uplot.min.js"),
+    include_str!("recording.js"),
+    include_str!("scene.js"),
+    include_str!("curves.js"),
+    include_str!("race.js"),
+];
+const LIBRARY_STYLE: &str = include_str!("../../../../vendor/uplot.min.css");
+
+/// What the page moves: the arm, what stands around it, and the recordings.
+#[derive(Serialize)]
+pub(super) struct Race {
+    arm: Chain,
+    cell: Cell,
+    lanes: Vec<Lane>,
+    units: Units,
+    /// Interpolation cycle of the robot, in ms.
+    cycle_ms: f64,
+    #[serde(skip)]
+    joints: Vec<Vec<(f64, [f32; 6])>>,
+}
+
+#[derive(Serialize)]
+struct Page<'a> {
+    name: String,
+    title: &'a str,
+    about: String,
+    result: Option<String>,
+    cut_off: Option<String>,
+    absent: Option<String>,
+    lanes: Vec<Summary>,
+    cycle_ms: Option<String>,
+    style: Value,
+    scripts: Vec<Value>,
+    data: Value,
+}
+
+/// A type's row of the table, and its texts.
+#[derive(Serialize)]
+struct Summary {
+    key: String,
+    name: String,
+    how: &'static str,
+    /// In s.
+    end: String,
+    still: usize,
+    /// In s.
+    still_s: String,
+    fastest: String,
+    motions: u32,
+}
+
+impl Race {
+    /// Returns what a run's recordings show, or why they show nothing and what would do.
+    pub(super) fn of(run: &Run) -> Result<Self, String> {
+        let Some(trace) = &run.trace else { return Err(run.no_trace()) };
+        let (Some(setup), Some(application)) = (&run.setup, &run.application) else {
+            return Err("The setup of this run cannot be read, so there is no arm to draw: see Missing in its report.".to_owned());
+        };
+        let robot =
+            RobotConfig::from_setup(setup).map_err(|error| format!("The setup describes no arm: {error}"))?;
+        let plan = planning::plan(application, setup)
+            .map_err(|error| format!("The application cannot be planned on this setup: {error}"))?;
+        let motions = plan.wire_motions(setup);
+        let frame = |frames: &[Option<robot_node::arm::Frame>; 16], number: Option<u8>| {
+            number
+                .and_then(|number| *frames.get(usize::from(number))?)
+                .unwrap_or(robot_node::arm::Frame::IDENTITY)
+        };
+        let tool = frame(&robot.tools, motions.first().map(|motion| motion.tool));
+        let base = frame(&robot.bases, Some(application.base));
+        let axes = robot.arm.axes();
+        let of_type = |of: ExecutionType| Some((of, trace.types.get(of)?));
+        let recordings: Vec<_> = ExecutionType::ALL.into_iter().filter_map(of_type).collect();
+        let lanes: Vec<_> =
+            recordings.iter().filter_map(|(of, recording)| Lane::of(*of, recording, axes)).collect();
+        if lanes.is_empty() {
+            return Err(run.no_trace());
+        }
+        let joints = recordings.iter().map(|(_, recording)| {
+            let ticks = recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0);
+            ticks.map(|tick| (tick.at_ms, tick.joints)).collect::<Vec<_>>()
+        });
+        Ok(Self {
+            arm: Chain::of(setup, &tool),
+            cell: Cell::of(application, &base, &motions),
+            joints: joints.filter(|joints| !joints.is_empty()).collect(),
+            lanes,
+            units: UNITS,
+            cycle_ms: f64::from(setup.robot.cycle_us.value) / 1e3,
+        })
+    }
+
+    /// Returns how the race ends, as recorded.
+    pub(super) fn result(&self) -> String {
+        let ends = self.lanes.iter().map(|lane| match (lane.is_cut_off, lane.end_ms / 1e3) {
+            (true, end_s) => format!("{} is not done after {end_s:.0}\u{a0}s", lane.name),
+            (false, end_s) => format!("{} takes {end_s:.2}\u{a0}s", lane.name),
+        });
+        let still = self.lanes.iter().map(|lane| match (lane.still_ms.len(), lane.total_still_ms() / 1e3) {
+            (0, _) => format!("{} never", lane.name),
+            (1, for_s) => format!("{} once for {for_s:.2}\u{a0}s", lane.name),
+            (times, for_s) => format!("{} {times}\u{a0}times for {for_s:.2}\u{a0}s together", lane.name),
+        });
+        let (ends, still) = (ends.collect::<Vec<_>>().join(", "), still.collect::<Vec<_>>().join(", "));
+        format!("The first repetitions: {ends}. Standing still between two motions: {still}.")
+    }
+
+    fn summaries(&self) -> Vec<Summary> {
+        let summary = |lane: &Lane| Summary {
+            key: lane.key.clone(),
+            name: lane.name.clone(),
+            how: lane.how,
+            end: match (lane.is_cut_off, lane.end_ms / 1e3) {
+                (true, end_s) => format!("over {end_s:.0}"),
+                (false, end_s) => format!("{end_s:.2}"),
+            },
+            still: lane.still_ms.len(),
+            still_s: format!("{:.2}", lane.total_still_ms() / 1e3),
+            fastest: format!("{:.0}", lane.fastest_mm_s),
+            motions: lane.done.last().map_or(0, |(_, done)| *done),
+        };
+        self.lanes.iter().map(summary).collect()
+    }
+}
+
+/// Returns the page. A run without recordings has one as well, which says what would record it.
+pub(super) fn render(run: &Run) -> anyhow::Result<String> {
+    let race = Race::of(run);
+    let absent = race.as_ref().err().cloned();
+    let race = race.ok();
+    let scripts = || SCRIPTS.iter().map(|script| Value::from_safe_string((*script).to_owned())).collect();
+    let page = Page {
+        name: run.name(),
+        title: &run.results.title,
+        about: run.about(),
+        result: race.as_ref().map(Race::result),
+        cut_off: run
+            .trace
+            .as_ref()
+            .filter(|_| race.is_some())
+            .and_then(crate::records::trace::Trace::cut_off),
+        absent,
+        lanes: race.as_ref().map(Race::summaries).unwrap_or_default(),
+        cycle_ms: race.as_ref().map(|race| short(&race.cycle_ms)),
+        style: Value::from_safe_string(format!("{LIBRARY_STYLE}\n{STYLE}")),
+        scripts: race.as_ref().map(|_| scripts()).unwrap_or_default(),
+        data: match &race {
+            // Within a script element only `<` could end it.
+            Some(race) => Value::from_safe_string(serde_json::to_string(race)?.replace('<', "\\u003c")),
+            None => Value::from(()),
+        },
+    };
+    fill(TEMPLATE, &page)
+}

@@ -1,0 +1,92 @@
+//! The pages in a headless Chromium: laid out on every screen, readable, and the race moves. `scripts/dev.sh browser` runs
+//! these tests with a Chromium.
+
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+mod devtools;
+mod race;
+
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use devtools::{Browser, Graphics, Screen};
+use serde_json::json;
+
+/// Script that returns what is wrong with the layout of a page.
+const LAYOUT: &str = include_str!("layout.js");
+
+fn bench(directory: &Path, arguments: &[&str]) {
+    let ended = Command::cargo_bin("bench").unwrap().current_dir(directory).args(arguments).output().unwrap();
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+}
+
+/// A virtual run of a setup; returns the path of its report.
+fn run(directory: &Path, setup: &str) -> PathBuf {
+    bench(directory, &["--setup", setup, "--mode", "virtual", "--reps", "3", "--quiet", "--out", setup]);
+    directory.join(setup).join("report.html")
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn a_report_is_laid_out_on_every_screen_with_all_of_its_sections() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut browser = Browser::new(Graphics::None);
+    for setup in ["A", "B"] {
+        let page = run(directory.path(), setup);
+        for screen in Screen::all() {
+            browser.open(&page, "", screen);
+            assert_eq!(browser.eval(LAYOUT), json!([]), "{setup} {screen:?}");
+            let seen = browser.eval(
+                "[...document.querySelectorAll('section')].filter(e => e.offsetHeight > 0).map(e => e.id)",
+            );
+            for id in ["table", "race", "speed", "samples", "path", "queue", "lateness", "numbers", "host"] {
+                assert!(
+                    seen.as_array().unwrap().contains(&json!(id)),
+                    "{setup} {screen:?}: no {id} in {seen}"
+                );
+            }
+            assert!(browser.console().is_empty(), "{:?}", browser.console());
+        }
+        let printed = browser.call("Page.printToPDF", json!({}));
+        assert!(printed["data"].as_str().unwrap().starts_with("JVBERi"), "that is %PDF- in base64");
+    }
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn a_comparison_of_runs_is_laid_out_on_every_screen() {
+    let directory = tempfile::tempdir().unwrap();
+    for setup in ["A", "B"] {
+        run(directory.path(), setup);
+    }
+    bench(directory.path(), &["compare", "A", "B", "--html", "compared.html"]);
+    let mut browser = Browser::new(Graphics::None);
+    for screen in Screen::all() {
+        browser.open(&directory.path().join("compared.html"), "", screen);
+        assert_eq!(browser.eval(LAYOUT), json!([]), "{screen:?}");
+        assert_eq!(browser.eval("document.querySelectorAll('svg').length > 0"), true);
+    }
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn the_probe_finds_each_fault_of_a_page() {
+    let directory = tempfile::tempdir().unwrap();
+    let page = directory.path().join("bad.html");
+    let bad = [
+        ("outside", "<section style='width:3000px'>wide</section>"),
+        ("clipped:", "<p style='width:40px; overflow:hidden; white-space:nowrap'>a long line of text</p>"),
+        ("clipped label", "<svg width='50' height='20'><text x='30' y='15'>a label</text></svg>"),
+        ("overlap", "<p>one</p><p style='margin-top:-2.2em'>another</p>"),
+        ("contrast", "<p style='color:#aaa'>pale</p>"),
+        ("small", "<p style='font-size:6px'>tiny</p>"),
+    ];
+    let mut browser = Browser::new(Graphics::None);
+    for (fault, body) in bad {
+        std::fs::write(&page, format!("<!doctype html><html lang='en'><body>{body}</body></html>")).unwrap();
+        browser.open(&page, "", Screen::wide(390));
+        let found = browser.eval(LAYOUT);
+        let is_found = found.as_array().unwrap().iter().any(|line| line.as_str().unwrap().starts_with(fault));
+        assert!(is_found, "{fault}: {found}");
+    }
+}
