@@ -134,6 +134,7 @@ fn ethernet_ip_robot(interface: &Interface) -> Adapter {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: interface.mac().0,
         first_id: 1,
+        originators: machine::Allowed::default(),
     };
     Adapter::new(config)
 }

@@ -80,6 +80,7 @@ impl Segment {
                 gateway: Ipv4Addr::UNSPECIFIED,
                 mac: [2, 0, 0, 0, 2, number],
                 first_id: 1,
+                originators: machine::Allowed::default(),
             };
             (address(number), Box::new(Adapter::new(config)))
         };

@@ -79,5 +79,6 @@ fn ethernet_ip_adapter(addresses: &Addresses, mac: Mac, seed: u64) -> Adapter {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: mac.0,
         first_id: seed as u32,
+        originators: machine::Allowed::default(),
     })
 }

@@ -103,6 +103,7 @@ impl Asked {
             gateway: Ipv4Addr::UNSPECIFIED,
             mac: [2, 0, 0, 0, 0, 2],
             first_id: 1,
+            originators: machine::Allowed::default(),
         });
         let peer = SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, 1), 50_000);
         adapter.handle_stream(Instant::ZERO, STREAM, StreamChange::Accepted(peer));

@@ -52,6 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         mac: interface.mac().0,
         // Frames of a connection from before a restart are not taken for those of a new one.
         first_id: clock::now().as_nanos() as u32,
+        originators: machine::Allowed::default(),
     });
     let mut driver = Driver::new(adapter, interface, Notifier::new()?)?;
     println!("{address} waits for a scanner");

@@ -97,6 +97,7 @@ mod tests {
             gateway: Ipv4Addr::UNSPECIFIED,
             mac: [2, 0, 0, 0, 0, 2],
             first_id: 1,
+            originators: machine::Allowed::default(),
         });
         let mut buf = [0; 512];
         let len = emit_question(&mut buf, 500).unwrap();

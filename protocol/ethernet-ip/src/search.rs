@@ -11,6 +11,9 @@ use crate::ENCAPSULATION_PORT;
 use crate::description::Identity;
 use crate::discovery::{Found, emit_question};
 
+/// Devices that one address may have: one, or some that share it by mistake. One host must not fill the list.
+const MOST_OF_ONE_HOST: usize = 8;
+
 /// Who searches, over which addresses, and for how long.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SearchConfig {
@@ -111,7 +114,13 @@ impl Machine for Search {
         };
         let (address, product_name) = (*peer.ip(), product_name.into());
         let device = FoundDevice { address, listens_at, identity, status, product_name, state };
-        self.answers.keep(device, FoundDevice::is_same);
+        let of_host = self.answers.devices().iter().filter(|found| found.address == address);
+        let is_known = of_host.clone().any(|found| found.is_same(&device));
+        if is_known || of_host.count() < MOST_OF_ONE_HOST {
+            self.answers.keep(device, FoundDevice::is_same);
+        } else {
+            self.answers.ignore();
+        }
     }
 
     fn handle_timeout(&mut self, now: Instant) {

@@ -53,6 +53,7 @@ fn ten_thousand_cycles_and_a_request_in_each_allocate_nothing() {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: [2, 0, 0, 0, 0, 2],
         first_id: 1,
+        originators: machine::Allowed::default(),
     });
     let mut buf = vec![0; FRAME_CAPACITY];
     let (stream, viewer) = (StreamId(1), StreamId(2));

@@ -43,6 +43,7 @@ impl Adapter {
                 gateway: Ipv4Addr::UNSPECIFIED,
                 mac: interface.mac().0,
                 first_id: 1,
+                originators: machine::Allowed::default(),
             })
         };
         let thread = cable.robot.run(|interface| start(adapter(&interface), interface, Serve))?;

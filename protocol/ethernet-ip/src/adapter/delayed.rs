@@ -10,9 +10,12 @@ use rand_pcg::Pcg64Mcg;
 use crate::encapsulation::Header;
 use machine::{Duration, Instant};
 
-/// Largest number of waiting requests. Further requests are not answered: the requester repeats them, or they are a
-/// flood.
+/// Largest number of waiting requests. Where they are more, the one that would wait longest is answered at once: long
+/// delays must not silence the device.
 const ROOM: usize = 8;
+
+/// Largest number of waiting requests of one host; it gets no more answers than that.
+const OF_ONE_HOST: usize = 2;
 
 /// Longest delay in ms if the request leaves it to the device.
 const DEFAULT_MS: u16 = 2_000;
@@ -38,7 +41,7 @@ pub(super) struct Delayed {
 impl Delayed {
     /// Creates an empty list. Devices with different seeds wait for different times.
     pub(super) fn new(seed: u64) -> Self {
-        Self { waiting: Vec::with_capacity(ROOM), random: Pcg64Mcg::seed_from_u64(seed) }
+        Self { waiting: Vec::with_capacity(ROOM + 1), random: Pcg64Mcg::seed_from_u64(seed) }
     }
 
     /// Adds a request. The first two bytes of its context are MaxResponseDelay, in ms.
@@ -48,10 +51,17 @@ impl Delayed {
             0 => DEFAULT_MS,
             longest => longest.max(LEAST_MS),
         };
-        if self.waiting.len() < ROOM {
-            let longest_ns = u64::from(longest) * 1_000_000;
-            let delay = Duration::from_nanos(self.random.next_u64() % (longest_ns + 1));
-            self.waiting.push(Waiting { due: now + delay, peer, header });
+        let own = self.waiting.iter().filter(|waiting| waiting.peer.ip() == peer.ip()).count();
+        if own >= OF_ONE_HOST || self.waiting.len() > ROOM {
+            return;
+        }
+        let longest_ns = u64::from(longest) * 1_000_000;
+        let delay = Duration::from_nanos(self.random.next_u64() % (longest_ns + 1));
+        self.waiting.push(Waiting { due: now + delay, peer, header });
+        if self.waiting.len() > ROOM
+            && let Some(last) = self.waiting.iter_mut().max_by_key(|waiting| waiting.due)
+        {
+            last.due = now;
         }
     }
 

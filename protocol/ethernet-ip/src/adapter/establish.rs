@@ -13,7 +13,7 @@ use crate::connection::{
     sequence,
 };
 use crate::description::{Assembly, Role};
-use machine::{Cycle, Duration};
+use machine::{Cycle, Duration, Peer};
 
 /// The longest packet interval of a class 3 connection, in µs: its timeout is at most 512 times that.
 const MAX_EXPLICIT_RPI_US: u32 = 100_000_000;
@@ -42,7 +42,16 @@ impl State {
             return Err(Violation::NotConfigured);
         }
         let null = (o_t.kind == ConnectionType::Null, t_o.kind == ConnectionType::Null);
-        let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
+        let peer = Peer {
+            address: Some(*context.peer.ip()),
+            mac: None,
+            serial_number: Some(triad.originator_serial),
+        };
+        if !self.originators.allows(peer) {
+            return Err(Violation::OriginatorNotListed);
+        }
+        let host = *context.peer.ip();
+        let known = self.io.find_of(host, &triad).is_some() || self.explicit.find_of(host, &triad).is_some();
         if known && null != (true, true) {
             return Err(Violation::DuplicateForwardOpen);
         }
@@ -136,7 +145,7 @@ impl State {
             sends: true,
         };
         if t_o.kind == ConnectionType::Multicast {
-            self.share_multicast(context, &mut producer)?;
+            self.share_multicast(context, points.kind, &mut producer)?;
         }
         let o_t_id = self.fresh_id();
         let connection = IoConnection {
@@ -214,35 +223,27 @@ impl State {
         }
     }
 
-    /// Lets a connection take part in the multicast, which it must fit if it runs already.
-    fn share_multicast(&mut self, context: &mut Context, producer: &mut Producer) -> Result<(), Violation> {
+    /// Lets a connection take part in a multicast that runs, if it fits. The owner of the outputs gets a multicast of its
+    /// own where it does not: whoever listened first must not choose for it.
+    fn share_multicast(
+        &mut self,
+        context: &mut Context,
+        kind: Kind,
+        producer: &mut Producer,
+    ) -> Result<(), Violation> {
         if !self.device.network.is_local(*context.peer.ip()) {
             return Err(Violation::OffSubnetMulticast);
         }
-        if let Some(running) = self.io.multicast() {
-            if running.assembly != producer.assembly {
-                return Err(Violation::ProducingPath);
+        let fitting = self.io.multicasts().find(|running| fits(producer, running).is_ok()).copied();
+        let refused = self.io.multicasts().find_map(|running| fits(producer, running).err());
+        match (fitting, refused) {
+            (Some(running), _) => *producer = Producer { sends: false, ..running },
+            (None, Some(violation)) if kind != Kind::ExclusiveOwner => return Err(violation),
+            (None, _) => {
+                let index = u32::from(refused.is_some());
+                producer.id = self.fresh_id();
+                producer.to = SocketAddrV4::new(self.device.network.multicast(index), IO_PORT);
             }
-            if running.parameters.size != producer.parameters.size {
-                return Err(Violation::MulticastSize);
-            }
-            if running.parameters.priority != producer.parameters.priority {
-                return Err(Violation::MulticastPriority);
-            }
-            if running.trigger != producer.trigger {
-                return Err(Violation::MulticastTrigger);
-            }
-            if running.inhibit.time() != producer.inhibit.time() {
-                return Err(Violation::MulticastInhibit);
-            }
-            // Who wants it more often than it comes cannot be served; who wants it less often gets it as it comes.
-            if running.cycle.period() > producer.cycle.period() {
-                return Err(Violation::RpiNotSupported);
-            }
-            *producer = Producer { sends: false, ..*running };
-        } else {
-            producer.id = self.fresh_id();
-            producer.to = SocketAddrV4::new(self.device.network.multicast(), IO_PORT);
         }
         context.reply_socket_t_o = Some(producer.to);
         Ok(())
@@ -288,12 +289,13 @@ impl State {
         if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
             return Err(Violation::RpiNotSupported);
         }
-        if self.explicit.is_full() {
+        if self.explicit.is_full_for(*context.peer.ip()) {
             return Err(Violation::OutOfConnections);
         }
         let o_t_id = self.fresh_id();
         self.explicit.add(ExplicitConnection {
             triad,
+            host: *context.peer.ip(),
             stream: context.stream,
             o_t_id,
             t_o_id,
@@ -303,6 +305,30 @@ impl State {
         });
         Ok(Opened { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us: t_o_rpi_us })
     }
+}
+
+/// Checks that a connection can take part in a multicast that runs.
+fn fits(wanted: &Producer, running: &Producer) -> Result<(), Violation> {
+    if running.assembly != wanted.assembly {
+        return Err(Violation::ProducingPath);
+    }
+    if running.parameters.size != wanted.parameters.size {
+        return Err(Violation::MulticastSize);
+    }
+    if running.parameters.priority != wanted.parameters.priority {
+        return Err(Violation::MulticastPriority);
+    }
+    if running.trigger != wanted.trigger {
+        return Err(Violation::MulticastTrigger);
+    }
+    if running.inhibit.time() != wanted.inhibit.time() {
+        return Err(Violation::MulticastInhibit);
+    }
+    // Who wants it more often than it comes cannot be served; who wants it less often gets it as it comes.
+    if running.cycle.period() > wanted.cycle.period() {
+        return Err(Violation::RpiNotSupported);
+    }
+    Ok(())
 }
 
 fn check_io_parameters(points: &Points, o_t: Parameters, t_o: Parameters) -> Result<(), Violation> {

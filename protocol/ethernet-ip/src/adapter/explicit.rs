@@ -2,6 +2,7 @@
 
 use alloc::boxed::Box;
 use alloc::vec;
+use core::net::Ipv4Addr;
 
 use crate::connection::{Triad, Watchdog};
 use machine::{Instant, StreamId};
@@ -13,6 +14,8 @@ pub(super) const MAX_SIZE: u16 = 1_504;
 #[derive(Debug)]
 pub(super) struct ExplicitConnection {
     pub(super) triad: Triad,
+    /// The host that opened it.
+    pub(super) host: Ipv4Addr,
     /// The TCP connection over which it was opened, and which carries it.
     pub(super) stream: StreamId,
     pub(super) o_t_id: u32,
@@ -57,12 +60,24 @@ impl ExplicitConnections {
         self.open
     }
 
-    pub(super) fn is_full(&self) -> bool {
-        self.len() == self.slots.len()
+    /// Whether a host gets no further connection: all places are taken, or by this host all but one, which is for others.
+    pub(super) fn is_full_for(&self, host: Ipv4Addr) -> bool {
+        let own = self.open().filter(|connection| connection.host == host).count();
+        self.len() == self.slots.len() || self.slots.len() > 1 && own + 1 >= self.slots.len()
+    }
+
+    /// Whether a connection is carried by this TCP connection.
+    pub(super) fn carries(&self, stream: StreamId) -> bool {
+        self.open().any(|connection| connection.stream == stream)
     }
 
     pub(super) fn find(&self, triad: &Triad) -> Option<&ExplicitConnection> {
         self.open().find(|connection| connection.triad == *triad)
+    }
+
+    /// The connection of a host by its triad.
+    pub(super) fn find_of(&self, host: Ipv4Addr, triad: &Triad) -> Option<&ExplicitConnection> {
+        self.open().find(|connection| connection.host == host && connection.triad == *triad)
     }
 
     pub(super) fn uses_id(&self, id: u32) -> bool {
@@ -77,8 +92,9 @@ impl ExplicitConnections {
         }
     }
 
-    pub(super) fn remove(&mut self, triad: &Triad) {
-        self.keep(|connection| connection.triad != *triad);
+    /// Ends the connection of this triad on this TCP connection. Returns whether there was one.
+    pub(super) fn remove(&mut self, stream: StreamId, triad: &Triad) -> bool {
+        self.keep(|connection| connection.triad != *triad || connection.stream != stream) > 0
     }
 
     pub(super) fn retain(&mut self, alive: impl Fn(StreamId) -> bool) {

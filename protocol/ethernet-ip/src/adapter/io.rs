@@ -145,14 +145,25 @@ impl IoConnections {
         self.open.iter().find(|connection| connection.triad == *triad)
     }
 
+    /// The connection of a host by its triad. Two hosts may use one triad: whoever hears it cannot take it away.
+    pub(super) fn find_of(&self, host: Ipv4Addr, triad: &Triad) -> Option<&IoConnection> {
+        self.open.iter().find(|connection| connection.originator == host && connection.triad == *triad)
+    }
+
+    /// The host of the owner of the outputs.
+    pub(super) fn owner(&self) -> Option<Ipv4Addr> {
+        let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
+        owner.map(|owner| owner.originator)
+    }
+
     pub(super) fn uses_id(&self, id: u32) -> bool {
         self.open.iter().any(|connection| connection.o_t_id == id || connection.producer.id == id)
     }
 
-    /// The producer of the multicast, if one is running.
-    pub(super) fn multicast(&self) -> Option<&Producer> {
+    /// The producers of the multicasts that are running.
+    pub(super) fn multicasts(&self) -> impl Iterator<Item = &Producer> {
         let producers = self.open.iter().map(|connection| &connection.producer);
-        producers.into_iter().find(|producer| producer.to.ip().is_multicast() && producer.sends)
+        producers.filter(|producer| producer.to.ip().is_multicast() && producer.sends)
     }
 
     pub(super) fn add(&mut self, connection: IoConnection) {
@@ -217,9 +228,10 @@ impl IoConnections {
         Some(self.remove_at(index))
     }
 
-    /// Ends a connection, and those that live by it. Returns its kind.
-    pub(super) fn remove(&mut self, triad: &Triad) -> Option<Kind> {
-        let index = self.open.iter().position(|connection| connection.triad == *triad)?;
+    /// Ends a connection of a host, and those that live by it. Returns its kind.
+    pub(super) fn remove(&mut self, host: Ipv4Addr, triad: &Triad) -> Option<Kind> {
+        let is_it = |connection: &IoConnection| connection.originator == host && connection.triad == *triad;
+        let index = self.open.iter().position(is_it)?;
         Some(self.remove_at(index))
     }
 

@@ -26,11 +26,11 @@ use super::description::{Assembly, Description, Role};
 use super::encapsulation::{Command, HEADER_LEN, Header, MAX_MESSAGE_LEN};
 use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
-use machine::{Counters, DownCause, LinkEvent};
+use machine::{Allowed, Counters, DownCause, LinkEvent, Peer, Requested};
 use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 /// What an adapter must be told.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug)]
 pub struct AdapterConfig {
     /// What the device is.
     pub description: &'static Description,
@@ -47,6 +47,9 @@ pub struct AdapterConfig {
     /// Where connection numbers and session handles begin; best another one at each start, so that frames of a
     /// connection from before are not taken for those of a new one.
     pub first_id: u32,
+    /// Originators that may connect: the address is that of the host, the serial number that of the Forward_Open. Others get
+    /// no TCP connection or no connection.
+    pub originators: Allowed,
 }
 
 /// An EtherNet/IP adapter.
@@ -65,10 +68,11 @@ impl Adapter {
     /// An adapter that waits for scanners.
     #[must_use]
     pub fn new(config: AdapterConfig) -> Self {
-        let AdapterConfig { description, serial_number, address, mask, gateway, mac, first_id } = config;
+        let AdapterConfig { description, serial_number, address, mask, gateway, mac, first_id, originators } =
+            config;
         let device = Device::new(description, serial_number, Network::new(address, mask, gateway, mac));
         Self {
-            state: State::new(device, first_id),
+            state: State::new(device, first_id, originators),
             sessions: Sessions::new(description.sessions.into(), first_id),
             datagram: vec![0; MAX_MESSAGE_LEN].into_boxed_slice(),
             waiting: None,
@@ -127,7 +131,7 @@ impl Machine for Adapter {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         match change {
-            StreamChange::Accepted(peer) => self.sessions.open(now, stream, peer),
+            StreamChange::Accepted(peer) => self.accept(now, stream, peer),
             StreamChange::Closed => self.sessions.closed(stream),
             StreamChange::Connected(_) | StreamChange::NotConnected(_) => {}
         }
@@ -195,6 +199,17 @@ impl Machine for Adapter {
 }
 
 impl Adapter {
+    /// Gives a client a place, if it may have one.
+    fn accept(&mut self, now: Instant, stream: StreamId, peer: SocketAddrV4) {
+        let address = *peer.ip();
+        if !self.state.originators.allows(Peer { address: Some(address), ..Peer::default() }) {
+            self.state.refuse_foreign(now, address, Requested::Connection);
+            return self.sessions.turn_away(stream);
+        }
+        let Self { state, sessions, .. } = self;
+        sessions.open(now, stream, peer, state.io.owner(), |stream| state.explicit.carries(stream));
+    }
+
     /// Class 3 connections end with the TCP connection that carries them.
     fn drop_orphans(&mut self) {
         let sessions = &self.sessions;

@@ -5,7 +5,7 @@ use crate::cip::{General, Path, PathError, Request, Segment, Violation, answer, 
 use crate::connection::{CloseRequest, Closed, OpenRequest, Refused};
 use crate::objects::{multiple_service, serve};
 use crate::{Reader, Writer, objects};
-use machine::{Down, DownCause};
+use machine::{Down, DownCause, Requested};
 
 /// Largest nesting of services: Unconnected_Send, Multiple_Service, and one service.
 const MAX_DEPTH: u8 = 2;
@@ -39,21 +39,51 @@ impl State {
                 service::LARGE_FORWARD_OPEN => self.forward_open(context, data, service, reply),
                 service::FORWARD_CLOSE => self.forward_close(context, data, reply),
                 service::UNCONNECTED_SEND => self.unconnected_send(context, data, reply),
-                _ => self.serve(&request, target, reply),
+                _ => self.serve(context, &request, target, reply),
             },
-            _ => self.serve(&request, target, reply),
+            _ => self.serve(context, &request, target, reply),
         }
     }
 
-    fn serve(&mut self, request: &Request<'_>, target: crate::cip::Target, reply: &mut [u8]) -> usize {
-        answer(reply, request.service, |writer| {
-            serve(&mut self.device, target, request.service, request.data, writer)
-        })
+    fn serve(
+        &mut self,
+        context: &Context,
+        request: &Request<'_>,
+        target: crate::cip::Target,
+        reply: &mut [u8],
+    ) -> usize {
+        let host = *context.peer.ip();
+        let is_foreign = self.io.owner().is_some_and(|owner| owner != host);
+        self.device.locked = is_foreign;
+        let mut is_refused = false;
+        let len = answer(reply, request.service, |writer| {
+            let served = serve(&mut self.device, target, request.service, request.data, writer);
+            is_refused = matches!(served, Err(Violation::InUse | Violation::NotSettable));
+            served
+        });
+        if is_refused && is_foreign {
+            let is_reset = request.service == service::RESET;
+            self.refuse_foreign(
+                context.now,
+                host,
+                if is_reset { Requested::Reset } else { Requested::Write },
+            );
+        }
+        len
     }
 
     fn forward_open(&mut self, context: &mut Context, data: &[u8], service: u8, reply: &mut [u8]) -> usize {
         let large = service == service::LARGE_FORWARD_OPEN;
         let result = OpenRequest::parse(data, large).and_then(|request| self.open(context, &request));
+        let host = *context.peer.ip();
+        let is_foreign = match result {
+            Err(Violation::OutputsOwned) => self.io.owner() != Some(host),
+            Err(Violation::OriginatorNotListed) => true,
+            _ => false,
+        };
+        if is_foreign {
+            self.refuse_foreign(context.now, host, Requested::Connection);
+        }
         self.device.manager.opened(result.err());
         match result {
             Ok(opened) => answer(reply, service, |writer| {
@@ -82,24 +112,25 @@ impl State {
 
     fn close(&mut self, context: &Context, request: &CloseRequest<'_>) -> Result<Closed, Violation> {
         let CloseRequest { triad, path } = *request;
-        if let Some(connection) = self.io.find(&triad) {
-            if connection.originator != *context.peer.ip() {
-                return Err(Violation::ForeignOriginator);
-            }
+        let host = *context.peer.ip();
+        if let Some(connection) = self.io.find_of(host, &triad) {
             let points = path.application().map_err(|_| Violation::ForwardClosePath)?.points;
             if !path.0.is_empty() && !same_points(points, connection.points) {
                 return Err(Violation::ForwardClosePath);
             }
-            self.io.remove(&triad);
+            self.io.remove(host, &triad);
             let down = Down { cause: DownCause::ClosedByPeer, code: 0, text: "by a Forward_Close" };
             self.follow_owner(Some(down));
             return Ok(Closed { triad });
         }
-        let connection = self.explicit.find(&triad).ok_or(Violation::ConnectionNotFound)?;
-        if connection.stream != context.stream {
+        if !self.explicit.remove(context.stream, &triad) {
+            let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
+            if !known {
+                return Err(Violation::ConnectionNotFound);
+            }
+            self.refuse_foreign(context.now, host, Requested::End);
             return Err(Violation::ForeignOriginator);
         }
-        self.explicit.remove(&triad);
         Ok(Closed { triad })
     }
 

@@ -2,7 +2,7 @@
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
-use core::net::SocketAddrV4;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::encapsulated::{Answer, answer};
 use super::session::Session;
@@ -55,23 +55,18 @@ impl Sessions {
         self.open_sessions().any(|session| session.stream == stream)
     }
 
-    /// A client connected. Where all places are taken, it gets that of the one that has been silent longest
-    /// without registering a session, or none.
-    pub(super) fn open(&mut self, now: Instant, stream: StreamId, peer: SocketAddrV4) {
-        let idle = |slot: &&mut Slot| {
-            slot.session
-                .as_ref()
-                .map_or(Some(Instant::ZERO), |session| (session.handle == 0).then_some(session.last_heard))
-        };
-        let free = self.slots.iter().any(|slot| slot.session.is_none());
-        let place = self
-            .slots
-            .iter_mut()
-            .filter(|slot| slot.session.is_none() || !free && idle(slot).is_some())
-            .min_by_key(|slot| idle(slot));
-        let Some(slot) = place else {
-            self.closing.push_back(stream);
-            return;
+    /// A client connected. It gets a free place, or that of another client by [`Self::place_for`], or none.
+    pub(super) fn open(
+        &mut self,
+        now: Instant,
+        stream: StreamId,
+        peer: SocketAddrV4,
+        owner: Option<Ipv4Addr>,
+        is_in_use: impl Fn(StreamId) -> bool,
+    ) {
+        let place = self.place_for(*peer.ip(), owner, is_in_use);
+        let Some(slot) = place.and_then(|index| self.slots.get_mut(index)) else {
+            return self.turn_away(stream);
         };
         if let Some(evicted) = slot.session.replace(Session { stream, peer, handle: 0, last_heard: now }) {
             self.closing.push_back(evicted.stream);
@@ -79,6 +74,45 @@ impl Sessions {
         slot.reassembly.clear();
         slot.pending = false;
         self.find_oldest();
+    }
+
+    /// Ends a TCP connection that gets no place.
+    pub(super) fn turn_away(&mut self, stream: StreamId) {
+        self.closing.push_back(stream);
+    }
+
+    /// The place for a client of a host.
+    ///
+    /// Where all places are taken, a client takes that of one of the host that has most, if that is at least two more than
+    /// its own host has, or of one that never registered. The owner of the outputs can take the place of anybody else and
+    /// loses none to others. Clients that carry a class 3 connection keep their places; of the others those without a
+    /// session go first, then those that are silent longest.
+    fn place_for(
+        &self,
+        host: Ipv4Addr,
+        owner: Option<Ipv4Addr>,
+        is_in_use: impl Fn(StreamId) -> bool,
+    ) -> Option<usize> {
+        let of =
+            |host: Ipv4Addr| self.open_sessions().filter(move |session| *session.peer.ip() == host).count();
+        let least_wanted = |may_go: &dyn Fn(&Session) -> bool| {
+            let numbered = self.slots.iter().enumerate();
+            let open = numbered.filter_map(|(index, slot)| Some((index, slot.session.as_ref()?)));
+            let key = |session: &Session| {
+                (session.handle != 0, usize::MAX - of(*session.peer.ip()), session.last_heard)
+            };
+            let may_go = |session: &Session| may_go(session) && !is_in_use(session.stream);
+            open.filter(|(_, session)| may_go(session)).min_by_key(|(_, s)| key(s)).map(|(index, _)| index)
+        };
+        let own = of(host);
+        if let Some(free) = self.slots.iter().position(|slot| slot.session.is_none()) {
+            return Some(free);
+        }
+        least_wanted(&|session| {
+            let other = *session.peer.ip();
+            let gives_way = owner == Some(host) || session.handle == 0 || of(other) >= own + 2;
+            owner != Some(other) && gives_way
+        })
     }
 
     /// A connection is gone.

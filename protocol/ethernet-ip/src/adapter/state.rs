@@ -11,7 +11,7 @@ use crate::IO_PORT;
 use crate::class1::{self, Frame};
 use crate::encapsulation::MAX_MESSAGE_LEN;
 use crate::objects::{Device, IoState};
-use machine::{Counters, Down, DownCause, LinkEvent};
+use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Requested, Sender};
 use machine::{Instant, Port, StreamId, Transmit};
 
 /// What an encapsulation reply has around a CIP reply, at most: header, items, a socket address.
@@ -33,6 +33,9 @@ pub(super) struct State {
     pub(super) closed: bool,
     /// The DSCP of the cyclic frame that was handed out last.
     pub(super) cyclic_dscp: u8,
+    /// Who may connect.
+    pub(super) originators: Allowed,
+    foreign: ForeignRequests,
     up: bool,
     next_id: u32,
 }
@@ -52,7 +55,7 @@ pub(super) struct Context {
 }
 
 impl State {
-    pub(super) fn new(device: Device, first_id: u32) -> Self {
+    pub(super) fn new(device: Device, first_id: u32, originators: Allowed) -> Self {
         let description = device.description;
         Self {
             io: IoConnections::new(description),
@@ -63,6 +66,8 @@ impl State {
             scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
             closed: false,
             cyclic_dscp: 0,
+            originators,
+            foreign: ForeignRequests::default(),
             up: false,
             next_id: first_id,
         }
@@ -128,6 +133,16 @@ impl State {
             self.device.manager.timed_out();
         }
         self.follow_owner(None);
+    }
+
+    /// Tells the owner of this machine of a request that was refused since it did not come from the owner of the outputs, or
+    /// not from a listed originator.
+    pub(super) fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
+        if let Some(report) = self.foreign.refuse(now, Sender::Ip(from), what)
+            && self.events.len() < EVENTS
+        {
+            self.events.push_back(LinkEvent::Foreign(report));
+        }
     }
 
     /// Ends every connection and takes no new one.

@@ -83,12 +83,14 @@ violations! {
     NestedTooDeep => ResourceUnavailable,
     /// A host requests to close a connection of another host.
     ForeignOriginator => PrivilegeViolation,
-    /// The device is in use and cannot be reset.
+    /// The device is in use: it cannot be reset, nor set to what would hurt the owner of its outputs.
     InUse => DeviceStateConflict,
 
     // Forward_Open: the triad and who owns what.
     /// The same connection serial number, vendor and originator as an open connection.
     DuplicateForwardOpen => ConnectionFailure ConnectionInUse,
+    /// The originator is not one of those that may connect.
+    OriginatorNotListed => PrivilegeViolation,
     /// The outputs have an owner.
     OutputsOwned => ConnectionFailure OwnershipConflict,
     /// There is no such connection to close or to change.

@@ -42,6 +42,9 @@ pub(super) struct Device {
     pub(super) qos: Qos,
     pub(super) manager: ManagerCounters,
     pub(super) io: IoState,
+    /// The request that is served comes from another host than that of the owner of the outputs: it sets nothing that would
+    /// hurt this owner.
+    pub(super) locked: bool,
     pub(super) assemblies: AssemblyData,
 }
 
@@ -54,6 +57,7 @@ impl Device {
             qos: Qos::default(),
             manager: ManagerCounters::default(),
             io: IoState::default(),
+            locked: false,
             assemblies: AssemblyData::new(description),
         }
     }

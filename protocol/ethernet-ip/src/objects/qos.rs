@@ -68,8 +68,11 @@ impl Object for QosObject {
     }
 
     fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
+        let locked = device.locked;
         let place = device.qos.of(attribute).ok_or(Violation::UnknownAttribute)?;
         match exactly(data)? {
+            // The frames of the owner of the outputs would lose their priority with its next connection.
+            [dscp @ 0..=63] if locked && dscp != *place => Err(Violation::InUse),
             [dscp @ 0..=63] => {
                 *place = dscp;
                 Ok(())

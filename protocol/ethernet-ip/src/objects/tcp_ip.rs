@@ -41,11 +41,13 @@ impl Network {
         (self.inactivity_s > 0).then(|| Duration::from_secs(self.inactivity_s.into()))
     }
 
-    /// Returns the first of the device's own multicast addresses: 239.192.1.0 + 32 · (host − 1) (volume 2, 3-5.3).
-    pub(in super::super) fn multicast(&self) -> Ipv4Addr {
+    /// Returns one of the device's own multicast addresses, from 0: 239.192.1.0 + 32 · (host − 1) + index (volume 2,
+    /// 3-5.3).
+    pub(in super::super) fn multicast(&self, index: u32) -> Ipv4Addr {
         let host = self.address.to_bits() & !self.mask.to_bits() & 0x3FF;
         let base = Ipv4Addr::new(239, 192, 1, 0).to_bits();
-        Ipv4Addr::from_bits(base + u32::from(MULTICASTS) * host.saturating_sub(1))
+        let index = index.min(u32::from(MULTICASTS) - 1);
+        Ipv4Addr::from_bits(base + u32::from(MULTICASTS) * host.saturating_sub(1) + index)
     }
 
     /// Returns whether this address is in the device's subnet.
@@ -90,7 +92,7 @@ impl Object for TcpIpInterface {
                 // Allocation by the default algorithm.
                 writer.u16(0);
                 writer.u16(MULTICASTS);
-                address(writer, network.multicast());
+                address(writer, network.multicast(0));
             }
             // Address conflict detection is off, so there are no conflicts.
             10 => writer.u8(0),
@@ -104,6 +106,7 @@ impl Object for TcpIpInterface {
     }
 
     fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
+        let locked = device.locked;
         let network = &mut device.network;
         match attribute {
             3 => match u32::from_le_bytes(exactly(data)?) {
@@ -111,6 +114,8 @@ impl Object for TcpIpInterface {
                 _ => Err(Violation::BadAttributeValue),
             },
             13 => match u16::from_le_bytes(exactly(data)?) {
+                // A shorter time would end the TCP connection of the owner of the outputs.
+                seconds @ 0..=3600 if locked && seconds != network.inactivity_s => Err(Violation::InUse),
                 seconds @ 0..=3600 => {
                     network.inactivity_s = seconds;
                     Ok(())
@@ -130,7 +135,7 @@ mod tests {
     fn each_host_of_a_subnet_has_multicast_addresses_of_its_own() {
         let multicast = |address: [u8; 4]| {
             let (mask, gateway) = (Ipv4Addr::new(255, 255, 255, 0), Ipv4Addr::UNSPECIFIED);
-            Network::new(address.into(), mask, gateway, [0; 6]).multicast().octets()
+            Network::new(address.into(), mask, gateway, [0; 6]).multicast(0).octets()
         };
         assert_eq!(multicast([192, 168, 64, 1]), [239, 192, 1, 0]);
         assert_eq!(multicast([192, 168, 64, 2]), [239, 192, 1, 32]);

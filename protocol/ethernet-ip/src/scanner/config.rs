@@ -31,6 +31,8 @@ pub struct ConnectionConfig {
     pub route: Vec<u8>,
     /// The device that the adapter must be; none for any.
     pub key: Option<ElectronicKey>,
+    /// The serial number that the adapter must have; none for any.
+    pub serial_number: Option<u32>,
     /// What the EDS file of that device says, for refusals to quote; none where there is none.
     pub described: Option<&'static Description>,
     /// Configuration assembly; none where the adapter has none.
@@ -74,6 +76,7 @@ impl ConnectionConfig {
             target,
             route: Vec::new(),
             key: Some(device.key()),
+            serial_number: None,
             described: Some(device),
             configuration: device.role(Role::Configuration).map(|assembly| assembly.instance),
             consumed,

@@ -25,6 +25,7 @@ pub(crate) fn adapter_config() -> AdapterConfig {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: [2, 0, 0, 0, 0, 2],
         first_id: 0x0100_0000,
+        originators: machine::Allowed::default(),
     }
 }
 

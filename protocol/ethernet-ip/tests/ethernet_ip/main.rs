@@ -12,4 +12,5 @@ mod one;
 mod refusals;
 mod samples;
 mod scanner_hostile;
+mod strangers;
 mod two_adapters;

@@ -296,7 +296,7 @@ fn a_flood_of_questions_to_all_is_answered_within_bounds() {
         rig.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000 + port), &message(Command::ListIdentity, 0, &[]));
     }
     rig.advance(Duration::from_secs(3));
-    assert_eq!(rig.datagrams.len(), 8);
+    assert_eq!(rig.datagrams.len(), 2, "a host has two questions open at most");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use machine::{DownCause, LinkEvent};
 use machine::{Duration, Machine};
 use virtual_time::Event;
 
-use crate::cell::{PLC, bus_of, cable, run, up, wanted};
+use crate::cell::{PLC, ROBOT, bus_of, cable, run, up, wanted};
 use crate::client::{
     INPUT_ONLY_PATH, LISTEN_ONLY_PATH, OWNER_PATH, Rig, close_message, explicit, heartbeat, open_message,
     owner, parameters, peer,
@@ -285,10 +285,13 @@ fn input_only_connections_are_as_many_as_described_and_then_refused() {
         rig.open(client, &heartbeat(serial, INPUT_ONLY_PATH));
     }
     assert_eq!(rig.try_open(client, &heartbeat(5, INPUT_ONLY_PATH)), Err((1, 0x011A)));
-    for serial in 11..=18 {
+    for serial in 11..=17 {
         rig.open(client, &explicit(serial));
     }
-    assert_eq!(rig.try_open(client, &explicit(19)), Err((1, 0x0113)));
+    assert_eq!(rig.try_open(client, &explicit(18)), Err((1, 0x0113)), "the last place is for another host");
+    let other = rig.client_from(ROBOT);
+    rig.open(other, &explicit(18));
+    assert_eq!(rig.try_open(other, &explicit(19)), Err((1, 0x0113)));
     assert!(rig.try_open(client, &owner(20)).is_ok());
 }
 

@@ -2,9 +2,9 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use ethernet_ip::cpf::{kind, write_item};
+use ethernet_ip::cpf::{kind, write_address, write_item};
 use ethernet_ip::encapsulation::{Command, Header, Status};
-use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT, class1};
+use ethernet_ip::{ConnectionConfig, ENCAPSULATION_PORT, IO_PORT, class1};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
 use machine::{Attempt, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
 use machine::{DownCause, LinkEvent};
@@ -263,15 +263,91 @@ fn an_adapter_that_names_the_intervals_it_would_serve_is_quoted() {
 }
 
 #[test]
-fn an_adapter_that_asks_for_intervals_of_an_hour_does_not_overflow_the_clock() {
+fn an_adapter_whose_interval_is_more_than_four_times_as_long_as_asked_gets_no_data() {
+    for (interval_us, is_served) in [(4_000, true), (4_001, false), (u32::MAX, false)] {
+        let (mut dialogue, question) = asked_for_identity();
+        let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+        let (said, events) = dialogue.reply_cip(&said[0], &opened(1, interval_us));
+        if is_served {
+            assert_eq!((said[0].len(), events.len()), (280, 0));
+        } else {
+            let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+            assert_eq!((down.cause, down.code), (DownCause::Refused, interval_us));
+            assert_eq!(said[0][40], 0x4E, "and its connection is closed");
+        }
+    }
+}
+
+/// A CIP reply beside which the adapter names where it wants its data.
+fn with_receiver(cip: &[u8], receiver: SocketAddrV4) -> Vec<u8> {
+    let mut buf = [0; 2_048];
+    let mut writer = Writer::<LittleEndian>::new(&mut buf);
+    writer.zeros(6);
+    writer.u16(3);
+    write_item(&mut writer, kind::NULL_ADDRESS, |_| {});
+    write_item(&mut writer, kind::UNCONNECTED_DATA, |writer| writer.bytes(cip));
+    write_item(&mut writer, kind::SOCKET_ADDRESS_O_T, |writer| write_address(writer, receiver));
+    let len = writer.finish().unwrap();
+    buf[..len].to_vec()
+}
+
+#[test]
+fn data_go_to_the_adapter_at_the_port_that_it_names_and_to_no_third_host() {
+    let third = Ipv4Addr::new(192, 168, 64, 77);
+    let cases = [
+        (peer(Ipv4Addr::UNSPECIFIED, 50_000), Some(peer(ROBOT, 50_000))),
+        (peer(ROBOT, 0), Some(peer(ROBOT, IO_PORT))),
+        (peer(third, IO_PORT), None),
+    ];
+    for (named, expected) in cases {
+        let (mut dialogue, question) = asked_for_identity();
+        let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+        let items = with_receiver(&opened(1, 1_000), named);
+        let header = Header { session: 7, ..Header::parse(&said[0]).unwrap().reply(Status::Success) };
+        let mut buf = vec![0; 24 + items.len()];
+        header.emit(&mut buf, |writer| writer.bytes(&items)).unwrap();
+        let source = Source { port: Port::Stream(dialogue.stream), peer: None };
+        dialogue.scanner.handle_frame(dialogue.now, source, &buf);
+        let mut frame = vec![0; FRAME_CAPACITY];
+        let sent = dialogue.scanner.poll_transmit(dialogue.now, &mut frame).unwrap();
+        assert_eq!(sent.to, expected, "{named}");
+        if expected.is_none() {
+            let (_, events) = dialogue.settle();
+            let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+            assert_eq!((down.cause, down.code), (DownCause::Refused, third.to_bits()));
+        }
+    }
+}
+
+#[test]
+fn a_connection_that_an_attempt_without_an_answer_left_open_is_closed_before_the_next_one() {
     let (mut dialogue, question) = asked_for_identity();
     let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
-    let mut reply = vec![0xD4, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0x5C, 1, 0, 0xFF, 0xFF, 1, 0, 0, 0];
-    reply.extend([0xFF; 8]);
-    reply.extend([0, 0]);
-    let request = said[0].clone();
-    dialogue.reply_cip(&request, &reply);
-    assert!(dialogue.scanner.poll_timeout().is_some_and(|at| at > dialogue.now));
+    let triad = said[0][56..64].to_vec();
+    // The adapter opens the connection; its answer and the TCP connection are lost.
+    dialogue.scanner.handle_stream(dialogue.now, dialogue.stream, StreamChange::Closed);
+    dialogue.settle();
+    dialogue.now += Duration::from_secs(1);
+    dialogue.scanner.handle_timeout(dialogue.now);
+    let (said, _) = dialogue.settle();
+    assert_eq!(said[0][0], 0x65, "RegisterSession");
+    let (said, _) = dialogue.reply(&said[0].clone(), 7, Status::Success, &[1, 0, 0, 0]);
+    assert_eq!((said.len(), said[0][40]), (1, 0x4E), "Forward_Close");
+    assert_eq!(said[0][48..56], triad);
+    // Connection not found: the adapter had given it up itself.
+    let (said, _) = dialogue.reply_cip(&said[0].clone(), &[0xCE, 0, 1, 1, 7, 1]);
+    assert_eq!((said.len(), said[0][40]), (1, 0x01), "the question for the identity");
+}
+
+#[test]
+fn an_adapter_with_another_serial_number_than_listed_is_not_opened() {
+    for (serial_number, is_up) in [(0x1234_5678, true), (0x1234_5679, false)] {
+        let config = ConnectionConfig { serial_number: Some(serial_number), ..wanted() };
+        let mut bus = bus_of(config, cable(), 1);
+        let events = run(&mut bus, 50);
+        assert_eq!(bus.a().input().is_some(), is_up, "{events:?}");
+        assert_eq!(bus.b().connections().0, usize::from(is_up));
+    }
 }
 
 #[test]

@@ -33,6 +33,7 @@ fn adapter(interface: &Interface) -> Adapter {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: interface.mac().0,
         first_id: 1,
+        originators: machine::Allowed::default(),
     })
 }
 

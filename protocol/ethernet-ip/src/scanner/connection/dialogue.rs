@@ -21,6 +21,8 @@ pub(super) enum Say {
     Open,
     /// Forward_Close.
     Close,
+    /// Forward_Close of a connection that an earlier attempt may have left open.
+    Release,
     /// UnRegisterSession.
     Unregister,
     /// NOP: keeps the session from being taken for a dead one.

@@ -6,11 +6,16 @@ use super::{Asked, Connection, KEEP_ALIVE, Numbers, Refusal, Step};
 use crate::cip::{General, KeyMismatch, Path, Reply, service};
 use crate::connection::{CloseRequest, OpenRequest, Opened, Transport};
 use crate::encapsulation::{Command, Header, Status};
+use core::net::SocketAddrV4;
 use machine::Instant;
 use machine::{Down, DownCause};
 
 /// The shortest interval at which an adapter may want its data: its word alone decides how often frames go out.
 const LEAST_INTERVAL_US: u32 = 100;
+
+/// How many times as long as asked an adapter's intervals may be: a connection waits for four intervals at least, so that
+/// neither watchdog notices a longer one.
+const MOST_INTERVALS: u32 = 4;
 
 impl Connection {
     fn asked(&self) -> Asked {
@@ -41,6 +46,8 @@ impl Connection {
                     self.session = header.session;
                     if self.leaving {
                         self.enter(now, Step::Closing, Say::Close);
+                    } else if self.unreleased.is_some() {
+                        self.enter(now, Step::Releasing, Say::Release);
                     } else {
                         self.enter(now, Step::Identifying, Say::Identify);
                     }
@@ -71,6 +78,12 @@ impl Connection {
                     .filter(|_| reply.general == General::Success)
                     .and_then(|data| dialogue::read_identity(data).ok());
                 match self.check_identity() {
+                    Ok(()) if !self.has_serial_number() => {
+                        let text = "the device at the adapter's address has another serial number than listed (the status is \
+                                    its number): look whether it was exchanged";
+                        let code = self.found.map_or(0, |found| found.serial_number);
+                        self.fail(now, Down { cause: DownCause::Refused, code, text });
+                    }
                     Ok(()) => self.open(now, numbers),
                     Err(_) => {
                         let mismatch = Reply { general: General::KeyFailure, additional: &[], ..*reply };
@@ -83,31 +96,66 @@ impl Connection {
                     return self.refused(now, reply);
                 }
                 match Opened::parse(reply.data) {
-                    Ok(opened) if opened.triad == self.numbers.triad => {
-                        if opened.o_t_api_us < LEAST_INTERVAL_US {
-                            let text = "the adapter wants its data more often than every 100 µs (the status is its \
-                                        interval, in µs): ask for another one, or look at its answer in a capture";
-                            let code = opened.o_t_api_us;
-                            return self.fail(now, Down { cause: DownCause::Refused, code, text });
-                        }
-                        let Some(io) = Io::new(now, &self.config, &opened, sockets) else {
-                            let text =
-                                "the adapter opened a multicast connection but named no multicast group";
-                            return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
-                        };
-                        self.refusal = None;
-                        self.step = Step::Running;
-                        self.deadline = None;
-                        self.keep_alive_at = Some(now + KEEP_ALIVE);
-                        self.io = Some(io);
-                    }
+                    Ok(opened) if opened.triad == self.numbers.triad => self.opened(now, &opened, sockets),
                     _ => self.counters.malformed += 1,
                 }
+            }
+            // Where it was not open, there is nothing to close.
+            (Step::Releasing, service::FORWARD_CLOSE) => {
+                self.unreleased = None;
+                self.enter(now, Step::Identifying, Say::Identify);
             }
             (Step::Closing, service::FORWARD_CLOSE) => {
                 self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
             }
             _ => self.counters.foreign += 1,
+        }
+    }
+
+    /// The adapter has opened the connection: data go, unless what it says of them cannot be served. What it opened is then
+    /// closed again.
+    fn opened(&mut self, now: Instant, opened: &Opened, sockets: Sockets) {
+        if let Err((code, text)) = self.check_opened(opened, sockets) {
+            return self.fail(now, Down { cause: DownCause::Refused, code, text });
+        }
+        let Some(io) = Io::new(now, &self.config, opened, sockets) else {
+            let text = "the adapter opened a multicast connection but named no multicast group";
+            return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
+        };
+        self.refusal = None;
+        self.step = Step::Running;
+        self.deadline = None;
+        self.keep_alive_at = Some(now + KEEP_ALIVE);
+        self.io = Some(io);
+    }
+
+    /// Checks the packet intervals and the receiver that the adapter names; returns a status and what is wrong.
+    fn check_opened(&self, opened: &Opened, sockets: Sockets) -> Result<(), (u32, &'static str)> {
+        let config = &self.config;
+        let most = |asked: u32| asked.saturating_mul(MOST_INTERVALS).max(LEAST_INTERVAL_US);
+        if opened.o_t_api_us < LEAST_INTERVAL_US {
+            return Err((
+                opened.o_t_api_us,
+                "the adapter wants its data more often than every 100 µs (the status is its interval, in µs): ask for \
+                 another one, or look at its answer in a capture",
+            ));
+        }
+        let intervals = [(opened.o_t_api_us, config.o_t_rpi_us), (opened.t_o_api_us, config.t_o_rpi_us)];
+        if let Some((code, _)) = intervals.into_iter().find(|(api, asked)| *api == 0 || *api > most(*asked)) {
+            return Err((
+                code,
+                "the adapter's packet interval is 0, or more than four times as long as asked (the status is its \
+                 interval, in µs): ask for another one, or look at its answer in a capture",
+            ));
+        }
+        let third = |socket: SocketAddrV4| !socket.ip().is_unspecified() && *socket.ip() != config.target;
+        match sockets.o_t.filter(|socket| third(*socket)) {
+            Some(socket) => Err((
+                socket.ip().to_bits(),
+                "the adapter wants its data to be sent to another host (the status is its address), which this scanner \
+                 does not: connect to that host itself",
+            )),
+            None => Ok(()),
         }
     }
 
@@ -117,6 +165,12 @@ impl Connection {
             (Some(key), Some(found)) => key.check(&found.key),
             _ => Ok(()),
         }
+    }
+
+    /// Whether the device has the serial number that it must have, if any.
+    fn has_serial_number(&self) -> bool {
+        let found = self.found.map(|found| found.serial_number);
+        self.config.serial_number.is_none_or(|wanted| found == Some(wanted))
     }
 
     fn open(&mut self, now: Instant, numbers: &mut Numbers) {
@@ -148,8 +202,10 @@ impl Connection {
                 };
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
-            Say::Close => {
-                dialogue::emit_close(buf, numbers, &CloseRequest { triad: self.numbers.triad, path })
+            Say::Close | Say::Release => {
+                let earlier = self.unreleased.filter(|_| say == Say::Release);
+                let triad = earlier.unwrap_or(self.numbers.triad);
+                dialogue::emit_close(buf, numbers, &CloseRequest { triad, path })
             }
         };
         if say == Say::Unregister {

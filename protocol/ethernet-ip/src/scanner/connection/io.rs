@@ -41,16 +41,9 @@ impl Io {
     ) -> Option<Self> {
         let micros = |micros: u32| Duration::from_micros(micros.into());
         let header = if config.t_o_run_idle { class1::RUN_IDLE_LEN } else { 0 };
-        // The adapter may want the data at another address or port than its own.
-        let own = SocketAddrV4::new(config.target, IO_PORT);
-        let to = sockets.o_t.map_or(own, |socket| {
-            let (ip, port) = (*socket.ip(), socket.port());
-            let known = |ip: &Ipv4Addr| !ip.is_unspecified();
-            SocketAddrV4::new(
-                Some(ip).filter(known).unwrap_or(config.target),
-                if port == 0 { IO_PORT } else { port },
-            )
-        });
+        // The adapter may want the data at another port than the usual one.
+        let port = sockets.o_t.map(|socket| socket.port()).filter(|port| *port != 0);
+        let to = SocketAddrV4::new(config.target, port.unwrap_or(IO_PORT));
         let group = sockets.t_o.map(|socket| *socket.ip()).filter(Ipv4Addr::is_multicast);
         if config.multicast && group.is_none() {
             return None;

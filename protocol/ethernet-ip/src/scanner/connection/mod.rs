@@ -54,6 +54,7 @@ enum Step {
     Idle,
     Connecting,
     Registering,
+    Releasing,
     Identifying,
     Opening,
     Running,
@@ -82,6 +83,9 @@ pub struct Connection {
     leaving: bool,
     /// Of the connection that was opened last.
     numbers: Numbers,
+    /// A connection that the adapter may still hold: an attempt failed before its answer, or without a way to close it. Until
+    /// its watchdog expires it would keep a place that the next attempt may need.
+    unreleased: Option<Triad>,
     io: Option<Io>,
     run: bool,
     output: Box<[u8]>,
@@ -113,6 +117,7 @@ impl Connection {
             keep_alive_at: None,
             leaving: false,
             numbers,
+            unreleased: None,
             io: None,
             run: true,
             output: zeros(config.o_t_size),
@@ -242,6 +247,10 @@ impl Connection {
     /// The connection is lost or did not come about: begin anew later.
     fn fail(&mut self, now: Instant, down: Down) {
         let ended = self.leaving || self.step == Step::Closing;
+        let may_be_open = self.step == Step::Opening || self.step == Step::Running && self.stream.is_none();
+        if may_be_open && !ended {
+            self.unreleased = Some(self.numbers.triad);
+        }
         self.abandon();
         self.deadline = (!ended).then_some(now + self.config.retry_after);
         let down = if ended { Down { cause: DownCause::ClosedHere, code: 0, text: "" } } else { down };
@@ -257,6 +266,7 @@ impl Connection {
                 "TCP port 44818 of the adapter does not answer; is it on and on this network?"
             }
             Step::Registering => "the adapter did not answer RegisterSession",
+            Step::Releasing => "the adapter did not answer the Forward_Close of an earlier attempt",
             Step::Identifying => "the adapter did not answer the question for its identity",
             _ => "the adapter did not answer the Forward_Open",
         };
