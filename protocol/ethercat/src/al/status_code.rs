@@ -7,6 +7,8 @@ pub struct AlStatusCode(pub u16);
 impl AlStatusCode {
     /// No error.
     pub const NO_ERROR: Self = Self(0x0000);
+    /// An error without a code of its own.
+    pub const UNSPECIFIED_ERROR: Self = Self(0x0001);
     /// There is no way from the present state to the requested one.
     pub const INVALID_STATE_CHANGE: Self = Self(0x0011);
     /// The requested state does not exist.
@@ -33,7 +35,7 @@ impl AlStatusCode {
     pub const fn words(self) -> &'static str {
         match self {
             Self::NO_ERROR => "no error",
-            Self(0x0001) => "unspecified error",
+            Self::UNSPECIFIED_ERROR => "unspecified error",
             Self::INVALID_STATE_CHANGE => "invalid requested state change",
             Self::UNKNOWN_STATE => "unknown requested state",
             Self::BOOT_NOT_SUPPORTED => "bootstrap not supported",

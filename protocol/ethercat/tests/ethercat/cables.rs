@@ -1,6 +1,7 @@
 //! Lines and trees, cut and mended cables, devices without power.
 
 use embassy_time::Timer;
+use ethercat_maindevice::time;
 use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment};
 use ethercrab::MainDevice;
 use ethercrab::error::Error;
@@ -9,7 +10,6 @@ use machine::{Duration, Instant};
 use crate::devices::{BRIDGE, SIMPLE};
 use crate::hand::{APRD, APWR, BRD, Hand, frame};
 use crate::main_device::Stand;
-use crate::time;
 
 const USER_RAM: u16 = 0x0F80;
 

@@ -1,6 +1,7 @@
 //! Distributed clocks: delays measured from the cable, clocks that run wrong and are made to agree, SYNC signals.
 
 use embassy_time::Timer;
+use ethercat_maindevice::time;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Event, LocalClock, Segment};
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::DcConfiguration;
@@ -10,7 +11,6 @@ use machine::{Duration, Instant};
 use crate::devices::{BRIDGE, SIMPLE};
 use crate::hand::{APRD, BWR, Hand};
 use crate::main_device::Stand;
-use crate::time;
 
 /// Start in ns, error in ppb, and delay of the cable in ns, of each device.
 const DEVICES: [(u64, i64, u64); 4] = [

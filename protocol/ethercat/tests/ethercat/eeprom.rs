@@ -1,5 +1,6 @@
 //! The EEPROM: its bytes, as ethercrab reads and writes them, and what the chip does with them.
 
+use ethercat_maindevice::time;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Segment, sii_image};
 use ethercrab::error::Error;
 use machine::Duration;
@@ -7,7 +8,6 @@ use machine::Duration;
 use crate::devices::{BRIDGE, PLAIN};
 use crate::hand::{APRD, APWR, FIRST, Hand};
 use crate::main_device::Stand;
-use crate::time;
 
 fn one(config: &DeviceConfig) -> Segment {
     let mut segment = Segment::new();

@@ -1,6 +1,7 @@
 //! What ethercrab 0.7.1 cannot bear, so that whoever uses it knows: each test shows one limit, and fails once it is gone.
 
 use embassy_time::Timer;
+use ethercat_maindevice::time;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Segment};
 use ethercrab::error::Error;
 use ethercrab::{MainDevice, ObjectDescriptionListQuery, SubDeviceState};
@@ -9,7 +10,6 @@ use machine::{Duration, Instant};
 use crate::devices::{ACTUATOR, BRIDGE, PLAIN, SMART, TINY};
 use crate::faulty::FrameFault;
 use crate::main_device::Stand;
-use crate::time;
 
 const MS: Duration = Duration::from_millis(1);
 

@@ -15,8 +15,6 @@ mod hand;
 mod limits;
 mod main_device;
 mod operation;
-mod scripted;
 mod sdo;
 mod states;
-mod time;
 mod working_counters;

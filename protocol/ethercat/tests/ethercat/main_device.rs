@@ -1,15 +1,12 @@
 //! A script for ethercrab's MainDevice runs against a segment in virtual time.
 
+use ethercat_maindevice::{Scripted, with_main_device};
 use ethercat_subdevice::{DeviceId, Event as SegmentEvent, Segment};
-use ethercrab::{MainDevice, MainDeviceConfig, PduStorage, Timeouts};
+use ethercrab::{MainDevice, MainDeviceConfig, Timeouts};
 use machine::{Duration, Instant};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
 use crate::faulty::{Faulty, FrameFault};
-use crate::scripted::Scripted;
-
-const FRAMES: usize = 16;
-const DATA: usize = PduStorage::element_size(1486);
 
 /// A script, the segment that it runs against, and the cable between them.
 pub struct Stand<'s> {
@@ -34,7 +31,7 @@ pub struct Ended<T> {
     pub events: Vec<(Instant, DeviceId, SegmentEvent)>,
     pub at: Instant,
     /// Frames that ethercrab could not use.
-    pub refused: usize,
+    pub refused: u64,
 }
 
 impl<'s> Stand<'s> {
@@ -63,11 +60,8 @@ impl<'s> Stand<'s> {
         happenings: &[(Instant, E)],
         happen: impl Fn(&mut Segment, Instant, E),
     ) -> Ended<T> {
-        let storage = PduStorage::<FRAMES, DATA>::new();
-        let (tx, rx, pdu_loop) = storage.try_split().unwrap();
-        let main_device = MainDevice::new(pdu_loop, self.timeouts, self.config);
-        let script = async move { script(&main_device).await };
-        let scripted = Scripted::start(Box::pin(script), tx, rx, Instant::ZERO);
+        let script = with_main_device(self.timeouts, self.config, script);
+        let scripted = Scripted::new(script, Instant::ZERO);
         let config = PairConfig {
             seed: self.seed,
             clocks: [Clock::default(); 2],
@@ -93,6 +87,6 @@ impl<'s> Stand<'s> {
             let Some((_, happening)) = happening else { break };
             pair.command_b(|faulty, now| happen(faulty.segment, now, *happening));
         }
-        Ended { result, events, at: pair.now(), refused: pair.a().refused }
+        Ended { result, events, at: pair.now(), refused: pair.a().refused() }
     }
 }

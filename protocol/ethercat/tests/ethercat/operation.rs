@@ -2,10 +2,9 @@
 //! fell, and starts over when one does not answer any more.
 
 use embassy_time::Timer;
+use ethercat_maindevice::time;
 use ethercrab::error::Error;
 use ethercrab::{MainDevice, SubDeviceState};
-
-use crate::time;
 
 /// Devices at most, and bytes of the process image.
 const DEVICES: usize = 4;

@@ -1,12 +1,12 @@
 //! SDOs: by ethercrab, and by hand where ethercrab sends no such transfer.
 
+use ethercat_maindevice::time;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Event, Segment};
 use ethercrab::error::{Error, MailboxError};
 
 use crate::devices::{BRIDGE, LONG_TEXT, TINY};
 use crate::hand::Hand;
 use crate::main_device::Stand;
-use crate::time;
 
 const BRIDGE_ID: DeviceId = DeviceId(0);
 

@@ -1,5 +1,6 @@
 //! From INIT to OP and back.
 
+use ethercat_maindevice::time;
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment};
 use ethercrab::error::Error;
 use machine::Duration;
@@ -7,7 +8,6 @@ use machine::Duration;
 use crate::devices::{BRIDGE, SIMPLE};
 use crate::hand::{APRD, APWR, FIRST, Hand};
 use crate::main_device::Stand;
-use crate::time;
 
 #[test]
 fn a_device_without_mailbox_comes_to_op_and_exchanges_process_data() {

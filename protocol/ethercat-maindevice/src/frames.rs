@@ -1,0 +1,102 @@
+//! Frames between a machine and ethercrab.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+use ethercrab::{PduRx, PduTx};
+use machine::ethernet::MIN_FRAME_LEN;
+
+use crate::lend::Place;
+
+/// Frames that ethercrab may have under way at a time.
+pub(crate) const IN_FLIGHT: usize = 16;
+
+/// Longest frame in bytes: an Ethernet frame without tag.
+const LONGEST: usize = 1514;
+
+thread_local! {
+    /// Those of the machine that runs at the moment.
+    pub(crate) static FRAMES: RefCell<Frames> = const { RefCell::new(Frames::none()) };
+}
+
+/// Static place of the frames.
+pub(crate) const PLACE: &Place<Frames> = &FRAMES;
+
+/// Frames that were received, and that are to be sent.
+#[derive(Debug)]
+pub(crate) struct Frames {
+    /// A frame that ethercrab has not seen; empty if there is none.
+    received: Vec<u8>,
+    to_send: VecDeque<Frame>,
+    /// Received frames that ethercrab had no use for.
+    refused: u64,
+}
+
+#[derive(Debug)]
+struct Frame {
+    bytes: [u8; LONGEST],
+    len: usize,
+}
+
+impl Frames {
+    /// Without room: what is in a thread's place while no machine runs.
+    const fn none() -> Self {
+        Self { received: Vec::new(), to_send: VecDeque::new(), refused: 0 }
+    }
+
+    pub(crate) fn new() -> Self {
+        let (received, to_send) = (Vec::with_capacity(LONGEST), VecDeque::with_capacity(IN_FLIGHT));
+        Self { received, to_send, refused: 0 }
+    }
+
+    /// Keeps a frame for ethercrab's next poll.
+    pub(crate) fn receive(&mut self, frame: &[u8]) {
+        if frame.len() > LONGEST {
+            self.refused += 1;
+            return;
+        }
+        self.received.clear();
+        self.received.extend_from_slice(frame);
+    }
+
+    /// Gives ethercrab the received frame.
+    pub(crate) fn give(&mut self, rx: &mut PduRx<'_>) {
+        if self.received.is_empty() {
+            return;
+        }
+        // A late or a doubled frame is an error to it; everything else goes on.
+        self.refused += u64::from(rx.receive_frame(&self.received).is_err());
+        self.received.clear();
+    }
+
+    /// Takes what ethercrab has to send.
+    pub(crate) fn take(&mut self, tx: &mut PduTx<'_>) {
+        while self.to_send.len() < IN_FLIGHT
+            && let Some(frame) = tx.next_sendable_frame()
+        {
+            let mut bytes = [0; LONGEST];
+            let mut taken = 0;
+            let sent = frame.send_blocking(|frame| {
+                let room = bytes.get_mut(..frame.len()).ok_or(ethercrab::error::Error::SendFrame)?;
+                room.copy_from_slice(frame);
+                taken = frame.len();
+                Ok(taken)
+            });
+            if sent.is_err() {
+                return;
+            }
+            self.to_send.push_back(Frame { bytes, len: taken.max(MIN_FRAME_LEN) });
+        }
+    }
+
+    /// Writes the next frame to send into `buf`. Returns its length in bytes.
+    pub(crate) fn send(&mut self, buf: &mut [u8]) -> Option<usize> {
+        let Frame { bytes, len } = self.to_send.pop_front()?;
+        buf.get_mut(..len)?.copy_from_slice(bytes.get(..len)?);
+        Some(len)
+    }
+
+    pub(crate) const fn refused(&self) -> u64 {
+        self.refused
+    }
+}

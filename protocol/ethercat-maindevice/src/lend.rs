@@ -1,0 +1,18 @@
+//! What a machine and its future share: the machine lends it to the thread while it polls the future.
+//!
+//! So neither needs a lock or a pointer to the other, and the machine can move to another thread between two polls.
+
+use std::cell::RefCell;
+use std::mem::swap;
+use std::thread::LocalKey;
+
+/// The place in a thread that holds a lent value.
+pub(crate) type Place<T> = LocalKey<RefCell<T>>;
+
+/// Runs `poll` while `value` is in its place.
+pub(crate) fn lend<T, R>(place: &'static Place<T>, value: &mut T, poll: impl FnOnce() -> R) -> R {
+    place.with_borrow_mut(|place| swap(place, value));
+    let result = poll();
+    place.with_borrow_mut(|place| swap(place, value));
+    result
+}

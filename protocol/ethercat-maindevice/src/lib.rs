@@ -1,0 +1,19 @@
+#![doc = include_str!("../README.md")]
+
+mod config;
+mod frames;
+mod lend;
+mod main_device;
+mod operation;
+mod problem;
+mod process;
+mod script;
+pub mod time;
+
+pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
+pub use ethercrab;
+pub use main_device::MainDevice;
+pub use script::{Scripted, with_main_device};
+
+/// EtherType of EtherCAT frames.
+pub const ETHER_TYPE: u16 = 0x88A4;

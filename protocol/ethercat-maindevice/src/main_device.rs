@@ -1,0 +1,106 @@
+//! The MainDevice as a machine.
+
+use std::fmt;
+use std::pin::Pin;
+
+use machine::{Counters, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
+
+use crate::config::Config;
+use crate::lend::lend;
+use crate::operation::operate;
+use crate::process::{PLACE, Process};
+use crate::script::Scripted;
+
+/// Runs in the thread of its machine alone, and moves with it.
+type Operation = Pin<Box<dyn Future<Output = ()> + Send>>;
+
+/// A MainDevice that drives the devices of its [`Config`]: it brings them to OP and exchanges process data with each
+/// cycle. When a device falls back, it is brought to OP again; when nothing answers, the MainDevice starts over.
+pub struct MainDevice {
+    operation: Scripted<Operation>,
+    process: Process,
+}
+
+impl fmt::Debug for MainDevice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MainDevice").field("process", &self.process).finish_non_exhaustive()
+    }
+}
+
+impl MainDevice {
+    /// Creates a MainDevice that looks for its devices from `start` on.
+    #[must_use]
+    pub fn new(config: Config, start: Instant) -> Self {
+        let process = Process::new(config.output_bytes(), config.input_bytes());
+        Self { operation: Scripted::new(Box::pin(operate(config, start)), start), process }
+    }
+
+    /// Returns the data for the devices, in the order in which they are on the cable. They go out with the next cycle.
+    pub fn outputs_mut(&mut self) -> &mut [u8] {
+        &mut self.process.outputs
+    }
+
+    /// Returns the devices' data from the last good exchange; `None` unless all devices are in OP.
+    #[must_use]
+    pub fn inputs(&self) -> Option<&[u8]> {
+        self.process.is_up().then_some(&self.process.inputs)
+    }
+
+    /// Returns the counters of process data: `sent` and `received` are exchanges, and an exchange without a good reply
+    /// is `lost`. Frames that nobody waited for any more are `late`.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        Counters { late: self.operation.refused(), ..self.process.counters }
+    }
+
+    /// Takes the devices to INIT with the next cycle and ends; without a connection, ends at once.
+    pub fn disconnect(&mut self, now: Instant) {
+        if self.process.is_up() {
+            self.process.leaving = true;
+            self.handle_timeout(now);
+        } else {
+            self.operation.cancel();
+            self.process.closed();
+        }
+    }
+
+    /// Writes what the last event `Down` does not tell: what was expected and what was found.
+    pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.process.explain(words)
+    }
+
+    fn run(&mut self, poll: impl FnOnce(&mut Scripted<Operation>)) {
+        lend(PLACE, &mut self.process, || poll(&mut self.operation));
+        if self.operation.poll_event().is_some() {
+            self.process.closed();
+        }
+    }
+}
+
+impl Machine for MainDevice {
+    type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        self.operation.ports()
+    }
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.run(|operation| operation.handle_frame(now, from, frame));
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.run(|operation| operation.handle_timeout(now));
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.operation.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.process.poll_event()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.operation.poll_timeout()
+    }
+}

@@ -1,0 +1,162 @@
+//! Why there is no connection, in words.
+
+use std::fmt;
+
+use ethercrab::error::{Error, TimeoutError};
+use ethercrab::{AlStatusCode, EtherCrabWireRead, SubDeviceState};
+use machine::{Down, DownCause};
+
+use crate::config::{ExpectedDevice, MAX_DEVICES};
+
+/// A device on the cable.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) struct FoundDevice {
+    pub(crate) name: String,
+    pub(crate) vendor: u32,
+    pub(crate) product: u32,
+    pub(crate) revision: u32,
+}
+
+impl FoundDevice {
+    pub(crate) fn is(&self, expected: &ExpectedDevice) -> bool {
+        (self.vendor, self.product) == (expected.vendor, expected.product)
+            && expected.revision.is_none_or(|revision| revision == self.revision)
+    }
+}
+
+impl fmt::Display for FoundDevice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, vendor, product, revision } = self;
+        write!(f, "`{name}` (vendor 0x{vendor:08X}, product 0x{product:08X}, revision 0x{revision:08X})")
+    }
+}
+
+/// What ended an attempt to connect, or the connection. Devices are numbered from 1.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) enum Problem {
+    /// Frames do not come back.
+    Silence,
+    /// Frames come back, but no device saw them.
+    NoDevice,
+    /// Other devices than expected.
+    OtherDevices { expected: Vec<ExpectedDevice>, found: Vec<FoundDevice> },
+    /// There are more devices than this MainDevice can tell apart.
+    TooManyDevices { expected: usize },
+    /// A device has other process data.
+    OtherProcessData { number: usize, found: FoundDevice, expected: [usize; 2], bytes: [usize; 2] },
+    /// The devices did not come to OP.
+    NotOperational { number: usize, state: SubDeviceState, code: u16 },
+    /// A device left OP.
+    LeftOperational { number: usize, state: SubDeviceState, code: u16 },
+    /// There was no good exchange for the time of the watchdog.
+    Watchdog,
+    /// Whatever else ethercrab found.
+    Other(Error),
+}
+
+impl Problem {
+    /// Returns what an error means while devices are brought up.
+    pub(crate) fn of_start(error: Error, expected: usize) -> Self {
+        match error {
+            Error::Timeout(TimeoutError::Pdu) => Self::Silence,
+            Error::Capacity(ethercrab::error::Item::SubDevice) => Self::TooManyDevices { expected },
+            error => Self::Other(error),
+        }
+    }
+
+    pub(crate) fn down(&self) -> Down {
+        let (cause, code, text) = match self {
+            Self::Silence => (
+                DownCause::NoAnswer,
+                0,
+                "no EtherCAT frame comes back; is the cable plugged in, and is the device on?",
+            ),
+            Self::NoDevice => (DownCause::NoAnswer, 0, "there is no SubDevice on the cable"),
+            Self::OtherDevices { .. } | Self::TooManyDevices { .. } => {
+                (DownCause::Refused, 0, "other devices are on the cable than are expected")
+            }
+            Self::OtherProcessData { .. } => {
+                (DownCause::Refused, 0, "a device has process data of another size than is expected")
+            }
+            Self::NotOperational { code, .. } => {
+                (DownCause::Refused, u32::from(*code), "a device does not come to OP")
+            }
+            Self::LeftOperational { code, .. } => {
+                (DownCause::ClosedByPeer, u32::from(*code), "a device left OP")
+            }
+            Self::Watchdog => (DownCause::Watchdog, 0, ""),
+            Self::Other(_) => (DownCause::NoAnswer, 0, "the devices could not be brought up"),
+        };
+        Down { cause, code, text }
+    }
+
+    /// Writes what [`Problem::down`] does not tell; nothing if it tells all.
+    pub(crate) fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        match self {
+            Self::Silence | Self::NoDevice | Self::Watchdog => Ok(()),
+            Self::OtherDevices { expected, found } => {
+                write!(words, "the EtherCAT cable has other devices: expected {}", expected.len())?;
+                for (index, device) in expected.iter().enumerate() {
+                    let ExpectedDevice { vendor, product, revision, .. } = device;
+                    write!(words, "{}vendor 0x{vendor:08X}, product 0x{product:08X}", before(index))?;
+                    if let Some(revision) = revision {
+                        write!(words, ", revision 0x{revision:08X}")?;
+                    }
+                }
+                write!(words, "; found {}", found.len())?;
+                for (index, device) in found.iter().enumerate() {
+                    write!(words, "{}{device}", before(index))?;
+                }
+                Ok(())
+            }
+            Self::TooManyDevices { expected } => {
+                write!(words, "the EtherCAT cable has more than {MAX_DEVICES} devices: expected {expected}")
+            }
+            Self::OtherProcessData { number, found, expected: [outputs, inputs], bytes } => {
+                let [found_outputs, found_inputs] = bytes;
+                write!(
+                    words,
+                    "device {number}, {found}, has {found_outputs} bytes of outputs and {found_inputs} of inputs; \
+                     expected {outputs} and {inputs}"
+                )
+            }
+            Self::NotOperational { number, state, code } => {
+                write!(words, "device {number} does not come to OP: it is in {}", name(*state))?;
+                write_code(words, *code)
+            }
+            Self::LeftOperational { number, state, code } => {
+                write!(words, "device {number} left OP: it is in {}", name(*state))?;
+                write_code(words, *code)
+            }
+            Self::Other(error) => write!(words, "the EtherCAT devices could not be brought up: {error}"),
+        }
+    }
+}
+
+const fn before(index: usize) -> &'static str {
+    if index == 0 { ": " } else { ", then " }
+}
+
+/// Writes what an AL status code says; nothing if there is no error.
+fn write_code(words: &mut dyn fmt::Write, code: u16) -> fmt::Result {
+    if code == 0 {
+        return Ok(());
+    }
+    match AlStatusCode::unpack_from_slice(&code.to_le_bytes()) {
+        Ok(code) => write!(words, ", AL status code {code}"),
+        Err(_) => write!(words, ", AL status code 0x{code:04X}"),
+    }
+}
+
+/// Returns the standard's name of a state.
+const fn name(state: SubDeviceState) -> &'static str {
+    match state {
+        SubDeviceState::None => "no state: it does not answer",
+        SubDeviceState::Init => "INIT",
+        SubDeviceState::PreOp => "PRE-OP",
+        SubDeviceState::Bootstrap => "BOOT",
+        SubDeviceState::SafeOp => "SAFE-OP",
+        SubDeviceState::Op => "OP",
+        SubDeviceState::Other(_) => "an unknown state",
+    }
+}

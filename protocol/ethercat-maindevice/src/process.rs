@@ -1,0 +1,126 @@
+//! What the cyclic exchange shares with its machine: process data, the state of the connection, events.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::fmt;
+
+use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent};
+
+use crate::lend::Place;
+use crate::problem::Problem;
+
+/// Events that wait for the owner at most; the owner takes them after each call.
+const EVENTS: usize = 4;
+
+/// Silence that is reported: a device that is switched on later than this MainDevice is no news.
+const REPORTED_SILENCE: Duration = Duration::from_secs(1);
+
+thread_local! {
+    /// Those of the machine that runs at the moment.
+    pub(crate) static PROCESS: RefCell<Process> = const { RefCell::new(Process::none()) };
+}
+
+/// Static place of the process data.
+pub(crate) const PLACE: &Place<Process> = &PROCESS;
+
+/// Process data and connection.
+#[derive(Debug)]
+pub(crate) struct Process {
+    /// Data for the devices, in their order.
+    pub(crate) outputs: Vec<u8>,
+    /// Data of the devices, in their order.
+    pub(crate) inputs: Vec<u8>,
+    pub(crate) counters: Counters,
+    /// Whether all devices are in OP and were so in the last exchange.
+    up: bool,
+    /// Whether the owner wants to end the connection.
+    pub(crate) leaving: bool,
+    events: VecDeque<LinkEvent>,
+    /// Last problem that was reported since the connection was up.
+    reported: Option<Problem>,
+    /// Since when nothing answers.
+    silent_since: Option<Instant>,
+}
+
+impl Process {
+    /// Without room: what is in a thread's place while no machine runs.
+    const fn none() -> Self {
+        Self {
+            outputs: Vec::new(),
+            inputs: Vec::new(),
+            counters: Counters {
+                sent: 0,
+                received: 0,
+                skipped: 0,
+                lost: 0,
+                late: 0,
+                malformed: 0,
+                foreign: 0,
+            },
+            up: false,
+            leaving: false,
+            events: VecDeque::new(),
+            reported: None,
+            silent_since: None,
+        }
+    }
+
+    pub(crate) fn new(output_bytes: usize, input_bytes: usize) -> Self {
+        Self {
+            outputs: vec![0; output_bytes],
+            inputs: vec![0; input_bytes],
+            events: VecDeque::with_capacity(EVENTS),
+            ..Self::none()
+        }
+    }
+
+    pub(crate) const fn is_up(&self) -> bool {
+        self.up
+    }
+
+    /// Notes a good exchange.
+    pub(crate) fn good(&mut self) {
+        self.counters.received += 1;
+        if !self.up {
+            self.up = true;
+            (self.reported, self.silent_since) = (None, None);
+            self.push(LinkEvent::Up);
+        }
+    }
+
+    /// Notes why there is no connection, or no longer one. Reports it unless it is known.
+    pub(crate) fn fail(&mut self, now: Instant, problem: Problem) {
+        let was_up = std::mem::take(&mut self.up);
+        let down = problem.down();
+        if !was_up {
+            let is_known = self.reported.as_ref() == Some(&problem);
+            let is_silence = down.cause == DownCause::NoAnswer;
+            let since = *self.silent_since.get_or_insert(now);
+            if is_known || is_silence && (self.reported.is_some() || now.since(since) < REPORTED_SILENCE) {
+                return;
+            }
+        }
+        self.reported = Some(problem);
+        self.push(LinkEvent::Down(down));
+    }
+
+    /// Notes that the owner ended the connection.
+    pub(crate) fn closed(&mut self) {
+        self.up = false;
+        self.push(LinkEvent::Down(Down { cause: DownCause::ClosedHere, code: 0, text: "" }));
+    }
+
+    pub(crate) fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.events.pop_front()
+    }
+
+    pub(crate) fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.reported.as_ref().map_or(Ok(()), |problem| problem.explain(words))
+    }
+
+    fn push(&mut self, event: LinkEvent) {
+        if self.events.len() < EVENTS {
+            self.events.push_back(event);
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! A future that uses ethercrab, as a machine.
+
+use std::future::poll_fn;
+use std::pin::{Pin, pin};
+use std::task::{Context, Poll, Waker};
+
+use ethercrab::{MainDeviceConfig, PduRx, PduStorage, PduTx, Timeouts};
+use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
+
+use crate::frames::{self, FRAMES, Frames, IN_FLIGHT};
+use crate::lend::lend;
+use crate::{ETHER_TYPE, time};
+
+/// Longest datagram of process data in bytes.
+const DATA: usize = PduStorage::element_size(1486);
+
+/// ethercrab's memory of the frames under way.
+pub(crate) type Storage = PduStorage<IN_FLIGHT, DATA>;
+
+/// Runs `script` with a MainDevice of ethercrab whose frames are those of the machine that polls this future: a
+/// [`Scripted`].
+///
+/// # Panics
+///
+/// Never: the memory of the frames is split once.
+pub async fn with_main_device<T>(
+    timeouts: Timeouts,
+    config: MainDeviceConfig,
+    script: impl AsyncFnOnce(&ethercrab::MainDevice<'_>) -> T,
+) -> T {
+    let storage = Storage::new();
+    #[expect(clippy::expect_used, reason = "new memory was not split before")]
+    let (tx, rx, pdu_loop) = storage.try_split().expect("new memory");
+    let main_device = ethercrab::MainDevice::new(pdu_loop, timeouts, config);
+    let script = pin!(script(&main_device));
+    exchange(tx, rx, script).await
+}
+
+/// Polls `script`; before that, gives ethercrab the received frame, and after it, takes the frames to send.
+pub(crate) async fn exchange<T>(
+    mut tx: PduTx<'_>,
+    mut rx: PduRx<'_>,
+    mut script: Pin<&mut impl Future<Output = T>>,
+) -> T {
+    poll_fn(|context| {
+        FRAMES.with_borrow_mut(|frames| frames.give(&mut rx));
+        let result = script.as_mut().poll(context);
+        FRAMES.with_borrow_mut(|frames| frames.take(&mut tx));
+        result
+    })
+    .await
+}
+
+/// A future made by [`with_main_device`], as a machine. Its event is the future's result.
+#[derive(Debug)]
+pub struct Scripted<F: Future> {
+    script: Option<Pin<Box<F>>>,
+    frames: Frames,
+    wake: Option<Instant>,
+    result: Option<F::Output>,
+}
+
+impl<F: Future> Scripted<F> {
+    /// Creates a machine that runs the script from `start` on.
+    pub fn new(script: F, start: Instant) -> Self {
+        Self { script: Some(Box::pin(script)), frames: Frames::new(), wake: Some(start), result: None }
+    }
+
+    /// Returns how many received frames ethercrab had no use for: late, doubled and damaged ones.
+    pub const fn refused(&self) -> u64 {
+        self.frames.refused()
+    }
+
+    /// Ends the script where it is.
+    pub(crate) fn cancel(&mut self) {
+        (self.script, self.wake) = (None, None);
+    }
+
+    pub(crate) fn poll(&mut self, now: Instant) {
+        let Some(script) = &mut self.script else { return };
+        let mut context = Context::from_waker(Waker::noop());
+        let poll = || time::at(now, || script.as_mut().poll(&mut context));
+        let (poll, wake) = lend(frames::PLACE, &mut self.frames, poll);
+        self.wake = wake;
+        if let Poll::Ready(result) = poll {
+            self.cancel();
+            self.result = Some(result);
+        }
+    }
+}
+
+impl<F: Future> Machine for Scripted<F> {
+    type Event = F::Output;
+
+    fn ports(&self) -> &[PortRequest] {
+        &[PortRequest::Ethernet { ether_type: ETHER_TYPE, groups: &[] }]
+    }
+
+    fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
+        self.frames.receive(frame);
+        self.poll(now);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.poll(now);
+    }
+
+    fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let len = self.frames.send(buf)?;
+        Some(Transmit { port: Port::Ethernet, to: None, len })
+    }
+
+    fn poll_event(&mut self) -> Option<F::Output> {
+        self.result.take()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.wake
+    }
+}
