@@ -84,6 +84,10 @@ verb_purity() { #: prove that the crates of machines can name no clock, socket, 
         echo "protocol-linux names a bus: a machine says by ports() what it needs open" >&2
         exit 1
     fi
+    if cargo tree --workspace -e features --locked -i ethercrab | grep 'ethercrab feature "std"'; then
+        echo "ethercrab's feature std is on: it would wait by the system's clock instead of by a machine's" >&2
+        exit 1
+    fi
     local unsafe_users
     unsafe_users=$(grep -rlE '\bunsafe\b' --include='*.rs' . | grep -vE '^\./(target|protocol/linux)/' || true)
     [ -z "$unsafe_users" ] || { echo "unsafe outside protocol-linux: $unsafe_users" >&2; exit 1; }
@@ -204,6 +208,10 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
     done
     built bench --setup B --mode virtual --types cm --reps 1 --capture always --out "$out/virtual-B"
     gate_run gate_ethernet_ip "$out/virtual-B"
+    for mode in real virtual; do
+        built bench --setup C --mode "$mode" --types cm --reps 1 --capture always --out "$out/$mode-C"
+        gate_run gate_ethercat "$out/$mode-C"
+    done
     local fault capture
     built bench --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
         --fault loss=0.01 --fault duplicate=0.01 --fault reorder=0.01@3ms
@@ -222,7 +230,7 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
-    for setup in A B; do
+    for setup in A B C; do
         built bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
         summarise "$out/$setup.txt"
     done

@@ -38,6 +38,7 @@ Examples:
   bench --setup A                            two processes, real PROFINET, 75 runs in about six minutes
   bench --setup A --mode virtual             the same in virtual time, in about a second
   bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
+  bench --setup C                            the same arm over EtherCAT
   bench --setup A --types rc,cm --export-json results.json
   bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
   bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure

@@ -31,7 +31,45 @@ fn refused(arguments: &[&str]) -> String {
 
 #[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
-    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B; or give the path of a .toml file");
+    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C; or give the path of a .toml file");
+}
+
+/// Runs Setup C in virtual mode, with these lines in its section of the bus.
+fn setup_c_with(lines: &str, options: &[&str]) -> Said {
+    let directory = tempfile::tempdir().unwrap();
+    let shipped = include_str!("../../cell/setups/C.toml");
+    let changed = shipped.replacen("\n[robot]\n", &format!("\n{lines}\n[robot]\n"), 1);
+    fs::write(directory.path().join("c.toml"), changed).unwrap();
+    let arguments = ["--setup", "c.toml", "--mode", "virtual", "--reps", "1", "--quiet", "--out", "run"];
+    bench(directory.path(), &[&arguments[..], options].concat())
+}
+
+#[test]
+fn a_robot_with_another_identity_or_other_process_data_than_the_setup_wants_is_refused_with_both() {
+    let device = |product: u32, output_bytes: u32| {
+        let said = setup_c_with(
+            &format!(
+                "[bus.ethercat.device]\nvendor = 0xFFFFFFFF\nproduct = {product}\n\
+                 output_bytes = {output_bytes}\ninput_bytes = 256\n"
+            ),
+            &[],
+        );
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        said.stderr
+    };
+    insta::assert_snapshot!(device(9, 256), @"error: no connection to the robot: the EtherCAT cable has other devices: expected 1: vendor 0xFFFFFFFF, product 0x00000009; found 1: `skillbench-robot` (vendor 0xFFFFFFFF, product 0x00000001, revision 0x00010000)");
+    insta::assert_snapshot!(device(1, 64), @"error: no connection to the robot: device 1, `skillbench-robot` (vendor 0xFFFFFFFF, product 0x00000001, revision 0x00010000), has 256 bytes of outputs and 256 of inputs; expected 64 and 256");
+}
+
+#[test]
+fn over_ethercat_a_run_survives_lost_doubled_and_late_frames_and_a_short_cut() {
+    let faults = ["loss=0.002", "duplicate=0.01", "reorder=0.01@2ms", "cut-at=2s..2.1s"];
+    let options: Vec<_> = faults.iter().flat_map(|fault| ["--fault", fault]).collect();
+    let said = setup_c_with("", &options);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let longer = setup_c_with("", &["--fault", "cut-at=2s..3s"]);
+    assert_eq!(longer.code, Some(4), "{}", longer.stderr);
+    assert!(longer.stderr.contains("error: repetition rc 1 of 1 failed"), "{}", longer.stderr);
 }
 
 #[test]

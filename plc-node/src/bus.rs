@@ -1,5 +1,7 @@
 //! From a setup to the PLC's end of its bus.
 
+mod ethercat;
+
 use ethernet_ip::cip::{ElectronicKey, Revision};
 use ethernet_ip::connection::TimeoutMultiplier;
 use ethernet_ip::{ConnectionConfig, ScannerConfig};
@@ -12,8 +14,10 @@ use protocol::buses::{Endpoint, EthernetIpScanner, ProfinetController};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR, PROFINET_PLC, PROFINET_ROBOT};
 use setup::{Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, Profinet, ProfinetDevice};
 
+pub use ethercat::EthercatMainDevice;
+
 /// The PLC's endpoint on any bus.
-pub type PlcBus = Endpoint<ProfinetController, EthernetIpScanner>;
+pub type PlcBus = Endpoint<ProfinetController, EthernetIpScanner, EthercatMainDevice>;
 
 /// Why a setup gives no bus endpoint.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -52,6 +56,7 @@ pub fn open(bus: &Bus, mac: Mac, seed: u64, start: Instant) -> Result<PlcBus, Bu
         BusKind::EthernetIp(addresses, ethernet_ip) => {
             Endpoint::EthernetIp(ethernet_ip_scanner(bus, addresses, ethernet_ip, station)?)
         }
+        BusKind::Ethercat(ethercat) => Endpoint::Ethercat(EthercatMainDevice::new(bus, ethercat, start)),
     })
 }
 
@@ -61,6 +66,7 @@ pub const fn role(kind: &BusKind) -> &'static str {
     match kind {
         BusKind::Profinet(..) => "PROFINET IO-Controller",
         BusKind::EthernetIp(..) => "EtherNet/IP scanner",
+        BusKind::Ethercat(_) => "EtherCAT MainDevice",
     }
 }
 

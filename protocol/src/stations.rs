@@ -1,5 +1,6 @@
 //! What the two nodes are on each bus: descriptions for the stacks, and for the files that a real PLC imports.
 
+use ethercat_subdevice::description::{DataType, Mailbox, Pdo, PdoEntry};
 use ethernet_ip::cip::Revision;
 use ethernet_ip::description::{Assembly, Role};
 use profinet::description::{INTERFACE_SUBSLOT, Identity, Module, PORT_SUBSLOT, Submodule};
@@ -87,6 +88,42 @@ pub const ETHERNET_IP_ROBOT: ethernet_ip::description::Description = ethernet_ip
     sessions: 16,
 };
 
+/// The robot node on EtherCAT: one process data object each way, which is the image.
+pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice::Description {
+    // No vendor stands behind a test bench, and the last number belongs to none.
+    vendor_id: 0xFFFF_FFFF,
+    product_code: 1,
+    revision: 0x0001_0000,
+    order_code: "skillbench-robot",
+    name: "skillbench robot",
+    device_type: 0,
+    hardware_version: "1",
+    software_version: "0.1.0",
+    outputs: &[Pdo { index: 0x1600, name: "Command", entries: &COMMAND_ENTRIES }],
+    inputs: &[Pdo { index: 0x1A00, name: "Feedback", entries: &FEEDBACK_ENTRIES }],
+    mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
+    objects: &[],
+    distributed_clocks: false,
+};
+
+/// An entry of a process data object has 255 bits at most, so the image is cut into entries of 32 bits.
+const ENTRIES: usize = IMAGE_LEN / 4;
+
+static COMMAND_ENTRIES: [PdoEntry; ENTRIES] = entries(0x7000, "Command");
+static FEEDBACK_ENTRIES: [PdoEntry; ENTRIES] = entries(0x6000, "Feedback");
+
+#[expect(clippy::indexing_slicing, reason = "a constant is made without iterators")]
+const fn entries(index: u16, name: &'static str) -> [PdoEntry; ENTRIES] {
+    let mut entries =
+        [PdoEntry { index, subindex: 0, bits: 32, data_type: DataType::Unsigned32, name }; ENTRIES];
+    let mut number = 0;
+    while number < ENTRIES {
+        entries[number].subindex = number as u8 + 1;
+        number += 1;
+    }
+    entries
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,6 +135,10 @@ mod tests {
                 (inputs + usize::from(submodule.input_len), outputs + usize::from(submodule.output_len))
             });
         assert_eq!((inputs, outputs), (IMAGE_LEN, IMAGE_LEN));
+        for pdo in [&ETHERCAT_ROBOT.outputs[0], &ETHERCAT_ROBOT.inputs[0]] {
+            let bits: usize = pdo.entries.iter().map(|entry| usize::from(entry.bits)).sum();
+            assert_eq!(bits, IMAGE_LEN * 8);
+        }
         assert!(PROFINET_ROBOT.station_type.len() <= 25);
         assert!(PROFINET_ROBOT.order_id.len() <= 20 && PROFINET_ROBOT.serial_number.len() <= 16);
         assert_eq!(PROFINET_ROBOT.submodule(0, PORT_SUBSLOT).map(|submodule| submodule.ident), Some(0x8001));

@@ -2,16 +2,17 @@
 
 use core::net::Ipv4Addr;
 
+use ethercat_subdevice::DeviceConfig as SubDeviceConfig;
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::Instant;
 use machine::ethernet::Mac;
 use profinet::{Device, DeviceConfig};
-use protocol::buses::Endpoint;
-use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
+use protocol::buses::{Endpoint, EthercatSubDevice};
+use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use setup::{Addresses, Bus, BusKind, Profinet};
 
 /// The robot's endpoint on any bus.
-pub type RobotBus = Endpoint<Device, Adapter>;
+pub type RobotBus = Endpoint<Device, Adapter, EthercatSubDevice>;
 
 /// Returns the robot's endpoint on the bus of a setup, on an interface with this MAC address and, if it has one
 /// already, this IP address.
@@ -30,6 +31,12 @@ pub fn open(
             Endpoint::Profinet(profinet_device(addresses, profinet, mac, address, start()))
         }
         BusKind::EthernetIp(addresses, _) => Endpoint::EthernetIp(ethernet_ip_adapter(addresses, mac, seed)),
+        BusKind::Ethercat(_) => {
+            let Mac([_, _, serial @ ..]) = mac;
+            let serial_number = u32::from_be_bytes(serial);
+            let config = SubDeviceConfig { serial_number, ..SubDeviceConfig::new(&ETHERCAT_ROBOT) };
+            Endpoint::Ethercat(EthercatSubDevice::new(&config))
+        }
     }
 }
 
@@ -39,14 +46,16 @@ pub const fn role(kind: &BusKind) -> &'static str {
     match kind {
         BusKind::Profinet(..) => "PROFINET IO-Device",
         BusKind::EthernetIp(..) => "EtherNet/IP adapter",
+        BusKind::Ethercat(_) => "EtherCAT SubDevice",
     }
 }
 
-/// Returns the IP address that the robot has from its project; `None` where its controller gives it one by DCP.
+/// Returns the IP address that the robot has from its project; `None` where its controller gives it one by DCP, or where it
+/// has none.
 #[must_use]
 pub const fn address_from_project(kind: &BusKind) -> Option<Ipv4Addr> {
     match kind {
-        BusKind::Profinet(..) => None,
+        BusKind::Profinet(..) | BusKind::Ethercat(_) => None,
         BusKind::EthernetIp(addresses, _) => Some(addresses.robot),
     }
 }

@@ -146,6 +146,7 @@ mod tests {
                 BusKind::Profinet(addresses, _) | BusKind::EthernetIp(addresses, _) => {
                     addresses.robot = "10.0.0.2".parse().unwrap();
                 }
+                BusKind::Ethercat(_) => panic!("the paper has no setup on EtherCAT"),
             }
             setup.bus.watchdog_cycles.value = 3;
             setup.application = "copy.toml".to_owned();

@@ -138,7 +138,7 @@ fn table(findings: &[Finding]) -> String {
     text
 }
 
-/// Checks namespaces, the cable between them, and the sockets of both buses.
+/// Checks namespaces, the cable between them, and the sockets of all buses.
 fn networks() -> Vec<Finding> {
     const NAMESPACES: &str = "network namespaces";
     const SOCKETS: &str = "raw and UDP sockets";
@@ -150,7 +150,7 @@ fn networks() -> Vec<Finding> {
         Ok(sockets) => vec![
             Finding::good(NAMESPACES, "two of them with a virtual cable between"),
             match sockets {
-                Ok(()) => Finding::good(SOCKETS, "PROFINET and EtherNet/IP"),
+                Ok(()) => Finding::good(SOCKETS, "PROFINET, EtherNet/IP and EtherCAT"),
                 Err(error) => Finding::missing(SOCKETS, "refused", error.to_string()),
             },
         ],

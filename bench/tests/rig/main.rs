@@ -21,6 +21,7 @@ fn main() -> ExitCode {
     networked_tests::run(networked_tests::tests![
         a_run_over_either_cyclic_transport_passes,
         a_run_of_setup_b_passes_and_loses_no_frame,
+        a_run_of_setup_c_passes_and_loses_no_frame,
         a_killed_node_fails_the_run_at_once_and_is_named,
         a_node_that_hangs_fails_the_run,
         a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was_lost,
@@ -52,6 +53,20 @@ fn a_run_of_setup_b_passes_and_loses_no_frame() {
     let bus = &ended.results["bus"];
     // If the host breaks the connection, frames in flight are lost with it.
     assert!(bus["lost"] == 0 || ended.results["repeated"] != 0, "{bus}");
+    let [sent, received] = ["frames_sent", "frames_received"].map(|key| bus[key].as_u64().unwrap());
+    assert!(sent > 500 && received > sent * 9 / 10, "{bus}");
+    let allocations = &ended.results["cyclic_allocations"];
+    assert_eq!((&allocations["plc"], &allocations["robot"]), (&0.into(), &0.into()));
+}
+
+/// EtherCAT between two processes, over raw Ethernet. Each frame that the PLC sends comes back.
+fn a_run_of_setup_c_passes_and_loses_no_frame() {
+    let ended = Bench::start_patient("C", &["--reps", "1"]).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    assert_eq!(ended.samples.lines().count(), 2);
+    let bus = &ended.results["bus"];
+    // A host that stalls the robot for longer than a frame's time costs that frame.
+    assert!(bus["lost"].as_u64().unwrap() <= bus["skipped"].as_u64().unwrap() / 10, "{bus}");
     let [sent, received] = ["frames_sent", "frames_received"].map(|key| bus[key].as_u64().unwrap());
     assert!(sent > 500 && received > sent * 9 / 10, "{bus}");
     let allocations = &ended.results["cyclic_allocations"];

@@ -41,6 +41,10 @@ pub(crate) fn patient(setup: &str, place: &Path) -> String {
             include_str!("../../../cell/setups/A.toml"),
             [("watchdog_cycles", 500, 1_900), ("cycle_us", 1_000, 1_000)],
         ),
+        "C" => (
+            include_str!("../../../cell/setups/C.toml"),
+            [("watchdog_cycles", 500, 1_900), ("cycle_us", 1_000, 1_000)],
+        ),
         // EtherNet/IP tolerates at most 512 packet intervals, so they have to be longer.
         _ => (
             include_str!("../../../cell/setups/B.toml"),

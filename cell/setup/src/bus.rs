@@ -29,6 +29,8 @@ pub enum BusKind {
     Profinet(Addresses, Profinet),
     /// EtherNet/IP: the PLC is the scanner, the robot the adapter.
     EthernetIp(Addresses, EthernetIp),
+    /// EtherCAT: the PLC is the MainDevice, the robot a SubDevice. There are no addresses to set.
+    Ethercat(Ethercat),
 }
 
 /// The nodes in an IP network.
@@ -54,6 +56,7 @@ impl Bus {
     pub const fn addresses(&self) -> Option<&Addresses> {
         match &self.kind {
             BusKind::Profinet(addresses, _) | BusKind::EthernetIp(addresses, _) => Some(addresses),
+            BusKind::Ethercat(_) => None,
         }
     }
 
@@ -64,7 +67,7 @@ impl Bus {
                 profinet.cyclic = cyclic;
                 true
             }
-            BusKind::EthernetIp(..) => false,
+            BusKind::EthernetIp(..) | BusKind::Ethercat(_) => false,
         }
     }
 }
@@ -212,4 +215,28 @@ impl EthernetIp {
     pub fn timeout_intervals(&self, watchdog_cycles: &Sourced<u32>) -> u32 {
         self.timeout_multiplier.as_ref().unwrap_or(watchdog_cycles).value
     }
+}
+
+/// What EtherCAT may be told besides.
+#[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ethercat {
+    /// The SubDevice that the PLC expects, where it is not our robot node but, say, a bridge terminal.
+    pub device: Option<EthercatDevice>,
+}
+
+/// A SubDevice as its ESI file describes it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthercatDevice {
+    /// Vendor ID.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+    /// Revision; any, if left out.
+    pub revision: Option<u32>,
+    /// Process data from the PLC to the device, in bytes.
+    pub output_bytes: u16,
+    /// Process data from the device to the PLC, in bytes.
+    pub input_bytes: u16,
 }

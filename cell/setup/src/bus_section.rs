@@ -9,7 +9,7 @@ use serde::de::{Deserializer, Error};
 use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 
-use crate::{Addresses, Bus, BusKind, EthernetIp, Profinet, Sourced};
+use crate::{Addresses, Bus, BusKind, Ethercat, EthernetIp, Profinet, Sourced};
 
 /// The section, with its keys in the order in which they are written.
 #[derive(Serialize, Deserialize)]
@@ -25,6 +25,7 @@ struct BusSection {
     subnet_mask: Option<Ipv4Addr>,
     profinet: Option<Profinet>,
     ethernet_ip: Option<EthernetIp>,
+    ethercat: Option<Ethercat>,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -32,6 +33,7 @@ struct BusSection {
 enum Kind {
     Profinet,
     EthernetIp,
+    Ethercat,
 }
 
 impl Kind {
@@ -39,6 +41,7 @@ impl Kind {
         match self {
             Self::Profinet => "profinet",
             Self::EthernetIp => "ethernet-ip",
+            Self::Ethercat => "ethercat",
         }
     }
 }
@@ -81,6 +84,7 @@ impl BusSection {
                 BusKind::Profinet(addresses, self.profinet.ok_or(lacks("a section [bus.profinet]"))?)
             }
             Kind::EthernetIp => BusKind::EthernetIp(self.addresses()?, self.ethernet_ip.unwrap_or_default()),
+            Kind::Ethercat => BusKind::Ethercat(self.ethercat.unwrap_or_default()),
         };
         let Self { cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, .. } = self;
         Ok(Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm })
@@ -88,11 +92,19 @@ impl BusSection {
 
     fn of(bus: Bus) -> Self {
         let Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm } = bus;
-        let (kind, addresses, profinet, ethernet_ip) = match kind {
-            BusKind::Profinet(addresses, profinet) => (Kind::Profinet, Some(addresses), Some(profinet), None),
-            BusKind::EthernetIp(addresses, ethernet_ip) => {
-                let section = (ethernet_ip != EthernetIp::default()).then_some(ethernet_ip);
-                (Kind::EthernetIp, Some(addresses), None, section)
+        let (mut profinet, mut ethernet_ip, mut ethercat) = (None, None, None);
+        let (kind, addresses) = match kind {
+            BusKind::Profinet(addresses, section) => {
+                profinet = Some(section);
+                (Kind::Profinet, Some(addresses))
+            }
+            BusKind::EthernetIp(addresses, section) => {
+                ethernet_ip = (section != EthernetIp::default()).then_some(section);
+                (Kind::EthernetIp, Some(addresses))
+            }
+            BusKind::Ethercat(section) => {
+                ethercat = (section != Ethercat::default()).then_some(section);
+                (Kind::Ethercat, None)
             }
         };
         Self {
@@ -106,6 +118,7 @@ impl BusSection {
             subnet_mask: addresses.map(|addresses| addresses.mask),
             profinet,
             ethernet_ip,
+            ethercat,
         }
     }
 }

@@ -15,8 +15,8 @@ mod vary;
 mod write;
 
 pub use bus::{
-    Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpKey, Profinet, ProfinetDevice,
-    ProfinetModule, ProfinetSubmodule, UnknownCyclic,
+    Addresses, Bus, BusKind, Cyclic, Ethercat, EthercatDevice, EthernetIp, EthernetIpAdapter, EthernetIpKey,
+    Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule, UnknownCyclic,
 };
 pub use difference::{Difference, text_differences};
 pub use error::Error;

@@ -8,8 +8,11 @@ use crate::check::{Problem, check_setup};
 use crate::{Error, Setup};
 
 /// Setups compiled in: name and text.
-pub const SETUPS: &[(&str, &str)] =
-    &[("A", include_str!("../../setups/A.toml")), ("B", include_str!("../../setups/B.toml"))];
+pub const SETUPS: &[(&str, &str)] = &[
+    ("A", include_str!("../../setups/A.toml")),
+    ("B", include_str!("../../setups/B.toml")),
+    ("C", include_str!("../../setups/C.toml")),
+];
 
 /// Finds the setup `name`: a built-in one, or the path of a file. Checks its values.
 pub fn setup(name: &str) -> Result<Setup, Error> {

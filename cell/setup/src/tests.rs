@@ -33,7 +33,7 @@ fn ethernet_ip_of(setup: &Setup) -> &EthernetIp {
 
 #[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
-    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B; or give the path of a .toml file");
+    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C; or give the path of a .toml file");
 }
 
 #[test]
@@ -273,4 +273,42 @@ fn a_foreign_adapter_is_described_in_the_setup_and_may_support_other_intervals()
     assert_eq!((adapter.consumed_assembly, adapter.produced_bytes, adapter.key), (770, 16, None));
     let odd = refusal(&with("[1]"));
     assert!(odd.contains("bus.ethernet_ip.adapter.route") && odd.contains("even number of bytes"), "{odd}");
+}
+
+#[test]
+fn setup_c_differs_from_setup_a_by_its_bus_alone() {
+    let (a, c) = (setup("A").unwrap(), setup("C").unwrap());
+    let differences = a.differences(&c).unwrap();
+    let others: Vec<_> = differences
+        .into_iter()
+        .map(|difference| difference.key)
+        .filter(|key| !key.starts_with("bus.") && !["name", "title", "paper"].contains(&key.as_str()))
+        .collect();
+    assert_eq!(others, Vec::<String>::new());
+}
+
+#[test]
+fn ethercat_has_a_range_of_cycles_a_longest_watchdog_and_data_that_fit_one_frame() {
+    let (_, text) = SETUPS[2];
+    let with = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        refusal(&text.replacen(from, to, 1))
+    };
+    let device = |bytes: u32| {
+        let device = "vendor = 2\nproduct = 3\ninput_bytes = 256";
+        with("[robot]", &format!("[bus.ethercat.device]\n{device}\noutput_bytes = {bytes}\n\n[robot]"))
+    };
+    let said = [
+        with(
+            "\ncycle_us = { value = 1000, from = \"assumed\"",
+            "\ncycle_us = { value = 100, from = \"assumed\"",
+        ),
+        with("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 6554"),
+        device(701),
+    ];
+    insta::assert_snapshot!(said.join("\n"), @"
+    DIR/my.toml: `bus.cycle_us`: 100 µs is not a cycle of this MainDevice: 250 to 100000 µs
+    DIR/my.toml: `bus.watchdog_cycles`: 6554 cycles of 1000 µs hold for 6554 ms; the watchdog of a SubDevice has 6553 ms at most, so at most 6553 cycles
+    DIR/my.toml: `bus.ethercat.device.output_bytes`: 701 bytes cannot carry the process image in one frame: 1 to 700 bytes
+    ");
 }

@@ -1,6 +1,6 @@
 //! The MainDevice drives emulated SubDevices in virtual time, and bears what happens to them.
 
-#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test fails by a panic")]
+#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};

@@ -13,11 +13,13 @@ use crate::image::{Image, Order};
 
 /// An endpoint on one of the buses, as one type.
 #[derive(Debug)]
-pub enum Endpoint<P, E> {
+pub enum Endpoint<P, E, C> {
     /// On PROFINET.
     Profinet(P),
     /// On EtherNet/IP.
     EthernetIp(E),
+    /// On EtherCAT.
+    Ethercat(C),
 }
 
 /// Evaluates an expression for the endpoint that there is.
@@ -26,11 +28,12 @@ macro_rules! on {
         match $endpoint {
             Endpoint::Profinet($bus) => $value,
             Endpoint::EthernetIp($bus) => $value,
+            Endpoint::Ethercat($bus) => $value,
         }
     };
 }
 
-impl<P: Fieldbus, E: Fieldbus> Machine for Endpoint<P, E> {
+impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Machine for Endpoint<P, E, C> {
     type Event = LinkEvent;
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
@@ -82,7 +85,7 @@ impl<P: Fieldbus, E: Fieldbus> Machine for Endpoint<P, E> {
     }
 }
 
-impl<P: Fieldbus, E: Fieldbus> Fieldbus for Endpoint<P, E> {
+impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
     fn byte_order(&self) -> Order {
         on!(self, bus => bus.byte_order())
     }

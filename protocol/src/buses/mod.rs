@@ -2,10 +2,12 @@
 
 mod assemblies;
 mod endpoint;
+mod process_data;
 mod submodules;
 
 pub use assemblies::EthernetIpScanner;
 pub use endpoint::Endpoint;
+pub use process_data::EthercatSubDevice;
 pub use submodules::ProfinetController;
 
 /// Implements [`machine::Machine`] for an endpoint with one connection: all of its methods but that for events.

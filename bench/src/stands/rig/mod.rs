@@ -91,7 +91,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 }
 
 /// Tests what the rig needs from the host and leaves nothing behind: a cable between two networks, and on it the
-/// sockets of both buses.
+/// sockets of all buses; EtherCAT needs one of PROFINET's kind.
 ///
 /// # Errors
 ///

@@ -6,11 +6,11 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use ::node::report::LatenessReport;
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
 use machine::{Instant, Lateness};
 use planning::PROGRAM;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
-use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::Digest;
 use protocol_linux::capture::Note;
 use robot_node::{Program, Quality, RobotEvent, RobotNode};
@@ -31,6 +31,11 @@ const CONNECT: Duration = Duration::from_secs(60);
 
 /// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
+
+/// The setup asks its bus for another robot than the one that is there.
+#[derive(Debug, thiserror::Error)]
+#[error("no connection to the robot: {0}")]
+pub(super) struct OtherRobot(String);
 
 /// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
@@ -165,6 +170,19 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         Ok(())
     }
 
+    /// Returns why there is no connection, in the words of the bus if it has any.
+    fn not_connected(&self, down: Down) -> anyhow::Error {
+        let mut words = String::new();
+        let explained = self.pair.a().bus().explain(&mut words);
+        if explained.is_err() || words.is_empty() {
+            words = down.to_string();
+        }
+        match down.cause {
+            DownCause::Refused => OtherRobot(words).into(),
+            _ => anyhow!("no connection to the robot: {words}"),
+        }
+    }
+
     fn change(&mut self) {
         let Some((_, change)) = self.changes.pop_front() else { return };
         let lost =
@@ -196,7 +214,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                     self.ready_at = Some(self.pair.now());
                     return Ok(());
                 }
-                PlcEvent::Link(LinkEvent::Down(down)) => bail!("no connection to the robot: {down}"),
+                PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down)),
                 _ => {}
             }
         }

@@ -31,10 +31,10 @@ use virtual_time::Side;
 pub(crate) use cell::Nodes;
 pub use plant_speed::PlantSpeed;
 
-use cell::{Cell, SharedCapture, Surroundings, cell};
+use cell::{Cell, OtherRobot, SharedCapture, Surroundings, cell};
 use phases::Phases;
 
-use crate::output::exit::Failure;
+use crate::output::exit::{Exit, Failure};
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
@@ -264,7 +264,11 @@ impl Stand for VirtualRun {
             frames: config.frames,
         };
         let StandConfig { setup, application, seed, .. } = *config;
-        Ok(Self::start_with(setup, application, seed, VirtualBus::OfSetup, &extras)?)
+        let started = Self::start_with(setup, application, seed, VirtualBus::OfSetup, &extras);
+        started.map_err(|error| match error.is::<OtherRobot>() {
+            true => Failure::new(Exit::Usage, error),
+            false => error.into(),
+        })
     }
 
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {

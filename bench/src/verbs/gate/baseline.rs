@@ -20,8 +20,11 @@ pub(super) const REPETITIONS: u32 = 25;
 pub(super) const SEED: u64 = 1;
 
 /// The baselines of the built-in setups.
-pub const BASELINES: &[(&str, &str)] =
-    &[("A", include_str!("../../../baselines/A.json")), ("B", include_str!("../../../baselines/B.json"))];
+pub const BASELINES: &[(&str, &str)] = &[
+    ("A", include_str!("../../../baselines/A.json")),
+    ("B", include_str!("../../../baselines/B.json")),
+    ("C", include_str!("../../../baselines/C.json")),
+];
 
 /// Half of the millisecond that must not pass unseen.
 const MILLIS_TOLERANCE: f64 = 0.5;

@@ -6,7 +6,7 @@ use ethernet_ip::connection::TimeoutMultiplier;
 use protocol::stations::ETHERNET_IP_ROBOT;
 
 use super::{Check, cycle, problem};
-use crate::{Addresses, Bus, BusKind, Cyclic, EthernetIp, Profinet, ProfinetDevice};
+use crate::{Addresses, Bus, BusKind, Cyclic, Ethercat, EthernetIp, Profinet, ProfinetDevice};
 
 /// IEC 61158-6-10: one step of the cycle counter, the unit of every PROFINET cycle time.
 const PROFINET_UNIT_NS: u64 = 31_250;
@@ -18,6 +18,13 @@ const PROFINET_RT1_HOLD: Duration = Duration::from_millis(1_920);
 const PROFINET_UDP_HOLD: Duration = Duration::from_millis(61_440);
 /// IEC 61158-6-10: DataHoldFactor.
 const PROFINET_MAX_HOLD_FACTOR: u32 = 7_680;
+
+/// Cycles that a MainDevice on Linux can keep.
+const ETHERCAT_CYCLES_US: std::ops::RangeInclusive<u32> = 250..=100_000;
+/// Register 0x0420 of a SubDevice: 65535 steps of 100 µs.
+const ETHERCAT_LONGEST_WATCHDOG: Duration = Duration::from_micros(6_553_500);
+/// Process data each way that fit one frame together with those of the other direction.
+const ETHERCAT_MAX_BYTES: u16 = 700;
 
 pub(super) fn check(bus: &Bus) -> Check {
     cycle("bus.cycle_us", &bus.cycle_us)?;
@@ -43,7 +50,38 @@ pub(super) fn check(bus: &Bus) -> Check {
             check_addresses(addresses)?;
             check_ethernet_ip(bus, ethernet_ip)
         }
+        BusKind::Ethercat(ethercat) => check_ethercat(bus, ethercat),
     }
+}
+
+fn check_ethercat(bus: &Bus, ethercat: &Ethercat) -> Check {
+    let cycle_us = bus.cycle_us.value;
+    if !(ETHERCAT_CYCLES_US.contains(&cycle_us)) {
+        let (shortest, longest) = ETHERCAT_CYCLES_US.into_inner();
+        let text = format!("{cycle_us} µs is not a cycle of this MainDevice: {shortest} to {longest} µs");
+        return Err(problem("bus.cycle_us", text));
+    }
+    let hold = bus.watchdog();
+    if hold > ETHERCAT_LONGEST_WATCHDOG {
+        let most = ETHERCAT_LONGEST_WATCHDOG.as_micros() / u128::from(cycle_us);
+        let text = format!(
+            "{} cycles of {cycle_us} µs hold for {} ms; the watchdog of a SubDevice has {} ms at most, so at most {most} cycles",
+            bus.watchdog_cycles.value,
+            hold.as_millis(),
+            ETHERCAT_LONGEST_WATCHDOG.as_millis(),
+        );
+        return Err(problem("bus.watchdog_cycles", text));
+    }
+    let Some(device) = &ethercat.device else { return Ok(()) };
+    for (key, bytes) in [("output_bytes", device.output_bytes), ("input_bytes", device.input_bytes)] {
+        if !(1..=ETHERCAT_MAX_BYTES).contains(&bytes) {
+            let text = format!(
+                "{bytes} bytes cannot carry the process image in one frame: 1 to {ETHERCAT_MAX_BYTES} bytes"
+            );
+            return Err(problem(format!("bus.ethercat.device.{key}"), text));
+        }
+    }
+    Ok(())
 }
 
 fn check_addresses(&Addresses { plc, robot, mask }: &Addresses) -> Check {

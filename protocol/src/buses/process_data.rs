@@ -1,0 +1,116 @@
+//! EtherCAT: the image is the process data of one SubDevice in its direction.
+
+use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment};
+use machine::{Counters, Down, DownCause, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
+
+use crate::fieldbus::Fieldbus;
+use crate::image::{IMAGE_LEN, Image, Order};
+
+/// The SubDevice of a robot. Its connection is up while it is in OP and the MainDevice has written outputs.
+#[derive(Debug)]
+pub struct EthercatSubDevice {
+    segment: Segment,
+    device: DeviceId,
+    up: bool,
+    /// Whether this side ended the connection.
+    left: bool,
+    counters: Counters,
+}
+
+impl EthercatSubDevice {
+    /// A SubDevice that is described by [`ETHERCAT_ROBOT`](crate::stations::ETHERCAT_ROBOT), or by another description
+    /// with an image each way.
+    #[must_use]
+    pub fn new(config: &DeviceConfig) -> Self {
+        let mut segment = Segment::new();
+        let device = segment.add(config);
+        Self { segment, device, up: false, left: false, counters: Counters::default() }
+    }
+
+    /// Returns the state of the SubDevice, and the error that it indicates.
+    #[must_use]
+    pub fn state(&self) -> (AlState, AlStatusCode) {
+        self.segment.state(self.device).unwrap_or((AlState::Init, AlStatusCode::NO_ERROR))
+    }
+
+    /// Returns what a change of the state means for the connection, if anything.
+    fn link_event(&mut self, state: AlState, code: AlStatusCode) -> Option<LinkEvent> {
+        let is_up = state == AlState::Op;
+        if core::mem::replace(&mut self.up, is_up) == is_up {
+            return None;
+        }
+        if is_up {
+            return Some(LinkEvent::Up);
+        }
+        let (cause, text) = match code {
+            _ if self.left => (DownCause::ClosedHere, ""),
+            AlStatusCode::WATCHDOG => (DownCause::Watchdog, code.words()),
+            AlStatusCode::NO_ERROR => (DownCause::ClosedByPeer, "the MainDevice requested a state below OP"),
+            _ => (DownCause::ClosedByPeer, code.words()),
+        };
+        Some(LinkEvent::Down(Down { cause, code: code.0.into(), text }))
+    }
+}
+
+impl Machine for EthercatSubDevice {
+    type Event = LinkEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        self.segment.ports()
+    }
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.segment.handle_frame(now, from, frame);
+        self.counters.received += u64::from(self.up);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.segment.handle_timeout(now);
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let transmit = self.segment.poll_transmit(now, buf)?;
+        self.counters.sent += u64::from(self.up);
+        Some(transmit)
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        while let Some((_, event)) = self.segment.poll_event() {
+            if let Event::StateChanged { state, code } = event
+                && let Some(event) = self.link_event(state, code)
+            {
+                return Some(event);
+            }
+        }
+        None
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.segment.poll_timeout()
+    }
+}
+
+impl Fieldbus for EthercatSubDevice {
+    fn byte_order(&self) -> Order {
+        Order::LittleEndian
+    }
+
+    fn set_output(&mut self, image: &Image) {
+        let taken = self.segment.set_inputs(self.device, image);
+        debug_assert!(taken.is_ok(), "a device with another description: {taken:?}");
+    }
+
+    fn input(&self) -> Option<Image> {
+        <[u8; IMAGE_LEN]>::try_from(self.segment.outputs(self.device)?).ok()
+    }
+
+    /// A SubDevice cannot end a connection. It falls to SAFE-OP and says that there is an error.
+    fn disconnect(&mut self, _now: Instant) {
+        self.left = true;
+        self.segment.fail(self.device, AlStatusCode::UNSPECIFIED_ERROR);
+    }
+
+    fn counters(&self) -> Counters {
+        Counters { foreign: self.segment.counters().foreign, ..self.counters }
+    }
+}
