@@ -24,7 +24,7 @@ pub type PlcBus = Endpoint<ProfinetController, EthernetIpScanner, EthercatMainDe
 pub enum BusError {
     /// What the setup says of PROFINET does not work.
     #[error("bus: {0}")]
-    Profinet(#[from] profinet::ConfigError),
+    Profinet(profinet::ConfigError),
     /// No EtherNet/IP connection waits for that long.
     #[error(
         "bus.watchdog_cycles is {intervals}, but an EtherNet/IP connection waits for 512 packet intervals at most"
@@ -33,6 +33,13 @@ pub enum BusError {
         /// Packet intervals.
         intervals: u32,
     },
+}
+
+// Not `#[from]`, which would also make it the source: then it would be printed twice.
+impl From<profinet::ConfigError> for BusError {
+    fn from(reason: profinet::ConfigError) -> Self {
+        Self::Profinet(reason)
+    }
 }
 
 /// What an endpoint has besides its setup.

@@ -16,14 +16,14 @@ pub enum Error {
         known: Vec<&'static str>,
     },
     /// The file cannot be read.
-    #[error("cannot read the {what} file {}: {source}", path.display())]
+    #[error("cannot read the {what} file {}: {reason}", path.display())]
     Unreadable {
         /// "setup" or "application".
         what: &'static str,
         /// The file.
         path: PathBuf,
         /// The system's error.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The text does not have the expected format.
     #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}", in_key(key))]
@@ -51,7 +51,14 @@ pub enum Error {
     },
     /// A setup cannot be written as TOML.
     #[error("cannot write the setup as TOML: {0}")]
-    Write(#[from] toml::ser::Error),
+    Write(toml::ser::Error),
+}
+
+// Not `#[from]`, which would also make it the source: then it would be printed twice.
+impl From<toml::ser::Error> for Error {
+    fn from(reason: toml::ser::Error) -> Self {
+        Self::Write(reason)
+    }
 }
 
 impl Error {

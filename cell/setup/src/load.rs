@@ -72,10 +72,10 @@ pub fn find(
         let known = built_in.iter().map(|(known, _)| *known).collect();
         return Err(Error::Unknown { what, name: name.to_owned(), known });
     }
-    let text = std::fs::read_to_string(&path).map_err(|source| Error::Unreadable {
+    let text = std::fs::read_to_string(&path).map_err(|reason| Error::Unreadable {
         what,
         path: path.clone(),
-        source,
+        reason,
     })?;
     Ok(Text { origin: path.display().to_string(), path: Some(path), text })
 }

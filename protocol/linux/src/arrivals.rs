@@ -36,7 +36,7 @@ impl ArrivalLog {
     /// Starts to record what arrives on an interface. Needs `CAP_NET_RAW`.
     pub fn start(interface: &Interface) -> Result<Self, RecorderError> {
         let name = interface.name().to_owned();
-        let failed = |source| RecorderError::Socket { interface: name.clone(), source };
+        let failed = |reason| RecorderError::Socket { interface: name.clone(), reason };
         let prepare = |socket: &Socket| {
             socket.set_read_timeout(Some(STOP_CHECK_INTERVAL))?;
             packet_socket::prepare_receive(socket)
@@ -70,6 +70,6 @@ impl ArrivalLog {
     pub fn stop(self) -> Result<Vec<Arrival>, RecorderError> {
         self.stop.store(true, Ordering::Relaxed);
         let log = self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        log.map_err(|source| RecorderError::Socket { interface: self.interface, source })
+        log.map_err(|reason| RecorderError::Socket { interface: self.interface, reason })
     }
 }

@@ -35,20 +35,20 @@ const FLUSH_EVERY: u32 = 2;
 #[derive(Debug, thiserror::Error)]
 pub enum RecorderError {
     /// The file could not be created or written.
-    #[error("cannot write the capture {}: {source}", path.display())]
+    #[error("cannot write the capture {}: {reason}", path.display())]
     File {
         /// The capture.
         path: PathBuf,
         /// The system's error.
-        source: io::Error,
+        reason: io::Error,
     },
     /// The interface could not be opened for listening.
-    #[error("cannot capture on {interface}: {source} (captures need CAP_NET_RAW)")]
+    #[error("cannot capture on {interface}: {reason} (captures need CAP_NET_RAW)")]
     Socket {
         /// The interface.
         interface: String,
         /// The system's error.
-        source: io::Error,
+        reason: io::Error,
     },
     /// The disk or the host was too slow for the frames.
     #[error(
@@ -72,7 +72,7 @@ impl Recorder {
     /// Starts to record what passes `interface` into the new file `path`, with a comment on the interface.
     pub fn start(interface: &Interface, path: &Path, about: &str, keep: Keep) -> Result<Self, RecorderError> {
         let capture = CaptureFile::create(path, interface.name(), about, keep)
-            .map_err(|source| RecorderError::File { path: path.to_owned(), source })?;
+            .map_err(|reason| RecorderError::File { path: path.to_owned(), reason })?;
         Self::start_with(interface, capture)
     }
 
@@ -86,7 +86,7 @@ impl Recorder {
     }
 
     fn start_with(interface: &Interface, listener: impl Listener + 'static) -> Result<Self, RecorderError> {
-        let no_socket = |source| RecorderError::Socket { interface: interface.name().to_owned(), source };
+        let no_socket = |reason| RecorderError::Socket { interface: interface.name().to_owned(), reason };
         let ring = PacketRing::open(interface, SLOTS).map_err(no_socket)?;
         let socket = ring.socket().try_clone().map_err(no_socket)?;
         let shared = Arc::new(Shared::default());
@@ -95,7 +95,7 @@ impl Recorder {
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || recording.run())
-            .map_err(|source| RecorderError::Socket { interface: "a thread".to_owned(), source })?;
+            .map_err(|reason| RecorderError::Socket { interface: "a thread".to_owned(), reason })?;
         Ok(Self { shared, socket, thread })
     }
 
@@ -159,16 +159,16 @@ trait Listener: Send {
 
 impl Listener for CaptureFile {
     fn handle(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError> {
-        self.write(packet).map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
+        self.write(packet).map_err(|reason| RecorderError::File { path: self.path().to_owned(), reason })
     }
 
     fn flush(&mut self) -> Result<(), RecorderError> {
-        Self::flush(self).map_err(|source| RecorderError::File { path: self.path().to_owned(), source })
+        Self::flush(self).map_err(|reason| RecorderError::File { path: self.path().to_owned(), reason })
     }
 
     fn finish(self) -> Result<u64, RecorderError> {
         let path = self.path().to_owned();
-        self.finish().map_err(|source| RecorderError::File { path, source })
+        self.finish().map_err(|reason| RecorderError::File { path, reason })
     }
 }
 
@@ -222,7 +222,7 @@ impl<L: Listener> Recording<L> {
         match self.ring.left_out() {
             Ok(0) => Ok(()),
             Ok(frames) => Err(RecorderError::LeftOut { frames }),
-            Err(source) => Err(RecorderError::Socket { interface: self.interface.clone(), source }),
+            Err(reason) => Err(RecorderError::Socket { interface: self.interface.clone(), reason }),
         }
     }
 }

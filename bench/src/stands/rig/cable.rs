@@ -202,7 +202,7 @@ fn all<E>(results: impl Iterator<Item = Result<(), E>>) -> Result<(), E> {
 
 fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> Result<CaptureFile, RecorderError> {
     CaptureFile::create(path, interface, about, keep)
-        .map_err(|source| RecorderError::File { path: path.to_owned(), source })
+        .map_err(|reason| RecorderError::File { path: path.to_owned(), reason })
 }
 
 fn switch_on(network: &NetworkNamespace, name: &str) -> Result<Result<(), InterfaceError>, NamespaceError> {

@@ -137,7 +137,7 @@ pub(super) fn start(
                 continue;
             };
             let path = capture.path().to_owned();
-            let finished = capture.finish().map(drop).map_err(|source| RecorderError::File { path, source });
+            let finished = capture.finish().map(drop).map_err(|reason| RecorderError::File { path, reason });
             result = result.and(finished);
         }
         if left_out > 0 { result.and(Err(RecorderError::LeftOut { frames: left_out })) } else { result }
@@ -182,6 +182,6 @@ fn record(ends: &mut [End; 2], entry: &Entry) -> Result<(), RecorderError> {
     }
 }
 
-fn broken(capture: &CaptureFile, source: std::io::Error) -> RecorderError {
-    RecorderError::File { path: capture.path().to_owned(), source }
+fn broken(capture: &CaptureFile, reason: std::io::Error) -> RecorderError {
+    RecorderError::File { path: capture.path().to_owned(), reason }
 }
