@@ -7,13 +7,14 @@
 //! run     the running type
 //! PLC     scans · its command · motions in the slots · motions written
 //! cable   what each end sends and receives
-//! robot   ticks · state · the command being executed · path speed · queue
+//! robot   ticks · state · the command being executed · the motion being executed · path speed · queue
 //! ```
 
 use plc_node::ExecutionType;
 use serde::Serialize;
 use virtual_time::Side;
 
+use crate::records::trace::place::Place;
 use crate::records::trace::{Recording, Trace};
 
 /// The timeline, in the run directory.
@@ -32,6 +33,7 @@ const REPETITIONS: u32 = 1;
 const CYCLES: u32 = 1;
 const COMMAND: u32 = 2;
 const STATE: u32 = 3;
+const MOTION: u32 = 4;
 
 /// One event, with the format's names of its fields.
 #[derive(Serialize, Debug)]
@@ -72,12 +74,12 @@ struct Timeline {
     trace_events: Vec<TraceEvent>,
 }
 
-/// Returns the timeline of a trace.
+/// Returns the timeline of a trace. `motions` are the names of the sequence's motions.
 ///
 /// # Errors
 ///
 /// None is known; the serialiser's interface allows for one.
-pub fn json(trace: &Trace) -> serde_json::Result<String> {
+pub fn json(trace: &Trace, motions: &[&str]) -> serde_json::Result<String> {
     let mut events = names();
     let mut start = 0.0;
     for execution_type in ExecutionType::ALL {
@@ -93,6 +95,7 @@ pub fn json(trace: &Trace) -> serde_json::Result<String> {
         }
         plc(&mut events, recording, start, start + length);
         robot(&mut events, recording, start, start + length);
+        executed(&mut events, recording, motions, start, start + length);
         frames(&mut events, recording, start);
         start += length + GAP_US;
     }
@@ -112,6 +115,7 @@ fn names() -> Vec<TraceEvent> {
         track(ROBOT, CYCLES, "interpolation cycles"),
         track(ROBOT, COMMAND, "command executed"),
         track(ROBOT, STATE, "state"),
+        track(ROBOT, MOTION, "motion"),
         process(CABLE, "cable"),
         track(CABLE, 1, "PLC sends"),
         track(CABLE, 2, "robot receives"),
@@ -128,8 +132,8 @@ fn frames(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
             (Side::B, true) => 3,
             (Side::A, false) => 4,
         };
-        let mut event = TraceEvent::new("i", frame.carrier, (CABLE, track), start + frame.at_us)
-            .with("bytes", frame.bytes);
+        let mut event =
+            TraceEvent::new("i", frame.name, (CABLE, track), start + frame.at_us).with("bytes", frame.bytes);
         event.s = Some("t");
         events.push(if frame.faulty { event.with("fault", true) } else { event });
     }
@@ -175,6 +179,31 @@ fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f
     counter(events, (ROBOT, "path speed in mm/s"), speed);
     let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.queued())));
     counter(events, (ROBOT, "motions in the queue"), queue);
+}
+
+/// Adds a span for each motion that the robot executes.
+fn executed(events: &mut Vec<TraceEvent>, recording: &Recording, motions: &[&str], start: f64, end: f64) {
+    let mut place = Place::default();
+    let mut open: Option<(usize, TraceEvent)> = None;
+    let mut close = |open: &mut Option<(usize, TraceEvent)>, at: f64| {
+        if let Some((_, mut span)) = open.take() {
+            span.dur = Some((at - span.ts).max(0.0));
+            events.push(span);
+        }
+    };
+    for tick in recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0) {
+        let index = place.follow(tick);
+        if index == open.as_ref().map(|(open, _)| *open) {
+            continue;
+        }
+        let at = start + tick.at_ms * 1e3;
+        close(&mut open, at);
+        open = index.and_then(|index| {
+            let name = *motions.get(index)?;
+            Some((index, TraceEvent::new("X", name, (ROBOT, MOTION), at).with("number", index + 1)))
+        });
+    }
+    close(&mut open, end);
 }
 
 /// Adds a span for each stretch in which the name is the same.
@@ -256,7 +285,9 @@ mod tests {
 
     #[test]
     fn every_event_has_the_fields_of_the_format_and_the_times_of_each_track_increase() {
-        let json: serde_json::Value = serde_json::from_str(&json(&trace()).unwrap()).unwrap();
+        let json: serde_json::Value =
+            serde_json::from_str(&json(&trace(), &["LIN to A", "PTP to B", "LIN before C"]).unwrap())
+                .unwrap();
         let events = json["traceEvents"].as_array().unwrap();
         assert!(events.len() > 200, "{}", events.len());
         let mut tracks: BTreeMap<(u64, u64, String), f64> = BTreeMap::new();
@@ -282,7 +313,9 @@ mod tests {
 
     #[test]
     fn every_track_has_a_name() {
-        let json: serde_json::Value = serde_json::from_str(&json(&trace()).unwrap()).unwrap();
+        let json: serde_json::Value =
+            serde_json::from_str(&json(&trace(), &["LIN to A", "PTP to B", "LIN before C"]).unwrap())
+                .unwrap();
         let events = json["traceEvents"].as_array().unwrap();
         let named = |pid: &serde_json::Value, tid: &serde_json::Value| {
             events

@@ -2,6 +2,7 @@
 //!
 //! Times count from the PLC's start edge, in virtual mode in true time.
 
+pub mod place;
 pub mod tables;
 
 use std::time::Duration;
@@ -133,8 +134,8 @@ pub struct Frame {
     pub end: Side,
     /// Whether it was sent at this end; otherwise it was received.
     pub sent: bool,
-    /// The protocol that carries it.
-    pub carrier: &'static str,
+    /// What it is, such as `cyclic data`.
+    pub name: &'static str,
     /// Length of the frame, without the headers around it, in bytes.
     pub bytes: usize,
     /// Whether the cable impaired it.

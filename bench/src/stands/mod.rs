@@ -3,10 +3,11 @@
 //! ```text
 //! rig          two processes on a real network, or nodes that already run
 //! virtual_run  both nodes in virtual time
-//! capture      what passes a virtual cable, as the packets of a network
+//! capture      what passes a virtual cable, as the packets of a network; frame_name tells what they are
 //! ```
 
 pub mod capture;
+mod frame_name;
 pub mod rig;
 pub mod virtual_run;
 

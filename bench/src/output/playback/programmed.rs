@@ -1,8 +1,9 @@
 //! The programmed speed at each moment of a run, from the motion that the robot executes.
 
-use protocol::image::{Motion, State};
+use protocol::image::Motion;
 
 use crate::records::trace::RobotTick;
+use crate::records::trace::place::Place;
 
 /// Returns the programmed path speed in mm/s for each cycle. It is NaN if there is none: before and after the run,
 /// and in a point-to-point motion, whose speed is programmed as a share of the axes' speed.
@@ -17,34 +18,10 @@ fn speed(motion: &Motion) -> Option<f64> {
     (!motion.kind.is_point_to_point()).then(|| motion.velocity_mm_s())
 }
 
-/// Position in the sequence: a program or a MoveContinuousSkill has all motions or many, a single skill has one.
-#[derive(Default)]
-struct Place {
-    /// The command being executed; the command before the run was never seen running.
-    command: Option<u16>,
-    /// Motions of the earlier commands, plus accepted motions of this command: all of them once it has ended.
-    before: u32,
-    accepted: u32,
-}
-
-impl Place {
-    /// Returns the index of the motion that the robot executes in this cycle, while it runs.
-    fn follow(&mut self, tick: &RobotTick) -> Option<usize> {
-        if tick.state != State::Running {
-            return None;
-        }
-        if self.command.replace(tick.command) != Some(tick.command) {
-            self.before += std::mem::take(&mut self.accepted);
-        }
-        self.accepted = self.accepted.max(tick.accepted);
-        usize::try_from(self.before + tick.executed).ok()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::image::MotionKind;
+    use protocol::image::{MotionKind, State};
 
     fn tick(state: State, command: u16, executed: u32, accepted: u32) -> RobotTick {
         RobotTick {

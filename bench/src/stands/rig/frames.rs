@@ -9,6 +9,7 @@ use protocol_linux::capture::Packet;
 use virtual_time::Side;
 
 use crate::records::trace::{Frame, RECORDED};
+use crate::stands::frame_name;
 
 /// Longest time from the first wanted frame to the start edge: the arm moves to the application's start meanwhile.
 const BEFORE_START: Duration = Duration::from_secs(60);
@@ -68,38 +69,36 @@ fn locked(end: &Mutex<End>) -> MutexGuard<'_, End> {
 
 /// Converts a packet to a timeline's frame; the trace sets its time since the start edge.
 fn frame(end: Side, packet: &Packet<'_>) -> Frame {
-    let (carrier, bytes) = carrier(packet.data).unwrap_or(("Ethernet", packet.data.len()));
-    Frame {
-        at_us: 0.0,
-        end,
-        sent: packet.sent == Some(true),
-        carrier,
-        bytes,
-        faulty: packet.comment.is_some(),
-    }
+    let (name, bytes) = named(packet.data).unwrap_or(("Ethernet", packet.data.len()));
+    Frame { at_us: 0.0, end, sent: packet.sent == Some(true), name, bytes, faulty: packet.comment.is_some() }
 }
 
-/// Returns the protocol that carries a frame's payload and the payload's length in bytes. As for a virtual cable,
-/// only the payload of an IP packet counts.
-fn carrier(frame: &[u8]) -> Option<(&'static str, usize)> {
-    let at = if frame.get(12..14)? == [0x81, 0x00] { 16 } else { 12 };
-    let packet = frame.get(at + 2..)?;
-    match frame.get(at..at + 2)? {
-        [0x08, 0x06] => return Some(("ARP", frame.len())),
-        [0x08, 0x00] => {}
-        _ => return None,
+/// Returns the name of a frame and the length of its payload in bytes. As for a virtual cable, only the payload of an IP
+/// packet counts.
+fn named(frame: &[u8]) -> Option<(&'static str, usize)> {
+    let (ether_type, packet) = frame_name::ether_type(frame)?;
+    if ether_type != 0x0800 {
+        return Some((frame_name::of_ethernet(frame), frame.len()));
     }
     // RFC 791: header length in words, total length, protocol.
     let header = usize::from(packet.first()? & 0x0F) * 4;
     let length = usize::from(u16::from_be_bytes([*packet.get(2)?, *packet.get(3)?]));
-    let (name, inner) = match packet.get(9)? {
-        17 => ("UDP", 8),
-        // RFC 9293: the offset of the data in words.
-        6 => ("TCP", usize::from(packet.get(header + 12)? >> 4) * 4),
-        1 => ("ICMP", 0),
-        _ => return None,
+    let inner = packet.get(header..length.min(packet.len()))?;
+    let ports = || {
+        let [a, b, c, d, ..] = *inner else { return [0; 2] };
+        [u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d])]
     };
-    Some((name, length.saturating_sub(header + inner)))
+    let payload = |behind: usize| inner.get(behind..).unwrap_or_default();
+    Some(match packet.get(9)? {
+        17 => (frame_name::of_udp(ports(), payload(8)), payload(8).len()),
+        6 => {
+            // RFC 9293: the offset of the data in words.
+            let payload = payload(usize::from(inner.get(12)? >> 4) * 4);
+            (frame_name::of_tcp(ports(), payload), payload.len())
+        }
+        1 => ("ICMP", inner.len()),
+        _ => return None,
+    })
 }
 
 #[cfg(test)]
@@ -115,14 +114,14 @@ mod tests {
         };
         let named = |frame: &[u8]| {
             let packet = Packet { since_1970: Duration::ZERO, sent: Some(true), data: frame, comment: None };
-            let Frame { carrier, bytes, .. } = super::frame(Side::A, &packet);
-            (carrier, bytes)
+            let Frame { name, bytes, .. } = super::frame(Side::A, &packet);
+            (name, bytes)
         };
         assert_eq!(named(&ip(17, &[0; 8 + 5])), ("UDP", 5));
         let segment = [&[0; 12][..], &[0x50], &[0; 7], &[1, 2, 3]].concat();
         assert_eq!(named(&ip(6, &segment)), ("TCP", 3));
         let profinet = [&[0; 12][..], &[0x81, 0x00, 0xC0, 0x00, 0x88, 0x92], &[0; 42]].concat();
-        assert_eq!(named(&profinet), ("Ethernet", 60));
+        assert_eq!(named(&profinet), ("PROFINET", 60));
         for length in 0..20 {
             named(&ip(6, &segment)[..length]);
         }

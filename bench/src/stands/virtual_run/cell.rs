@@ -25,6 +25,7 @@ use crate::records::faults::{self, Change, Fault, FaultReport};
 use crate::records::schedule::Step;
 use crate::records::trace::{Frame, Recording};
 use crate::stands::capture::VirtualCapture;
+use crate::stands::frame_name;
 
 /// Longest wait for the connection; one that is not up by then never will be.
 const CONNECT: Duration = Duration::from_secs(60);
@@ -117,10 +118,10 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
         at_us: 0.0,
         end: tapped.end,
         sent: tapped.end == tapped.from,
-        carrier: match tapped.carrier {
-            Carrier::Ethernet => "Ethernet",
-            Carrier::Udp { .. } => "UDP",
-            Carrier::Tcp { .. } => "TCP",
+        name: match tapped.carrier {
+            Carrier::Ethernet => frame_name::of_ethernet(tapped.frame),
+            Carrier::Udp { source, to } => frame_name::of_udp([source.port(), to.port()], tapped.frame),
+            Carrier::Tcp { source, to, .. } => frame_name::of_tcp([source.port(), to.port()], tapped.frame),
         },
         bytes: tapped.frame.len(),
         faulty: !tapped.fate.is_clean(),

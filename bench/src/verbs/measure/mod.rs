@@ -304,7 +304,9 @@ impl Measurement<'_> {
         trace.save(session.directory.path())?;
         if self.options.trace {
             let path = session.directory.path().join(timeline::FILE);
-            replace(&path, &timeline::json(trace)?, Durability::Written)?;
+            let plan = self.found.plan(&self.setup)?;
+            let motions: Vec<_> = plan.motions.iter().map(|motion| motion.name.as_str()).collect();
+            replace(&path, &timeline::json(trace, &motions)?, Durability::Written)?;
         }
         #[cfg(feature = "mcap")]
         if self.options.mcap {
