@@ -12,11 +12,13 @@ use bench::verbs::{
     calibrate, doctor, gate, history, judge, long, measure, overhead, report, sensitivity, sweep, timing,
 };
 use clap::Parser;
+use node::screen;
 
 fn main() -> ExitCode {
     if let Some(exit) = rig::run_as_node() {
         return exit;
     }
+    screen::fit_terminal();
     let cli = Cli::parse();
     let outcome = match &cli.command {
         None => measure::run(&cli.run),

@@ -104,7 +104,7 @@ fn output_to_a_full_disk_is_an_error_and_the_run_is_saved() {
 #[test]
 fn the_error_for_an_unknown_execution_type_lists_the_existing_ones() {
     insta::assert_snapshot!(refused(&["--types", "rc,xm"]), @"
-    error: invalid value 'xm' for '--types <TYPES>': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
+    error: invalid value 'rc,xm' for '--types <TYPES>...': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
 
     For more information, try '--help'.
     ");
@@ -452,4 +452,47 @@ fn what_cannot_be_asked_of_running_nodes_is_refused() {
     refused(&[&attached[..], &["--mode", "virtual"]].concat());
     refused(&[&attached[..], &["--capture", "always"]].concat());
     refused(&["--attach", "robot=a:1"]);
+}
+
+#[test]
+fn an_occupied_run_directory_is_refused_and_left_as_it_is() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |out| bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", out]);
+    assert_eq!(run("run").code, Some(0));
+    let samples = fs::read(directory.path().join("run/samples.csv")).unwrap();
+    let said = run("run");
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""));
+    insta::assert_snapshot!(said.stderr, @"error: run holds a run already; choose another directory by --out");
+    let said = run("run/samples.csv");
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @"error: run/samples.csv is a file; choose another directory by --out");
+    assert_eq!(fs::read(directory.path().join("run/samples.csv")).unwrap(), samples);
+}
+
+#[test]
+fn types_are_separated_by_commas_and_blanks_alike() {
+    let directory = tempfile::tempdir().unwrap();
+    let types = [&["rc,cm"][..], &["rc", "cm"], &["rc,", "cm"], &["rc, cm"]];
+    let tables = types.map(|types| {
+        let arguments = [&["--mode", "virtual", "--reps", "2", "--quiet", "--types"], types].concat();
+        let said = bench(directory.path(), &arguments);
+        assert_eq!(said.code, Some(0), "{types:?}: {}", said.stderr);
+        said.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
+    });
+    assert!(tables.iter().all(|table| *table == tables[0]), "{tables:#?}");
+}
+
+#[test]
+fn one_repetition_has_no_mad_and_so_none_that_is_calibrated() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"]);
+    let row = said.stdout.lines().find(|line| line.starts_with(" RC")).unwrap();
+    assert_eq!(row.split_whitespace().nth(2), Some("–"), "{}", said.stdout);
+    assert!(!said.stdout.contains("MADs"), "no line about a mark that is not there: {}", said.stdout);
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told_of_once() {
+    let error = refused(&["--setup", "nosuch.toml", "--mode", "virtual"]);
+    insta::assert_snapshot!(error, @"error: cannot read the setup file nosuch.toml: No such file or directory (os error 2)");
 }

@@ -8,7 +8,8 @@
 //! └─ control  the control port: one controller at a time over TCP
 //! role        which of the two nodes
 //! node        a node on its cyclic thread; trace_file records its cycles, short_text is text without allocation
-//! output      printing to a reader that may be gone
+//! output      printing to a reader that may be gone; screen makes tables and text fit it
+//! list        options with several values
 //! ```
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
@@ -16,12 +17,14 @@
 mod control;
 mod inbox;
 mod input;
+pub mod list;
 pub mod message;
 mod node;
 pub mod output;
 pub mod report;
 pub mod role;
 pub mod run;
+pub mod screen;
 mod short_text;
 pub mod supervise;
 mod trace_file;

@@ -4,6 +4,7 @@ use core::fmt;
 use core::str::FromStr;
 
 use machine::Duration;
+use node::list::values;
 use serde::{Deserialize, Serialize};
 
 /// Changes of the override in one run, at most.
@@ -126,7 +127,12 @@ impl FromStr for OverrideSchedule {
 
     fn from_str(text: &str) -> Result<Self, ScheduleError> {
         let mut found = vec![OverrideStep::START];
-        for (index, part) in text.split(',').enumerate() {
+        // A blank separates steps, but not a number from its unit.
+        let text = &text.replace(" %", "%");
+        if values(text).next().is_none() {
+            step(text)?;
+        }
+        for (index, part) in values(text).enumerate() {
             let step = step(part)?;
             let before = found.last().map_or(0, |step| step.after_us);
             match found.first_mut() {
@@ -206,6 +212,7 @@ mod tests {
         assert_eq!(steps("50 %"), [(0, 50)]);
         assert_eq!(steps("50@2s"), [(0, 100), (2_000_000, 50)]);
         assert_eq!(steps("80,0@1.5ms,100@3s"), [(0, 80), (1_500, 0), (3_000_000, 100)]);
+        assert_eq!(steps("80 % 0@1.5ms, 100@3s"), [(0, 80), (1_500, 0), (3_000_000, 100)]);
     }
 
     #[test]

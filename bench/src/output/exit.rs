@@ -4,6 +4,8 @@ use std::process::ExitCode;
 
 use robot_node::quality::RatingExceeded;
 
+use crate::records::run_directory::Occupied;
+
 /// The program's exit code. The numbers are part of its interface: scripts and CI read them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Exit {
@@ -78,7 +80,13 @@ impl From<planning::Error> for Failure {
 /// An error without a code of its own is internal.
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
-        let exit = if error.is::<RatingExceeded>() { Exit::RatingExceeded } else { Exit::Internal };
+        let exit = if error.is::<RatingExceeded>() {
+            Exit::RatingExceeded
+        } else if error.is::<Occupied>() {
+            Exit::Usage
+        } else {
+            Exit::Internal
+        };
         Self::new(exit, error)
     }
 }

@@ -7,10 +7,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use plc_node::ExecutionType;
 
+use crate::output::figures::{self, CALIBRATED, Figures, rounded};
 use crate::output::progress::label;
+use crate::output::table;
+use crate::records::calibrated;
 use crate::records::results::{Results, Status, TypeResult};
 use crate::records::run_directory::{Durability, replace};
-use crate::records::statistics::aet_improvement;
+use crate::records::schedule::repetitions;
 
 /// Which files to write besides the run directory.
 #[derive(Args, Clone, Debug, Default)]
@@ -22,12 +25,15 @@ pub struct Exports {
     /// DIR/samples.csv.
     #[arg(long = "export-csv", value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Write the table to this file, as Markdown.
+    /// Write the table and what stands below it to this file, as Markdown.
     #[arg(long = "export-markdown", value_name = "FILE")]
     markdown: Option<PathBuf>,
     /// Write the repetitions to this file, as JUnit XML: a suite a type, a case a repetition.
     #[arg(long = "export-junit", value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// When the run started, in UTC by ISO 8601.
+    #[arg(skip)]
+    started: Option<String>,
 }
 
 impl Exports {
@@ -35,6 +41,12 @@ impl Exports {
     #[must_use]
     pub fn json(path: PathBuf) -> Self {
         Self { json: Some(path), ..Self::default() }
+    }
+
+    /// Sets when the run started, in UTC by ISO 8601.
+    #[must_use]
+    pub fn of_run(self, started: String) -> Self {
+        Self { started: Some(started), ..self }
     }
 
     /// Writes every requested file.
@@ -50,7 +62,7 @@ impl Exports {
         write(&self.json, &|| Ok(results.to_json()?))?;
         write(&self.csv, &|| Ok(csv(results)))?;
         write(&self.markdown, &|| Ok(markdown(results)))?;
-        write(&self.junit, &|| Ok(junit(results)))
+        write(&self.junit, &|| Ok(junit(results, self.started.as_deref())))
     }
 
     /// Returns a file that two exports would write, to refuse it before the run.
@@ -73,29 +85,42 @@ fn types(results: &Results) -> impl Iterator<Item = (ExecutionType, &TypeResult)
         .filter_map(|execution_type| Some((execution_type, results.results.get(execution_type)?)))
 }
 
-/// Formats a line per type. Missing values are empty.
+const CSV_HEADER: &str = "setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,\
+    paper_aet_ms,paper_mad_ms,aet_minus_paper_ms,aet_calibrated,mad_calibrated,h0_aet_ms,h0_mad_ms,aeti,h0_aeti\n";
+
+/// Formats a line per type, with times in ms to a microsecond. Missing values are empty; what is the same for all types, as
+/// the seed and AETi, is in every line.
 fn csv(results: &Results) -> String {
-    let mut text = String::from(
-        "setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,paper_aet_ms,paper_mad_ms\n",
-    );
-    for (execution_type, result) in types(results) {
-        let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-        let paper = results.paper.as_ref().and_then(|paper| paper.get(execution_type));
+    let mut text = String::from(CSV_HEADER);
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| rounded(value, 3).to_string());
+    for (of, result) in types(results) {
+        let paper = results.paper.as_ref().and_then(|paper| paper.get(of));
+        let without = results.without_skill_overhead.as_ref();
+        let without_figure = without.and_then(|without| without.results.get(of));
+        let samples = || result.samples_ms.iter().copied();
+        let mad_ms = results.mad_ms(of);
         let fields = [
             quoted(&results.setup),
             quoted(&results.application),
             results.mode.clone(),
             results.seed.to_string(),
-            execution_type.to_string(),
+            of.to_string(),
             result.samples_ms.len().to_string(),
             result.failed.len().to_string(),
             number(result.aet_ms),
-            number(result.mad_ms),
-            number(result.samples_ms.iter().copied().reduce(f64::min)),
-            number(result.samples_ms.iter().copied().reduce(f64::max)),
+            number(mad_ms),
+            number(samples().reduce(f64::min)),
+            number(samples().reduce(f64::max)),
             result.blends_suppressed.iter().sum::<u32>().to_string(),
             number(paper.map(|paper| paper.aet_ms)),
             number(paper.map(|paper| paper.mad_ms)),
+            number(result.aet_ms.zip(paper).map(|(aet_ms, paper)| aet_ms - paper.aet_ms)),
+            results.is_aet_calibrated(of).to_string(),
+            results.is_mad_calibrated(of).to_string(),
+            number(without_figure.map(|figure| figure.aet_ms)),
+            number(without_figure.filter(|_| mad_ms.is_some()).map(|figure| figure.mad_ms)),
+            number(results.aet_improvement),
+            number(without.and_then(|without| without.aet_improvement)),
         ];
         text += &fields.join(",");
         text.push('\n');
@@ -112,44 +137,51 @@ fn quoted(field: &str) -> String {
     }
 }
 
-/// Formats a heading and the table.
+/// Formats a heading, the table of the screen and what stands below it.
 fn markdown(results: &Results) -> String {
-    let Results { setup, title, application, mode, seed, .. } = results;
+    let Results { setup, title, application, mode, .. } = results;
     let mut lines = vec![
         format!("### Setup {setup}: {title}"),
         String::new(),
-        format!("{application}, {mode} mode, seed {seed}{}", unfinished(results.status)),
+        format!(
+            "{application}, {}, {mode} mode, {}{}",
+            repetitions(results.reps),
+            results.seed_and_override(", "),
+            unfinished(results.status)
+        ),
         String::new(),
     ];
-    let has_paper = results.paper.is_some();
-    lines.push(row("", ["AET in ms", "MAD in ms", "n"], has_paper.then_some(["paper AET", "paper MAD"])));
-    lines.push(row("---", ["---:"; 3], has_paper.then_some(["---:"; 2])));
-    let millis = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
-    for (execution_type, result) in types(results) {
-        let own = [millis(result.aet_ms), millis(result.mad_ms), result.samples_ms.len().to_string()];
-        let paper = results.paper.as_ref().map(|paper| {
-            let paper = paper.get(execution_type);
-            [millis(paper.map(|paper| paper.aet_ms)), millis(paper.map(|paper| paper.mad_ms))]
-        });
-        lines.push(row(&label(execution_type), own, paper));
+    let Figures { header, rows } = Figures::of(results);
+    lines.push(markdown_row(&header));
+    let alignments: Vec<_> =
+        header.iter().enumerate().map(|(at, _)| if at == 0 { "---" } else { "---:" }).collect();
+    lines.push(markdown_row(&alignments));
+    lines.extend(rows.iter().map(|row| markdown_row(row)));
+    let calibrated: Vec<_> = figures::marked(results)
+        .map(|calibrated| {
+            let met = calibrated::figure(&calibrated.key, &results.calibrated);
+            format!("`{}` = {} from {met}", calibrated.key, calibrated.value)
+        })
+        .collect();
+    lines.push(String::new());
+    if !calibrated.is_empty() {
+        lines.push(format!(
+            "- \\{CALIBRATED} calibrated on the paper's figure beside it, so no prediction: {}",
+            calibrated.join(", ")
+        ));
     }
-    let percent =
-        |share: Option<f64>| share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", share * 100.0));
-    let paper = results.paper.as_ref().map(|paper| {
-        let share = paper.sm.zip(paper.cm).map(|(sm, cm)| aet_improvement(sm.aet_ms, cm.aet_ms));
-        [percent(share), String::new()]
-    });
-    lines.push(row("AETi", [percent(results.aet_improvement), String::new(), String::new()], paper));
-    if let Some(reason) = &results.no_paper {
-        lines.extend([String::new(), format!("No columns of the paper: {reason}.")]);
-    }
+    lines.extend(table::sentences(results).iter().map(|sentence| format!("- {}", escaped_marks(sentence))));
     lines.join("\n") + "\n"
 }
 
-fn row<T: AsRef<str>, const N: usize>(first: &str, own: [T; N], paper: Option<[T; 2]>) -> String {
-    let cells = own.iter().chain(paper.iter().flatten()).map(AsRef::as_ref);
-    let cells: Vec<_> = std::iter::once(first).chain(cells).collect();
+fn markdown_row<T: AsRef<str>>(cells: &[T]) -> String {
+    let cells: Vec<_> = cells.iter().map(|cell| escaped_marks(cell.as_ref().trim())).collect();
     format!("| {} |", cells.join(" | "))
+}
+
+/// Escapes the marks of calibrated figures, of which two would be emphasis.
+fn escaped_marks(text: &str) -> String {
+    text.replace(CALIBRATED, "\\*")
 }
 
 const fn unfinished(status: Status) -> &'static str {
@@ -163,7 +195,11 @@ const fn unfinished(status: Status) -> &'static str {
 
 /// Formats a test suite per type and a test case per repetition with its execution time, so that a CI server can draw
 /// the trend.
-fn junit(results: &Results) -> String {
+fn junit(results: &Results, started: Option<&str>) -> String {
+    // The format has no time zone: UTC.
+    let timestamp = started.map_or_else(String::new, |started| {
+        format!(" timestamp=\"{}\"", escaped(started.trim_end_matches('Z')))
+    });
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let (mut tests, mut failures, mut seconds) = (0, 0, 0.0);
     let mut suites = String::new();
@@ -173,10 +209,11 @@ fn junit(results: &Results) -> String {
         let name = format!("skillbench.{}.{}", results.setup, label(execution_type));
         let _ = writeln!(
             suites,
-            r#"  <testsuite name="{}" tests="{in_suite}" failures="{}" errors="0" skipped="0" time="{time:.6}">"#,
+            r#"  <testsuite name="{}" tests="{in_suite}" failures="{}" errors="0" skipped="0" time="{time:.6}"{timestamp}>"#,
             escaped(&name),
             result.failed.len()
         );
+        suites += &properties(results, execution_type);
         // Samples are not numbered: they take the numbers that no failure has.
         let failed =
             |repetition: usize| result.failed.iter().find(|failed| failed.repetition as usize == repetition);
@@ -187,7 +224,7 @@ fn junit(results: &Results) -> String {
             let _ = match failed(repetition) {
                 Some(failed) => writeln!(
                     suites,
-                    "{case}>\n      <failure message=\"{0}\">{0}</failure>\n    </testcase>",
+                    "{case} time=\"0.000000\">\n      <failure message=\"{0}\">{0}</failure>\n    </testcase>",
                     escaped(&failed.error)
                 ),
                 None => {
@@ -204,9 +241,34 @@ fn junit(results: &Results) -> String {
     }
     let _ = writeln!(
         text,
-        r#"<testsuites name="skillbench" tests="{tests}" failures="{failures}" time="{seconds:.6}">"#
+        r#"<testsuites name="skillbench" tests="{tests}" failures="{failures}" time="{seconds:.6}"{timestamp}>"#
     );
     text + &suites + "</testsuites>\n"
+}
+
+/// Formats what was run and its figures, which a CI server shows beside a suite.
+fn properties(results: &Results, of: ExecutionType) -> String {
+    let millis = |value: Option<f64>| value.map(|value| rounded(value, 3).to_string());
+    let paper = results.paper.as_ref().and_then(|paper| paper.get(of));
+    let properties = [
+        ("setup", Some(results.setup.clone())),
+        ("application", Some(results.application.clone())),
+        ("mode", Some(results.mode.clone())),
+        ("seed", Some(results.seed.to_string())),
+        ("aet_ms", millis(results.figure(of).map(|figure| figure.aet_ms))),
+        ("mad_ms", millis(results.mad_ms(of))),
+        ("paper_aet_ms", millis(paper.map(|paper| paper.aet_ms))),
+        ("paper_mad_ms", millis(paper.map(|paper| paper.mad_ms))),
+        ("aet_calibrated", Some(results.is_aet_calibrated(of).to_string())),
+        ("mad_calibrated", Some(results.is_mad_calibrated(of).to_string())),
+    ];
+    let mut text = String::from("    <properties>\n");
+    for (name, value) in properties {
+        if let Some(value) = value {
+            let _ = writeln!(text, r#"      <property name="{name}" value="{}"/>"#, escaped(&value));
+        }
+    }
+    text + "    </properties>\n"
 }
 
 /// Escapes text for XML, also in attributes. Characters that XML 1.0 does not allow become U+FFFD.
@@ -258,51 +320,75 @@ mod tests {
     #[test]
     fn csv_has_a_line_per_type_and_empty_fields_for_missing_values() {
         insta::assert_snapshot!(csv(&results()), @r#"
-        setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,paper_aet_ms,paper_mad_ms
-        A,"pick, place",virtual,7,rc,2,0,3725.25,3.25,3722,3728.5,3,3725,3.6
-        A,"pick, place",virtual,7,cm,0,1,,,,,0,3729,3.3
+        setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,paper_aet_ms,paper_mad_ms,aet_minus_paper_ms,aet_calibrated,mad_calibrated,h0_aet_ms,h0_mad_ms,aeti,h0_aeti
+        A,"pick, place",virtual,7,rc,2,0,3725.25,3.25,3722,3728.5,3,3725,3.6,0.25,true,true,,,,
+        A,"pick, place",virtual,7,cm,0,1,,,,,0,3729,3.3,,true,false,,,,
         "#);
     }
 
     #[test]
     fn markdown_contains_the_table_and_tells_if_the_run_did_not_complete() {
-        insta::assert_snapshot!(markdown(&results()), @"
+        insta::assert_snapshot!(markdown(&results()), @r#"
         ### Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
 
-        pick, place, virtual mode, seed 7 (a repetition failed)
+        pick, place, 3 repetitions, virtual mode, seed 7 (a repetition failed)
 
-        |  | AET in ms | MAD in ms | n | paper AET | paper MAD |
-        | --- | ---: | ---: | ---: | ---: | ---: |
-        | RC | 3725.2 | 3.2 | 2 | 3725.0 | 3.6 |
-        | CM | – | – | 0 | 3729.0 | 3.3 |
-        | AETi | – |  |  | 42.4 % |  |
-        ");
+        | ms | AET | MAD | n | paper AET | paper MAD | AET − paper |
+        | --- | ---: | ---: | ---: | ---: | ---: | ---: |
+        | RC | 3725.3\* | 3.3\* | 2 | 3725 | 3.6 | +0.3 (+0.01 %) |
+        | CM | – | – | 0 | 3729 | 3.3 | – |
+        | AETi | – |  |  | 42 % |  |  |
+
+        - \* calibrated on the paper's figure beside it, so no prediction: `motions.velocity_percent` = 32 from RC's AET, `robot.interpreter_quantum_us` = 14000 from the MADs of RC and SM
+        - CM's AET is RC's by construction, but for the one robot cycle of robot.continuous_start_cycles: the same motions by the same law, and one call each. The model predicts only that the PLC sends them in time.
+        - 3 blends became stops, because the next motion was not there in time.
+        - Cyclic frames: 0 sent, 0 received, 0 lost.
+        "#);
     }
 
     #[test]
     fn a_run_of_another_cell_has_no_columns_of_the_paper_and_says_why() {
         let reason = Some("the paper had no override".to_owned());
         let results = Results { paper: None, no_paper: reason, ..results() };
-        assert!(csv(&results).contains(",3,,\n"), "{}", csv(&results));
+        assert!(csv(&results).contains(",3,,,,"), "{}", csv(&results));
         let markdown = markdown(&results);
-        assert!(
-            markdown.ends_with("\n\nNo columns of the paper: the paper had no override.\n"),
-            "{markdown}"
-        );
+        assert!(markdown.contains("\n- No columns of the paper: the paper had no override.\n"), "{markdown}");
         assert!(!markdown.contains("paper AET"), "{markdown}");
     }
 
     #[test]
     fn junit_has_a_case_per_repetition_and_escapes_the_errors() {
-        insta::assert_snapshot!(junit(&results()), @r#"
+        insta::assert_snapshot!(junit(&results(), Some("2026-11-22T19:31:45Z")), @r#"
         <?xml version="1.0" encoding="UTF-8"?>
-        <testsuites name="skillbench" tests="3" failures="1" time="7.450500">
-          <testsuite name="skillbench.A.RC" tests="2" failures="0" errors="0" skipped="0" time="7.450500">
+        <testsuites name="skillbench" tests="3" failures="1" time="7.450500" timestamp="2026-11-22T19:31:45">
+          <testsuite name="skillbench.A.RC" tests="2" failures="0" errors="0" skipped="0" time="7.450500" timestamp="2026-11-22T19:31:45">
+            <properties>
+              <property name="setup" value="A"/>
+              <property name="application" value="pick, place"/>
+              <property name="mode" value="virtual"/>
+              <property name="seed" value="7"/>
+              <property name="aet_ms" value="3725.25"/>
+              <property name="mad_ms" value="3.25"/>
+              <property name="paper_aet_ms" value="3725"/>
+              <property name="paper_mad_ms" value="3.6"/>
+              <property name="aet_calibrated" value="true"/>
+              <property name="mad_calibrated" value="true"/>
+            </properties>
             <testcase classname="skillbench.A.RC" name="repetition 1" time="3.722000"/>
             <testcase classname="skillbench.A.RC" name="repetition 2" time="3.728500"/>
           </testsuite>
-          <testsuite name="skillbench.A.CM" tests="1" failures="1" errors="0" skipped="0" time="0.000000">
-            <testcase classname="skillbench.A.CM" name="repetition 1">
+          <testsuite name="skillbench.A.CM" tests="1" failures="1" errors="0" skipped="0" time="0.000000" timestamp="2026-11-22T19:31:45">
+            <properties>
+              <property name="setup" value="A"/>
+              <property name="application" value="pick, place"/>
+              <property name="mode" value="virtual"/>
+              <property name="seed" value="7"/>
+              <property name="paper_aet_ms" value="3729"/>
+              <property name="paper_mad_ms" value="3.3"/>
+              <property name="aet_calibrated" value="true"/>
+              <property name="mad_calibrated" value="false"/>
+            </properties>
+            <testcase classname="skillbench.A.CM" name="repetition 1" time="0.000000">
               <failure message="the &lt;robot&gt; said &quot;no&quot;&#10;and &amp; stopped �">the &lt;robot&gt; said &quot;no&quot;&#10;and &amp; stopped �</failure>
             </testcase>
           </testsuite>

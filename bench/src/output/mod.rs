@@ -1,7 +1,7 @@
 //! Output of the bench, for people and for other programs.
 //!
 //! ```text
-//! table      the printed table; quality is its second part, screen lays both out
+//! table      the printed table; figures are its first part, quality is its second
 //! verdicts   how far a run is from the paper, and which of its claims it supports
 //! progress   the live view
 //! report     report.html and race.html of a run, and comparisons of runs; html has what all pages share
@@ -16,13 +16,13 @@
 
 pub mod exit;
 pub mod export;
+mod figures;
 pub(crate) mod html;
 #[cfg(feature = "mcap")]
 pub mod playback;
 pub mod progress;
 pub mod quality;
 pub mod report;
-pub(crate) mod screen;
 pub mod table;
 pub mod timeline;
 pub mod verdicts;

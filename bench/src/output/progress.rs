@@ -1,6 +1,7 @@
 //! Progress of a run: on a terminal a live line per type, elsewhere plain lines. All on standard error, so that
 //! standard output contains only the table.
 
+use std::env;
 use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
@@ -37,7 +38,7 @@ impl Progress {
     pub fn start(schedule: &Schedule, quiet: bool) -> Self {
         let view = if quiet {
             View::Quiet
-        } else if io::stderr().is_terminal() {
+        } else if io::stderr().is_terminal() && env::var_os("TERM").is_none_or(|term| term != "dumb") {
             live(schedule)
         } else {
             View::Plain { last_line: None }
@@ -58,9 +59,11 @@ impl Progress {
     /// Shows a finished repetition.
     pub fn finished(&mut self, execution_type: ExecutionType, repetition: u32, results: &Results) {
         self.done += 1;
-        let figure = results.figure(execution_type).map_or_else(String::new, |figure| {
-            format!("AET {:8.1} ms ± {:5.1} ms", figure.aet_ms, figure.mad_ms)
-        });
+        let aet = results.figure(execution_type);
+        let mut figure = aet.map_or_else(String::new, |figure| format!("AET {:8.1} ms", figure.aet_ms));
+        if let Some(mad_ms) = results.mad_ms(execution_type) {
+            figure += &format!(" ± {mad_ms:5.1} ms");
+        }
         let left = self.time_left();
         let text = format!("{figure}{left}");
         let is_last = repetition == self.reps;
@@ -122,7 +125,8 @@ impl Progress {
 
 fn live(schedule: &Schedule) -> View {
     let screen = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
-    let style = ProgressStyle::with_template("{prefix:<3} {bar:25} {pos:>3}/{len}  {msg}")
+    // What does not fit the terminal is cut: a line that breaks would be drawn again below itself.
+    let style = ProgressStyle::with_template("{prefix:<3} {bar:10} {pos:>3}/{len}  {wide_msg}")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     let bar = |execution_type: &ExecutionType| {
         let bar = screen.add(ProgressBar::new(u64::from(schedule.reps)).with_style(style.clone()));

@@ -1,9 +1,9 @@
 //! Quality of the arm's motion, as a table.
 
+use node::screen;
 use plc_node::ExecutionType;
 
 use super::progress::label;
-use super::screen::{self, drawn, styled};
 use crate::records::quality::{Load, MotionQuality};
 use crate::records::results::Results;
 
@@ -66,7 +66,7 @@ pub fn summary(results: &Results) -> Option<String> {
 /// Formats the second table of the screen; `None` if the robot did not report the quality of its motion.
 #[must_use]
 pub fn table(results: &Results) -> Option<String> {
-    let mut table = styled();
+    let mut table = screen::ruled();
     let header =
         COLUMNS.map(|[name, unit]| if unit.is_empty() { name.to_owned() } else { format!("{name}\n{unit}") });
     table.set_header(std::iter::once("motion".to_owned()).chain(header));
@@ -79,6 +79,7 @@ pub fn table(results: &Results) -> Option<String> {
         is_empty = false;
     }
     let sentences: Vec<String> = summary(results).into_iter().chain(LEGEND.map(str::to_owned)).collect();
-    (!is_empty)
-        .then(|| format!("{}\n\n{}", drawn(table), screen::sentences(sentences.iter().map(String::as_str))))
+    let sentences: Vec<_> = sentences.iter().map(|sentence| screen::wrapped(sentence, 2, 2)).collect();
+    let table = screen::drawn(&screen::numbers_right(table));
+    (!is_empty).then(|| format!("{table}\n\n{}", sentences.join("\n")))
 }

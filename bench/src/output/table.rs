@@ -1,32 +1,28 @@
 //! The final table: measured figures next to the paper's, with calibrated ones marked.
 
-use comfy_table::Cell;
+use node::screen;
 use plc_node::ExecutionType;
 
-use crate::output::progress::label;
+use crate::output::figures::{self, CALIBRATED, Figures};
 use crate::output::quality;
-use crate::output::screen::{self, drawn, styled};
 use crate::output::verdicts;
-use crate::records::calibrated::{SKILL_OVERHEAD, figure};
+use crate::records::calibrated::figure;
 use crate::records::lateness::CycleLateness;
-use crate::records::results::{Allocations, PaperFigure, Results};
+use crate::records::results::{Allocations, Results};
 use crate::records::schedule::repetitions;
-
-/// Mark of a figure that a number of the setup was calibrated to.
-const CALIBRATED: &str = "*";
 
 /// Formats the whole report for the screen.
 #[must_use]
 pub fn render(results: &Results) -> String {
-    let mut text = format!(
-        "Setup {}: {}\n{}, {}, {} mode, {}\n\n",
-        results.setup,
-        results.title,
+    let title = format!("Setup {}: {}", results.setup, results.title);
+    let about = format!(
+        "{}, {}, {} mode, {}",
         results.application,
         repetitions(results.reps),
         results.mode,
         results.seed_and_override(", ")
     );
+    let mut text = format!("{}\n{}\n\n", screen::wrapped(&title, 0, 2), screen::wrapped(&about, 0, 2));
     text.push_str(&figures(results));
     text.push_str("\n\n");
     text.push_str(&legend(results));
@@ -38,132 +34,91 @@ pub fn render(results: &Results) -> String {
 }
 
 fn figures(results: &Results) -> String {
-    let mut table = styled();
-    let mut header = vec!["ms", "AET", "MAD", "n"];
-    let has_without = results.without_skill_overhead.is_some();
-    if has_without {
-        header.extend(["AET, h = 0", "MAD, h = 0"]);
-    }
-    if results.paper.is_some() {
-        header.extend(["paper AET", "paper MAD", "AET − paper"]);
-    }
+    let Figures { header, rows } = Figures::of(results);
+    let mut table = screen::ruled();
     table.set_header(header);
-    for execution_type in ExecutionType::ALL {
-        let Some(result) = results.results.get(execution_type) else { continue };
-        let found = results.figure(execution_type);
-        let mark = |is_calibrated| if is_calibrated { CALIBRATED } else { " " };
-        let aet_mark = mark(results.is_aet_calibrated(execution_type));
-        let mad_mark = mark(results.is_mad_calibrated(execution_type));
-        let mut row = vec![
-            label(execution_type),
-            found.map_or_else(none, |found| format!("{}{}", millis(found.aet_ms), aet_mark)),
-            found.map_or_else(none, |found| format!("{}{}", millis(found.mad_ms), mad_mark)),
-            result.samples_ms.len().to_string(),
-        ];
-        if let Some(without) = &results.without_skill_overhead {
-            let figure = without.results.get(execution_type);
-            row.push(figure.map_or_else(none, |figure| millis(figure.aet_ms)));
-            row.push(figure.map_or_else(none, |figure| millis(figure.mad_ms)));
-        }
-        if let Some(paper) = &results.paper {
-            let paper = paper.get(execution_type);
-            row.push(paper.map_or_else(none, |paper| format!("{:.0}", paper.aet_ms)));
-            row.push(paper.map_or_else(none, |paper| millis(paper.mad_ms)));
-            row.push(found.zip(paper.copied()).map_or_else(none, deviation));
-        }
-        table.add_row(row);
-    }
-    table.add_row(improvement(results, has_without));
-    drawn(table)
-}
-
-fn improvement(results: &Results, has_without: bool) -> Vec<Cell> {
-    let percent = |share: Option<f64>, digits: usize| {
-        Cell::new(share.map_or_else(none, |share| format!("{:.*} %", digits, share * 100.0)))
-    };
-    let mark = if results.is_calibrated(SKILL_OVERHEAD) { CALIBRATED } else { " " };
-    let own = results.aet_improvement.map_or_else(none, |share| format!("{:.1} %{mark}", share * 100.0));
-    let mut row = vec![Cell::new("AETi"), Cell::new(own), Cell::new(""), Cell::new("")];
-    if has_without {
-        let without = results.without_skill_overhead.as_ref().and_then(|without| without.aet_improvement);
-        row.extend([percent(without, 1), Cell::new("")]);
-    }
-    if let Some(paper) = &results.paper {
-        let paper = paper.sm.zip(paper.cm);
-        let share = paper.map(|(sm, cm)| crate::records::statistics::aet_improvement(sm.aet_ms, cm.aet_ms));
-        row.extend([percent(share, 0), Cell::new(""), Cell::new("")]);
-    }
-    row
+    table.add_rows(rows);
+    screen::drawn(&screen::numbers_right(table))
 }
 
 fn legend(results: &Results) -> String {
     let mut lines = Vec::new();
-    if !results.calibrated.is_empty() {
-        lines.push(format!("{CALIBRATED} calibrated on the paper's figure beside it, so no prediction:"));
-        for calibrated in &results.calibrated {
+    let marked: Vec<_> = figures::marked(results).collect();
+    if !marked.is_empty() {
+        let meaning = format!("{CALIBRATED} calibrated on the paper's figure beside it, so no prediction:");
+        lines.push(screen::wrapped(&meaning, 0, 2));
+        for calibrated in marked {
             let met = figure(&calibrated.key, &results.calibrated);
-            lines.push(format!("    {} = {} from {met}", calibrated.key, calibrated.value));
+            let line = format!("{} = {} from {met}", calibrated.key, calibrated.value);
+            lines.push(screen::wrapped(&line, 4, 6));
         }
     }
+    lines.extend(sentences(results).iter().map(|sentence| screen::wrapped(sentence, 2, 2)));
+    lines.join("\n")
+}
+
+/// Returns what the figures mean and under which conditions they were measured.
+pub(super) fn sentences(results: &Results) -> Vec<String> {
+    let mut sentences = Vec::new();
     if let Some(reason) = &results.no_paper {
-        lines.push(screen::sentences([format!("No columns of the paper: {reason}.").as_str()]));
+        sentences.push(format!("No columns of the paper: {reason}."));
     }
-    if let Some(sentence) = verdicts::by_construction(results) {
-        lines.push(screen::sentences([sentence.as_str()]));
-    }
-    let distances = verdicts::distance_sentences(results);
-    if !distances.is_empty() {
-        lines.push(screen::sentences(distances.iter().map(String::as_str)));
-    }
+    sentences.extend(verdicts::by_construction(results));
+    sentences.extend(verdicts::distance_sentences(results));
     if results.without_skill_overhead.is_some() {
         let whence = if results.mode == "real" { ", from a virtual run" } else { "" };
-        lines.push(format!(
-            "  h = 0: a skill call costs nothing but its motion and the cycles it waits for{whence}."
+        sentences.push(format!(
+            "h = 0: a skill call costs nothing but its motion and the cycles it waits for{whence}."
         ));
     }
     if let Some(attached) = &results.attached {
-        lines.push(screen::sentences([format!("Measured on nodes that ran already: {attached}.").as_str()]));
+        sentences.push(format!("Measured on nodes that ran already: {attached}."));
     }
+    sentences.extend(conditions(results));
+    sentences
+}
+
+/// Returns how the nodes, the host and the bus did.
+fn conditions(results: &Results) -> Vec<String> {
+    let mut sentences = Vec::new();
     let suppressed: u32 = ExecutionType::ALL
         .iter()
         .filter_map(|execution_type| results.results.get(*execution_type))
         .flat_map(|result| &result.blends_suppressed)
         .sum();
     if suppressed > 0 {
-        lines.push(format!(
-            "  {suppressed} blends became stops, because the next motion was not there in time."
+        sentences.push(format!(
+            "{suppressed} blends became stops, because the next motion was not there in time."
         ));
     }
     if results.mode == "real" {
         let (plc, robot) = (lateness(&results.cycle.plc), lateness(&results.cycle.robot));
-        lines.push(format!("  Cycles late by p50 / p99 / max: PLC {plc}; robot {robot}."));
+        sentences.push(format!("Cycles late by p50 / p99 / max: PLC {plc}; robot {robot}."));
     }
     if let Some(after) = results.connected_after_ms {
         let allocations =
             results.cyclic_allocations.map_or_else(String::new, |Allocations { plc, robot }| {
                 format!("; allocations in the cyclic threads since: PLC {plc}, robot {robot}")
             });
-        lines.push(format!("  Connected {after:.0} ms after the start of the nodes{allocations}."));
+        sentences.push(format!("Connected {after:.0} ms after the start of the nodes{allocations}."));
     }
     let bus = results.bus;
     let mut frames = format!(
-        "  Cyclic frames: {} sent, {} received, {} lost",
+        "Cyclic frames: {} sent, {} received, {} lost",
         bus.frames_sent, bus.frames_received, bus.lost
     );
     if bus.skipped > 0 {
         frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
     }
-    lines.push(frames + ".");
+    sentences.push(frames + ".");
     if results.repeated > 0 {
-        lines.push(format!(
-            "  Repetitions run again, because the host held a node up until the connection was lost: {}.",
+        sentences.push(format!(
+            "Repetitions run again, because the host held a node up until the connection was lost: {}.",
             results.repeated
         ));
     }
-    if let Some(faults) = &results.faults {
-        lines.push(format!("  {faults}"));
-    }
-    lines.join("\n")
+    sentences.extend(results.faults.as_ref().map(ToString::to_string));
+    sentences
 }
 
 fn lateness(cycle: &CycleLateness) -> String {
@@ -173,19 +128,6 @@ fn lateness(cycle: &CycleLateness) -> String {
     }
     let CycleLateness { p50_us, p99_us, max_us, missed, .. } = cycle;
     format!("{p50_us:.0} / {p99_us:.0} / {max_us:.0} µs, {missed} missed")
-}
-
-fn millis(value: f64) -> String {
-    format!("{value:.1}")
-}
-
-fn none() -> String {
-    "–".to_owned()
-}
-
-fn deviation((found, paper): (PaperFigure, PaperFigure)) -> String {
-    let difference = found.aet_ms - paper.aet_ms;
-    format!("{difference:+.1} ({:+.2} %)", difference / paper.aet_ms * 100.0)
 }
 
 #[cfg(test)]
@@ -295,11 +237,6 @@ mod tests {
          AETi     –                  42 %
         ────────────────────────────────────────────────────────────
 
-        * calibrated on the paper's figure beside it, so no prediction:
-            motions.velocity_percent = 1 from RC's AET
-            robot.skill_overhead_us = 1 from SM's AET
-            robot.continuous_start_cycles = 1 from CM's AET less RC's
-            robot.interpreter_quantum_us = 1 from the MADs of RC and SM
           Cycles late by p50 / p99 / max: PLC not reported; robot not reported.
           Cyclic frames: 0 sent, 0 received, 0 lost.
         ");

@@ -376,10 +376,24 @@ impl Results {
         self.is_calibrated(calibrated::of_aet(of))
     }
 
+    /// Returns how many repetitions have a result, and how many were asked for.
+    #[must_use]
+    pub fn saved_of_all(&self) -> (usize, usize) {
+        let types = || ExecutionType::ALL.into_iter().filter_map(|of| self.results.get(of));
+        (types().map(|result| result.samples_ms.len()).sum(), types().count() * self.reps as usize)
+    }
+
+    /// Returns the MAD of a type; `None` with fewer than two samples, which deviate from nothing.
+    #[must_use]
+    pub fn mad_ms(&self, of: ExecutionType) -> Option<f64> {
+        let result = self.results.get(of)?;
+        result.mad_ms.filter(|_| result.samples_ms.len() > 1)
+    }
+
     /// Returns whether a number of the setup was chosen to meet the MAD of this type.
     #[must_use]
     pub fn is_mad_calibrated(&self, of: ExecutionType) -> bool {
-        calibrated::of_mad(of).iter().any(|key| self.is_calibrated(key))
+        self.mad_ms(of).is_some() && calibrated::of_mad(of).iter().any(|key| self.is_calibrated(key))
     }
 
     /// Returns the seed and, if there is one, the override: the end of the line that describes the run.

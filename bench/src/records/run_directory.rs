@@ -34,6 +34,28 @@ pub enum Durability {
     Written,
 }
 
+/// There is something where the directory is wanted.
+#[derive(Debug, thiserror::Error)]
+#[error("{} {found}; choose another directory by --out", path.display())]
+pub struct Occupied {
+    path: PathBuf,
+    found: &'static str,
+}
+
+impl Occupied {
+    /// Checks that nothing is at this path but a directory without a run.
+    fn check(path: &Path) -> Result<(), Self> {
+        let found = if path.join("samples.csv").exists() {
+            "holds a run already"
+        } else if path.exists() && !path.is_dir() {
+            "is a file"
+        } else {
+            return Ok(());
+        };
+        Err(Self { path: path.to_owned(), found })
+    }
+}
+
 /// The directory of a measurement.
 #[derive(Debug)]
 pub struct RunDirectory {
@@ -53,17 +75,13 @@ impl RunDirectory {
         application: &str,
         durability: Durability,
     ) -> anyhow::Result<Self> {
+        Occupied::check(path)?;
         fs::create_dir_all(path).with_context(|| {
             format!("cannot make the run directory {}; choose another by --out", path.display())
         })?;
         let samples_path = path.join("samples.csv");
         let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
-        let samples = match samples {
-            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
-                anyhow::bail!("{} holds a run already; choose another directory by --out", path.display())
-            }
-            samples => samples.with_context(|| format!("cannot write {}", samples_path.display()))?,
-        };
+        let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
         let mut directory = Self { path: path.to_owned(), samples, samples_len: 0, durability };
         directory.append("type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error\n")?;
         let mut setup = setup.clone();
@@ -184,9 +202,7 @@ pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
 ///
 /// It contains a run, or cannot be written.
 pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
-    if path.join("samples.csv").exists() {
-        anyhow::bail!("{} holds a run; choose another directory by --out", path.display());
-    }
+    Occupied::check(path)?;
     fs::create_dir_all(path)
         .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
     replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
-use comfy_table::{Table, presets};
+use node::screen;
 use protocol_linux::wakeups::{self, Wakeups};
 use serde::Serialize;
 
@@ -110,20 +110,20 @@ fn print(findings: &[Finding], as_json: bool) -> Result<(), Failure> {
 }
 
 fn table(findings: &[Finding]) -> String {
-    let mut table = Table::new();
-    table.load_preset(presets::NOTHING);
-    for Finding { what, verdict, found, .. } in findings {
+    let longest = findings.iter().map(|finding| finding.what.chars().count()).max().unwrap_or(0);
+    let line = |Finding { what, verdict, found, .. }: &Finding| {
         let verdict = match verdict {
             Verdict::Good => "good",
             Verdict::Limited => "limited",
             Verdict::Missing => "MISSING",
         };
-        table.add_row([verdict, what, found]);
-    }
-    let mut text = table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n");
+        screen::wrapped(&format!(" {verdict:<7}  {what:<longest$}  {found}"), 0, longest + 12)
+    };
+    let mut text = findings.iter().map(line).collect::<Vec<_>>().join("\n");
     for Finding { what, fix, .. } in findings {
         if let Some(fix) = fix {
-            text += &format!("\n\n{what}: {fix}");
+            text += "\n\n";
+            text += &screen::wrapped(&format!("{what}: {fix}"), 0, 0);
         }
     }
     let worst = findings.iter().map(|finding| finding.verdict);

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
+use node::screen;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
@@ -145,17 +146,18 @@ impl History {
         let mut table = Table::new();
         table.load_preset(presets::NOTHING);
         table.set_header([
+            "run",
             "date",
             "commit",
             "setup",
             "mode",
             "application",
-            "RC",
-            "SM",
-            "CM",
+            "RC, ms\nAET ± MAD",
+            "SM, ms\nAET ± MAD",
+            "CM, ms\nAET ± MAD",
             "AETi",
             "trend of AET",
-            "",
+            "ended",
         ]);
         for entry in &self.entries {
             let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
@@ -165,6 +167,7 @@ impl History {
             };
             let improvement = entry.aet_improvement.map(|share| format!("{:.1} %", share * 100.0));
             table.add_row([
+                entry.run.clone(),
                 or_none(&entry.date),
                 or_none(&entry.commit),
                 entry.setup.clone(),
@@ -176,17 +179,17 @@ impl History {
                 or_none(&improvement),
                 entry.trend(),
                 match entry.status {
-                    Status::Complete => String::new(),
+                    Status::Complete => "complete".to_owned(),
                     Status::Running => "not finished".to_owned(),
                     Status::Failed => "failed".to_owned(),
                     Status::Interrupted => "interrupted".to_owned(),
                 },
             ]);
         }
-        for column in table.column_iter_mut().skip(5).take(4) {
+        for column in table.column_iter_mut().skip(6).take(4) {
             column.set_cell_alignment(CellAlignment::Right);
         }
-        table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
+        screen::drawn(&table)
     }
 }
 
@@ -272,10 +275,11 @@ mod tests {
         let history = History::load(place.path()).unwrap();
         assert!(history.unreadable.is_empty());
         insta::assert_snapshot!(history.table(), @"
-        date                  commit   setup  mode     application               RC            SM            CM    AETi  trend of AET
-        2026-11-01T08:00:00Z  4f32136  A      virtual  pick-and-place  3722.5 ± 0.0  6472.5 ± 0.0  3722.5 ± 0.0  42.5 %
-        2026-11-02T08:00:00Z  4f32136  A      real     pick-and-place  4723.5 ± 0.0  7473.5 ± 0.0  4723.5 ± 0.0  36.8 %                                interrupted
-        2026-11-03T08:00:00Z  4f32136  A      virtual  pick-and-place  3723.5 ± 0.0  6473.5 ± 0.0  3723.5 ± 0.0  42.5 %  RC +1.0  SM +1.0  CM +1.0 ms
+        run  date                  commit   setup  mode     application           RC, ms        SM, ms        CM, ms    AETi  trend of AET                  ended
+                                                                               AET ± MAD     AET ± MAD     AET ± MAD
+        a    2026-11-01T08:00:00Z  4f32136  A      virtual  pick-and-place  3722.5 ± 0.0  6472.5 ± 0.0  3722.5 ± 0.0  42.5 %                                complete
+        b    2026-11-02T08:00:00Z  4f32136  A      real     pick-and-place  4723.5 ± 0.0  7473.5 ± 0.0  4723.5 ± 0.0  36.8 %                                interrupted
+        c    2026-11-03T08:00:00Z  4f32136  A      virtual  pick-and-place  3723.5 ± 0.0  6473.5 ± 0.0  3723.5 ± 0.0  42.5 %  RC +1.0  SM +1.0  CM +1.0 ms  complete
         ");
     }
 

@@ -11,6 +11,7 @@ use std::time::Instant;
 use ::judge::{Case, Class, Outcome, Tally, Violation, generator, hunt, shrink};
 use anyhow::Context;
 use clap::Args;
+use node::list::{List, flat, list};
 use setup::Setup;
 
 use crate::outln;
@@ -56,8 +57,8 @@ pub struct JudgeOptions {
     #[arg(long, value_name = "DIR", default_value = "judged")]
     pub out: PathBuf,
     /// Laws that are not looked at.
-    #[arg(long, value_name = "LAW,…", value_delimiter = ',', value_parser = law)]
-    pub ignore: Vec<Class>,
+    #[arg(long, value_name = "LAW,…", num_args = 1.., value_parser = list(law))]
+    pub ignore: Vec<List<Class>>,
     /// Print the result only: no progress.
     #[arg(long, short)]
     pub quiet: bool,
@@ -76,8 +77,8 @@ fn law(name: &str) -> Result<Class, String> {
 ///
 /// The setup or the case cannot be used, or the disk does not take a file.
 pub fn run(options: &JudgeOptions) -> Result<Exit, Failure> {
-    let classes: Vec<Class> =
-        Class::ALL.into_iter().filter(|class| !options.ignore.contains(class)).collect();
+    let ignored = flat(&options.ignore);
+    let classes: Vec<Class> = Class::ALL.into_iter().filter(|class| !ignored.contains(class)).collect();
     match &options.case {
         Some(path) => run_case(path, &classes),
         None => run_lists(options, &setup::setup(&options.setup)?, &classes),

@@ -141,7 +141,10 @@ fn ctrl_c_and_sigterm_end_everything_and_keep_the_samples() {
         let ended = bench.wait();
         assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);
         ended.at_once();
-        assert!(ended.samples.lines().count() > 1, "the samples so far are gone");
+        let saved = ended.samples.lines().count() - 1;
+        assert!(saved > 0, "the samples so far are gone");
+        let told = format!("Interrupted, {saved} of 1000 repetitions saved in ");
+        assert!(ended.stdout.contains(&told), "{}", ended.stdout);
         ended.nothing_is_left(&networks);
     }
 }

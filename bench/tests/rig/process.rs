@@ -68,6 +68,7 @@ pub(crate) struct Ended {
     pub(crate) status: ExitStatus,
     after: Duration,
     prepared: Duration,
+    pub(crate) stdout: String,
     pub(crate) stderr: String,
     pub(crate) samples: String,
     pub(crate) results: serde_json::Value,
@@ -96,7 +97,7 @@ impl Bench {
             .arg(place.path().join("run"))
             .args(args)
             .stdin(Stdio::null())
-            .stdout(Stdio::null())
+            .stdout(fs::File::create(place.path().join("printed")).unwrap())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -149,6 +150,7 @@ impl Bench {
         let after = start.elapsed();
         let mut stderr = String::new();
         self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        let stdout = fs::read_to_string(self.place.path().join("printed")).unwrap();
         let samples = fs::read_to_string(self.place.path().join("run/samples.csv")).unwrap_or_default();
         let json = |name| {
             let text = fs::read_to_string(self.place.path().join(name)).unwrap_or_default();
@@ -162,7 +164,18 @@ impl Bench {
         let captures = captures
             .map(|name| (name.clone(), fs::read(self.place.path().join("run").join(name)).unwrap()))
             .collect();
-        Ended { status, after, prepared: self.prepared, stderr, samples, results, timeline, files, captures }
+        Ended {
+            status,
+            after,
+            prepared: self.prepared,
+            stdout,
+            stderr,
+            samples,
+            results,
+            timeline,
+            files,
+            captures,
+        }
     }
 }
 

@@ -5,9 +5,9 @@
 use std::fmt;
 use std::net::Ipv4Addr;
 
-use comfy_table::{Table, TableComponent, presets};
 use ethernet_ip::FoundDevice;
 use machine::search::{Answers, REQUESTS, Tally};
+use node::screen;
 use profinet::FoundStation;
 use profinet::dcp::IpSuite;
 use protocol::search::Search;
@@ -128,15 +128,10 @@ impl Listing {
             );
         }
         writeln!(f, "{title}: {} {noun}{}", found.len(), if found.len() == 1 { "" } else { "s" })?;
-        let mut table = Table::new();
-        table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
-        table.remove_style(TableComponent::HorizontalLines);
-        table.remove_style(TableComponent::MiddleIntersections);
-        table.set_style(TableComponent::HeaderLines, '─');
-        table.set_style(TableComponent::MiddleHeaderIntersections, '─');
+        let mut table = screen::ruled();
         table.set_header(header.to_vec());
         table.add_rows(found.iter().map(row));
-        table.to_string().lines().try_for_each(|line| writeln!(f, "{}", line.trim_end()))
+        writeln!(f, "{}", screen::drawn(&table))
     }
 }
 

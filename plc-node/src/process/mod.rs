@@ -14,8 +14,10 @@ use std::process::ExitCode;
 use clap::Parser;
 use machine::{Duration, Instant, Lateness};
 use node::Node;
+use node::list::{List, flat};
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
+use node::screen;
 use node::supervise::Outcome;
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
@@ -56,11 +58,11 @@ struct Run {
     #[arg(
         long,
         value_name = "TYPES",
-        value_delimiter = ',',
+        num_args = 1..,
         default_value = "rc,sm,cm",
         conflicts_with = "control"
     )]
-    types: Vec<ExecutionType>,
+    types: Vec<List<ExecutionType>>,
     /// Override in % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...", conflicts_with = "control")]
@@ -70,6 +72,7 @@ struct Run {
 /// The process: parses `args`, with the program's name first, and runs until it is done.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
+    screen::fit_terminal();
     let outcome = match cli.command {
         Subcommand::Run(run) => run.execute(),
         Subcommand::Plan(plan) => plan.execute(),
@@ -113,7 +116,7 @@ impl Run {
         if self.options.takes_instructions() {
             prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut OnInstruction::default())
         } else {
-            let mut standalone = Standalone::new(&self.types, self.reps, self.overrides);
+            let mut standalone = Standalone::new(&flat(&self.types), self.reps, self.overrides);
             prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut standalone)
         }
     }

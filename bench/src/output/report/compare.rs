@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::{Table, presets};
+use node::screen;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
@@ -129,13 +130,10 @@ fn table(columns: &[Column]) -> String {
         let cells = columns.iter().map(|column| column.cells.get(index).cloned().unwrap_or_default());
         table.add_row(std::iter::once((*row).to_owned()).chain(cells));
     }
-    for column in table.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
-    }
-    let runs =
-        columns.iter().map(|Column { number, name, about, .. }| format!("run {number}: {name} ({about})\n"));
-    let text = table.to_string().lines().map(str::trim_end).collect::<Vec<_>>().join("\n");
-    format!("{}\n{text}", runs.collect::<String>())
+    let runs = columns.iter().map(|Column { number, name, about, .. }| {
+        screen::wrapped(&format!("run {number}: {name} ({about})"), 0, 4) + "\n"
+    });
+    format!("{}\n{}", runs.collect::<String>(), screen::drawn(&screen::numbers_right(table)))
 }
 
 fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {

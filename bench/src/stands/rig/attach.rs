@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use ::node::list::values;
 use ::node::message::Instruction;
 use ::node::role::NodeRole;
 use plc_node::process::PlcInstruction;
@@ -44,7 +45,7 @@ impl FromStr for Attach {
 
     fn from_str(text: &str) -> Result<Self, AttachError> {
         let (mut plc, mut robot) = (None, None);
-        for part in text.split(',') {
+        for part in values(text) {
             let wrong = || AttachError::Part(part.to_owned());
             let (node, address) = part.split_once('=').ok_or_else(wrong)?;
             let (host, port) = address.rsplit_once(':').ok_or_else(wrong)?;

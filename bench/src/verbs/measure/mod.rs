@@ -7,10 +7,11 @@ pub mod session;
 pub use options::{Capture, RunOptions};
 
 use std::future::Future;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::anyhow;
+use node::list::flat;
 use planning::Found;
 use protocol_linux::capture::Keep;
 use robot_node::RobotConfig;
@@ -25,8 +26,8 @@ use crate::output::progress::Progress;
 use crate::output::report::{self, Pages};
 use crate::output::table;
 use crate::output::timeline;
-use crate::records::faults;
-use crate::records::host::Host;
+use crate::records::faults::{self, Fault};
+use crate::records::host::{self, Host};
 use crate::records::mode::Mode;
 use crate::records::paper::Standing;
 use crate::records::results::{Results, Status};
@@ -76,7 +77,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::Usage, error));
     }
     if options.mode == Mode::Real {
-        faults::check_real(&options.fault).map_err(|error| Failure::new(Exit::Usage, error))?;
+        faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     }
     if options.attach.is_some() {
         check_attach(options)?;
@@ -86,9 +87,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         rig::enter_user_namespace()?;
     }
     let measurement = Measurement {
+        faults: flat(&options.fault),
         schedule: Schedule {
             overrides: options.overrides,
-            ..Schedule::new(&options.types, options.reps, options.seed)
+            ..Schedule::new(&flat(&options.types), options.reps, options.seed)
         },
         options,
         setup,
@@ -97,24 +99,34 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     };
     let runtime = event_loop()?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
-    let shown = directory.display();
     outln!("{}", table::render(&ended.results));
-    if ended.exit == Exit::Internal {
-        outln!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
-    } else {
-        outln!("  Saved in {shown}.");
-        match report::write(&directory) {
-            Ok(Pages { report, race }) => {
-                outln!("  Report: {}.", report.display());
-                outln!("  Race: {}, the three arms side by side.", race.display());
-            }
-            Err(Failure { error, .. }) => errln!(
-                "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
-            ),
-        }
-    }
+    tell_where(&ended, &directory);
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
+}
+
+/// Prints where the run is saved, how much of it, and where its report is.
+fn tell_where(ended: &Ended, directory: &Path) {
+    let shown = directory.display();
+    if ended.exit == Exit::Internal {
+        outln!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
+        return;
+    }
+    if ended.exit == Exit::Interrupted {
+        let (saved, all) = ended.results.saved_of_all();
+        outln!("  Interrupted, {saved} of {all} repetitions saved in {shown}.");
+    } else {
+        outln!("  Saved in {shown}.");
+    }
+    match report::write(directory) {
+        Ok(Pages { report, race }) => {
+            outln!("  Report: {}.", report.display());
+            outln!("  Race: {}, the three arms side by side.", race.display());
+        }
+        Err(Failure { error, .. }) => errln!(
+            "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
+        ),
+    }
 }
 
 /// Checks that the setup describes a robot, and that it can stand where the application starts.
@@ -143,6 +155,7 @@ fn check_attach(options: &RunOptions) -> Result<(), Failure> {
 
 struct Measurement<'a> {
     options: &'a RunOptions,
+    faults: Vec<Fault>,
     setup: Setup,
     found: Found,
     schedule: Schedule,
@@ -162,7 +175,7 @@ impl Measurement<'_> {
         };
         let mut session = Session {
             directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
-            exports: self.options.exports.clone(),
+            exports: self.options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(&self.schedule, self.options.quiet),
         };
         self.warn(&session.progress);
@@ -197,7 +210,7 @@ impl Measurement<'_> {
     fn empty_results(&self) -> Results {
         let (setup, application) = (&self.setup, &self.found.application);
         let overrides = self.schedule.overrides.as_ref();
-        let standing = Standing::of(setup, application, overrides, &self.options.fault);
+        let standing = Standing::of(setup, application, overrides, &self.faults);
         let results = Results::new(setup, &application.name, self.options.mode, &self.schedule)
             .beside_the_paper(setup, standing);
         if self.is_of_the_model() { results } else { results.without_the_model() }
@@ -237,7 +250,7 @@ impl Measurement<'_> {
             directory: &directory,
             capture: self.keep(),
             frames: self.options.trace,
-            faults: &self.options.fault,
+            faults: &self.faults,
             attach: self.options.attach.as_ref(),
         };
         let mut interrupt = std::pin::pin!(interrupt);

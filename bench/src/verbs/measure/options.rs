@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use node::list::List;
 use plc_node::{ExecutionType, OverrideSchedule};
 
 use crate::output::export::Exports;
@@ -25,8 +26,8 @@ pub struct RunOptions {
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub reps: u32,
     /// Execution types to run, interleaved in this order.
-    #[arg(long, value_name = "TYPES", value_delimiter = ',', default_value = "rc,sm,cm")]
-    pub types: Vec<ExecutionType>,
+    #[arg(long, value_name = "TYPES", num_args = 1.., default_value = "rc,sm,cm")]
+    pub types: Vec<List<ExecutionType>>,
     /// Seed of the pauses between runs, and in virtual mode of the clocks and phases.
     #[arg(long, value_name = "N", default_value_t = SEED)]
     pub seed: u64,
@@ -57,11 +58,12 @@ pub struct RunOptions {
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path; a change keeps every limit.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...")]
     pub overrides: Option<OverrideSchedule>,
-    /// Put a fault into the cable, any number of times: loss=0.001, delay=100us, to-robot:jitter=50us,
-    /// duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, cut-at=2s..2.1s, kill-robot-at=2s. Times count from the
-    /// moment that the robot is ready; the same seed gives the same faults.
-    #[arg(long, value_name = "FAULT")]
-    pub fault: Vec<Fault>,
+    /// Put a fault into the cable, any number of times: loss=0.001, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms,
+    /// delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
+    /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s. Times count from the moment that the robot is ready; the same
+    /// seed gives the same faults.
+    #[arg(long, value_name = "FAULT", num_args = 1..)]
+    pub fault: Vec<List<Fault>>,
     /// Print the table only: no progress, no warnings.
     #[arg(long, short)]
     pub quiet: bool,

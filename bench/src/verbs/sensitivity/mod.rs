@@ -12,6 +12,7 @@ mod table;
 use std::time::SystemTime;
 
 use clap::Args;
+use node::list::{List, flat, list};
 use planning::{Application, Plan as Planned};
 use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
@@ -50,8 +51,8 @@ pub struct SensitivityOptions {
     #[command(flatten)]
     pub study: StudyOptions,
     /// By what each number but that of the motions is multiplied, in place of its own factors.
-    #[arg(long, value_name = "F,…", value_delimiter = ',', value_parser = multiplier)]
-    pub factors: Option<Vec<f64>>,
+    #[arg(long, value_name = "F,…", num_args = 1.., value_parser = list(multiplier))]
+    pub factors: Option<Vec<List<f64>>>,
     /// Repetitions of each execution type in every case.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     pub reps: u32,
@@ -156,7 +157,8 @@ fn study(
     application: &Application,
     options: &SensitivityOptions,
 ) -> anyhow::Result<Sensitivity> {
-    let cases = Case::all(setup, options.factors.as_deref());
+    let factors = options.factors.as_deref().map(flat);
+    let cases = Case::all(setup, factors.as_deref());
     let schedule = Schedule::new(&ExecutionType::ALL, options.reps, options.study.seed);
     let mut jobs = Vec::new();
     for case in &cases {

@@ -2,17 +2,26 @@
 
 use std::fmt::Write as _;
 
+use node::screen;
+
 use super::{Factor, Figures, Row, Sensitivity};
-use crate::output::screen::{drawn, styled};
 use crate::records::schedule::repetitions;
 
 const NONE: &str = "–";
+
+/// Meaning of the columns, in sentences.
+const LEGEND: [&str; 4] = [
+    "RC, SM, CM: AET with the setup's calibrated numbers, which are not calibrated again for the varied ones.",
+    "h = 0: a skill call costs nothing but its motion and the cycles it waits for.",
+    "uncal.: nothing that was calibrated: h = 0, rated speeds, every command noticed at once.",
+    "motions: the same way, pre- and post-movements joined with their paths, or each straight motion in so many pieces.",
+];
 
 /// Formats the table, with the meaning of its columns.
 #[must_use]
 pub fn render(study: &Sensitivity) -> String {
     let Sensitivity { setup, title, application, reps, seed, .. } = study;
-    let mut table = styled();
+    let mut table = screen::ruled();
     table.set_header([
         "varied",
         "is",
@@ -34,7 +43,7 @@ pub fn render(study: &Sensitivity) -> String {
     for row in &study.rows {
         let name = name(row);
         if let Some(reason) = &row.refused {
-            notes.push(format!("  {name} is refused: {reason}"));
+            notes.push(format!("{name} is refused: {reason}"));
         }
         let (with, without, bare) = (&row.calibrated, &row.without_skill_overhead, &row.uncalibrated);
         let change =
@@ -56,26 +65,24 @@ pub fn render(study: &Sensitivity) -> String {
             percent(bare),
         ]);
     }
-    let mut text = format!(
-        "Setup {setup}: {title}\n\
-         {application}, one number at a time, {} of each type, virtual mode, seed {seed}\n\n{}\n\n",
-        repetitions(*reps),
-        drawn(table)
-    );
+    let heading = [
+        format!("Setup {setup}: {title}"),
+        format!(
+            "{application}, one number at a time, {} of each type, virtual mode, seed {seed}",
+            repetitions(*reps)
+        ),
+    ];
+    let mut text = heading.map(|line| screen::wrapped(&line, 0, 2) + "\n").concat();
+    let _ = write!(text, "\n{}\n\n", screen::drawn(&screen::numbers_right(table)));
+    let mut sentences = Vec::new();
     if let Some((sm, cm)) = study.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm)) {
         let share = crate::records::statistics::aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
-        let _ = writeln!(text, "  The paper's AETi: {share:.0} %.");
+        sentences.push(format!("The paper's AETi: {share:.0} %."));
     }
-    text.push_str(
-        "  RC, SM, CM: AET with the setup's calibrated numbers, which are not calibrated again for the varied ones.\n  \
-         h = 0: a skill call costs nothing but its motion and the cycles it waits for.\n  \
-         uncal.: nothing that was calibrated: h = 0, rated speeds, every command noticed at once.\n  \
-         motions: the same way, pre- and post-movements joined with their paths, or each straight motion in so many pieces.",
-    );
-    for note in notes {
-        text.push('\n');
-        text.push_str(&note);
-    }
+    sentences.extend(LEGEND.map(str::to_owned));
+    sentences.extend(notes);
+    let sentences: Vec<_> = sentences.iter().map(|sentence| screen::wrapped(sentence, 2, 2)).collect();
+    text.push_str(&sentences.join("\n"));
     text
 }
 

@@ -19,6 +19,7 @@ pub(crate) mod table;
 use std::time::SystemTime;
 
 use clap::Args;
+use node::list::{List, flat, list};
 use serde::{Deserialize, Serialize};
 use setup::Setup;
 
@@ -39,11 +40,11 @@ const MOTIONS: u32 = 24;
 /// Runs of every point, each at other phases.
 const REPETITIONS: u32 = 3;
 /// The paper's five slots, and fewer.
-const DEPTHS: [u32; 5] = [1, 2, 3, 4, 5];
-/// Bus cycles in µs, of those that every bus knows.
-const BUS_CYCLES_US: [u32; 7] = [1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000];
+const DEPTHS: &str = "1,2,3,4,5";
+/// Bus cycles in ms, of those that every bus knows.
+const BUS_CYCLES_MS: &str = "1,2,4,8,16,32,64";
 /// Lengths of a motion in mm: from a point of a taught curve to a way across the cell.
-const LENGTHS_MM: [f64; 7] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
+const LENGTHS_MM: &str = "1,2,5,10,20,50,100";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -60,20 +61,25 @@ pub struct SweepOptions {
     #[command(flatten)]
     pub study: StudyOptions,
     /// Slots of the image in use.
-    #[arg(long, value_name = "N,…", value_delimiter = ',', default_values_t = DEPTHS, value_parser = clap::value_parser!(u32).range(1..=5))]
-    pub depths: Vec<u32>,
-    /// Bus cycles in ms [default: 1,2,4,8,16,32,64].
-    #[arg(long, value_name = "MS,…", value_delimiter = ',', value_parser = milliseconds)]
-    pub cycles: Option<Vec<u32>>,
+    #[arg(long, value_name = "N,…", num_args = 1.., default_value = DEPTHS, value_parser = list(depth))]
+    pub depths: Vec<List<u32>>,
+    /// Bus cycles in ms.
+    #[arg(long, value_name = "MS,…", num_args = 1.., default_value = BUS_CYCLES_MS, value_parser = list(milliseconds))]
+    pub cycles: Vec<List<u32>>,
     /// Lengths of every motion in mm.
-    #[arg(long, value_name = "MM,…", value_delimiter = ',', default_values_t = LENGTHS_MM, value_parser = length)]
-    pub lengths: Vec<f64>,
+    #[arg(long, value_name = "MM,…", num_args = 1.., default_value = LENGTHS_MM, value_parser = list(length))]
+    pub lengths: Vec<List<f64>>,
     /// Motions of a run; a square has four sides.
     #[arg(long, value_name = "N", default_value_t = MOTIONS, value_parser = clap::value_parser!(u32).range(6..=1_000))]
     pub motions: u32,
     /// Repetitions of every point, each at other phases of the cycles.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     pub reps: u32,
+}
+
+fn depth(text: &str) -> Result<u32, String> {
+    let depth = text.parse().ok().filter(|depth| (1..=5).contains(depth));
+    depth.ok_or_else(|| format!("`{text}` is no number of slots; the image has 1 to 5"))
 }
 
 /// A bus cycle in ms, as µs.
@@ -145,9 +151,9 @@ pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
     let grid = Grid {
-        depths: options.depths.clone(),
-        bus_cycles_us: options.cycles.clone().unwrap_or_else(|| BUS_CYCLES_US.to_vec()),
-        lengths_mm: options.lengths.clone(),
+        depths: flat(&options.depths),
+        bus_cycles_us: flat(&options.cycles),
+        lengths_mm: flat(&options.lengths),
         motions: options.motions,
         reps: options.reps,
         seed: options.study.seed,

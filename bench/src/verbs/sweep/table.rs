@@ -2,27 +2,34 @@
 
 use std::fmt::Write as _;
 
+use node::screen;
+
 use super::{Point, Sweep, sentences};
-use crate::output::screen::{self, drawn, styled};
 use crate::records::schedule::repetitions;
 
 /// All blocks and what they come to.
 #[must_use]
 pub fn render(sweep: &Sweep) -> String {
     let Sweep { setup, title, motions, reps, seed, .. } = sweep;
-    let mut text = format!(
-        "Setup {setup}: {title}\n\
-         {motions} blended motions round a square, RC and CM, {}, virtual mode, seed {seed}\n\
-         How much longer CM takes than RC, and in brackets how many of {} blends became stops; · is none.\n",
-        repetitions(*reps),
-        motions.saturating_sub(1)
-    );
+    let heading = [
+        format!("Setup {setup}: {title}"),
+        format!(
+            "{motions} blended motions round a square, RC and CM, {}, virtual mode, seed {seed}",
+            repetitions(*reps)
+        ),
+        format!(
+            "How much longer CM takes than RC, and in brackets how many of {} blends became stops; · is none.",
+            motions.saturating_sub(1)
+        ),
+    ];
+    let mut text = heading.map(|line| screen::wrapped(&line, 0, 2) + "\n").concat();
     for depth in depths(sweep) {
         let _ = write!(text, "\n{}\n{}\n", slots(depth), block(sweep, depth));
     }
     let sentences = sentences(sweep);
     text.push('\n');
-    text.push_str(&screen::sentences(sentences.iter().map(String::as_str)));
+    let sentences: Vec<_> = sentences.iter().map(|sentence| screen::wrapped(sentence, 2, 2)).collect();
+    text.push_str(&sentences.join("\n"));
     text
 }
 
@@ -54,7 +61,7 @@ pub(crate) fn slots(depth: u32) -> String {
 
 fn block(sweep: &Sweep, depth: u32) -> String {
     let rows = rows(sweep, depth);
-    let mut table = styled();
+    let mut table = screen::ruled();
     let cycles = rows.first().into_iter().flatten().map(|point| format!("bus {} ms", point.bus_cycle_ms));
     table.set_header(["motion".to_owned(), "takes".to_owned()].into_iter().chain(cycles));
     for row in rows {
@@ -63,7 +70,7 @@ fn block(sweep: &Sweep, depth: u32) -> String {
             [format!("{} mm", first.length_mm), format!("{:.0} ms", first.rc_ms / f64::from(sweep.motions))];
         table.add_row(motion.into_iter().chain(row.iter().map(cell)));
     }
-    drawn(table)
+    screen::drawn(&screen::numbers_right(table))
 }
 
 pub(crate) fn cell(point: &Point) -> String {

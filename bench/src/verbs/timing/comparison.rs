@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use comfy_table::{CellAlignment, Table, presets};
+use node::screen;
 
 use super::evenness::{Evenness, quantile};
 use crate::records::ratio::{Ratio, RatioVerdict};
@@ -82,8 +82,7 @@ fn ratio(what: &'static str, ours: &Evenness, theirs: &Evenness, limit: f64) -> 
 
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut table = Table::new();
-        table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
+        let mut table = screen::ruled();
         table.set_header(["over 1 ms by, µs", "mean, ppm", "p50", "p99", "max", "missing"]);
         let [bare_t_o, bare_o_t] = &self.bare;
         let [t_o, o_t] = &self.ours;
@@ -107,10 +106,7 @@ impl fmt::Display for Comparison {
                 evenness.missing.to_string(),
             ]);
         }
-        for column in table.column_iter_mut().skip(1) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-        writeln!(f, "{table}\n")?;
+        writeln!(f, "{}\n", screen::drawn(&screen::numbers_right(table)))?;
         for Check { what, figure, limit, verdict } in self.checks() {
             let verdict = match verdict {
                 RatioVerdict::Within => "pass",
