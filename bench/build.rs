@@ -1,5 +1,5 @@
 //! Tells the program the commit that it is built from, as `SKILLBENCH_COMMIT`: `1a2b3c4d5e6f`, with `-modified` where a file of
-//! the repository differs from it; empty without a repository.
+//! the repository differs from it; empty without a repository. `SKILLBENCH_VERSION` is the version with that commit.
 //!
 //! It runs again when the commit or a source changes. Built from an archive, as a package or in an image, the variable of that
 //! name in the environment is taken.
@@ -29,6 +29,9 @@ fn main() {
     }
     let commit = given.or_else(commit).unwrap_or_default();
     println!("cargo:rustc-env={VARIABLE}={commit}");
+    let version = std::env::var("CARGO_PKG_VERSION").unwrap_or_default();
+    let version = if commit.is_empty() { version } else { format!("{version} ({commit})") };
+    println!("cargo:rustc-env=SKILLBENCH_VERSION={version}");
 }
 
 /// Lets Cargo run this again after a commit, and after a change of a source.

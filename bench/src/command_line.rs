@@ -6,6 +6,7 @@ use crate::verbs::calibrate::CalibrateOptions;
 use crate::verbs::doctor::DoctorOptions;
 use crate::verbs::gate::GateOptions;
 use crate::verbs::history::HistoryOptions;
+use crate::verbs::install::{CompletionsOptions, ManOptions};
 use crate::verbs::judge::JudgeOptions;
 use crate::verbs::long::LongOptions;
 use crate::verbs::measure::RunOptions;
@@ -20,7 +21,7 @@ use crate::verbs::timing::TimingOptions;
 #[derive(Parser, Debug)]
 #[command(
     name = "bench",
-    version,
+    version = VERSION,
     args_conflicts_with_subcommands = true,
     after_help = EXAMPLES,
 )]
@@ -47,6 +48,9 @@ Examples:
 Exit codes:
   0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable
   6 rating exceeded   130 interrupted";
+
+/// The version, with the commit that the program was built from if it is known.
+const VERSION: &str = env!("SKILLBENCH_VERSION");
 
 /// Everything but a measured run.
 #[derive(Subcommand, Debug)]
@@ -75,4 +79,8 @@ pub enum Command {
     Sensitivity(SensitivityOptions),
     /// Run random motion lists on the robot and hold each of its cycles against laws and kinematics that are not its own.
     Judge(JudgeOptions),
+    /// Print completions for a shell: `bench completions bash >~/.local/share/bash-completion/completions/bench`.
+    Completions(CompletionsOptions),
+    /// Write manual pages of bench, plc-node and robot-node.
+    Man(ManOptions),
 }

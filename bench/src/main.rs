@@ -9,9 +9,10 @@ use bench::output::errln;
 use bench::output::exit::Failure;
 use bench::stands::rig;
 use bench::verbs::{
-    calibrate, doctor, gate, history, judge, long, measure, overhead, report, sensitivity, sweep, timing,
+    calibrate, doctor, gate, history, install, judge, long, measure, overhead, report, sensitivity, sweep,
+    timing,
 };
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use node::screen;
 
 fn main() -> ExitCode {
@@ -34,6 +35,8 @@ fn main() -> ExitCode {
         Some(Command::Sweep(options)) => sweep::run(options),
         Some(Command::Sensitivity(options)) => sensitivity::run(options),
         Some(Command::Judge(options)) => judge::run(options),
+        Some(Command::Completions(options)) => install::completions(options, Cli::command()),
+        Some(Command::Man(options)) => install::man(options, Cli::command()),
     };
     match outcome {
         Ok(exit) => exit.into(),

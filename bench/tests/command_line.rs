@@ -496,3 +496,35 @@ fn a_file_that_is_not_there_is_told_of_once() {
     let error = refused(&["--setup", "nosuch.toml", "--mode", "virtual"]);
     insta::assert_snapshot!(error, @"error: cannot read the setup file nosuch.toml: No such file or directory (os error 2)");
 }
+
+#[test]
+fn the_version_names_the_commit() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--version"]);
+    assert_eq!(said.stdout.trim(), concat!("bench ", env!("SKILLBENCH_VERSION")));
+    let commit = env!("SKILLBENCH_COMMIT");
+    assert!(commit.is_empty() || said.stdout.contains(commit), "{}", said.stdout);
+}
+
+#[test]
+fn there_are_completions_and_manual_pages_of_all_programs() {
+    let directory = tempfile::tempdir().unwrap();
+    for (program, option) in
+        [("bench", "--capture"), ("plc-node", "--interface"), ("robot-node", "--control")]
+    {
+        for shell in ["bash", "zsh", "fish"] {
+            let said = bench(directory.path(), &["completions", shell, "--program", program]);
+            let option = if shell == "fish" { option.trim_start_matches('-') } else { option };
+            assert!(
+                said.code == Some(0) && said.stdout.contains(option),
+                "{shell} {program}: {}",
+                said.stderr
+            );
+        }
+    }
+    assert_eq!(bench(directory.path(), &["man"]).code, Some(0));
+    for page in ["bench.1", "bench-sweep.1", "plc-node.1", "plc-node-plan.1", "robot-node-run.1"] {
+        let text = fs::read_to_string(directory.path().join("man").join(page)).unwrap();
+        assert!(text.contains(".SH NAME"), "{page}");
+    }
+}

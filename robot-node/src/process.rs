@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::fmt;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use machine::{Instant, Lateness};
 use node::Node;
 use node::role::NodeRole;
@@ -84,6 +84,12 @@ impl fmt::Display for RobotMessage {
 /// What only a robot is told: nothing.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum RobotInstruction {}
+
+/// Returns the command line, for its completions and manual page.
+#[must_use]
+pub fn command_line() -> clap::Command {
+    Cli::command()
+}
 
 /// The process: parses `args`, with the program's name first, and runs until it is ended.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {

@@ -5,6 +5,7 @@ pub mod doctor;
 mod event_loop;
 pub mod gate;
 pub mod history;
+pub mod install;
 mod jobs;
 pub mod judge;
 pub mod long;

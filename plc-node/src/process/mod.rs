@@ -11,7 +11,7 @@ use std::ffi::OsString;
 use std::fmt;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use machine::{Duration, Instant, Lateness};
 use node::Node;
 use node::list::{List, flat};
@@ -67,6 +67,12 @@ struct Run {
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...", conflicts_with = "control")]
     overrides: Option<OverrideSchedule>,
+}
+
+/// Returns the command line, for its completions and manual page.
+#[must_use]
+pub fn command_line() -> clap::Command {
+    Cli::command()
 }
 
 /// The process: parses `args`, with the program's name first, and runs until it is done.
