@@ -95,7 +95,9 @@ impl Results {
 fn other_than_the_paper(setup: &Setup, application: &Application) -> Option<String> {
     let name = &setup.name;
     let Some(shipped) = built_in(name) else {
-        let known: Vec<_> = setup::SETUPS.iter().map(|(name, _)| *name).collect();
+        let has_paper = |name: &str| built_in(name).is_some_and(|setup| setup.paper.is_some());
+        let known: Vec<_> =
+            setup::SETUPS.iter().map(|(name, _)| *name).filter(|name| has_paper(name)).collect();
         return Some(format!("`{name}` is no setup of the paper; those are {}", known.join(" and ")));
     };
     let differences = match setup.differences(&shipped) {
