@@ -9,8 +9,9 @@ use assert_cmd::Command;
 use bench::records::lateness::CycleLateness;
 use bench::records::results::{Results, Status};
 
-const SECTIONS: [&str; 11] = [
-    "table", "claims", "quality", "race", "speed", "samples", "path", "queue", "lateness", "numbers", "host",
+const SECTIONS: [&str; 12] = [
+    "look", "table", "claims", "quality", "race", "speed", "samples", "path", "queue", "lateness", "numbers",
+    "host",
 ];
 
 struct Said {
@@ -63,9 +64,14 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
     for id in SECTIONS {
         section(&html, id);
     }
-    for id in ["race", "speed", "samples", "path", "queue"] {
+    for id in ["look", "race", "speed", "samples", "path", "queue"] {
         assert_eq!(section(&html, id).matches("<svg").count(), 2, "{id}");
     }
+    for id in ["look", "speed", "samples", "path", "queue"] {
+        assert!(section(&html, id).contains("The figure as a table"), "{id}");
+    }
+    assert!(section(&html, "samples").contains("<title>SM, repetition 2: "));
+    assert!(html.contains("3 repetitions of each type are too few for confidence intervals"));
     assert!(!html.contains("class=\"banner\""));
     let table = section(&html, "table");
     assert!(["3725", "6477", "3729", "42 %", "Calibrated", "h = 0"].iter().all(|text| table.contains(text)));
@@ -88,6 +94,13 @@ fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
             samples.samples_ms = all;
         }
     });
+    let look = section(&html, "look");
+    assert!(
+        look.contains("half the 95 % interval")
+            && look.contains("CM − RC")
+            && look.contains("paper 3725 ± 1.9 ms")
+    );
+    assert!(html.contains("less time than SM (95\u{a0}% interval "), "the summary has its interval");
     let distance = section(&html, "distance");
     for figure in ["RC AET", "SM AET", "CM AET", "RC MAD", "SM MAD", "CM MAD", "CM − RC"] {
         assert!(distance.contains(figure), "{figure}: {distance}");

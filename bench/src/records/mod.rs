@@ -11,6 +11,7 @@
 //! distance       how far a run is from the paper, in standard errors
 //! trace          both nodes tick by tick
 //! ratio          the ratio of two means of a real run, with its confidence interval
+//! interval       means with their confidence intervals
 //! attached       the nodes of a run that ran already
 //! faults         the faults that the user injects, and their result
 //! host           the computer of a run
@@ -23,6 +24,7 @@ pub mod conditions;
 pub mod distance;
 pub mod faults;
 pub mod host;
+pub mod interval;
 pub mod lateness;
 pub mod mode;
 pub mod paper;

@@ -6,15 +6,18 @@
     faults.push(`${what}: ${path.filter(Boolean).join(" ")} "${element.textContent.trim().slice(0, 40)}" ${more}`);
   };
   const isSeen = element => {
+    // What is folded has a box as well.
+    if (!element.checkVisibility({ visibilityProperty: true })) return false;
     const box = element.getBoundingClientRect();
-    return box.width > 0 && box.height > 0 && getComputedStyle(element).visibility === "visible";
+    return box.width > 0 && box.height > 0;
   };
   // Text for the ears alone is clipped on purpose.
   const all = [...document.body.querySelectorAll("*")].filter(isSeen).filter(e => getComputedStyle(e).clipPath === "none");
   const [root, slack] = [document.documentElement, 1];
   if (root.scrollWidth > innerWidth) faults.push(`the page is ${root.scrollWidth} px wide in a window of ${innerWidth}`);
 
-  for (const element of all.filter(e => !e.closest("svg") && !e.closest(".u-wrap"))) {
+  // A wide table may scroll within itself.
+  for (const element of all.filter(e => !e.closest("svg") && !e.closest(".u-wrap") && !e.closest(".scroll"))) {
     const box = element.getBoundingClientRect();
     if (box.right > innerWidth + slack || box.left < -slack) tell("outside", element, `${box.left}..${box.right}`);
     const { overflowX } = getComputedStyle(element);

@@ -20,9 +20,12 @@ fn bench(directory: &Path, arguments: &[&str]) {
     assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
 }
 
+/// Folds out every table of a figure.
+const FOLD_OUT: &str = "document.querySelectorAll('details').forEach(part => { part.open = true; })";
+
 /// A virtual run of a setup; returns the path of its report.
 fn run(directory: &Path, setup: &str) -> PathBuf {
-    bench(directory, &["--setup", setup, "--mode", "virtual", "--reps", "3", "--quiet", "--out", setup]);
+    bench(directory, &["--setup", setup, "--mode", "virtual", "--reps", "6", "--quiet", "--out", setup]);
     directory.join(setup).join("report.html")
 }
 
@@ -36,10 +39,19 @@ fn a_report_is_laid_out_on_every_screen_with_all_of_its_sections() {
         for screen in Screen::all() {
             browser.open(&page, "", screen);
             assert_eq!(browser.eval(LAYOUT), json!([]), "{setup} {screen:?}");
+            // A4 has 1016 px between its margins: what is higher is torn between two pages.
+            let highest = browser.eval(
+                "Math.max(...[...document.querySelectorAll('figure, tr, dl div')].map(part => part.offsetHeight))",
+            );
+            assert!(!screen.is_print || highest.as_f64() <= Some(1016.0), "{setup}: {highest} px on paper");
+            browser.eval(FOLD_OUT);
+            assert_eq!(browser.eval(LAYOUT), json!([]), "{setup} {screen:?}, folded out");
             let seen = browser.eval(
                 "[...document.querySelectorAll('section')].filter(e => e.offsetHeight > 0).map(e => e.id)",
             );
-            for id in ["table", "race", "speed", "samples", "path", "queue", "lateness", "numbers", "host"] {
+            for id in
+                ["look", "table", "race", "speed", "samples", "path", "queue", "lateness", "numbers", "host"]
+            {
                 assert!(
                     seen.as_array().unwrap().contains(&json!(id)),
                     "{setup} {screen:?}: no {id} in {seen}"
@@ -49,6 +61,48 @@ fn a_report_is_laid_out_on_every_screen_with_all_of_its_sections() {
         }
         let printed = browser.call("Page.printToPDF", json!({}));
         assert!(printed["data"].as_str().unwrap().starts_with("JVBERi"), "that is %PDF- in base64");
+    }
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn the_first_screen_of_a_report_shows_the_three_bars_in_their_ratios() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut browser = Browser::new(Graphics::None);
+    for setup in ["A", "B"] {
+        let page = run(directory.path(), setup);
+        let results = std::fs::read_to_string(page.with_file_name("results.json")).unwrap();
+        let results: serde_json::Value = serde_json::from_str(&results).unwrap();
+        let mean = |key: &str| {
+            let samples = results["results"][key]["samples_ms"].as_array().unwrap();
+            samples.iter().map(|sample| sample.as_f64().unwrap()).sum::<f64>() / samples.len() as f64
+        };
+        for screen in Screen::all() {
+            browser.open(&page, "", screen);
+            let of = |part: &str| {
+                format!(
+                    "['rc', 'sm', 'cm'].map(key => [...document.querySelectorAll(`#look g.${{key}}.ours rect`)]\
+                     .map(bar => bar.getBoundingClientRect()).find(bar => bar.width > 0).{part})"
+                )
+            };
+            let [lengths, ends] = ["width", "bottom"].map(|part| {
+                let found = browser.eval(&of(part));
+                [0, 1, 2].map(|index| found[index].as_f64().unwrap())
+            });
+            let [rc, sm, cm] = lengths;
+            assert!(
+                (rc / sm / (mean("rc") / mean("sm")) - 1.0).abs() < 0.01,
+                "{setup} {screen:?}: {lengths:?}"
+            );
+            assert!(
+                (cm / sm / (mean("cm") / mean("sm")) - 1.0).abs() < 0.01,
+                "{setup} {screen:?}: {lengths:?}"
+            );
+            assert!(ends[2] < 700.0, "{setup} {screen:?}: the last bar ends {} px below the top", ends[2]);
+            let tooltips =
+                browser.eval("[...document.querySelectorAll('#look .wide title')].map(e => e.textContent)");
+            assert!(tooltips.as_array().unwrap().len() >= 6, "{tooltips}");
+        }
     }
 }
 
@@ -64,6 +118,8 @@ fn a_comparison_of_runs_is_laid_out_on_every_screen() {
     for screen in Screen::all() {
         browser.open(&directory.path().join("compared.html"), "", screen);
         assert_eq!(browser.eval(LAYOUT), json!([]), "{screen:?}");
+        browser.eval(FOLD_OUT);
+        assert_eq!(browser.eval(LAYOUT), json!([]), "{screen:?}, folded out");
         assert_eq!(browser.eval("document.querySelectorAll('svg').length > 0"), true);
     }
 }

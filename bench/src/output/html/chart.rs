@@ -110,6 +110,22 @@ pub(crate) fn figure(
     Ok(svg.replace('\n', ""))
 }
 
+/// Gives the circles of a figure, in the order in which they were drawn, what the pointer shows over them.
+pub(crate) fn with_tooltips(svg: &str, mut tooltips: impl Iterator<Item = String>) -> String {
+    let mut parts = svg.split("<circle ");
+    let mut told = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        told.push_str("<circle ");
+        match part.split_once("/>").zip(tooltips.next()) {
+            Some(((circle, rest), tooltip)) => {
+                told.push_str(&format!("{circle}><title>{tooltip}</title></circle>{rest}"));
+            }
+            None => told.push_str(part),
+        }
+    }
+    told
+}
+
 /// Panels of the same height, one below another, each with a line of text above it; all use the last one's horizontal
 /// axis.
 pub(crate) struct Panels {
@@ -233,4 +249,17 @@ pub(crate) fn short(value: &f64) -> String {
 /// Formats a whole number.
 pub(crate) fn whole(value: &f64) -> String {
     format!("{value:.0}").replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn circles_get_their_tooltips_in_order_and_other_elements_none() {
+        let svg = r#"<svg><circle r="1"/><rect/><circle r="2"/><circle r="3"/></svg>"#;
+        let told = with_tooltips(svg, ["a", "b"].map(str::to_owned).into_iter());
+        let expected = r#"<svg><circle r="1"><title>a</title></circle><rect/><circle r="2"><title>b</title></circle><circle r="3"/></svg>"#;
+        assert_eq!(told, expected);
+    }
 }

@@ -7,12 +7,23 @@ use serde::Serialize;
 
 const DOCUMENT: &str = include_str!("document.html");
 const STYLE: &str = include_str!("style.css");
+const FIGURE: &str = include_str!("figure.html");
 
 /// Fills a template, which extends `document.html`, with a page's content.
 pub(crate) fn fill(template: &str, content: &impl Serialize) -> anyhow::Result<String> {
+    fill_with(template, &[], content)
+}
+
+/// Fills a template that includes parts, each with its name.
+pub(crate) fn fill_with(
+    template: &str,
+    parts: &[(&str, &str)],
+    content: &impl Serialize,
+) -> anyhow::Result<String> {
     let mut environment = Environment::new();
-    let templates = [("document.html", DOCUMENT), ("style.css", STYLE), ("page.html", template)];
-    for (name, source) in templates {
+    let templates =
+        [("document.html", DOCUMENT), ("style.css", STYLE), ("figure.html", FIGURE), ("page.html", template)];
+    for (name, source) in templates.iter().chain(parts).copied() {
         environment
             .add_template(name, source)
             .with_context(|| format!("the template of {name} is broken"))?;

@@ -12,6 +12,29 @@ pub(crate) struct Figure {
     narrow: Value,
     /// Text alternative for readers who do not see the figure.
     about: &'static str,
+    /// What the figure shows, as figures.
+    data: Option<Data>,
+}
+
+/// A figure's content as a table.
+#[derive(Serialize)]
+pub(crate) struct Data {
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
+    /// Whether rows are left out.
+    is_cut_off: bool,
+}
+
+impl Data {
+    /// Rows of a table at most; the run's files have all.
+    const ROWS: usize = 100;
+
+    /// Creates a table; the first cell of each row names it.
+    pub(crate) fn new(head: Vec<String>, mut rows: Vec<Vec<String>>) -> Self {
+        let is_cut_off = rows.len() > Self::ROWS;
+        rows.truncate(Self::ROWS);
+        Self { head, rows, is_cut_off }
+    }
 }
 
 impl Figure {
@@ -25,6 +48,13 @@ impl Figure {
             wide: Value::from_safe_string(wide),
             narrow: Value::from_safe_string(narrow),
             about,
+            data: None,
         }))
+    }
+
+    /// Adds the figure's content as a table.
+    #[must_use]
+    pub(crate) fn with(self, data: Data) -> Self {
+        Self { data: Some(data), ..self }
     }
 }

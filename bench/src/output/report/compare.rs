@@ -161,7 +161,8 @@ fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
             if first.is_some() { "execution time minus run 1's AET, in ms" } else { "execution time in ms" };
         let drawn =
             Figure::draw("Samples of the runs on one axis", |format| samples::draw(&rows, title, format))?;
-        figures.extend(drawn.map(|figure| (label(execution_type), figure)));
+        let data = || samples::data(&rows);
+        figures.extend(drawn.map(|figure| (label(execution_type), figure.with(data()))));
     }
     let page = Page { rows: ROWS.to_vec(), columns, figures };
     fill(TEMPLATE, &page)

@@ -4,6 +4,7 @@
 //! ```text
 //! run        what a run directory holds
 //! page       the report's words and tables, for page.html
+//! ├─ first_look    the picture at the top; result has the sentences above it
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! └─ numbers                                  what the setup says, and from where
 //! race       race.html, and the picture of it in the report
@@ -11,12 +12,14 @@
 //! ```
 
 mod compare;
+mod first_look;
 mod lateness;
 mod numbers;
 mod page;
 mod path;
 mod queue;
 mod race;
+mod result;
 mod run;
 mod samples;
 mod speed;

@@ -3,11 +3,12 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use super::first_look::FirstLook;
 use super::race::{self, Race};
 use super::run::Run;
-use super::{RaceIs, lateness, numbers, path, queue, samples, speed};
+use super::{RaceIs, lateness, numbers, path, queue, result, samples, speed};
 use crate::output::html::chart::{colour, short};
-use crate::output::html::document::fill;
+use crate::output::html::document::fill_with;
 use crate::output::html::figure::Figure;
 use crate::output::progress::label;
 use crate::output::quality;
@@ -19,6 +20,8 @@ use crate::records::statistics::aet_improvement;
 use crate::records::trace::Trace;
 
 const TEMPLATE: &str = include_str!("page.html");
+/// The picture of the first look.
+const BARS: &str = include_str!("bars.svg");
 
 #[derive(Serialize)]
 struct Page {
@@ -28,6 +31,7 @@ struct Page {
     made: String,
     banner: Option<Banner>,
     summary: Option<String>,
+    first_look: Option<FirstLook>,
     has_without: bool,
     has_paper: bool,
     is_virtual: bool,
@@ -127,7 +131,7 @@ const NONE: &str = "–";
 
 /// Returns the report as HTML.
 pub(super) fn render(run: &Run, race: RaceIs) -> anyhow::Result<String> {
-    fill(TEMPLATE, &page(run, race)?)
+    fill_with(TEMPLATE, &[("bars.svg", BARS)], &page(run, race)?)
 }
 
 fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
@@ -144,7 +148,8 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         subtitle: run.about(),
         made: made(run),
         banner: banner(results),
-        summary: summary(results),
+        summary: result::sentences(results),
+        first_look: FirstLook::of(results),
         has_without: results.without_skill_overhead.is_some(),
         has_paper: results.paper.is_some(),
         is_virtual: results.mode == "virtual",
@@ -176,17 +181,23 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         race: race.ok().map(|race| RaceStill::of(&race, race_is)).transpose()?,
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
             traced(&|trace| speed::draw(trace, format))
-        })?,
+        })?
+        .zip(trace)
+        .map(|(figure, trace)| figure.with(speed::data(trace))),
         samples: Figure::draw("Deviation of each execution time from its type's mean", |format| {
             samples::draw(&sample_rows(results), "execution time minus the type's AET, in ms", format)
-        })?,
+        })?
+        .map(|figure| figure.with(samples::data(&sample_rows(results)))),
         path: Figure::draw("The tool's path from the side and from above", |format| {
             traced(&|trace| path::draw(trace, run.setup.as_ref(), run.application.as_ref(), format))
-        })?,
+        })?
+        .map(|figure| figure.with(path::data(run.setup.as_ref(), run.application.as_ref()))),
         approximation: run.setup.as_ref().map(|setup| short(&setup.motions.approximation_mm.value)),
         queue: Figure::draw("Motions in the slots over time", |format| {
             traced(&|trace| queue::draw(trace, format))
-        })?,
+        })?
+        .zip(trace)
+        .map(|(figure, trace)| figure.with(queue::data(trace))),
         lateness: Figure::draw("Histograms of the cycles' lateness", |format| {
             // In virtual time the only lateness is rounding between two clocks.
             if results.mode == "real" { lateness::draw(&results.cycle, format) } else { Ok(None) }
@@ -234,27 +245,6 @@ fn banner(results: &Results) -> Option<Banner> {
             ),
         }),
     }
-}
-
-/// Returns the result in one or two sentences.
-fn summary(results: &Results) -> Option<String> {
-    let figure = |execution_type| results.figure(execution_type);
-    let (rc, sm, cm) = (figure(ExecutionType::Rc)?, figure(ExecutionType::Sm)?, figure(ExecutionType::Cm)?);
-    let by = (cm.aet_ms - rc.aet_ms) / rc.aet_ms * 100.0;
-    let rc_and_cm = if by.abs() < 0.05 {
-        "as long as the robot's own program".to_owned()
-    } else {
-        let way = if by > 0.0 { "longer" } else { "shorter" };
-        format!("{:.1}\u{a0}% {way} than the robot's own program", by.abs())
-    };
-    let saved = aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
-    let paper = results.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm));
-    let published = paper
-        .map(|(sm, cm)| format!(" (published: {:.0}\u{a0}%)", aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0));
-    Some(format!(
-        "One MoveContinuousSkill takes {rc_and_cm}, and saves {saved:.1}\u{a0}%{} of what single skills take.",
-        published.unwrap_or_default()
-    ))
 }
 
 /// Returns what this one run shows about CM against RC, independent of the host's influence on both.

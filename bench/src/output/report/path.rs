@@ -9,6 +9,7 @@ use protocol::image::Motion;
 use setup::Setup;
 
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
+use crate::output::html::figure::Data;
 use crate::records::trace::Trace;
 
 /// One of the two views: the coordinates on its axes.
@@ -34,6 +35,16 @@ struct Target {
     number: usize,
     at: [f64; 3],
     approximation: f64,
+}
+
+/// Returns the targets and their approximation distances, in mm.
+pub(super) fn data(setup: Option<&Setup>, application: Option<&Application>) -> Data {
+    let row = |Target { number, at, approximation }: Target| {
+        let figures = at.into_iter().chain([approximation]).map(|value| chart::short(&value));
+        std::iter::once(number.to_string()).chain(figures).collect()
+    };
+    let head = ["target", "x, mm", "y, mm", "z, mm", "approximation, mm"].map(str::to_owned);
+    Data::new(head.into(), targets(setup, application).into_iter().map(row).collect())
 }
 
 /// Draws both views; `None` without ticks.

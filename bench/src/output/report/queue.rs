@@ -5,6 +5,7 @@ use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
 use crate::output::html::chart::{self, Axes, Format, INK, Panels, colour, px, stroke};
+use crate::output::html::figure::Data;
 use crate::output::progress::label;
 use crate::records::trace::{Recording, Trace};
 
@@ -14,6 +15,27 @@ const TITLE: f64 = 30.0;
 
 /// Slots of the image.
 const SLOTS: f64 = protocol::image::SLOTS as f64;
+
+/// Returns the share of the scans in which so many motions were in the slots.
+pub(super) fn data(trace: &Trace) -> Data {
+    let recordings = || {
+        [ExecutionType::Sm, ExecutionType::Cm]
+            .into_iter()
+            .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?)))
+    };
+    let share = |recording: &Recording, count: u32| {
+        let scans = recording.plc_scans();
+        let with = scans.iter().filter(|scan| scan.in_slots == count).count();
+        format!("{:.1}", with as f64 / scans.len().max(1) as f64 * 100.0)
+    };
+    let row = |count: u32| {
+        let cells = recordings().map(|(_, recording)| share(recording, count));
+        std::iter::once(count.to_string()).chain(cells).collect()
+    };
+    let head = recordings().map(|(execution_type, _)| format!("{}, % of the scans", label(execution_type)));
+    let head = std::iter::once("motions in the slots".to_owned()).chain(head).collect();
+    Data::new(head, (0..=SLOTS as u32).map(row).collect())
+}
 
 /// Draws the figure; `None` without scans. RC is left out, because its program is already in the robot.
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {

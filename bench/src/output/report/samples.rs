@@ -4,6 +4,7 @@ use plotters::element::{Circle, PathElement};
 use plotters::prelude::{Color, RGBColor};
 
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, px, stroke, text};
+use crate::output::html::figure::Data;
 
 /// Height of a row's strip and box, and of the text above them, in pixels.
 const ROW: f64 = 74.0;
@@ -19,6 +20,17 @@ pub(super) struct Row {
     pub(super) colour: RGBColor,
     /// The samples in the order of their measurement, in ms.
     pub(super) samples: Vec<f64>,
+}
+
+/// Returns the rows as a table, in ms.
+pub(super) fn data(rows: &[Row]) -> Data {
+    let head = ["ms", "n", "least", "quarter below", "median", "quarter above", "most"].map(str::to_owned);
+    let line = |row: &Row| {
+        let Quartiles { low, q1, median, q3, high } = Quartiles::of(&row.samples)?;
+        let figures = [low, q1, median, q3, high].map(|value| signed(&value));
+        Some([row.name.clone(), row.samples.len().to_string()].into_iter().chain(figures).collect())
+    };
+    Data::new(head.into(), rows.iter().filter_map(line).collect())
 }
 
 /// Draws the rows; `None` without samples.
@@ -57,7 +69,14 @@ pub(super) fn draw(rows: &[Row], x_title: &str, format: Format) -> anyhow::Resul
         }
         Ok(())
     })?;
-    Ok(Some(svg))
+    let tooltip = |row: &Row| {
+        let name = row.name.clone();
+        let told = move |(index, sample): (usize, &f64)| {
+            format!("{name}, repetition {}: {} ms", index + 1, signed(sample))
+        };
+        row.samples.iter().enumerate().map(told).collect::<Vec<_>>()
+    };
+    Ok(Some(chart::with_tooltips(&svg, rows.iter().flat_map(tooltip))))
 }
 
 fn draw_box(chart: &mut chart::Chart<'_, '_>, quartiles: &Quartiles) -> anyhow::Result<()> {

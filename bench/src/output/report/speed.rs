@@ -5,12 +5,34 @@ use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
+use crate::output::html::figure::Data;
 use crate::output::progress::label;
 use crate::records::trace::{Recording, RobotTick, Trace};
 
 /// Height in pixels of a panel and of the line of text above it.
 const PANEL: f64 = 130.0;
 const TITLE: f64 = 40.0;
+
+/// Returns when each motion was done, in s: a row for each motion, a column for each type.
+pub(super) fn data(trace: &Trace) -> Data {
+    let recordings = || {
+        ExecutionType::ALL
+            .into_iter()
+            .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?)))
+    };
+    let columns: Vec<Vec<f64>> =
+        recordings().map(|(_, recording)| ends(recording.robot_ticks()).collect()).collect();
+    let motions = columns.iter().map(Vec::len).max().unwrap_or_default();
+    let done = |column: &Vec<f64>, index: usize| {
+        column.get(index).map_or_else(|| "–".to_owned(), |at_ms| format!("{:.3}", at_ms / 1e3))
+    };
+    let row = |index: usize| {
+        let cells = columns.iter().map(|column| done(column, index));
+        std::iter::once((index + 1).to_string()).chain(cells).collect()
+    };
+    let head = recordings().map(|(execution_type, _)| format!("{} done at, s", label(execution_type)));
+    Data::new(std::iter::once("motion".to_owned()).chain(head).collect(), (0..motions).map(row).collect())
+}
 
 /// Draws the figure; `None` without ticks.
 pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
