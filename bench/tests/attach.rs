@@ -22,6 +22,8 @@ use rustix::process::{Pid, Signal, kill_process};
 static HOST: Mutex<()> = Mutex::new(());
 
 const PLC: &str = "plc=10.77.0.1:7700";
+/// The token of the nodes and of the bench.
+const TOKEN: &str = "for these tests alone";
 const BOTH: &str = "plc=10.77.0.1:7700,robot=10.77.1.1:7700";
 
 fn main() -> ExitCode {
@@ -30,6 +32,8 @@ fn main() -> ExitCode {
         the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours,
         a_bench_that_is_killed_or_interrupted_leaves_nodes_that_the_next_one_can_use,
         a_second_bench_is_refused_and_does_not_disturb_the_first,
+        a_bench_without_the_nodes_token_gets_nothing_but_the_reason,
+        a_node_does_not_listen_to_other_hosts_without_a_token,
         a_node_that_goes_away_fails_the_run,
         what_runs_there_has_to_be_what_is_asked_for,
         another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
@@ -54,6 +58,7 @@ impl Cell {
         let node = |network: &NetworkNamespace, name, interface, address| {
             let mut command = bench();
             command.args([name, "run", "--setup", "A", "--interface", interface, "--control", address]);
+            command.env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
             network.confine(&mut command).unwrap();
             command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap()
         };
@@ -68,6 +73,7 @@ impl Cell {
     fn bench(&self, run: &str, attach: &str, args: &[&str]) -> Child {
         let mut command = bench();
         command
+            .env("SKILLBENCH_CONTROL_TOKEN", TOKEN)
             .args(["--types", "cm", "--attach", attach, "--out"])
             .arg(self.place.path().join(run))
             .args(args);
@@ -204,6 +210,31 @@ fn a_second_bench_is_refused_and_does_not_disturb_the_first() {
     assert!(first.try_wait().unwrap().is_none());
     first.kill().unwrap();
     first.wait().unwrap();
+}
+
+fn a_bench_without_the_nodes_token_gets_nothing_but_the_reason() {
+    let cell = Cell::start();
+    let file = cell.place.path().join("token");
+    fs::write(&file, "another token of some length\n").unwrap();
+    let wrong = cell.measure("wrong", BOTH, &["--control-token", file.to_str().unwrap()]);
+    let error = text(&wrong.stderr);
+    assert_eq!(wrong.status.code(), Some(2), "{error}");
+    assert!(
+        error.contains("the plc-node does not follow this bench: the control token is not the node's"),
+        "{error}"
+    );
+    fs::write(&file, format!("{TOKEN}\n")).unwrap();
+    let right = cell.measure("right", BOTH, &["--control-token", file.to_str().unwrap(), "--reps", "1"]);
+    assert!(right.status.success(), "{}", text(&right.stderr));
+}
+
+fn a_node_does_not_listen_to_other_hosts_without_a_token() {
+    let mut command = bench();
+    command.args(["__plc-node", "run", "--setup", "A", "--interface", "lo", "--control", "0.0.0.0:7700"]);
+    let output = command.env_remove("SKILLBENCH_CONTROL_TOKEN").output().unwrap();
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(error.contains("other hosts reach 0.0.0.0:7700") && error.contains("--control-token"), "{error}");
 }
 
 fn a_node_that_goes_away_fails_the_run() {

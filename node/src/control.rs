@@ -1,78 +1,111 @@
 //! The control port: instructions over TCP instead of standard input, from one controller at a time.
 //!
-//! It carries the messages of [`crate::message`] without authentication: whoever reaches the port can move the robot.
-//! So it belongs on a network of its own. What arrives is still not trusted. A controller that sends anything but an
-//! instruction is disconnected. This also keeps a web page from controlling a node through its reader's browser,
-//! because the first line of HTTP is no instruction. A controller that does not read is disconnected before its
-//! unread messages fill the memory, and one whose host disappeared is disconnected after some seconds.
+//! It carries the messages of [`crate::message`]. Whoever controls a node can move the robot, so on any address but
+//! the loopback a controller must send the node's token first, and hears nothing before. What arrives is still not trusted.
+//! A controller that sends anything but an instruction is disconnected. This also keeps a web page from controlling a
+//! node through its reader's browser, because the first line of HTTP is no instruction. A controller that does not read
+//! is disconnected before its unread messages fill the memory, one that sends nothing after some minutes, and one whose
+//! host disappeared after some seconds. Nothing is encrypted: who can listen to the network can read the token.
+
+mod client;
 
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags};
-use socket2::{SockRef, TcpKeepalive};
 
-use crate::input::{Input, Lines};
-use crate::message::Message;
-
-/// Most bytes that wait for a controller to read them: the messages of minutes.
-const OUTPUT_LIMIT: usize = 1024 * 1024;
-
-/// Time without data after which the controller's host is probed (TCP keep-alive).
-const IDLE: Duration = Duration::from_secs(5);
-/// Interval between the probes.
-const PROBE_EVERY: Duration = Duration::from_secs(1);
-/// Unanswered probes after which the connection is closed.
-const PROBES: u32 = 3;
+use crate::input::Input;
+use crate::message::{Instruction, Message};
+use crate::token::ControlToken;
+use client::Client;
 
 /// Time in ms without accepting connections after the host failed to accept one.
-pub(crate) const PAUSE_MS: i64 = 500;
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Longest time from a client's connection to its first line.
+const FIRST_LINE: Duration = Duration::from_secs(10);
+
+/// Longest time without anything from a controller. A bench sends an empty line each minute.
+const SILENCE: Duration = Duration::from_secs(600);
+
+/// Clients that may be about to send the token; a further one takes the place of the oldest.
+const GUESTS: usize = 8;
+
+/// Shortest time between two reports of refused clients.
+const REPORT_EVERY: Duration = Duration::from_secs(10);
+
+const NO_TOKEN: &str =
+    "the node wants its control token first: --control-token FILE or SKILLBENCH_CONTROL_TOKEN";
+const WRONG_TOKEN: &str = "the control token is not the node's";
 
 /// The port cannot be opened.
 #[derive(Debug, thiserror::Error)]
-#[error("listening for a controller on {address}: {reason}; choose an address of this host and a free port")]
-pub struct ControlError {
-    /// The requested address.
-    pub address: SocketAddr,
-    /// The kernel's error.
-    pub reason: std::io::Error,
+pub enum ControlError {
+    /// The kernel refuses.
+    #[error(
+        "listening for a controller on {address}: {reason}; choose an address of this host and a free port"
+    )]
+    Listen {
+        /// The requested address.
+        address: SocketAddr,
+        /// The kernel's error.
+        reason: std::io::Error,
+    },
+    /// Others can reach the address, and there is no token.
+    #[error(
+        "other hosts reach {0}, and whoever controls a node moves the robot: give the node and the bench one token, by \
+         --control-token FILE or SKILLBENCH_CONTROL_TOKEN, or listen on 127.0.0.1"
+    )]
+    NoToken(SocketAddr),
 }
 
 /// Port on which a node listens for its controller.
 #[derive(Debug)]
 pub struct ControlPort {
     listener: TcpListener,
-    controller: Option<Controller>,
+    token: Option<ControlToken>,
+    controller: Option<Client>,
+    /// Clients that have not shown the token yet.
+    guests: Vec<Client>,
     waiting: VecDeque<Input>,
     /// Accepting failed on the host; trying again at once would only cost time.
     paused: bool,
-}
-
-#[derive(Debug)]
-struct Controller {
-    stream: TcpStream,
-    peer: SocketAddr,
-    lines: Lines,
-    output: Vec<u8>,
-    /// Whether it has sent a line. Until then the next controller replaces it: it may be a port scanner or a
-    /// forgotten shell.
-    has_sent_line: bool,
+    /// When a client was last reported as refused, and how many were since.
+    refused: (Option<Instant>, u32),
 }
 
 impl ControlPort {
-    /// Opens the port.
+    /// Opens the port. Controllers must have the token, if there is one.
     ///
     /// # Errors
     ///
-    /// The address is not one of this host's, or the port is taken.
-    pub fn listen(address: SocketAddr) -> Result<Self, ControlError> {
-        let failed = |reason| ControlError { address, reason };
+    /// The address is not one of this host's, the port is taken, or other hosts reach it and there is no token.
+    pub fn listen(address: SocketAddr, token: Option<ControlToken>) -> Result<Self, ControlError> {
+        Self::check(address, token.as_ref())?;
+        let failed = |reason| ControlError::Listen { address, reason };
         // The standard library sets SO_REUSEADDR: a restarted node finds its former connections in TIME_WAIT.
         let listener = TcpListener::bind(address).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { listener, controller: None, waiting: VecDeque::new(), paused: false })
+        Ok(Self {
+            listener,
+            token,
+            controller: None,
+            guests: Vec::new(),
+            waiting: VecDeque::new(),
+            paused: false,
+            refused: (None, 0),
+        })
+    }
+
+    /// Checks that there is a token where other hosts reach the address.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::NoToken`].
+    pub fn check(address: SocketAddr, token: Option<&ControlToken>) -> Result<(), ControlError> {
+        let is_open = token.is_none() && !address.ip().is_loopback();
+        if is_open { Err(ControlError::NoToken(address)) } else { Ok(()) }
     }
 
     /// Returns the address that it listens on, with the port that the kernel chose if 0 was requested.
@@ -84,11 +117,24 @@ impl ControlPort {
         self.listener.local_addr()
     }
 
+    /// Returns whether a controller must have a token.
+    pub(crate) const fn wants_token(&self) -> bool {
+        self.token.is_some()
+    }
+
     /// Sends the controller a line, if one is connected.
     pub(crate) fn send(&mut self, line: &str) {
         let Some(controller) = &mut self.controller else { return };
-        let outcome = controller.send(line);
-        self.settle(outcome);
+        if let Err(reason) = controller.send(line) {
+            self.disconnect(reason);
+        }
+    }
+
+    /// Tells the controller why its line is not followed, and disconnects it.
+    pub(crate) fn deny(&mut self, reason: impl Into<String>) {
+        let reason = reason.into();
+        self.send(&Message::<()>::Denied { reason: reason.clone() }.to_json());
+        self.disconnect(reason);
     }
 
     /// Disconnects the controller.
@@ -105,226 +151,122 @@ impl ControlPort {
         self.waiting.pop_front()
     }
 
-    /// Returns what to poll: the listener, unless it pauses, and the controller.
-    pub(crate) fn poll_fds(&self) -> [Option<PollFd<'_>>; 2] {
+    /// Returns what to poll: the listener, unless it pauses, and all clients.
+    pub(crate) fn poll_fds(&self) -> Vec<PollFd<'_>> {
         let listener = (!self.paused).then(|| PollFd::new(&self.listener, PollFlags::IN));
-        let controller = self.controller.as_ref().map(|controller| {
-            let to_send = if controller.output.is_empty() { PollFlags::empty() } else { PollFlags::OUT };
-            PollFd::new(&controller.stream, PollFlags::IN | to_send)
-        });
-        [listener, controller]
+        listener.into_iter().chain(self.controller.iter().chain(&self.guests).map(Client::poll_fd)).collect()
     }
 
-    pub(crate) const fn paused(&self) -> bool {
-        self.paused
+    /// Returns how long to wait at most before [`Self::handle`] is called although nothing is ready.
+    pub(crate) fn patience(&self) -> Option<Duration> {
+        let now = Instant::now();
+        let silent = self.controller.iter().chain(&self.guests);
+        let silent = silent.map(|client| (client.heard + limit(client)).saturating_duration_since(now));
+        silent.chain(self.paused.then_some(PAUSE)).min()
     }
 
     /// Handles whatever is ready. Nothing here blocks, so it may also be called when nothing is ready.
     pub(crate) fn handle(&mut self) {
         self.paused = false;
         // The controller first: if it just left, the next one can be accepted.
-        if let Some(controller) = &mut self.controller {
-            let outcome = controller.handle(&mut self.waiting);
-            self.settle(outcome);
-        }
+        self.read_controller();
+        self.read_guests();
         match self.listener.accept() {
             Ok((stream, peer)) => self.receive(stream, peer),
             Err(error) => {
-                let harmless = [ErrorKind::WouldBlock, ErrorKind::Interrupted, ErrorKind::ConnectionAborted];
-                self.paused = !harmless.contains(&error.kind());
+                use std::io::ErrorKind::{ConnectionAborted, Interrupted, WouldBlock};
+                self.paused = ![WouldBlock, Interrupted, ConnectionAborted].contains(&error.kind());
+            }
+        }
+    }
+
+    fn read_controller(&mut self) {
+        let Some(controller) = &mut self.controller else { return };
+        match controller.read() {
+            Ok(_) if controller.heard.elapsed() >= limit(controller) => {
+                let limit = limit(controller).as_secs();
+                self.disconnect(format!("it sent nothing for {limit} s"));
+            }
+            Ok(lines) => self.waiting.extend(lines.into_iter().map(Input::Line)),
+            Err(reason) => self.disconnect(reason),
+        }
+    }
+
+    /// Lets in the guests that show the token, and sends away those that show something else or nothing in time.
+    fn read_guests(&mut self) {
+        for mut guest in std::mem::take(&mut self.guests) {
+            let mut lines = match guest.read() {
+                Ok(lines) if lines.is_empty() && guest.heard.elapsed() < limit(&guest) => {
+                    self.guests.push(guest);
+                    continue;
+                }
+                Ok(lines) => lines.into_iter(),
+                Err(reason) => {
+                    self.refuse(guest.peer, &reason);
+                    continue;
+                }
+            };
+            let given = lines.next().map(|line| serde_json::from_str(&line));
+            let problem = match (&self.token, given) {
+                (Some(token), Some(Ok(Instruction::<()>::Token(given)))) if token.is(&given) => None,
+                (_, Some(Ok(Instruction::Token(_)))) => Some(WRONG_TOKEN),
+                _ => Some(NO_TOKEN),
+            };
+            match problem {
+                None => self.admit(guest, lines),
+                Some(reason) => {
+                    // The line fits a new connection's buffer; if the client is gone already, it does not matter.
+                    let _ = guest.send(&Message::<()>::Denied { reason: reason.to_owned() }.to_json());
+                    self.refuse(guest.peer, reason);
+                }
             }
         }
     }
 
     fn receive(&mut self, stream: TcpStream, peer: SocketAddr) {
+        let Some(client) = Client::new(stream, peer) else { return };
+        if self.token.is_none() {
+            return self.admit(client, Vec::new().into_iter());
+        }
+        if self.guests.len() == GUESTS {
+            let oldest = self.guests.remove(0);
+            self.refuse(oldest.peer, "others connected before it sent the control token");
+        }
+        self.guests.push(client);
+    }
+
+    /// Makes a client the controller, if there is none, or one that has not sent a line.
+    fn admit(&mut self, mut client: Client, lines: std::vec::IntoIter<String>) {
         if let Some(controller) = &self.controller {
             if controller.has_sent_line {
                 let busy = Message::<()>::Busy { controller: controller.peer };
-                let line = busy.to_json() + "\n";
-                // The line fits a new connection's buffer; if the client is gone already, it does not matter.
-                let _ = (&stream).write_all(line.as_bytes());
-                return;
+                let _ = client.send(&busy.to_json());
+                return self.refuse(client.peer, "the node has a controller");
             }
             self.disconnect("it sent no line before another controller connected");
         }
-        // This fails if the client is gone already.
-        if prepare(&stream).is_ok() {
-            self.controller = Some(Controller::new(stream, peer));
-            self.waiting.push_back(Input::Attached(peer));
-        }
+        self.waiting.push_back(Input::Attached(client.peer));
+        self.waiting.extend(lines.map(Input::Line));
+        self.controller = Some(client);
     }
 
-    fn settle(&mut self, outcome: Result<(), String>) {
-        if let Err(reason) = outcome {
-            self.disconnect(reason);
+    /// Reports a client that did not become the controller, if none was reported within some seconds.
+    fn refuse(&mut self, peer: SocketAddr, reason: &str) {
+        let (last, more) = &mut self.refused;
+        if last.is_some_and(|last| last.elapsed() < REPORT_EVERY) {
+            *more = more.saturating_add(1);
+            return;
         }
+        *last = Some(Instant::now());
+        let more = std::mem::take(more);
+        self.waiting.push_back(Input::Refused { peer, reason: reason.to_owned(), more });
     }
 }
 
-fn prepare(stream: &TcpStream) -> std::io::Result<()> {
-    stream.set_nonblocking(true)?;
-    stream.set_nodelay(true)?;
-    let socket = SockRef::from(stream);
-    socket.set_tcp_user_timeout(Some(IDLE))?;
-    let keepalive = TcpKeepalive::new().with_time(IDLE).with_interval(PROBE_EVERY).with_retries(PROBES);
-    socket.set_tcp_keepalive(&keepalive)
-}
-
-impl Controller {
-    fn new(stream: TcpStream, peer: SocketAddr) -> Self {
-        Self { stream, peer, lines: Lines::default(), output: Vec::new(), has_sent_line: false }
-    }
-
-    fn send(&mut self, line: &str) -> Result<(), String> {
-        if self.output.len() + line.len() > OUTPUT_LIMIT {
-            return Err("it does not read the messages".to_owned());
-        }
-        self.output.extend_from_slice(line.as_bytes());
-        self.output.push(b'\n');
-        self.flush()
-    }
-
-    fn flush(&mut self) -> Result<(), String> {
-        while !self.output.is_empty() {
-            match self.stream.write(&self.output) {
-                Ok(len) => drop(self.output.drain(..len)),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(error) => return Err(error.to_string()),
-            }
-        }
-        Ok(())
-    }
-
-    /// Reads once. If more is there, the next poll reports it, after the other inputs had their turn.
-    fn handle(&mut self, waiting: &mut VecDeque<Input>) -> Result<(), String> {
-        self.flush()?;
-        let mut bytes = [0; 4096];
-        match self.stream.read(&mut bytes) {
-            Ok(0) => Err("it closed the connection".to_owned()),
-            Ok(len) => {
-                let whole = self.lines.take(bytes.get(..len).unwrap_or_default());
-                let lines = whole.map_err(|_| "its line has no end".to_owned())?;
-                self.has_sent_line |= !lines.is_empty();
-                waiting.extend(lines.into_iter().map(Input::Line));
-                Ok(())
-            }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(()),
-            Err(error) => Err(error.to_string()),
-        }
-    }
+/// Longest time without anything from a client.
+const fn limit(client: &Client) -> Duration {
+    if client.has_sent_line { SILENCE } else { FIRST_LINE }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rustix::event::poll;
-    use std::io::{BufRead as _, BufReader};
-
-    fn port() -> (ControlPort, SocketAddr) {
-        let port = ControlPort::listen(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
-        let address = port.address().unwrap();
-        (port, address)
-    }
-
-    /// Waits for the next input of the port.
-    fn next(port: &mut ControlPort) -> Input {
-        loop {
-            if let Some(input) = port.next() {
-                return input;
-            }
-            let mut waits: Vec<_> = port.poll_fds().into_iter().flatten().collect();
-            poll(&mut waits, None).unwrap();
-            port.handle();
-        }
-    }
-
-    /// Connects a client and waits until the port noticed it.
-    fn visit(port: &mut ControlPort, address: SocketAddr) -> TcpStream {
-        let stream = TcpStream::connect(address).unwrap();
-        assert_eq!(next(port), Input::Attached(stream.local_addr().unwrap()));
-        stream
-    }
-
-    fn detached(input: Input) -> String {
-        match input {
-            Input::Detached { reason, .. } => reason,
-            other => panic!("{other:?} instead of a controller that left"),
-        }
-    }
-
-    #[test]
-    fn a_controller_sends_and_receives_lines() {
-        let (mut port, address) = port();
-        let mut controller = visit(&mut port, address);
-        controller.write_all(b"\"rep").unwrap();
-        controller.write_all(b"ort\"\n\"stop\"\n").unwrap();
-        assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
-        assert_eq!(next(&mut port), Input::Line("\"stop\"".to_owned()));
-        port.send("\"link_up\"");
-        let mut line = String::new();
-        BufReader::new(&controller).read_line(&mut line).unwrap();
-        assert_eq!(line, "\"link_up\"\n");
-    }
-
-    #[test]
-    fn a_second_controller_is_told_who_has_the_port_and_the_next_one_gets_it_once_it_is_free() {
-        let (mut port, address) = port();
-        let mut first = visit(&mut port, address);
-        first.write_all(b"\"report\"\n").unwrap();
-        assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
-
-        let second = TcpStream::connect(address).unwrap();
-        port.handle();
-        let mut lines = BufReader::new(second).lines();
-        let peer = first.local_addr().unwrap();
-        assert_eq!(lines.next().unwrap().unwrap(), format!(r#"{{"busy":{{"controller":"{peer}"}}}}"#));
-        assert!(lines.next().is_none(), "nothing more comes");
-
-        drop(first);
-        assert_eq!(detached(next(&mut port)), "it closed the connection");
-        visit(&mut port, address);
-    }
-
-    #[test]
-    fn a_controller_that_sends_nothing_is_replaced_by_the_next() {
-        let (mut port, address) = port();
-        let silent = visit(&mut port, address);
-        let second = TcpStream::connect(address).unwrap();
-        assert_eq!(detached(next(&mut port)), "it sent no line before another controller connected");
-        assert_eq!(next(&mut port), Input::Attached(second.local_addr().unwrap()));
-        assert_eq!((&silent).read(&mut [0]).unwrap(), 0);
-    }
-
-    #[test]
-    fn a_line_without_an_end_ends_the_connection() {
-        let (mut port, address) = port();
-        let mut controller = visit(&mut port, address);
-        let flood = std::thread::spawn(move || while controller.write_all(&[0xff; 4096]).is_ok() {});
-        assert_eq!(detached(next(&mut port)), "its line has no end");
-        flood.join().unwrap();
-        visit(&mut port, address);
-    }
-
-    #[test]
-    fn a_controller_that_does_not_read_is_disconnected_before_it_fills_the_memory() {
-        let (mut port, address) = port();
-        let _deaf = visit(&mut port, address);
-        let line = "x".repeat(64 * 1024);
-        while port.waiting.is_empty() {
-            port.send(&line);
-        }
-        assert_eq!(detached(next(&mut port)), "it does not read the messages");
-    }
-
-    #[test]
-    fn unread_lines_of_a_disconnected_controller_are_dropped() {
-        let (mut port, address) = port();
-        let mut controller = visit(&mut port, address);
-        controller.write_all(b"POST / HTTP/1.1\n\"stop\"\n").unwrap();
-        assert_eq!(next(&mut port), Input::Line("POST / HTTP/1.1".to_owned()));
-        port.disconnect("it sent a line that is no instruction");
-        assert_eq!(detached(next(&mut port)), "it sent a line that is no instruction");
-        assert_eq!(port.next(), None);
-    }
-}
+mod tests;

@@ -7,7 +7,6 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use crate::ControlPort;
-use crate::control::PAUSE_MS;
 use crate::input::{Input, Lines};
 use protocol_linux::{Notifier, StopSignals};
 
@@ -19,7 +18,7 @@ pub enum Commands {
     /// Standard input, from the process that started the node.
     Stdin,
     /// A controller that connects over TCP.
-    Control(ControlPort),
+    Control(Box<ControlPort>),
 }
 
 /// Waits for all inputs at once.
@@ -55,7 +54,7 @@ impl Inbox {
     }
 
     /// Returns the control port, if the instructions come from one.
-    pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
+    pub(crate) fn control(&mut self) -> Option<&mut ControlPort> {
         match &mut self.commands {
             Commands::Control(port) => Some(port),
             Commands::None | Commands::Stdin => None,
@@ -69,16 +68,14 @@ impl Inbox {
             let news = PollFd::new(&self.news, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
             let commands = match &self.commands {
-                Commands::None => [None, None],
-                Commands::Stdin => [Some(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN)), None],
+                Commands::None => Vec::new(),
+                Commands::Stdin => vec![PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN)],
                 Commands::Control(port) => {
-                    if port.paused() {
-                        patience = Some(Timespec { tv_sec: 0, tv_nsec: PAUSE_MS * 1_000_000 });
-                    }
+                    patience = port.patience().and_then(|time| Timespec::try_from(time).ok());
                     port.poll_fds()
                 }
             };
-            let mut waits: Vec<_> = [news, stop].into_iter().chain(commands.into_iter().flatten()).collect();
+            let mut waits: Vec<_> = [news, stop].into_iter().chain(commands).collect();
             let ready = match poll(&mut waits, patience.as_ref()) {
                 Ok(ready) => ready,
                 Err(Errno::INTR) => return Ok(()),

@@ -23,6 +23,15 @@ pub enum Input {
         /// Why.
         reason: String,
     },
+    /// A client of the control port did not become the controller.
+    Refused {
+        /// The client.
+        peer: SocketAddr,
+        /// Why.
+        reason: String,
+        /// Clients since the last report, besides this one.
+        more: u32,
+    },
     /// A signal.
     Stop(StopSignal),
     /// The cyclic thread has news, or ended.

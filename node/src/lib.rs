@@ -5,7 +5,7 @@
 //! supervise   the thread beside the cyclic one: news become messages, instructions become commands
 //! ├─ message  the messages and instructions, one JSON line each; report has their figures
 //! ├─ inbox    waits for instructions, signals and news at once; input lists them
-//! └─ control  the control port: one controller at a time over TCP
+//! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
 //! node        a node on its cyclic thread; trace_file records its cycles, short_text is text without allocation
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
@@ -27,6 +27,7 @@ pub mod run;
 pub mod screen;
 mod short_text;
 pub mod supervise;
+pub mod token;
 mod trace_file;
 
 pub use control::{ControlError, ControlPort};

@@ -49,6 +49,11 @@ pub enum Message<M> {
         /// That controller.
         controller: SocketAddr,
     },
+    /// The controller's line is not followed, and the connection ends.
+    Denied {
+        /// Why not, as text.
+        reason: String,
+    },
     /// A message of only this kind of node.
     Node(M),
 }
@@ -114,6 +119,8 @@ pub struct CellText {
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Instruction<O> {
+    /// Show the token of the control port, before anything else.
+    Token(String),
     /// Send a report.
     Report,
     /// Close the connection in order, then end the process.
@@ -154,6 +161,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
             }
             Self::Foreign { request } => write!(f, "warning: {request}"),
             Self::Busy { controller } => write!(f, "controlled by {controller}"),
+            Self::Denied { reason } => write!(f, "denied: {reason}"),
             Self::Node(message) => message.fmt(f),
         }
     }

@@ -255,6 +255,15 @@ pub enum ProcessEvent<E, A> {
         /// Why.
         reason: String,
     },
+    /// A client of the control port did not become the controller.
+    Refused {
+        /// The client.
+        peer: SocketAddr,
+        /// Why.
+        reason: String,
+        /// Clients since the last report, besides this one.
+        more: u32,
+    },
     /// Standard input ended: the process that sent instructions is gone.
     Closed,
     /// A signal asks to stop.
@@ -330,7 +339,7 @@ impl<N: Node> NodeProcess<N> {
     }
 
     /// Returns the control port, if the node has one.
-    pub(crate) const fn control(&mut self) -> Option<&mut ControlPort> {
+    pub(crate) fn control(&mut self) -> Option<&mut ControlPort> {
         self.inbox.control()
     }
 
@@ -351,6 +360,9 @@ impl<N: Node> NodeProcess<N> {
                 Input::Line(line) => return Ok(ProcessEvent::Line(line)),
                 Input::Attached(peer) => return Ok(ProcessEvent::Attached(peer)),
                 Input::Detached { peer, reason } => return Ok(ProcessEvent::Detached { peer, reason }),
+                Input::Refused { peer, reason, more } => {
+                    return Ok(ProcessEvent::Refused { peer, reason, more });
+                }
                 Input::Closed => return Ok(ProcessEvent::Closed),
                 Input::Stop(signal) => return Ok(ProcessEvent::Signal(signal)),
             }

@@ -21,7 +21,8 @@ use setup::{Cyclic, Setup};
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::supervise::{OperatingMode, Outcome, supervise};
-use crate::{Commands, ControlPort, Node, NodeProcess, errln};
+use crate::token::{ControlToken, TokenError};
+use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
 
 /// Time between the start of the program and its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -42,10 +43,13 @@ pub struct RunOptions {
     /// How PROFINET's cyclic frames travel, instead of what the setup says; a device takes what the controller asks for.
     #[arg(long, value_name = "udp|rt1")]
     pub cyclic: Option<Cyclic>,
-    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT,robot=HOST:PORT`. There is no password, so
-    /// give an address that only the bench reaches.
+    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT,robot=HOST:PORT`. Where other hosts reach the
+    /// address, the node and the bench need one --control-token.
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
     pub control: Option<SocketAddr>,
+    /// The file whose first line is the token that a bench must show; without it SKILLBENCH_CONTROL_TOKEN, if that is set.
+    #[arg(long, value_name = "FILE", requires = "control")]
+    pub control_token: Option<PathBuf>,
     /// Take instructions from standard input and answer in JSON.
     #[arg(long, hide = true)]
     pub json: bool,
@@ -79,6 +83,9 @@ impl RunOptions {
     /// A setup or an application does not exist or is wrong ([`setup::Error`], [`planning::Error`]), or the host does
     /// not allow something.
     pub fn prepare(&self) -> anyhow::Result<Prepared> {
+        if let Some(address) = self.control {
+            ControlPort::check(address, ControlToken::find(self.control_token.as_deref())?.as_ref())?;
+        }
         // Threads inherit the blocked signals and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
         capabilities::raise().context("making use of the program's capabilities")?;
@@ -158,7 +165,10 @@ impl Prepared {
             host: Some(NodeHost::this()),
         };
         let (console, commands) = match options.control {
-            Some(address) => (Console::Text, Commands::Control(ControlPort::listen(address)?)),
+            Some(address) => {
+                let token = ControlToken::find(options.control_token.as_deref())?;
+                (Console::Text, Commands::Control(Box::new(ControlPort::listen(address, token)?)))
+            }
             None if options.json => (Console::Json, Commands::Stdin),
             None => (Console::Text, Commands::None),
         };
@@ -195,7 +205,9 @@ pub fn exit_code(
 ) -> ExitCode {
     let outcome = outcome.unwrap_or_else(|error| {
         errln!("error: {error:#}");
-        if error.is::<setup::Error>() || error.is::<planning::Error>() || is_usage(&error) {
+        let is_control =
+            error.is::<TokenError>() || matches!(error.downcast_ref(), Some(ControlError::NoToken(_)));
+        if error.is::<setup::Error>() || error.is::<planning::Error>() || is_control || is_usage(&error) {
             Outcome::Usage
         } else {
             Outcome::EnvironmentUnusable

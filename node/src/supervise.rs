@@ -88,8 +88,10 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
 ) -> Outcome {
     let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
     console.tell::<C::Message>(&Message::Hello(hello.clone()));
-    if let Some(Ok(address)) = process.control().map(|port| port.address()) {
-        log(format_args!("controlled over {address}, by whoever reaches it"));
+    let port = process.control().map(|port| (port.address(), port.wants_token()));
+    if let Some((Ok(address), wants_token)) = port {
+        let who = if wants_token { "by who has the token" } else { "by any program on this computer" };
+        log(format_args!("controlled over {address}, {who}"));
     }
     let mut supervisor =
         Supervisor { process: &mut process, mode, console, hello, linked: false, explanation: None };
@@ -141,6 +143,12 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     log(format_args!("no longer controlled by {peer}: {reason}"));
                     self.mode.controller_left()
                 }
+                ProcessEvent::Refused { peer, reason, more } => {
+                    log(format_args!(
+                        "{peer} did not get control: {reason} ({more} more since the last report)"
+                    ));
+                    Next::Wait
+                }
                 ProcessEvent::Closed | ProcessEvent::Signal(_) => Next::End(Outcome::Done),
                 ProcessEvent::Ended => return Ok(outcome),
             };
@@ -169,10 +177,16 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                 let _ = self.process.send(Command::Record(on));
                 Next::Wait
             }
+            Ok(Instruction::Token(_)) => {
+                if let Some(port) = self.process.control() {
+                    port.deny("this node was started without a control token");
+                }
+                Next::Wait
+            }
             Ok(Instruction::Stop) => Next::End(Outcome::Done),
             Err(error) => {
                 match self.process.control() {
-                    Some(port) => port.disconnect(format!("it sent a line that is no instruction: {error}")),
+                    Some(port) => port.deny(format!("it sent a line that is no instruction: {error}")),
                     None => errln!("ignored, because it is no instruction: `{line}`: {error}"),
                 }
                 Next::Wait

@@ -13,6 +13,7 @@ pub mod virtual_run;
 
 use std::path::Path;
 
+use ::node::token::ControlToken;
 use planning::Application;
 use protocol_linux::capture::Keep;
 use setup::Setup;
@@ -76,6 +77,8 @@ pub struct StandConfig<'a> {
     pub faults: &'a [Fault],
     /// Nodes that already run.
     pub attach: Option<&'a rig::Attach>,
+    /// Token of the control ports of these nodes.
+    pub token: Option<&'a ControlToken>,
 }
 
 /// What a stand returns when it ends.

@@ -5,6 +5,7 @@ use std::str::FromStr;
 use ::node::list::values;
 use ::node::message::Instruction;
 use ::node::role::NodeRole;
+use ::node::token::ControlToken;
 use plc_node::process::PlcInstruction;
 use robot_node::process::RobotInstruction;
 use setup::Setup;
@@ -66,16 +67,21 @@ impl FromStr for Attach {
 }
 
 impl Rig {
-    /// Takes control of nodes that already run `setup`, and waits until the PLC finds the robot ready. They keep
+    /// Takes control of nodes that already run `setup`, by their token if they have one, and waits until the PLC finds the robot ready. They keep
     /// running when the rig ends.
     ///
     /// # Errors
     ///
     /// A node does not answer, is not the requested one, runs another cell or has another controller; or the nodes do not
     /// connect to each other.
-    pub async fn attach(to: &Attach, setup: &Setup, application: &str) -> Result<Self, RigError> {
+    pub async fn attach(
+        to: &Attach,
+        token: Option<&ControlToken>,
+        setup: &Setup,
+        application: &str,
+    ) -> Result<Self, RigError> {
         let (sender, events) = mpsc::channel(1_024);
-        let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, sender.clone()).await?;
+        let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, token, sender.clone()).await?;
         // A controller that has sent no line loses the control port to the next one.
         plc.tell(&Instruction::<PlcInstruction>::Report).await;
         let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
@@ -83,7 +89,7 @@ impl Rig {
         // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
         rig.wait_for_hellos(&mut startup).await?;
         if let Some(address) = &to.robot {
-            let mut robot = AttachedNode::reach(NodeRole::Robot, address, sender).await?;
+            let mut robot = AttachedNode::reach(NodeRole::Robot, address, token, sender).await?;
             robot.tell(&Instruction::<RobotInstruction>::Report).await;
             rig.robot = Some(Node::Attached(robot));
         }

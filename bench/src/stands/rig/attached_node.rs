@@ -1,15 +1,18 @@
 //! A node that was started elsewhere, reached over its control port: in a container, on another computer, or the one
 //! node whose peer is real hardware.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use ::node::message::Instruction;
 use ::node::role::NodeRole;
+use ::node::token::ControlToken;
 use serde::Serialize;
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
 use tokio::net::tcp::OwnedWriteHalf;
-use tokio::sync::mpsc;
+use tokio::sync::{Mutex, mpsc};
+use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::RigError;
@@ -21,6 +24,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Longest wait for an address to answer before the next attempt: one that does not exist yet never answers.
 const ATTEMPT: Duration = Duration::from_secs(2);
 
+/// Time between two signs of life.
+const ALIVE_EVERY: Duration = Duration::from_secs(60);
+
 /// Time between a refused attempt and the next one.
 const RETRY: Duration = Duration::from_millis(200);
 
@@ -29,15 +35,33 @@ const RETRY: Duration = Duration::from_millis(200);
 pub(super) struct AttachedNode {
     role: NodeRole,
     address: String,
-    stream: OwnedWriteHalf,
+    stream: Arc<Mutex<OwnedWriteHalf>>,
+    alive: JoinHandle<()>,
     ended: bool,
 }
 
+/// Sends an empty line each minute: a node ends the connection of a controller that sends nothing for ten.
+async fn stay_alive(stream: Arc<Mutex<OwnedWriteHalf>>) {
+    loop {
+        sleep(ALIVE_EVERY).await;
+        if stream.lock().await.write_all(b"\n").await.is_err() {
+            return;
+        }
+    }
+}
+
+impl Drop for AttachedNode {
+    fn drop(&mut self) {
+        self.alive.abort();
+    }
+}
+
 impl AttachedNode {
-    /// Connects, with repeated attempts until the node answers.
+    /// Connects, with repeated attempts until the node answers, and shows it the token.
     pub(super) async fn reach(
         role: NodeRole,
         address: &str,
+        token: Option<&ControlToken>,
         events: mpsc::Sender<NodeEvent>,
     ) -> Result<Self, RigError> {
         let until = Instant::now() + PATIENCE;
@@ -59,14 +83,20 @@ impl AttachedNode {
         stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
         let (from, stream) = stream.into_split();
         listen(role, from, events);
-        Ok(Self { role, address: address.to_owned(), stream, ended: false })
+        let stream = Arc::new(Mutex::new(stream));
+        let alive = tokio::spawn(stay_alive(Arc::clone(&stream)));
+        let mut node = Self { role, address: address.to_owned(), stream, alive, ended: false };
+        if let Some(token) = token {
+            node.tell(&Instruction::<()>::Token(token.text().to_owned())).await;
+        }
+        Ok(node)
     }
 
     /// Sends the node an instruction. If that fails, the node has gone, and [`NodeEvent::Ended`] reports it.
     pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         let mut line = serde_json::to_vec(instruction).unwrap_or_default();
         line.push(b'\n');
-        let _ = self.stream.write_all(&line).await;
+        let _ = self.stream.lock().await.write_all(&line).await;
     }
 
     pub(super) const fn has_ended(&self) -> bool {

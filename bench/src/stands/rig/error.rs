@@ -72,6 +72,14 @@ pub enum RigError {
         /// That controller.
         controller: SocketAddr,
     },
+    /// A running node does not follow this bench.
+    #[error("the {role} does not follow this bench: {reason}")]
+    Denied {
+        /// The node.
+        role: NodeRole,
+        /// Why not, in its words.
+        reason: String,
+    },
     /// The connection to a running node was closed.
     #[error("the {role} at {address} went away or closed the connection; what it printed says why")]
     Detached {
@@ -179,7 +187,7 @@ impl RigError {
             | Self::NotConnected { .. }
             | Self::Unreachable { .. }
             | Self::Busy { .. } => Exit::EnvironmentUnusable,
-            Self::Other { .. } | Self::OtherCell { .. } => Exit::Usage,
+            Self::Other { .. } | Self::OtherCell { .. } | Self::Denied { .. } => Exit::Usage,
             Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {
                 Exit::EnvironmentUnusable
             }

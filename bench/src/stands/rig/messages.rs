@@ -160,6 +160,12 @@ impl Rig {
             NodeEvent::Robot(Message::Busy { controller }) => {
                 return Err(RigError::Busy { role: NodeRole::Robot, controller: *controller });
             }
+            NodeEvent::Plc(Message::Denied { reason }) => {
+                return Err(RigError::Denied { role: NodeRole::Plc, reason: reason.clone() });
+            }
+            NodeEvent::Robot(Message::Denied { reason }) => {
+                return Err(RigError::Denied { role: NodeRole::Robot, reason: reason.clone() });
+            }
             NodeEvent::Ended(role) => {
                 return Err(match self.node(*role) {
                     Some(node) => node.end_error().await,

@@ -19,7 +19,7 @@ const TRIES: u32 = 10;
 impl Stand for Rig {
     async fn start(config: &StandConfig<'_>) -> Result<Self, Failure> {
         if let Some(nodes) = config.attach {
-            return Ok(Self::attach(nodes, config.setup, config.application_text).await?);
+            return Ok(Self::attach(nodes, config.token, config.setup, config.application_text).await?);
         }
         let directory = config.directory.to_owned();
         let rig = RigConfig {

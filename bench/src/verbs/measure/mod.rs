@@ -10,6 +10,7 @@ use std::future::Future;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use ::node::token::ControlToken;
 use anyhow::anyhow;
 use node::list::flat;
 use planning::Found;
@@ -79,8 +80,11 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     if options.mode == Mode::Real {
         faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     }
+    let mut token = None;
     if options.attach.is_some() {
         check_attach(options)?;
+        token = ControlToken::find(options.control_token.as_deref())
+            .map_err(|error| Failure::new(Exit::Usage, error))?;
     }
     if options.mode == Mode::Real && options.attach.is_none() {
         // The kernel allows it only while this process has one thread.
@@ -96,6 +100,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         setup,
         found,
         warnings,
+        token,
     };
     let runtime = event_loop()?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
@@ -161,6 +166,7 @@ struct Measurement<'a> {
     schedule: Schedule,
     /// Warnings about the planned motions that a person should read: blends that had to shrink.
     warnings: Vec<String>,
+    token: Option<ControlToken>,
 }
 
 impl Measurement<'_> {
@@ -252,6 +258,7 @@ impl Measurement<'_> {
             frames: self.options.trace,
             faults: &self.faults,
             attach: self.options.attach.as_ref(),
+            token: self.token.as_ref(),
         };
         let mut interrupt = std::pin::pin!(interrupt);
         let started = tokio::select! {

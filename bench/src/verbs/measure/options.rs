@@ -47,6 +47,10 @@ pub struct RunOptions {
     /// alone where the robot is real. Real mode only; they are started with the same --setup.
     #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
     pub attach: Option<Attach>,
+    /// The file whose first line is the token of the nodes' control ports; without it SKILLBENCH_CONTROL_TOKEN, if that is
+    /// set.
+    #[arg(long, value_name = "FILE", requires = "attach")]
+    pub control_token: Option<PathBuf>,
     /// Write a timeline of the first repetition of each type, as DIR/trace.json; ui.perfetto.dev opens it.
     #[arg(long)]
     pub trace: bool,

@@ -1,0 +1,106 @@
+//! A client of the control port: its TCP connection, the lines that it sends, and those that wait for it.
+
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags};
+use socket2::{SockRef, TcpKeepalive};
+
+use crate::input::Lines;
+
+/// Most bytes that wait for a client to read them: the messages of minutes.
+const OUTPUT_LIMIT: usize = 1024 * 1024;
+
+/// Time without data after which the client's host is probed (TCP keep-alive).
+const IDLE: Duration = Duration::from_secs(5);
+/// Interval between the probes.
+const PROBE_EVERY: Duration = Duration::from_secs(1);
+/// Unanswered probes after which the connection is closed.
+const PROBES: u32 = 3;
+
+/// A client.
+#[derive(Debug)]
+pub(super) struct Client {
+    stream: TcpStream,
+    pub(super) peer: SocketAddr,
+    lines: Lines,
+    output: Vec<u8>,
+    /// Whether it has sent a line. Until then the next controller replaces it: it may be a port scanner or a
+    /// forgotten shell.
+    pub(super) has_sent_line: bool,
+    /// When it last sent something, or connected.
+    pub(super) heard: Instant,
+}
+
+impl Client {
+    /// Takes a connection over; `None` if the client is gone already.
+    pub(super) fn new(stream: TcpStream, peer: SocketAddr) -> Option<Self> {
+        prepare(&stream).ok()?;
+        Some(Self {
+            stream,
+            peer,
+            lines: Lines::default(),
+            output: Vec::new(),
+            has_sent_line: false,
+            heard: Instant::now(),
+        })
+    }
+
+    pub(super) fn poll_fd(&self) -> PollFd<'_> {
+        let to_send = if self.output.is_empty() { PollFlags::empty() } else { PollFlags::OUT };
+        PollFd::new(&self.stream, PollFlags::IN | to_send)
+    }
+
+    pub(super) fn send(&mut self, line: &str) -> Result<(), String> {
+        if self.output.len() + line.len() > OUTPUT_LIMIT {
+            return Err("it does not read the messages".to_owned());
+        }
+        self.output.extend_from_slice(line.as_bytes());
+        self.output.push(b'\n');
+        self.flush()
+    }
+
+    fn flush(&mut self) -> Result<(), String> {
+        while !self.output.is_empty() {
+            match self.stream.write(&self.output) {
+                Ok(len) => drop(self.output.drain(..len)),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads once and returns the whole lines. If more is there, the next poll reports it, after the other inputs had
+    /// their turn. Empty lines show that the client is alive, and are left out.
+    pub(super) fn read(&mut self) -> Result<Vec<String>, String> {
+        self.flush()?;
+        let mut bytes = [0; 4096];
+        match self.stream.read(&mut bytes) {
+            Ok(0) => Err("it closed the connection".to_owned()),
+            Ok(len) => {
+                self.heard = Instant::now();
+                let whole = self.lines.take(bytes.get(..len).unwrap_or_default());
+                let mut lines = whole.map_err(|_| "its line has no end".to_owned())?;
+                lines.retain(|line| !line.trim().is_empty());
+                self.has_sent_line |= !lines.is_empty();
+                Ok(lines)
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+                Ok(Vec::new())
+            }
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+fn prepare(stream: &TcpStream) -> std::io::Result<()> {
+    stream.set_nonblocking(true)?;
+    stream.set_nodelay(true)?;
+    let socket = SockRef::from(stream);
+    socket.set_tcp_user_timeout(Some(IDLE))?;
+    let keepalive = TcpKeepalive::new().with_time(IDLE).with_interval(PROBE_EVERY).with_retries(PROBES);
+    socket.set_tcp_keepalive(&keepalive)
+}
