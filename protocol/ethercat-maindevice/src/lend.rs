@@ -9,10 +9,20 @@ use std::thread::LocalKey;
 /// The place in a thread that holds a lent value.
 pub(crate) type Place<T> = LocalKey<RefCell<T>>;
 
-/// Runs `poll` while `value` is in its place.
+/// Runs `poll` while `value` is in its place. The value comes back if `poll` panics, too.
 pub(crate) fn lend<T, R>(place: &'static Place<T>, value: &mut T, poll: impl FnOnce() -> R) -> R {
     place.with_borrow_mut(|place| swap(place, value));
-    let result = poll();
-    place.with_borrow_mut(|place| swap(place, value));
-    result
+    let _lent = Lent { place, value };
+    poll()
+}
+
+struct Lent<'a, T: 'static> {
+    place: &'static Place<T>,
+    value: &'a mut T,
+}
+
+impl<T> Drop for Lent<'_, T> {
+    fn drop(&mut self) {
+        self.place.with_borrow_mut(|place| swap(place, self.value));
+    }
 }

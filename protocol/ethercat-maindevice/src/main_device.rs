@@ -1,13 +1,15 @@
 //! The MainDevice as a machine.
 
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::Pin;
 
 use machine::{Counters, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 
 use crate::config::Config;
 use crate::lend::lend;
-use crate::operation::operate;
+use crate::operation::{PAUSE, operate};
+use crate::problem::Problem;
 use crate::process::{PLACE, Process};
 use crate::script::Scripted;
 
@@ -17,7 +19,10 @@ type Operation = Pin<Box<dyn Future<Output = ()> + Send>>;
 /// A MainDevice that drives the devices of its [`Config`]: it brings them to OP and exchanges process data with each
 /// cycle. When a device falls back, it is brought to OP again; when nothing answers, the MainDevice starts over.
 pub struct MainDevice {
+    config: Config,
     operation: Scripted<Operation>,
+    /// Received frames that earlier operations had no use for.
+    refused_before: u64,
     process: Process,
 }
 
@@ -32,7 +37,8 @@ impl MainDevice {
     #[must_use]
     pub fn new(config: Config, start: Instant) -> Self {
         let process = Process::new(config.output_bytes(), config.input_bytes());
-        Self { operation: Scripted::new(Box::pin(operate(config, start)), start), process }
+        let operation = Scripted::new(operation(&config, start), start);
+        Self { config, operation, refused_before: 0, process }
     }
 
     /// Returns the data for the devices, in the order in which they are on the cable. They go out with the next cycle.
@@ -50,7 +56,7 @@ impl MainDevice {
     /// is `lost`. Frames that nobody waited for any more are `late`.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        Counters { late: self.operation.refused(), ..self.process.counters }
+        Counters { late: self.refused_before + self.operation.refused(), ..self.process.counters }
     }
 
     /// Takes the devices to INIT with the next cycle and ends; without a connection, ends at once.
@@ -69,12 +75,23 @@ impl MainDevice {
         self.process.explain(words)
     }
 
-    fn run(&mut self, poll: impl FnOnce(&mut Scripted<Operation>)) {
-        lend(PLACE, &mut self.process, || poll(&mut self.operation));
+    /// Polls the operation. There are devices whose words make ethercrab panic; they are no reason to end a PLC.
+    fn run(&mut self, now: Instant, poll: impl FnOnce(&mut Scripted<Operation>)) {
+        let poll = || lend(PLACE, &mut self.process, || poll(&mut self.operation));
+        if catch_unwind(AssertUnwindSafe(poll)).is_err() {
+            self.process.fail(now, Problem::Panic);
+            self.refused_before += self.operation.refused();
+            let start = now + PAUSE;
+            self.operation = Scripted::new(operation(&self.config, start), start);
+        }
         if self.operation.poll_event().is_some() {
             self.process.closed();
         }
     }
+}
+
+fn operation(config: &Config, start: Instant) -> Operation {
+    Box::pin(operate(config.clone(), start))
 }
 
 impl Machine for MainDevice {
@@ -85,11 +102,11 @@ impl Machine for MainDevice {
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.run(|operation| operation.handle_frame(now, from, frame));
+        self.run(now, |operation| operation.handle_frame(now, from, frame));
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        self.run(|operation| operation.handle_timeout(now));
+        self.run(now, |operation| operation.handle_timeout(now));
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

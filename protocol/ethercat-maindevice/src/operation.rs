@@ -18,7 +18,7 @@ use crate::script::{Storage, exchange};
 use crate::time;
 
 /// Time from a failed attempt to the next one.
-const PAUSE: Duration = Duration::from_millis(50);
+pub(crate) const PAUSE: Duration = Duration::from_millis(50);
 
 /// Time within which all devices come to OP, or come back to it.
 const TO_OP: Duration = Duration::from_secs(5);

@@ -50,6 +50,8 @@ pub(crate) enum Problem {
     LeftOperational { number: usize, state: SubDeviceState, code: u16 },
     /// There was no good exchange for the time of the watchdog.
     Watchdog,
+    /// ethercrab panicked.
+    Panic,
     /// Whatever else ethercrab found.
     Other(Error),
 }
@@ -85,6 +87,11 @@ impl Problem {
                 (DownCause::ClosedByPeer, u32::from(*code), "a device left OP")
             }
             Self::Watchdog => (DownCause::Watchdog, 0, ""),
+            Self::Panic => (
+                DownCause::Refused,
+                0,
+                "ethercrab cannot read what a device says of itself; is its EEPROM damaged?",
+            ),
             Self::Other(_) => (DownCause::NoAnswer, 0, "the devices could not be brought up"),
         };
         Down { cause, code, text }
@@ -93,7 +100,7 @@ impl Problem {
     /// Writes what [`Problem::down`] does not tell; nothing if it tells all.
     pub(crate) fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         match self {
-            Self::Silence | Self::NoDevice | Self::Watchdog => Ok(()),
+            Self::Silence | Self::NoDevice | Self::Watchdog | Self::Panic => Ok(()),
             Self::OtherDevices { expected, found } => {
                 write!(words, "the EtherCAT cable has other devices: expected {}", expected.len())?;
                 for (index, device) in expected.iter().enumerate() {

@@ -289,3 +289,28 @@ fn with_one_frame_in_fifty_lost_the_devices_come_to_op_and_each_loss_is_counted(
         assert!(counters.lost > 10 && counters.received > 1_000, "seed {seed}: {counters:?}");
     }
 }
+
+#[test]
+fn a_damaged_eeprom_on_which_ethercrab_panics_is_reported_and_a_mended_one_is_found() {
+    const FIRST_CATEGORY_LEN: usize = 0x82;
+    let mut cell = cell(config(&[EXPECTED]), 1);
+    let mut lengths = [0xFF; 2];
+    let exchange = |cell: &mut Cell, lengths: &mut [u8; 2]| {
+        cell.command_b(|echo, _| {
+            let eeprom = echo.0.eeprom_mut(DeviceId(0)).unwrap();
+            eeprom[FIRST_CATEGORY_LEN..FIRST_CATEGORY_LEN + 2].swap_with_slice(lengths);
+        });
+    };
+    exchange(&mut cell, &mut lengths);
+    let Some((LinkEvent::Down(down), _)) = event(&mut cell, MS * 2_000) else { panic!("no event") };
+    assert!(down.text.contains("is its EEPROM damaged"), "{down}");
+    exchange(&mut cell, &mut lengths);
+    assert_eq!(event(&mut cell, MS * 2_000).unwrap().0, LinkEvent::Up);
+    assert!(echoes_one(&mut cell));
+}
+
+fn echoes_one(cell: &mut Cell) -> bool {
+    cell.command_a(|main, _| main.outputs_mut().fill(9));
+    assert_eq!(event(cell, MS * 10), None);
+    cell.a().inputs() == Some(&[9; BYTES])
+}
