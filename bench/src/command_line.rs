@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use crate::verbs::buses::BusesOptions;
 use crate::verbs::calibrate::CalibrateOptions;
 use crate::verbs::doctor::DoctorOptions;
 use crate::verbs::gate::GateOptions;
@@ -55,6 +56,8 @@ const VERSION: &str = env!("SKILLBENCH_VERSION");
 /// Everything but a measured run.
 #[derive(Subcommand, Debug)]
 pub enum Command {
+    /// Compare the buses: execution and reaction times of the same arm and application over each, in virtual time.
+    Buses(BusesOptions),
     /// Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum.
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.

@@ -9,8 +9,8 @@ use bench::output::errln;
 use bench::output::exit::Failure;
 use bench::stands::rig;
 use bench::verbs::{
-    calibrate, doctor, gate, history, install, judge, long, measure, overhead, report, sensitivity, sweep,
-    timing,
+    buses, calibrate, doctor, gate, history, install, judge, long, measure, overhead, report, sensitivity,
+    sweep, timing,
 };
 use clap::{CommandFactory, Parser};
 use node::screen;
@@ -23,6 +23,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match &cli.command {
         None => measure::run(&cli.run),
+        Some(Command::Buses(options)) => buses::run(options),
         Some(Command::Calibrate(options)) => calibrate::run(options),
         Some(Command::Gate(options)) => gate::run(options),
         Some(Command::Overhead(options)) => overhead::run(options),

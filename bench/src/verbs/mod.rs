@@ -1,5 +1,6 @@
 //! The bench's verbs, a module each with its options.
 
+pub mod buses;
 pub mod calibrate;
 pub mod doctor;
 mod event_loop;

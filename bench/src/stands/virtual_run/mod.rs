@@ -3,6 +3,7 @@
 //! ```text
 //! cell           the nodes on the cable: from event to event, from the start edge of a run to its end
 //! phases         what the seed determines
+//! reaction       a number from the PLC to the robot and back, without program and skill
 //! plant_speed    how much faster than the plant it was
 //! watch          looks at both nodes after each of their ticks, for a trace
 //! ```
@@ -10,6 +11,7 @@
 mod cell;
 mod phases;
 mod plant_speed;
+mod reaction;
 mod watch;
 
 use std::cell::RefCell;
@@ -30,6 +32,7 @@ use virtual_time::Side;
 
 pub(crate) use cell::Nodes;
 pub use plant_speed::PlantSpeed;
+pub use reaction::{reaction_limits, reactions};
 
 use cell::{Cell, OtherRobot, SharedCapture, Surroundings, cell};
 use phases::Phases;

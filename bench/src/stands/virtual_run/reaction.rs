@@ -1,0 +1,206 @@
+//! Reaction time of a bus: from the PLC's scan that writes a number to the scan that reads it back from the robot, which
+//! copies it in its own cycle. There is no program and no skill, so that the cycles and the cable alone count.
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use anyhow::bail;
+use machine::{
+    Cycle, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
+};
+use protocol::fieldbus::Fieldbus;
+use protocol::image::{IMAGE_LEN, Image};
+use setup::Setup;
+use virtual_time::{Event, Impairment, Pair, PairConfig, Side};
+
+use super::phases::Phases;
+use super::{PLC_MAC, ROBOT_MAC};
+
+/// Longest wait for the connection and for a reaction, in virtual time.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Measures `count` reactions with the clocks and phases of this seed.
+///
+/// # Errors
+///
+/// The setup gives no bus, the nodes do not connect, or a number does not come back.
+pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<Duration>> {
+    let mut phases = Phases::new(setup, seed);
+    let bus = &setup.bus;
+    let start = phases.first(Side::A, bus.cycle_us.value);
+    let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+    let start = || phases.first(Side::B, bus.cycle_us.value);
+    let robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+    let cycle = |phases: &mut Phases, side, cycle_us: u32| {
+        Cycle::new(phases.first(side, cycle_us), Duration::from_micros(cycle_us.into()))
+    };
+    let scan = cycle(&mut phases, Side::A, setup.plc.scan_cycle_us.value);
+    let robot_cycle = cycle(&mut phases, Side::B, setup.robot.cycle_us.value);
+    let delay = Duration::from_micros(bus.cable_delay_us.value.into());
+    let config = PairConfig {
+        seed,
+        clocks: phases.clocks,
+        links: [Impairment { delay, ..Impairment::default() }; 2],
+        addresses: [
+            bus.addresses().map(|addresses| addresses.plc),
+            robot_node::bus::address_from_project(&bus.kind),
+        ],
+    };
+    // Each question finds the robot at another point of its cycle.
+    let pauses = robot_cycle.period().as_nanos().div_ceil(scan.period().as_nanos().max(1));
+    let pauses = u32::try_from(pauses).unwrap_or(u32::MAX).max(1);
+    let task = Asker { pauses, ..Asker::default() };
+    let asker = Periodic { bus: plc, cycle: scan, task };
+    let mut pair = Pair::new(asker, Periodic { bus: robot, cycle: robot_cycle, task: Copier }, config);
+    let mut done = 0;
+    let mut until = pair.now() + PATIENCE;
+    while pair.a().task.reactions.len() < count {
+        match pair.next_event((pair.now() + Duration::from_millis(10)).min(until)) {
+            Some(Event::A(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::A, Some(address));
+                pair.command_a(|asker, now| asker.bus.address_set(now, true));
+            }
+            Some(Event::B(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::B, Some(address));
+                pair.command_b(|copier, now| copier.bus.address_set(now, true));
+            }
+            Some(Event::A(LinkEvent::Down(down))) => bail!("no connection to the robot: {down}"),
+            _ if pair.now() >= until => bail!("a number did not come back from the robot"),
+            _ => {}
+        }
+        if pair.a().task.reactions.len() > done {
+            (done, until) = (pair.a().task.reactions.len(), pair.now() + PATIENCE);
+        }
+    }
+    let reactions = &pair.a().task.reactions;
+    Ok(reactions.get(..count).unwrap_or(reactions).to_vec())
+}
+
+/// Returns the shortest and the longest reaction that the cycles of a setup allow. At least the cable is passed there and
+/// back. At most every task on the way was just missed: the bus there, the robot's cycle, the bus back, the PLC's scan.
+#[must_use]
+pub fn reaction_limits(setup: &Setup) -> (Duration, Duration) {
+    let micros = |value: u32| Duration::from_micros(value.into());
+    let transfer = micros(setup.bus.cable_delay_us.value) * 2;
+    let load = micros(setup.bus.cycle_us.value) * 2
+        + micros(setup.robot.cycle_us.value)
+        + micros(setup.plc.scan_cycle_us.value);
+    (transfer, transfer + load)
+}
+
+/// What a node does in its cycle.
+trait Task {
+    fn run(&mut self, now: Instant, bus: &mut impl Fieldbus);
+}
+
+/// Writes a number, waits until it comes back, pauses for some scans, and writes the next one.
+#[derive(Debug, Default)]
+struct Asker {
+    number: u32,
+    asked_at: Option<Instant>,
+    /// Scans until the next number.
+    pause: u32,
+    /// Different pauses, each a scan longer than the one before.
+    pauses: u32,
+    reactions: Vec<Duration>,
+}
+
+impl Task for Asker {
+    fn run(&mut self, now: Instant, bus: &mut impl Fieldbus) {
+        let Some(input) = bus.input() else { return };
+        if let Some(asked_at) = self.asked_at {
+            if !input.starts_with(&self.number.to_be_bytes()) {
+                return;
+            }
+            self.reactions.push(now.since(asked_at));
+            self.asked_at = None;
+            self.pause = self.number % self.pauses;
+        }
+        if let Some(pause) = self.pause.checked_sub(1) {
+            self.pause = pause;
+            return;
+        }
+        self.number += 1;
+        self.asked_at = Some(now);
+        let mut image: Image = [0; IMAGE_LEN];
+        image.iter_mut().zip(self.number.to_be_bytes()).for_each(|(place, byte)| *place = byte);
+        bus.set_output(&image);
+    }
+}
+
+/// Sends back what came.
+#[derive(Debug)]
+struct Copier;
+
+impl Task for Copier {
+    fn run(&mut self, _now: Instant, bus: &mut impl Fieldbus) {
+        if let Some(image) = bus.input() {
+            bus.set_output(&image);
+        }
+    }
+}
+
+/// A bus endpoint with a cyclic task.
+struct Periodic<B, T> {
+    bus: B,
+    cycle: Cycle,
+    task: T,
+}
+
+impl<B: Fieldbus, T: Task> Machine for Periodic<B, T> {
+    type Event = LinkEvent;
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_frame(now, from, frame);
+    }
+
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        self.bus.handle_stream(now, stream, change);
+    }
+
+    fn ports(&self) -> &[PortRequest] {
+        self.bus.ports()
+    }
+
+    fn listen_port(&self) -> Option<u16> {
+        self.bus.listen_port()
+    }
+
+    fn poll_stream(&mut self) -> Option<StreamRequest> {
+        self.bus.poll_stream()
+    }
+
+    fn dscp(&self, port: Port) -> u8 {
+        self.bus.dscp(port)
+    }
+
+    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
+        self.bus.group(port, index)
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        if self.bus.poll_timeout().is_some_and(|due| due <= now) {
+            self.bus.handle_timeout(now);
+        }
+        if self.cycle.tick(now).is_some() {
+            self.task.run(now, &mut self.bus);
+        }
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.bus.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.bus.poll_event()
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        Some(self.bus.poll_timeout().map_or(self.cycle.next(), |bus| bus.min(self.cycle.next())))
+    }
+}
