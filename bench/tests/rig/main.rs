@@ -65,10 +65,10 @@ fn a_run_of_setup_c_passes_and_loses_no_frame() {
     assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
     assert_eq!(ended.samples.lines().count(), 2);
     let bus = &ended.results["bus"];
-    // A host that stalls the robot for longer than a frame's time costs that frame.
-    assert!(bus["lost"].as_u64().unwrap() <= bus["skipped"].as_u64().unwrap() / 10, "{bus}");
-    let [sent, received] = ["frames_sent", "frames_received"].map(|key| bus[key].as_u64().unwrap());
-    assert!(sent > 500 && received > sent * 9 / 10, "{bus}");
+    let [sent, received, lost] =
+        ["frames_sent", "frames_received", "lost"].map(|key| bus[key].as_u64().unwrap());
+    // A host that stalls the robot for longer than a frame's time costs that frame, and the cycles meanwhile.
+    assert!(sent > 500 && received > sent * 9 / 10 && lost < sent / 10, "{bus}");
     let allocations = &ended.results["cyclic_allocations"];
     assert_eq!((&allocations["plc"], &allocations["robot"]), (&0.into(), &0.into()));
 }

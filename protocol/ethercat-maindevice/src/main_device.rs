@@ -52,8 +52,8 @@ impl MainDevice {
         self.process.is_up().then_some(&self.process.inputs)
     }
 
-    /// Returns the counters of process data: `sent` and `received` are exchanges, and an exchange without a good reply
-    /// is `lost`. Frames that nobody waited for any more are `late`.
+    /// Returns the counters of process data: `sent` and `received` are exchanges. An exchange without a good reply is
+    /// `lost`, and so are the cycles that pass while it is waited for. Frames that nobody waited for any more are `late`.
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters { late: self.refused_before + self.operation.refused(), ..self.process.counters }

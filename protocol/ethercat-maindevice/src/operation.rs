@@ -159,6 +159,8 @@ struct Exchange<'a> {
     config: &'a Config,
     cycle: Cycle,
     working_counter: u16,
+    /// Whether the last frame did not come back.
+    frame_lost: bool,
     /// The last good exchange; before there was one, the start.
     good_at: Instant,
     /// Since when not all devices are in OP.
@@ -172,6 +174,7 @@ impl<'a> Exchange<'a> {
             config,
             cycle: Cycle::new(now, config.cycle),
             working_counter: config.working_counter(),
+            frame_lost: false,
             good_at: now,
             out_of_op_since: Some(now),
         }
@@ -183,7 +186,13 @@ impl<'a> Exchange<'a> {
             time::wait_until(self.cycle.next()).await;
             let Some(tick) = self.cycle.tick(time::now()) else { continue };
             let leaving = PROCESS.with_borrow_mut(|process| {
-                process.counters.skipped += tick.skipped;
+                // Cycles that passed while a lost frame was waited for are no fault of this host.
+                let passed = if std::mem::take(&mut self.frame_lost) {
+                    &mut process.counters.lost
+                } else {
+                    &mut process.counters.skipped
+                };
+                *passed += tick.skipped;
                 process.leaving
             });
             if leaving {
@@ -202,7 +211,10 @@ impl<'a> Exchange<'a> {
                     read_inputs(main, group);
                 }
                 Some(Ok(response)) => self.recover(main, group, &response).await?,
-                Some(Err(_)) | None => PROCESS.with_borrow_mut(|process| process.counters.lost += 1),
+                Some(Err(_)) | None => {
+                    self.frame_lost = true;
+                    PROCESS.with_borrow_mut(|process| process.counters.lost += 1);
+                }
             }
             self.check_time()?;
         }
