@@ -64,6 +64,9 @@ fn the_sensitivity_of_setup_a_agrees_with_the_model() {
     );
     assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
     let study: Sensitivity = serde_json::from_str(&read(place.path(), "figures.json")).unwrap();
+    let page = read(place.path(), "study/sensitivity.html");
+    assert_eq!(page.matches("<svg").count(), 2, "in both widths");
+    assert!(page.contains("moves that most") && page.contains("is refused: ") && !page.contains("<script"));
     let share = |factor, times| {
         let row = study.rows.iter().find(|row| (row.factor, row.times) == (factor, times)).unwrap();
         row.calibrated.aet_improvement

@@ -16,8 +16,9 @@
   const [root, slack] = [document.documentElement, 1];
   if (root.scrollWidth > innerWidth) faults.push(`the page is ${root.scrollWidth} px wide in a window of ${innerWidth}`);
 
-  // A wide table may scroll within itself.
-  for (const element of all.filter(e => !e.closest("svg") && !e.closest(".u-wrap") && !e.closest(".scroll"))) {
+  // A wide table may scroll within itself, but not on paper.
+  const scrolls = element => element.closest(".scroll") && getComputedStyle(element.closest(".scroll")).overflowX === "auto";
+  for (const element of all.filter(e => !e.closest("svg") && !e.closest(".u-wrap") && !scrolls(e))) {
     const box = element.getBoundingClientRect();
     if (box.right > innerWidth + slack || box.left < -slack) tell("outside", element, `${box.left}..${box.right}`);
     const { overflowX } = getComputedStyle(element);

@@ -126,6 +126,24 @@ fn a_comparison_of_runs_is_laid_out_on_every_screen() {
 
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn the_pages_of_studies_are_laid_out_on_every_screen() {
+    let directory = tempfile::tempdir().unwrap();
+    bench(directory.path(), &["sensitivity", "--reps", "1", "--quiet", "--out", "s"]);
+    bench(directory.path(), &["sweep", "--depths", "1,5", "--reps", "1", "--quiet", "--out", "w"]);
+    let mut browser = Browser::new(Graphics::None);
+    for page in ["s/sensitivity.html", "w/sweep.html"] {
+        for screen in Screen::all() {
+            browser.open(&directory.path().join(page), "", screen);
+            assert_eq!(browser.eval(LAYOUT), json!([]), "{page} {screen:?}");
+            browser.eval(FOLD_OUT);
+            assert_eq!(browser.eval(LAYOUT), json!([]), "{page} {screen:?}, folded out");
+            assert!(browser.console().is_empty(), "{:?}", browser.console());
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
 fn the_probe_finds_each_fault_of_a_page() {
     let directory = tempfile::tempdir().unwrap();
     let page = directory.path().join("bad.html");

@@ -4,9 +4,11 @@
 //! ```text
 //! factor   the varied numbers, and the setup or plan of each case
 //! table    the rows on screen and as CSV
+//! page     sensitivity.html
 //! ```
 
 mod factor;
+mod page;
 mod table;
 
 use std::time::SystemTime;
@@ -145,7 +147,7 @@ pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let found = Found {
         json: &(serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n"),
         csv: &csv(&study),
-        page: None,
+        page: Some(&page::page(&study)?),
     };
     let directory = options.study.save("sensitivity", &setup, started, found)?;
     outln!("  Saved in {}.", directory.display());

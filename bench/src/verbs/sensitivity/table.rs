@@ -10,7 +10,7 @@ use crate::records::schedule::repetitions;
 const NONE: &str = "–";
 
 /// Meaning of the columns, in sentences.
-const LEGEND: [&str; 4] = [
+pub(super) const LEGEND: [&str; 4] = [
     "RC, SM, CM: AET with the setup's calibrated numbers, which are not calibrated again for the varied ones.",
     "h = 0: a skill call costs nothing but its motion and the cycles it waits for.",
     "uncal.: nothing that was calibrated: h = 0, rated speeds, every command noticed at once.",
@@ -86,7 +86,7 @@ pub fn render(study: &Sensitivity) -> String {
     text
 }
 
-fn name(row: &Row) -> String {
+pub(super) fn name(row: &Row) -> String {
     match row.factor {
         Some(Factor::Motions) if row.times < 1.0 => "motions joined".to_owned(),
         Some(Factor::Motions) => format!("motions in {}", row.times),
@@ -95,11 +95,11 @@ fn name(row: &Row) -> String {
     }
 }
 
-fn millis(value: Option<f64>) -> String {
+pub(super) fn millis(value: Option<f64>) -> String {
     value.map_or_else(|| NONE.to_owned(), |ms| format!("{ms:.0}"))
 }
 
-fn percent(figures: &Figures) -> String {
+pub(super) fn percent(figures: &Figures) -> String {
     figures.aet_improvement.map_or_else(|| NONE.to_owned(), |share| format!("{:.1} %", share * 100.0))
 }
 

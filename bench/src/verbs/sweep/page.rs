@@ -116,7 +116,7 @@ fn draw_panel(
     let cells = rows.first().map_or(0, Vec::len).max(1);
     let cell_width = (width - LEFT - 14.0) / cells as f64;
     let at = |column: f64, row: f64| (px(left + LEFT + column * cell_width), px(top + TITLE + row * CELL));
-    let small = text(11.0, MUTED);
+    let small = text(11.5, MUTED);
     let anchored = |style: &plotters::prelude::TextStyle<'static>, h, v| style.clone().pos(Pos::new(h, v));
     area.draw_text(&slots(depth), &chart::name(14.0, INK), (px(left + 2.0), px(top + 8.0)))?;
     for (index, row) in rows.iter().enumerate() {
@@ -155,7 +155,7 @@ fn draw_cell(area: &Area<'_>, point: &Point, corners: [(i32, i32); 2]) -> anyhow
     area.draw(&Rectangle::new(corners, GRID.stroke_width(stroke(1.0))))?;
     let [(x0, y0), (x1, y1)] = corners;
     let middle = (i32::midpoint(x0, x1), i32::midpoint(y0, y1));
-    let style = text(10.5, if loses { INK } else { MUTED }).pos(Pos::new(HPos::Center, VPos::Center));
+    let style = text(11.5, if loses { INK } else { MUTED }).pos(Pos::new(HPos::Center, VPos::Center));
     let label = if loses { percent(point.loss()).replace(" %", "") } else { "·".to_owned() };
     area.draw_text(&label, &style, middle)?;
     Ok(())
