@@ -11,6 +11,7 @@ use crate::verbs::install::{CompletionsOptions, ManOptions};
 use crate::verbs::judge::JudgeOptions;
 use crate::verbs::long::LongOptions;
 use crate::verbs::measure::RunOptions;
+use crate::verbs::new::NewOptions;
 use crate::verbs::overhead::OverheadOptions;
 use crate::verbs::report::{CompareOptions, ReportOptions};
 use crate::verbs::sensitivity::SensitivityOptions;
@@ -44,7 +45,8 @@ Examples:
   bench --setup A --types rc,cm --export-json results.json
   bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
   bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
-  bench --setup my-cell.toml --mode virtual  a setup of your own; start from cell/setups/A.toml
+  bench new my-cell                          a cell of your own: my-cell/setup.toml and my-cell/application.toml
+  bench --setup my-cell/setup.toml --mode virtual
 
 Exit codes:
   0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable
@@ -66,6 +68,8 @@ pub enum Command {
     Overhead(OverheadOptions),
     /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
     Long(LongOptions),
+    /// Write the files of a cell of your own, with every key explained: a setup and an application.
+    New(NewOptions),
     /// Draw the report of a run again.
     Report(ReportOptions),
     /// Set runs beside each other.

@@ -9,8 +9,8 @@ use bench::output::errln;
 use bench::output::exit::Failure;
 use bench::stands::rig;
 use bench::verbs::{
-    buses, calibrate, doctor, gate, history, install, judge, long, measure, overhead, report, sensitivity,
-    sweep, timing,
+    buses, calibrate, doctor, gate, history, install, judge, long, measure, new, overhead, report,
+    sensitivity, sweep, timing,
 };
 use clap::{CommandFactory, Parser};
 use node::screen;
@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         Some(Command::Gate(options)) => gate::run(options),
         Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
+        Some(Command::New(options)) => new::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
         Some(Command::History(options)) => history::run(options),

@@ -528,3 +528,38 @@ fn there_are_completions_and_manual_pages_of_all_programs() {
         assert!(text.contains(".SH NAME"), "{page}");
     }
 }
+
+#[test]
+fn a_new_cell_runs_as_it_is_and_is_not_written_over() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["new", "mine", "--setup", "B", "--application", "gluing"];
+    let said = bench(directory.path(), &arguments);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let run =
+        ["--setup", "mine/setup.toml", "--mode", "virtual", "--types", "rc", "--reps", "1", "--out", "run"];
+    let said = bench(directory.path(), &run);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.starts_with("Setup mine: my cell mine\nmine, 1 repetition"), "{}", said.stdout);
+    let said = bench(directory.path(), &arguments);
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @"error: mine holds a cell already; name another directory");
+}
+
+#[test]
+fn an_application_takes_the_place_of_the_setups() {
+    let directory = tempfile::tempdir().unwrap();
+    let own = planning::APPLICATIONS.iter().find(|(name, _)| *name == "gluing").unwrap().1;
+    fs::write(directory.path().join("own.toml"), own).unwrap();
+    let tables = ["gluing", "own.toml"].map(|application| {
+        let arguments = ["--application", application, "--mode", "virtual", "--types", "rc", "--reps", "1"];
+        let said = bench(directory.path(), &arguments);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(
+            said.stdout.contains("\ngluing, 1 repetition") && !said.stdout.contains("paper AET"),
+            "{}",
+            said.stdout
+        );
+        said.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
+    });
+    assert_eq!(tables[0], tables[1]);
+}

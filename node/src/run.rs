@@ -36,6 +36,9 @@ pub struct RunOptions {
     /// A built-in setup's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     pub setup: String,
+    /// An application in place of the setup's: a built-in one's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|FILE")]
+    pub application: Option<String>,
     /// The network interface that the other node is on: its name, or the IPv4 address that it has. It gets the address
     /// that the setup wants there; a PROFINET device gets its own from the controller.
     #[arg(long, value_name = "IF|ADDRESS")]
@@ -89,7 +92,8 @@ impl RunOptions {
         // Threads inherit the blocked signals and the capabilities.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
         capabilities::raise().context("making use of the program's capabilities")?;
-        let (mut setup, application) = planning::setup_with_application(&self.setup)?;
+        let (mut setup, application) =
+            planning::setup_and_application(&self.setup, self.application.as_deref())?;
         if let Some(cyclic) = self.cyclic {
             setup.bus.set_cyclic(cyclic);
         }

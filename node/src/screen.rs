@@ -105,7 +105,9 @@ pub fn wrapped(text: &str, indent: usize, hanging: usize) -> String {
     wrapped_within(text, indent, hanging, text_width())
 }
 
-fn wrapped_within(text: &str, indent: usize, hanging: usize, width: usize) -> String {
+/// Like [`wrapped`], for a file, in lines of at most `width` characters.
+#[must_use]
+pub fn wrapped_within(text: &str, indent: usize, hanging: usize, width: usize) -> String {
     let mut lines = Vec::new();
     let mut line = " ".repeat(indent);
     let mut is_empty = true;

@@ -11,6 +11,7 @@ mod jobs;
 pub mod judge;
 pub mod long;
 pub mod measure;
+pub mod new;
 pub mod overhead;
 pub mod report;
 pub mod sensitivity;

@@ -27,6 +27,15 @@ impl SetupOption {
     ///
     /// Either cannot be read or is invalid.
     pub fn load(&self) -> Result<(Setup, Found), Failure> {
-        Ok(planning::setup_with_application(&self.setup)?)
+        self.load_with(None)
+    }
+
+    /// Reads the setup, and this application in place of the setup's if there is one: a built-in one's name, or a path.
+    ///
+    /// # Errors
+    ///
+    /// Either cannot be read or is invalid.
+    pub fn load_with(&self, application: Option<&str>) -> Result<(Setup, Found), Failure> {
+        Ok(planning::setup_and_application(&self.setup, application)?)
     }
 }

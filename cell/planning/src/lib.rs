@@ -43,7 +43,7 @@ pub use application::{
 pub use error::{Error, Refusal};
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
-pub use load::{APPLICATIONS, Found, application, setup_with_application};
+pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_with_application};
 pub use motion::{Motion, Role};
 pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart};
 pub use planner::plan;

@@ -66,3 +66,15 @@ pub fn setup_with_application(name: &str) -> Result<(Setup, Found), Error> {
     let found = application(&setup.application, directory.as_deref())?;
     Ok((setup, found))
 }
+
+/// Like [`setup_with_application`], with another application in place of the setup's if one is named: a built-in one, or
+/// a file by its path from the current directory.
+///
+/// # Errors
+/// Those of [`setup_with_application`].
+pub fn setup_and_application(setup: &str, instead: Option<&str>) -> Result<(Setup, Found), Error> {
+    let Some(name) = instead else { return setup_with_application(setup) };
+    let mut setup = setup::setup(setup)?;
+    name.clone_into(&mut setup.application);
+    Ok((setup, application(name, None)?))
+}

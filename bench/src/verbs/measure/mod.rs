@@ -55,7 +55,7 @@ const GRANTED: &str = "SCHED_FIFO, memory locked";
 /// The options, the setup, the computer or the disk does not allow it. A failed repetition is not an error: the table
 /// is printed as far as it is complete, and the exit code tells.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
-    let (mut setup, found) = options.setup.load()?;
+    let (mut setup, found) = options.setup.load_with(options.application.as_deref())?;
     if let Some(cyclic) = options.cyclic {
         if !setup.bus.set_cyclic(cyclic.into()) {
             let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);

@@ -19,6 +19,9 @@ pub struct RunOptions {
     /// Which setup.
     #[command(flatten)]
     pub setup: SetupOption,
+    /// An application in place of the setup's: a built-in one's name, or the path of a .toml file.
+    #[arg(long, value_name = "NAME|FILE")]
+    pub application: Option<String>,
     /// Two processes on a real network, or both nodes in virtual time.
     #[arg(long, value_enum, default_value_t = Mode::Real)]
     pub mode: Mode,

@@ -1,0 +1,160 @@
+//! Explains the keys of a setup or an application in comments, with the words of the reference in `docs/`.
+
+use std::collections::BTreeSet;
+
+use node::screen;
+
+/// Where the keys of a setup are explained.
+pub(super) const SETUPS: &str = include_str!("../../../../docs/setups.md");
+
+/// Where the keys of an application are explained.
+pub(super) const APPLICATIONS: &str = include_str!("../../../../docs/applications.md");
+
+/// Heading of the keys above the first table.
+const TOP: &str = "## Top level";
+
+/// Width of the comments, in characters.
+const WIDTH: usize = 100;
+
+/// Keys that a row of the reference explains, with their unit and meaning.
+struct Row {
+    keys: Vec<String>,
+    unit: String,
+    meaning: String,
+}
+
+impl Row {
+    fn is_about(&self, key: &str) -> bool {
+        self.keys.iter().any(|known| known == key)
+    }
+
+    fn comment(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" [{}]", self.unit) };
+        let text = format!("# {}{unit}: {}", self.keys.join(", "), plain(&self.meaning));
+        screen::wrapped_within(&text, 0, 4, WIDTH).replace("\n    ", "\n#   ")
+    }
+}
+
+/// Returns the text of a TOML file with each key explained where it stands first, by the tables of `reference`. Lines that
+/// are comments already are left out.
+pub(super) fn explained(toml: &str, reference: &str) -> String {
+    let mut text = String::new();
+    let mut header = "";
+    let mut told = BTreeSet::new();
+    for line in toml.lines().filter(|line| !line.starts_with('#')).skip_while(|line| line.is_empty()) {
+        if line.starts_with('[') {
+            header = header_of(line);
+            push_line(&mut text, line);
+            // Where the keys are names that the user gives, what belongs to each of them is explained once.
+            let (rows, keys) = (rows(section(reference, header)), keys_below(toml, header));
+            let is_about_keys = rows.iter().any(|row| keys.iter().any(|key| row.is_about(key)));
+            if !is_about_keys && told.insert((header, String::new())) {
+                rows.iter().for_each(|row| push_line(&mut text, &row.comment()));
+            }
+            continue;
+        }
+        if let Some(key) = key(line).filter(|key| !told.contains(&(header, (*key).to_owned())))
+            && let Some(row) = rows(section(reference, header)).iter().find(|row| row.is_about(key))
+        {
+            push_line(&mut text, &row.comment());
+            told.extend(row.keys.iter().map(|key| (header, key.clone())));
+        }
+        push_line(&mut text, line);
+    }
+    text
+}
+
+/// Returns the header of a table without the comment behind it.
+fn header_of(line: &str) -> &str {
+    line.split(" #").next().unwrap_or(line).trim_end()
+}
+
+fn push_line(text: &mut String, line: &str) {
+    text.push_str(line);
+    text.push('\n');
+}
+
+/// Returns the key that a line gives a value.
+pub(super) fn key(line: &str) -> Option<&str> {
+    let key = line.split_once(" = ")?.0;
+    let is_key = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    (!key.is_empty() && key.chars().all(is_key)).then_some(key)
+}
+
+/// Returns the keys of all tables with this header.
+fn keys_below<'a>(toml: &'a str, header: &str) -> Vec<&'a str> {
+    let mut is_below = header.is_empty();
+    let mut keys = Vec::new();
+    for line in toml.lines() {
+        if line.starts_with('[') {
+            is_below = header_of(line) == header;
+        } else if is_below {
+            keys.extend(key(line));
+        }
+    }
+    keys
+}
+
+/// Returns the section of the reference about the table with this header; the empty header is that of the keys above the
+/// first table.
+fn section<'a>(reference: &'a str, header: &str) -> &'a str {
+    let quoted = format!("`{header}`");
+    let is_it = |line: &str| {
+        if header.is_empty() { line == TOP } else { line.starts_with('#') && line.contains(&quoted) }
+    };
+    let mut start = None;
+    let mut offset = 0;
+    for line in reference.split_inclusive('\n') {
+        match start {
+            None if is_it(line.trim_end()) => start = Some(offset + line.len()),
+            Some(start) if line.starts_with("##") => return reference.get(start..offset).unwrap_or_default(),
+            _ => {}
+        }
+        offset += line.len();
+    }
+    start.and_then(|start| reference.get(start..)).unwrap_or_default()
+}
+
+/// Returns the rows of the tables in a section that have columns `key` and `meaning`.
+fn rows(section: &str) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut columns: Option<(usize, Option<usize>)> = None;
+    for line in section.lines().filter(|line| !line.starts_with("|--")) {
+        let Some(cells) = line.strip_prefix('|').map(cells) else {
+            columns = None;
+            continue;
+        };
+        let cell = |at: usize| cells.get(at).map_or("", String::as_str);
+        match columns {
+            None if cell(0) == "key" => {
+                let column = |name| cells.iter().position(|cell| cell == name);
+                columns = column("meaning").map(|meaning| (meaning, column("unit")));
+            }
+            Some((meaning, unit)) => rows.push(Row {
+                keys: cell(0).split('`').skip(1).step_by(2).map(str::to_owned).collect(),
+                unit: unit.map_or("", cell).to_owned(),
+                meaning: cell(meaning).to_owned(),
+            }),
+            None => {}
+        }
+    }
+    rows
+}
+
+/// Splits the rest of a table's line into its cells. A `|` in a cell is escaped there.
+fn cells(line: &str) -> Vec<String> {
+    const BAR: &str = "\u{1}";
+    line.replace("\\|", BAR).split('|').map(|cell| cell.trim().replace(BAR, "|")).collect()
+}
+
+/// Returns the words of a cell without the marks of Markdown: quotes of code, emphasis, targets of links.
+fn plain(cell: &str) -> String {
+    let mut text = String::new();
+    let mut rest = cell;
+    while let Some((before, behind)) = rest.split_once("](") {
+        text.push_str(&before.replacen('[', "", 1));
+        rest = behind.split_once(')').map_or("", |(_, rest)| rest);
+    }
+    text.push_str(rest);
+    text.replace(['`', '*'], "")
+}
