@@ -26,7 +26,7 @@ pub enum Error {
         reason: std::io::Error,
     },
     /// The text does not have the expected format.
-    #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}", in_key(key))]
+    #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}{mark}", in_key(key))]
     Format {
         /// The file, or the name of a built-in one.
         origin: String,
@@ -38,6 +38,8 @@ pub enum Error {
         expectation: String,
         /// The line of the file.
         text: String,
+        /// A line below it that points to the key, if the key is one of several in the line; otherwise empty.
+        mark: String,
     },
     /// The text is well formed, but a value makes no sense.
     #[error("{origin}: `{key}`: {problem}")]
@@ -63,22 +65,44 @@ impl From<toml::ser::Error> for Error {
 
 impl Error {
     pub(crate) fn format(origin: &str, text: &str, key: String, source: &toml::de::Error) -> Self {
-        let offset = source.span().map_or(0, |span| span.start).min(text.len());
-        let before = text.get(..offset).unwrap_or_default();
+        let span = source.span().unwrap_or_default();
+        let before = text.get(..span.start).unwrap_or_default();
         let mut line = before.matches('\n').count() + 1;
         line += lines_to_unknown_field(text, line, source.message());
+        let broken = text.lines().nth(line - 1).unwrap_or_default();
+        let start_of_line = before.rfind('\n').map_or(0, |at| at + 1);
         Self::Format {
             origin: origin.to_owned(),
             line,
+            mark: mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
             key: if key == "." { String::new() } else { key },
             expectation: source.message().to_owned(),
-            text: text.lines().nth(line - 1).unwrap_or_default().to_owned(),
+            text: broken.to_owned(),
         }
     }
 }
 
 fn in_key(key: &str) -> String {
     if key.is_empty() { String::new() } else { format!("in `{key}`: ") }
+}
+
+/// Returns a line that points to the last part of the path `key` in an inline table, where it stands last before byte `end`
+/// of the line.
+fn mark_in_inline_table(line: &str, end: usize, key: &str) -> String {
+    let name = key.rsplit('.').next().unwrap_or_default();
+    let (Some(brace), Some(before_end)) = (line.find('{'), line.get(..end.min(line.len()))) else {
+        return String::new();
+    };
+    let is_the_key = |at: &usize| {
+        let before = line.get(..*at).unwrap_or_default().trim_end();
+        let behind = line.get(at + name.len()..).unwrap_or_default().trim_start();
+        *at > brace && before.ends_with(['{', ',']) && behind.starts_with('=')
+    };
+    let found = before_end.rmatch_indices(name).map(|(at, _)| at).find(is_the_key);
+    found.filter(|_| !name.is_empty()).map_or_else(String::new, |at| {
+        let column = line.get(..at).map_or(0, |before| before.chars().count());
+        format!("\n      | {}{}", " ".repeat(column), "^".repeat(name.chars().count()))
+    })
 }
 
 /// Returns how many lines below the reported one the unknown key is: if `kind` selects the table's format, the parser

@@ -66,6 +66,7 @@ fn the_error_for_a_value_of_the_wrong_type_gives_its_key() {
     insta::assert_snapshot!(refusal(&changed("{ value = 150,", "{ value = \"short\",")), @r#"
     DIR/my.toml:16: in `plc.scan_cost_us.value`: invalid type: string "short", expected u32
        16 | scan_cost_us = { value = "short", from = "assumed", note = "a short program on a fast PLC" }
+          |                  ^^^^^
     "#);
     insta::assert_snapshot!(refusal(&changed("\"udp\"", "\"tcp\"")), @r#"
     DIR/my.toml:30: in `bus.profinet.cyclic`: unknown variant `tcp`, expected `udp` or `rt1`
