@@ -96,7 +96,7 @@ fn profinet_controller(
     };
     let device = ArConfig {
         station_name: profinet.robot_station_name.clone(),
-        mac: None,
+        mac: bus.robot.and_then(|robot| robot.mac),
         address: addresses.robot,
         description,
         parameters: has_interface.then(Parameter::interface_adjust).into_iter().collect(),
@@ -153,6 +153,7 @@ fn ethernet_ip_scanner(
     let connection = ConnectionConfig {
         multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
         multicast: ethernet_ip.multicast,
+        serial_number: bus.robot.and_then(|robot| robot.serial_number),
         ..ConnectionConfig::exclusive_owner(addresses.robot, &ETHERNET_IP_ROBOT, bus.cycle_us.value)
     };
     let connection = match &ethernet_ip.adapter {

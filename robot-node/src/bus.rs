@@ -4,8 +4,8 @@ use core::net::Ipv4Addr;
 
 use ethercat_subdevice::DeviceConfig as SubDeviceConfig;
 use ethernet_ip::{Adapter, AdapterConfig};
-use machine::Instant;
 use machine::ethernet::Mac;
+use machine::{Allowed, Instant};
 use profinet::{Device, DeviceConfig};
 use protocol::buses::{Endpoint, EthercatSubDevice};
 use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
@@ -28,9 +28,12 @@ pub fn open(
 ) -> RobotBus {
     match &bus.kind {
         BusKind::Profinet(addresses, profinet) => {
-            Endpoint::Profinet(profinet_device(addresses, profinet, mac, address, start()))
+            let controllers = bus.allowed();
+            Endpoint::Profinet(profinet_device(addresses, profinet, controllers, (mac, address), start()))
         }
-        BusKind::EthernetIp(addresses, _) => Endpoint::EthernetIp(ethernet_ip_adapter(addresses, mac, seed)),
+        BusKind::EthernetIp(addresses, _) => {
+            Endpoint::EthernetIp(ethernet_ip_adapter(addresses, bus.allowed(), mac, seed))
+        }
         BusKind::Ethercat(_) => {
             let Mac([_, _, serial @ ..]) = mac;
             let serial_number = u32::from_be_bytes(serial);
@@ -63,8 +66,8 @@ pub const fn address_from_project(kind: &BusKind) -> Option<Ipv4Addr> {
 fn profinet_device(
     addresses: &Addresses,
     profinet: &Profinet,
-    mac: Mac,
-    address: Option<Ipv4Addr>,
+    controllers: Allowed,
+    (mac, address): (Mac, Option<Ipv4Addr>),
     start: Instant,
 ) -> Device {
     let config = DeviceConfig {
@@ -73,12 +76,12 @@ fn profinet_device(
         address,
         mask: addresses.mask,
         description: PROFINET_ROBOT,
-        controllers: machine::Allowed::default(),
+        controllers,
     };
     Device::new(config, start)
 }
 
-fn ethernet_ip_adapter(addresses: &Addresses, mac: Mac, seed: u64) -> Adapter {
+fn ethernet_ip_adapter(addresses: &Addresses, originators: Allowed, mac: Mac, seed: u64) -> Adapter {
     let Mac([_, _, serial @ ..]) = mac;
     Adapter::new(AdapterConfig {
         description: &ETHERNET_IP_ROBOT,
@@ -88,6 +91,6 @@ fn ethernet_ip_adapter(addresses: &Addresses, mac: Mac, seed: u64) -> Adapter {
         gateway: Ipv4Addr::UNSPECIFIED,
         mac: mac.0,
         first_id: seed as u32,
-        originators: machine::Allowed::default(),
+        originators,
     })
 }

@@ -15,6 +15,7 @@
 //! attached       the nodes of a run that ran already
 //! faults         the faults that the user injects, and their result
 //! host           the computer of a run
+//! listening      the sockets that nodes and benches hold open for others
 //! run_directory  the files of a measurement
 //! ```
 
@@ -26,6 +27,7 @@ pub mod faults;
 pub mod host;
 pub mod interval;
 pub mod lateness;
+pub mod listening;
 pub mod mode;
 pub mod paper;
 pub mod quality;

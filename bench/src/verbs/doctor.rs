@@ -14,6 +14,7 @@ use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::host::{Host, ProcessorTime};
+use crate::records::listening::{self, Listening};
 use crate::stands::rig;
 use crate::verbs::setup_option::SetupOption;
 
@@ -78,7 +79,10 @@ impl Finding {
 /// error: its findings are printed, and the exit code tells.
 pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let setup = setup::setup(options.setup.name())?;
+    // Before this process enters a namespace, from where it sees fewer files of others.
+    let listening = listening(&listening::look());
     let mut findings = networks();
+    findings.push(listening);
     let host = Host::look(std::time::SystemTime::now());
     findings.push(cores(host.cores));
     findings.push(clock_source(host.clock_source.as_deref()));
@@ -155,6 +159,17 @@ fn networks() -> Vec<Finding> {
             },
         ],
     }
+}
+
+/// Shows which sockets of nodes and benches are open for others.
+fn listening(found: &[Listening]) -> Finding {
+    const WHAT: &str = "open to others";
+    if found.is_empty() {
+        return Finding::good(WHAT, "no port of a node or bench of yours");
+    }
+    let shown: Vec<_> =
+        found.iter().map(|Listening { program, socket }| format!("{program}: {socket}")).collect();
+    Finding::good(WHAT, shown.join("; "))
 }
 
 fn cores(cores: Option<usize>) -> Finding {

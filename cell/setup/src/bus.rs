@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Sourced;
+use crate::{Peer, Sourced};
 
 /// The fieldbus.
 #[derive(Clone, PartialEq, Debug)]
@@ -20,6 +20,18 @@ pub struct Bus {
     pub cable_delay_us: Sourced<u32>,
     /// How far the nodes' clocks may be off, in parts per million. Modelled in virtual mode.
     pub clock_drift_ppm: Sourced<u32>,
+    /// PLCs that the robot node accepts; every one if the list is empty.
+    pub allowed_plcs: Vec<Peer>,
+    /// What the robot must be besides its name or address, for the PLC node.
+    pub robot: Option<Peer>,
+}
+
+impl Bus {
+    /// Returns the PLCs that the robot node accepts.
+    #[must_use]
+    pub fn allowed(&self) -> machine::Allowed {
+        machine::Allowed(self.allowed_plcs.iter().copied().map(Into::into).collect())
+    }
 }
 
 /// Which fieldbus.

@@ -9,7 +9,7 @@ use serde::de::{Deserializer, Error};
 use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 
-use crate::{Addresses, Bus, BusKind, Ethercat, EthernetIp, Profinet, Sourced};
+use crate::{Addresses, Bus, BusKind, Ethercat, EthernetIp, Peer, Profinet, Sourced};
 
 /// The section, with its keys in the order in which they are written.
 #[derive(Serialize, Deserialize)]
@@ -23,6 +23,9 @@ struct BusSection {
     plc_address: Option<Ipv4Addr>,
     robot_address: Option<Ipv4Addr>,
     subnet_mask: Option<Ipv4Addr>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    allowed_plcs: Vec<Peer>,
+    robot: Option<Peer>,
     profinet: Option<Profinet>,
     ethernet_ip: Option<EthernetIp>,
     ethercat: Option<Ethercat>,
@@ -86,12 +89,14 @@ impl BusSection {
             Kind::EthernetIp => BusKind::EthernetIp(self.addresses()?, self.ethernet_ip.unwrap_or_default()),
             Kind::Ethercat => BusKind::Ethercat(self.ethercat.unwrap_or_default()),
         };
-        let Self { cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, .. } = self;
-        Ok(Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm })
+        let Self { cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot, .. } =
+            self;
+        Ok(Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot })
     }
 
     fn of(bus: Bus) -> Self {
-        let Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm } = bus;
+        let Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot } =
+            bus;
         let (mut profinet, mut ethernet_ip, mut ethercat) = (None, None, None);
         let (kind, addresses) = match kind {
             BusKind::Profinet(addresses, section) => {
@@ -116,6 +121,8 @@ impl BusSection {
             plc_address: addresses.map(|addresses| addresses.plc),
             robot_address: addresses.map(|addresses| addresses.robot),
             subnet_mask: addresses.map(|addresses| addresses.mask),
+            allowed_plcs,
+            robot,
             profinet,
             ethernet_ip,
             ethercat,

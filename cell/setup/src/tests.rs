@@ -32,6 +32,30 @@ fn ethernet_ip_of(setup: &Setup) -> &EthernetIp {
 }
 
 #[test]
+fn listed_peers_are_read_and_written_and_what_their_bus_does_not_tell_is_refused() {
+    let with = |name, lines: &str| {
+        let built_in = SETUPS.iter().find(|(known, _)| *known == name).unwrap().1;
+        built_in.replacen("plc_address", &format!("{lines}\nplc_address"), 1)
+    };
+    let read = |text: &str| crate::setup_from_text("test", text);
+    let listed = "allowed_plcs = [{ address = \"192.168.64.1\", mac = \"02:00:00:00:00:01\" }]\nrobot = { mac = \"02:00:00:00:00:02\" }";
+    let setup = read(&with("A", listed)).unwrap();
+    assert_eq!(setup.bus.allowed().0.len(), 1);
+    assert_eq!(setup.bus.robot.unwrap().mac.unwrap().to_string(), "02:00:00:00:00:02");
+    let again = read(&setup_to_toml(&setup).unwrap()).unwrap();
+    assert_eq!(again, setup);
+    for (name, wrong) in [
+        ("A", "allowed_plcs = [{}]"),
+        ("A", "robot = { serial_number = 7 }"),
+        ("A", "robot = { mac = \"02:00\" }"),
+        ("A", "robot = { address = \"192.168.64.2\" }"),
+        ("B", "allowed_plcs = [{ mac = \"02:00:00:00:00:01\" }]"),
+    ] {
+        assert!(read(&with(name, wrong)).is_err(), "{name}: {wrong}");
+    }
+}
+
+#[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
     insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C; or give the path of a .toml file");
 }

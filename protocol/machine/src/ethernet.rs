@@ -32,6 +32,32 @@ impl Mac {
     }
 }
 
+/// A text is not a MAC address.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct NotAMac;
+
+impl fmt::Display for NotAMac {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a MAC address is six bytes such as 02:00:00:00:00:01")
+    }
+}
+
+impl core::error::Error for NotAMac {}
+
+impl core::str::FromStr for Mac {
+    type Err = NotAMac;
+
+    fn from_str(text: &str) -> Result<Self, NotAMac> {
+        let mut mac = Self([0; 6]);
+        let mut parts = text.split(':');
+        for byte in &mut mac.0 {
+            let part = parts.next().filter(|part| part.len() == 2).ok_or(NotAMac)?;
+            *byte = u8::from_str_radix(part, 16).map_err(|_| NotAMac)?;
+        }
+        if parts.next().is_none() { Ok(mac) } else { Err(NotAMac) }
+    }
+}
+
 impl fmt::Display for Mac {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [a, b, c, d, e, g] = self.0;
@@ -139,6 +165,22 @@ mod tests {
         assert_eq!(buf[..20], SIEMENS);
         assert_eq!(buf[20..64], [0; 44]);
         assert_eq!(EthernetHeader::parse(&SIEMENS), Ok((HEADER, &[0x80, 0x01][..])));
+    }
+
+    #[test]
+    fn a_mac_address_is_read_as_it_is_written() {
+        let mac = Mac([2, 0, 0, 0xAB, 0, 1]);
+        assert_eq!(mac.to_string().parse(), Ok(mac));
+        for wrong in [
+            "",
+            "02:00:00:ab:00",
+            "02:00:00:ab:00:01:02",
+            "2:00:00:ab:00:01",
+            "02:00:00:ab:00:+1",
+            "02-00-00-ab-00-01",
+        ] {
+            assert!(wrong.parse::<Mac>().is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -41,6 +41,7 @@ pub(super) fn check(bus: &Bus) -> Check {
     if bus.cable_delay_us.value > 100_000 {
         return Err(problem("bus.cable_delay_us", "more than 100 ms is no cable"));
     }
+    check_peers(bus)?;
     match &bus.kind {
         BusKind::Profinet(addresses, profinet) => {
             check_addresses(addresses)?;
@@ -52,6 +53,32 @@ pub(super) fn check(bus: &Bus) -> Check {
         }
         BusKind::Ethercat(ethercat) => check_ethercat(bus, ethercat),
     }
+}
+
+/// A peer that is listed by something that its bus does not tell would not be checked at all.
+fn check_peers(bus: &Bus) -> Check {
+    let listed = bus.allowed_plcs.iter().map(|peer| ("bus.allowed_plcs", peer));
+    for (key, peer) in listed.chain(bus.robot.iter().map(|peer| ("bus.robot", peer))) {
+        let (mac, serial_number) = (peer.mac.is_some(), peer.serial_number.is_some());
+        let text = match bus.kind {
+            _ if peer.address.is_none() && !mac && !serial_number => {
+                "an entry without address, mac and serial_number lists nobody"
+            }
+            BusKind::Profinet(..) if serial_number => {
+                "a PROFINET station tells no serial number: list its mac"
+            }
+            BusKind::EthernetIp(..) if mac => {
+                "EtherNet/IP does not tell a MAC address: list the serial_number"
+            }
+            BusKind::Ethercat(_) => "EtherCAT has no stations to list: whoever is on the cable is obeyed",
+            _ if key == "bus.robot" && peer.address.is_some() => {
+                "the robot's address is bus.robot_address: leave it out here"
+            }
+            _ => continue,
+        };
+        return Err(problem(key, text));
+    }
+    Ok(())
 }
 
 fn check_ethercat(bus: &Bus, ethercat: &Ethercat) -> Check {
