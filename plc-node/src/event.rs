@@ -130,11 +130,7 @@ pub enum FailureCause {
     #[error("the bus holds no image of the robot; the robot marks its data as bad, look at its node")]
     NoImage,
     /// The robot refused or ended a skill.
-    #[error(
-        "the robot reports error {} at motion {motion} of the sequence, counted from 0: {}; correct that motion",
-        u16::from(*number),
-        finding.in_words(*number)
-    )]
+    #[error("{}", robot_in_words(*number, *motion, finding))]
     Robot {
         /// What the robot says.
         number: ErrorNumber,
@@ -143,9 +139,18 @@ pub enum FailureCause {
         /// The quantity and its limits.
         finding: Finding,
     },
-    /// The robot's life counter stood still.
+    /// No frame of the robot arrived.
     #[error(
-        "the robot's life counter stood still for {scans} scans: its controller does not run, look at its node"
+        "no frame came from the robot for {scans} scans: its cable is cut, frames are lost, or its node stands still"
+    )]
+    RobotUnheard {
+        /// Scans in which its image did not change.
+        scans: u32,
+    },
+    /// The robot's life counter stood still, although its frames arrived.
+    #[error(
+        "the robot's life counter stood still for {scans} scans, although frames came from it: its controller does not \
+         run, look at its node"
     )]
     RobotSilent {
         /// Scans in which it did not change.
@@ -168,6 +173,20 @@ pub enum FailureCause {
         /// Which motion of the sequence, counted from 0.
         motion: u32,
     },
+}
+
+/// What a robot says that ended a skill.
+fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String {
+    if number == ErrorNumber::None {
+        return format!(
+            "the robot ended the skill at motion {motion} of the sequence, counted from 0, with an error but without its \
+             number: look at its node"
+        );
+    }
+    let (code, words) = (u16::from(number), finding.in_words(number));
+    format!(
+        "the robot reports error {code} at motion {motion} of the sequence, counted from 0: {words}; correct that motion"
+    )
 }
 
 /// Why a run was not started.
@@ -206,6 +225,13 @@ mod tests {
         assert_eq!("CM".parse(), Ok(ExecutionType::Cm));
         let unknown = "ptp".parse::<ExecutionType>().unwrap_err().to_string();
         assert!(unknown.starts_with("there is no execution type `ptp`: rc runs"), "{unknown}");
+    }
+
+    #[test]
+    fn an_error_without_a_number_is_not_called_no_error() {
+        let cause = FailureCause::Robot { number: ErrorNumber::None, motion: 3, finding: Finding::NONE };
+        let words = cause.to_string();
+        assert!(words.contains("without its number") && !words.contains("no error"), "{words}");
     }
 
     #[test]

@@ -24,6 +24,9 @@ use crate::{
     Scan, StartError,
 };
 
+/// Scans without a change of the robot's image that are more than any robot cycle.
+const STILL: u32 = 20;
+
 /// More events than one handler can bring about; the owner drains them after each.
 const EVENTS: usize = 16;
 
@@ -48,6 +51,8 @@ pub struct PlcNode<B> {
     connected: bool,
     /// The owner was told that the robot marks its data as bad.
     image_bad: bool,
+    /// Frames received when the robot's image had not changed for [`STILL`] scans.
+    received_still: u64,
     mode: Mode,
     readiness: Readiness,
     run: Run,
@@ -130,6 +135,7 @@ impl<B: Fieldbus> PlcNode<B> {
             start_not_reached: false,
             connected: false,
             image_bad: false,
+            received_still: 0,
             mode: Mode::Preparing,
             readiness: Readiness::default(),
             run: Run {
@@ -287,6 +293,9 @@ impl<B: Fieldbus> PlcNode<B> {
             }
             None => self.group.read(None),
         }
+        if self.group.still_scans() == STILL {
+            self.received_still = self.bus.counters().received;
+        }
     }
 
     /// The slots take most of the time, and they change only with a new command or with motions written.
@@ -305,7 +314,16 @@ impl<B: Fieldbus> PlcNode<B> {
         if self.group.feedback().is_none() {
             return Some(FailureCause::NoImage);
         }
-        self.group.is_silent().then(|| FailureCause::RobotSilent { scans: self.group.still_scans() })
+        if !self.group.is_silent() {
+            return None;
+        }
+        let scans = self.group.still_scans();
+        let is_heard = self.bus.counters().received > self.received_still;
+        Some(if is_heard {
+            FailureCause::RobotSilent { scans }
+        } else {
+            FailureCause::RobotUnheard { scans }
+        })
     }
 
     /// Hands on what the bus has to say. A lost connection fails a run at once, not with the next scan.

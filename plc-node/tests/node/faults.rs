@@ -9,8 +9,8 @@ use protocol::image::{Control, ErrorNumber, Finding};
 use virtual_time::Side;
 
 use crate::scripted::{
-    BUS, Cell, Fault, WATCHDOG, cell, config, motions, pause, run, run_to_failure, start, until_ready,
-    wait_for, wait_for_failure,
+    BUS, Cell, Fault, Phases, WATCHDOG, cell, cell_with_watchdog, config, motions, pause, run,
+    run_to_failure, start, until_ready, wait_for, wait_for_failure,
 };
 
 fn ready_cell(fault: Fault) -> Cell {
@@ -114,6 +114,18 @@ fn a_life_counter_that_stands_still_fails_the_run_after_the_set_time() {
     assert_eq!(failure.cause, FailureCause::RobotSilent { scans: 50 });
     assert!(!cell.a().is_ready());
     works_again(&mut cell);
+}
+
+#[test]
+fn a_cable_that_is_cut_for_less_than_the_watchdog_is_not_called_a_controller_that_does_not_run() {
+    let mut cell = cell_with_watchdog(config(motions(13)), Phases([0, 300, 700, 1_900]), WATCHDOG * 20);
+    until_ready(&mut cell);
+    start(&mut cell, Cm);
+    pause(&mut cell, Duration::from_millis(100));
+    cell.set_cut(true);
+    let failure = wait_for_failure(&mut cell);
+    assert!(matches!(failure.cause, FailureCause::RobotUnheard { scans: 50 }), "{failure}");
+    assert!(failure.to_string().contains("its cable is cut"), "{failure}");
 }
 
 #[test]

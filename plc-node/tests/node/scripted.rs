@@ -279,9 +279,13 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
 }
 
 pub(crate) fn cell_with(config: PlcConfig, phases: Phases) -> Cell {
+    cell_with_watchdog(config, phases, WATCHDOG)
+}
+
+pub(crate) fn cell_with_watchdog(config: PlcConfig, phases: Phases, watchdog: Duration) -> Cell {
     let [scan, plc_bus, robot_bus, robot] = phases.0.map(Instant::from_micros);
-    let plc = PlcNode::new(config, Direct::new(plc_bus, BUS, WATCHDOG), scan);
-    let robot = ScriptedRobot::new(Direct::new(robot_bus, BUS, WATCHDOG), robot, ROBOT);
+    let plc = PlcNode::new(config, Direct::new(plc_bus, BUS, watchdog), scan);
+    let robot = ScriptedRobot::new(Direct::new(robot_bus, BUS, watchdog), robot, ROBOT);
     let cable = Impairment { delay: CABLE, ..Impairment::default() };
     let config =
         PairConfig { seed: 1, clocks: [Clock::default(); 2], links: [cable; 2], addresses: [None; 2] };

@@ -48,6 +48,12 @@ pub enum RigError {
         /// Its last lines on standard error.
         last_stderr: Vec<String>,
     },
+    /// A fault of this run killed a node.
+    #[error("the {role} was killed by this run's fault `{}`", kill_name(*role))]
+    KilledByFault {
+        /// The node.
+        role: NodeRole,
+    },
     /// A node that should already run does not answer.
     #[error(
         "no {role} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
@@ -193,6 +199,7 @@ impl RigError {
             }
             Self::Capture(_) => Exit::Internal,
             Self::NodeEnded { .. }
+            | Self::KilledByFault { .. }
             | Self::Detached { .. }
             | Self::ConnectionLost { .. }
             | Self::HeldUp { .. }
@@ -200,6 +207,14 @@ impl RigError {
             | Self::NoAnswer { .. }
             | Self::UnreadableLine { .. } => Exit::RunFailed,
         }
+    }
+}
+
+/// Name of the fault that kills a node.
+const fn kill_name(role: NodeRole) -> &'static str {
+    match role {
+        NodeRole::Plc => "kill-plc-at",
+        NodeRole::Robot => "kill-robot-at",
     }
 }
 

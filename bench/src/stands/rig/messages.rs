@@ -166,6 +166,13 @@ impl Rig {
             NodeEvent::Robot(Message::Denied { reason }) => {
                 return Err(RigError::Denied { role: NodeRole::Robot, reason: reason.clone() });
             }
+            NodeEvent::Ended(role) if self.killed.contains(role) => {
+                // Its end is noticed once, as that of every node.
+                if let Some(node) = self.node(*role) {
+                    let _ = node.end_error().await;
+                }
+                return Err(RigError::KilledByFault { role: *role });
+            }
             NodeEvent::Ended(role) => {
                 return Err(match self.node(*role) {
                     Some(node) => node.end_error().await,
@@ -194,7 +201,11 @@ impl Rig {
                 }
                 _ => error,
             },
-            Err(better @ (RigError::NodeEnded { .. } | RigError::Detached { .. })) => better,
+            Err(
+                better @ (RigError::NodeEnded { .. }
+                | RigError::KilledByFault { .. }
+                | RigError::Detached { .. }),
+            ) => better,
             Err(RigError::NoAnswer { role, .. }) => {
                 // It had its time to answer; the end of the rig need not wait for it again.
                 self.node(role).into_iter().for_each(Node::kill);

@@ -130,6 +130,8 @@ pub struct Rig {
     /// Why repetitions were run again.
     repeated: Vec<String>,
     kills: Kills,
+    /// Nodes that a fault has killed.
+    killed: Vec<NodeRole>,
     /// `None` if the nodes already ran.
     connected_after: Option<Duration>,
     /// Where the nodes write their recorded cycles; `None` if they do not.
@@ -228,6 +230,7 @@ impl Rig {
             watchdog,
             repeated: Vec::new(),
             kills: Kills::default(),
+            killed: Vec::new(),
             connected_after: None,
             cable,
         }
@@ -281,6 +284,7 @@ impl Rig {
     }
 
     fn kill(&mut self, role: NodeRole) {
+        self.killed.push(role);
         let node = match role {
             NodeRole::Plc => Some(&mut self.plc),
             NodeRole::Robot => self.robot.as_mut(),

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use ::node::report::LatenessReport;
+use ::node::role::NodeRole;
 use anyhow::{Context as _, anyhow, bail};
 use machine::{Instant, Lateness};
 use planning::PROGRAM;
@@ -105,6 +106,7 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         pair,
         faults: faults.to_vec(),
         changes: faults::changes(faults).into(),
+        killed: None,
         ready_at: None,
         capture: capture.clone(),
         frames: frames.clone(),
@@ -134,6 +136,8 @@ pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     faults: Vec<Fault>,
     /// Times count from `ready_at`.
     changes: VecDeque<(Duration, Change)>,
+    /// The first node that a fault has killed.
+    killed: Option<NodeRole>,
     ready_at: Option<Instant>,
     capture: Option<SharedCapture>,
     frames: Option<SharedFrames>,
@@ -192,7 +196,10 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         match change {
             Change::Cut => self.pair.set_cut(true),
             Change::Mend => self.pair.set_cut(false),
-            Change::Kill(node) => self.pair.kill(faults::end_of(node)),
+            Change::Kill(node) => {
+                self.killed.get_or_insert(node);
+                self.pair.kill(faults::end_of(node));
+            }
         }
         let lost = lost(&self.pair) - before;
         let Some(capture) = &self.capture else { return };
@@ -246,6 +253,11 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                 | PlcEvent::Ready
                 | PlcEvent::Started { .. } => {}
             }
+        }
+        if let Some(NodeRole::Plc) = self.killed {
+            bail!(
+                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
+            );
         }
         bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
     }
