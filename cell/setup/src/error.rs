@@ -26,7 +26,7 @@ pub enum Error {
         reason: std::io::Error,
     },
     /// The text does not have the expected format.
-    #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}{mark}", in_key(key))]
+    #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}", in_key(key))]
     Format {
         /// The file, or the name of a built-in one.
         origin: String,
@@ -36,10 +36,8 @@ pub enum Error {
         key: String,
         /// What was found and what was expected.
         expectation: String,
-        /// The line of the file.
+        /// The line of the file, and below it one that points to the key if the key is one of several in the line.
         text: String,
-        /// A line below it that points to the key, if the key is one of several in the line; otherwise empty.
-        mark: String,
     },
     /// The text is well formed, but a value makes no sense.
     #[error("{origin}: `{key}`: {problem}")]
@@ -74,10 +72,10 @@ impl Error {
         Self::Format {
             origin: origin.to_owned(),
             line,
-            mark: mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
+            text: broken.to_owned()
+                + &mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
             key: if key == "." { String::new() } else { key },
             expectation: source.message().to_owned(),
-            text: broken.to_owned(),
         }
     }
 }

@@ -312,7 +312,8 @@ fn the_adapter_accepts_exactly_as_many_connections_as_the_file_says() {
     while adapter.open(&explicit).is_ok() {
         messages += 1;
     }
-    assert_eq!(eds.number("Capacity", "MaxMsgConnections"), messages);
+    // One host gets all but one: that is kept for others.
+    assert_eq!(eds.number("Capacity", "MaxMsgConnections"), messages + 1);
     let spec = eds.fields("Capacity", "TSpec1");
     let least = number(&eds.fields("Params", "Param1")[9]);
     assert_eq!((&*spec[0], number(&spec[1]), number(&spec[2])), ("TxRx", 262, 1_000_000 / least));

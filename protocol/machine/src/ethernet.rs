@@ -52,6 +52,10 @@ impl core::str::FromStr for Mac {
         let mut parts = text.split(':');
         for byte in &mut mac.0 {
             let part = parts.next().filter(|part| part.len() == 2).ok_or(NotAMac)?;
+            // A sign would be a number too.
+            if !part.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+                return Err(NotAMac);
+            }
             *byte = u8::from_str_radix(part, 16).map_err(|_| NotAMac)?;
         }
         if parts.next().is_none() { Ok(mac) } else { Err(NotAMac) }
