@@ -344,7 +344,7 @@ verb_instructions() { #: count the instructions of the hot paths; fail where one
     built hot-path "$@"
 }
 
-verb_timing() { #: how evenly cyclic frames come, beside a bare loop and the adapter of the crate `ciplink` (as root)
+verb_timing() { #: how evenly the frames of each bus come, beside a bare loop and the adapter of the crate `ciplink` (as root)
     local peers="${CARGO_TARGET_DIR:-$PWD/target}/interop/peers"
     build
     cargo build --manifest-path scripts/interop/peers/Cargo.toml --target-dir "$peers" --locked

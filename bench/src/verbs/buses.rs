@@ -7,8 +7,9 @@ use clap::Args;
 use node::screen;
 use planning::Application;
 use plc_node::ExecutionType;
-use setup::{Addresses, BusKind, Cyclic, Ethercat, EthernetIp, Profinet, Setup};
+use setup::Setup;
 
+use super::each_bus::over_each_bus;
 use super::jobs;
 use super::setup_option::SetupOption;
 use crate::outln;
@@ -67,32 +68,6 @@ pub fn run(options: &BusesOptions) -> Result<Exit, Failure> {
     let rows = jobs::run("buses", options.quiet, &variants, measure)?;
     outln!("{}", render(&setup, &found.application.name, options, &rows));
     Ok(Exit::Pass)
-}
-
-/// Returns the setup on each bus.
-fn over_each_bus(setup: &Setup) -> Result<[(&'static str, Setup); 4], Failure> {
-    let (addresses, profinet) = profinet_of(setup)?;
-    let profinet =
-        |cyclic| BusKind::Profinet(addresses, Profinet { cyclic, device: None, ..profinet.clone() });
-    let over = |kind| {
-        let mut setup = setup.clone();
-        setup.bus.kind = kind;
-        setup
-    };
-    Ok([
-        ("PROFINET udp", over(profinet(Cyclic::Udp))),
-        ("PROFINET rt1", over(profinet(Cyclic::Rt1))),
-        ("EtherNet/IP", over(BusKind::EthernetIp(addresses, EthernetIp::default()))),
-        ("EtherCAT", over(BusKind::Ethercat(Ethercat::default()))),
-    ])
-}
-
-/// Returns the settings for PROFINET: the setup's own, or those of Setup A.
-fn profinet_of(setup: &Setup) -> Result<(Addresses, Profinet), Failure> {
-    match &setup.bus.kind {
-        BusKind::Profinet(addresses, profinet) => Ok((*addresses, profinet.clone())),
-        BusKind::EthernetIp(..) | BusKind::Ethercat(_) => profinet_of(&setup::setup("A")?),
-    }
 }
 
 fn row(

@@ -3,6 +3,7 @@
 pub mod buses;
 pub mod calibrate;
 pub mod doctor;
+mod each_bus;
 mod event_loop;
 pub mod gate;
 pub mod history;

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use machine::ethernet::EthernetHeader;
 use socket2::Socket;
 
 use crate::packet_socket::{self, FrameBuffer};
@@ -42,7 +41,7 @@ impl ArrivalLog {
             packet_socket::prepare_receive(socket)
         };
         let socket = packet_socket::open(interface, packet_socket::ALL, prepare).map_err(failed)?;
-        let (stop, own) = (Arc::new(AtomicBool::new(false)), interface.mac());
+        let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let listen = move || {
             let mut arrivals = Vec::new();
@@ -50,7 +49,8 @@ impl ArrivalLog {
             while !stopped.load(Ordering::Relaxed) {
                 match packet_socket::receive(&socket, &mut buffer) {
                     Ok(frame) => {
-                        if EthernetHeader::parse(frame.data).is_ok_and(|(header, _)| header.source != own) {
+                        // Not by the source address: EtherCAT's MainDevice sends with one that is not the interface's.
+                        if frame.sent == Some(false) {
                             arrivals.push(Arrival { since_1970: frame.since_1970, len: frame.data.len() });
                         }
                     }

@@ -1,7 +1,7 @@
 //! An open port of a machine: raw Ethernet or UDP.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
-use std::os::fd::BorrowedFd;
+use std::os::fd::{AsFd, BorrowedFd};
 
 use machine::{Port, PortRequest};
 use rustix::io::Errno;
@@ -146,15 +146,12 @@ impl OpenPort {
         }
     }
 
-    pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {
-        match &self.kind {
-            Kind::Ethernet(ethernet) => ethernet.as_fd(),
-            Kind::Udp(udp) => udp.as_fd(),
-        }
-    }
-
     /// Sends a frame without waiting; IP packets carry this DSCP.
-    pub(crate) fn send(&self, frame: &[u8], to: Option<SocketAddrV4>, dscp: u8) -> Result<(), Errno> {
+    ///
+    /// # Errors
+    ///
+    /// The kernel refuses it, or a UDP port is given no receiver.
+    pub fn send(&self, frame: &[u8], to: Option<SocketAddrV4>, dscp: u8) -> Result<(), Errno> {
         if let Kind::Udp(udp) = &self.kind {
             self.marking.follow(udp.as_fd(), dscp);
         }
@@ -172,11 +169,24 @@ impl OpenPort {
         }
     }
 
-    /// Reads the next frame without waiting; `Errno::AGAIN` if there is none.
-    pub(crate) fn receive(&self, buf: &mut [u8]) -> Result<Received, Errno> {
+    /// Reads the next frame without waiting.
+    ///
+    /// # Errors
+    ///
+    /// `Errno::AGAIN` if there is none; any other error of the kernel.
+    pub fn receive(&self, buf: &mut [u8]) -> Result<Received, Errno> {
         match &self.kind {
             Kind::Ethernet(ethernet) => ethernet.receive(buf),
             Kind::Udp(udp) => udp.receive(buf),
+        }
+    }
+}
+
+impl AsFd for OpenPort {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match &self.kind {
+            Kind::Ethernet(ethernet) => ethernet.as_fd(),
+            Kind::Udp(udp) => udp.as_fd(),
         }
     }
 }

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use protocol_linux::Arrival;
 
-/// Shorter frames are not cyclic: the smallest frame in the comparison has 256 bytes of data.
-const CYCLIC_LEN: usize = 256;
+use super::stopwatch::CYCLIC_LEN;
 
 /// Time of a turn: arrivals within it count.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -14,13 +13,6 @@ pub(super) struct Window {
     pub(super) start: Duration,
     /// Since 1970.
     pub(super) end: Duration,
-}
-
-impl Window {
-    /// Returns the intersection of both.
-    pub(super) fn and(self, other: Self) -> Self {
-        Self { start: self.start.max(other.start), end: self.end.min(other.end) }
-    }
 }
 
 /// Regularity of the frames of all turns.
@@ -69,11 +61,6 @@ impl Evenness {
         evenness.mean_ppm = (slopes.iter().sum::<f64>() / slopes.len() as f64 - 1.0) * 1e6;
         evenness
     }
-
-    /// Returns the quantile of all intervals' excess, in µs.
-    pub(super) fn quantile_us(&self, share: f64) -> Option<f64> {
-        quantile(&self.turns_us.iter().collect::<Vec<_>>(), share)
-    }
 }
 
 /// Returns the nearest-rank quantile of all numbers of some turns.
@@ -104,6 +91,10 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
     const TURN: Window = Window { start: Duration::from_secs(10), end: Duration::from_secs(11) };
 
+    fn quantile_us(evenness: &Evenness, share: f64) -> Option<f64> {
+        quantile(&evenness.turns_us.iter().collect::<Vec<_>>(), share)
+    }
+
     /// Returns a frame per cycle from half a cycle after the turn's start on, each late by the given ns.
     fn arrivals(period_ns: u64, late_ns: impl Fn(u64) -> Option<u64>) -> Vec<Arrival> {
         let frame = |cycle: u64| {
@@ -116,7 +107,7 @@ mod tests {
     #[test]
     fn frames_on_the_grid_have_no_lateness() {
         let even = Evenness::of(&arrivals(1_000_000, |_| Some(0)), &[TURN], MS);
-        assert!(even.mean_ppm.abs() < 1e-6 && even.quantile_us(1.0).unwrap() < 1e-6, "{even:?}");
+        assert!(even.mean_ppm.abs() < 1e-6 && quantile_us(&even, 1.0).unwrap() < 1e-6, "{even:?}");
         assert_eq!(even.missing, 0);
     }
 
@@ -124,7 +115,7 @@ mod tests {
     fn a_sender_clock_that_is_20_ppm_slow_changes_only_the_mean() {
         let slow = Evenness::of(&arrivals(1_000_020, |_| Some(0)), &[TURN], MS);
         assert!((slow.mean_ppm - 20.0).abs() < 0.01, "{}", slow.mean_ppm);
-        assert!((slow.quantile_us(0.99).unwrap() - 0.02).abs() < 1e-6);
+        assert!((quantile_us(&slow, 0.99).unwrap() - 0.02).abs() < 1e-6);
     }
 
     #[test]
@@ -135,8 +126,8 @@ mod tests {
             MS,
         );
         assert!(late.mean_ppm.abs() < 5.0, "{}", late.mean_ppm);
-        assert_eq!(late.quantile_us(0.5).map(f64::round), Some(0.0));
-        assert_eq!(late.quantile_us(0.99).map(f64::round), Some(80.0));
+        assert_eq!(quantile_us(&late, 0.5).map(f64::round), Some(0.0));
+        assert_eq!(quantile_us(&late, 0.99).map(f64::round), Some(80.0));
     }
 
     #[test]
@@ -148,7 +139,7 @@ mod tests {
         );
         assert_eq!(gap.missing, 1, "one at a turn's end may be beyond it");
         assert!(gap.mean_ppm.abs() < 1e-6);
-        assert_eq!(gap.quantile_us(1.0).map(f64::round), Some(2_000.0));
+        assert_eq!(quantile_us(&gap, 1.0).map(f64::round), Some(2_000.0));
     }
 
     #[test]
@@ -157,6 +148,6 @@ mod tests {
         frames.insert(10, Arrival { since_1970: TURN.start + Duration::from_micros(10_100), len: 60 });
         frames.push(Arrival { since_1970: TURN.end + Duration::from_millis(300), len: 318 });
         let even = Evenness::of(&frames, &[TURN], MS);
-        assert!(even.quantile_us(1.0).unwrap() < 1e-6, "{even:?}");
+        assert!(quantile_us(&even, 1.0).unwrap() < 1e-6, "{even:?}");
     }
 }

@@ -1,46 +1,63 @@
-//! `bench timing`: how regularly cyclic EtherNet/IP frames arrive, compared with the best that the host allows.
+//! `bench timing`: how regularly the cyclic frames of each bus arrive, and how long a number is on the way from the PLC
+//! to the robot and back, compared with the best that the host allows.
 //!
 //! An absolute figure would depend on the host as much as on the program. So the contenders send side by side on the
-//! same cores, each on its own cable: a bare loop that sleeps until an absolute deadline and sends a datagram of the
-//! same size, this project's adapter and scanner, and optionally a foreign adapter. A stall of the host affects all
-//! of them at the same time. After each second they start again, in another phase to each other. Arrival times are
-//! the kernel's, of frames as they leave the cable.
+//! same cores, each on its own cable: a bare loop that sleeps until an absolute deadline and sends frames of the same
+//! size, this project's two ends of a bus, and on EtherNet/IP optionally a foreign adapter. A stall of the host affects
+//! all of them at the same time. The buses take turns of a second; in each turn everything starts again, in another
+//! phase to each other. Arrival times are the kernel's, of frames as they leave the cable.
 
 mod bare;
 mod cable;
-mod class1;
 mod comparison;
+mod connection;
 mod evenness;
+mod stopwatch;
+mod turns;
 
 use std::ffi::OsString;
-use std::panic::resume_unwind;
-use std::thread;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
-use machine::Instant;
-use protocol_linux::clock;
+use setup::{BusKind, Cyclic, EthernetIp, EthernetIpAdapter, Setup};
 
-use crate::out;
+use super::each_bus::over_each_bus;
+use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::stands::rig;
-use cable::{Cable, Way};
-use comparison::Comparison;
-use evenness::{Evenness, Window};
+use bare::Wire;
+use cable::{Cable, MASK, PLC, ROBOT};
+use turns::{Contender, Turns};
 
 /// Options of a comparison.
 #[derive(clap::Args, Debug)]
 pub struct TimingOptions {
-    /// Turns of one second each.
+    /// Turns of one second for each bus.
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(5..=3_600))]
     pub seconds: u32,
+    /// Buses to measure, all without it.
+    #[arg(long, value_name = "BUS,…", value_delimiter = ',')]
+    pub buses: Vec<TimedBus>,
     /// An EtherNet/IP adapter of somebody else to compare with, with assemblies 100, 150 and 151 as the robot node has
     /// them: a command that is run at the other end of a cable of its own, where it has the address 192.168.64.2.
     #[arg(last = true, value_name = "COMMAND")]
     pub peer: Vec<OsString>,
 }
 
-/// Packet interval in both directions.
+/// A bus to measure.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub enum TimedBus {
+    /// PROFINET, RT_CLASS_UDP.
+    ProfinetUdp,
+    /// PROFINET, RT_CLASS_1.
+    ProfinetRt1,
+    /// EtherNet/IP.
+    EthernetIp,
+    /// EtherCAT.
+    Ethercat,
+}
+
+/// Time from one cyclic frame to the next, in both directions.
 const INTERVAL: Duration = Duration::from_millis(1);
 
 /// Measured time of each turn.
@@ -49,18 +66,65 @@ const TURN: Duration = Duration::from_secs(1);
 /// Time from a turn's first frame to the first that counts: caches are warm by then.
 const SETTLE: Duration = Duration::from_millis(100);
 
-/// Measures, prints the table and the verdict.
+/// Measures, prints the tables and the verdicts.
 pub fn run(options: &TimingOptions) -> Result<Exit, Failure> {
+    let buses = buses(options)?;
     rig::enter_user_namespace()?;
-    let comparison = measure(options).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))?;
-    out!("{comparison}");
-    Ok(if comparison.fails() { Exit::TimingRegression } else { Exit::Pass })
+    let fails = measure(options, &buses).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))?;
+    Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
 }
 
-fn measure(options: &TimingOptions) -> anyhow::Result<Comparison> {
-    let (bare, ours) = (Cable::lay()?, Cable::lay()?);
-    let adapter = class1::Adapter::start(&ours)?;
-    let peer = match options.peer.split_first() {
+/// Returns the setups to measure: Setup A over each bus, with the addresses of the cables.
+fn buses(options: &TimingOptions) -> Result<Vec<(&'static str, Setup)>, Failure> {
+    let mut all: Vec<_> = over_each_bus(&setup::setup("A")?)?
+        .into_iter()
+        .filter(|(_, setup)| options.buses.is_empty() || options.buses.contains(&timed(&setup.bus.kind)))
+        .collect();
+    for (_, setup) in &mut all {
+        setup.bus.cycle_us.value = INTERVAL.as_micros() as u32;
+        if let BusKind::Profinet(addresses, _) | BusKind::EthernetIp(addresses, _) = &mut setup.bus.kind {
+            (addresses.plc, addresses.robot, addresses.mask) = (PLC, ROBOT, MASK);
+        }
+    }
+    let has_ethernet_ip = all.iter().any(|(_, setup)| timed(&setup.bus.kind) == TimedBus::EthernetIp);
+    if !options.peer.is_empty() && !has_ethernet_ip {
+        let reason =
+            "the adapter to compare with speaks EtherNet/IP, which --buses leaves out: add `ethernet-ip`";
+        return Err(Failure::new(Exit::Usage, anyhow::anyhow!(reason)));
+    }
+    Ok(all)
+}
+
+const fn timed(kind: &BusKind) -> TimedBus {
+    match kind {
+        BusKind::Profinet(_, profinet) => match profinet.cyclic {
+            Cyclic::Udp => TimedBus::ProfinetUdp,
+            Cyclic::Rt1 => TimedBus::ProfinetRt1,
+        },
+        BusKind::EthernetIp(..) => TimedBus::EthernetIp,
+        BusKind::Ethercat(_) => TimedBus::Ethercat,
+    }
+}
+
+/// Returns how the bare loop carries what this bus carries: the bus's own framing, with an image.
+const fn wire(kind: &BusKind) -> Wire {
+    match timed(kind) {
+        // FrameID, the cyclic data with their states, the status of the frame.
+        TimedBus::ProfinetUdp => Wire::Udp(276),
+        TimedBus::ProfinetRt1 => Wire::Ethernet(280),
+        // 18 bytes of items, the sequence count, the run/idle head.
+        TimedBus::EthernetIp => Wire::Udp(276),
+        // An image in each direction, in one frame.
+        TimedBus::Ethercat => Wire::Ethernet(540),
+    }
+}
+
+/// Measures bus by bus, in turns. Returns whether a limit is certainly exceeded.
+fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::Result<bool> {
+    let mut contenders: Vec<Contender<'_>> =
+        buses.iter().map(|(name, setup)| Contender::new(name, setup, wire(&setup.bus.kind))).collect();
+    let turns = Turns::new()?;
+    let foreign = match options.peer.split_first() {
         None => None,
         Some((program, arguments)) => {
             let cable = Cable::lay()?;
@@ -68,41 +132,75 @@ fn measure(options: &TimingOptions) -> anyhow::Result<Comparison> {
             Some((cable, process))
         }
     };
-    let mut turns = Vec::new();
     for turn in 0..options.seconds {
         errln!("turn {} of {}", turn + 1, options.seconds);
-        turns.push(thread::scope(|scope| {
-            let theirs = peer.as_ref().map(|(cable, _)| {
-                scope.spawn(move || window(|| class1::exchange(cable, class1::Peer::Foreign, turn)))
-            });
-            let ours = scope.spawn(|| window(|| class1::exchange(&ours, class1::Peer::Ours, turn)));
-            let mut common = window(|| bare::exchange(&bare))?;
-            for exchange in theirs.into_iter().chain([ours]) {
-                common = common.and(exchange.join().unwrap_or_else(|panic| resume_unwind(panic))?);
-            }
-            anyhow::Ok(common)
-        })?);
+        for contender in &mut contenders {
+            let is_ethernet_ip = timed(&contender.setup.bus.kind) == TimedBus::EthernetIp;
+            let peer = foreign.as_ref().filter(|_| is_ethernet_ip).map(|(cable, _)| cable);
+            turns.take(contender, turn, peer.map(|cable| (cable, foreign_adapter(contender.setup))))?;
+        }
     }
-    adapter.stop()?;
-    let (bare, ours) = (bare.arrivals()?, ours.arrivals()?);
-    let evenness = |arrivals: &cable::Arrivals, way: Way| Evenness::of(arrivals.of(way), &turns, INTERVAL);
-    let mut comparison = Comparison {
-        bare: [Way::ToPlc, Way::ToRobot].map(|way| evenness(&bare, way)),
-        ours: [Way::ToPlc, Way::ToRobot].map(|way| evenness(&ours, way)),
-        peer: None,
+    let of_peer = match foreign {
+        Some((cable, process)) => {
+            drop(process);
+            Some(cable.arrivals()?)
+        }
+        None => None,
     };
-    if let Some((cable, process)) = peer {
-        drop(process);
-        comparison.peer = Some(evenness(&cable.arrivals()?, Way::ToPlc));
-    }
-    Ok(comparison)
+    let comparisons = turns.compare(contenders, of_peer.as_ref())?;
+    outln!("{}", comparison::render(&comparisons));
+    Ok(comparisons.iter().any(comparison::Comparison::fails))
 }
 
-/// Runs an exchange, which returns when it began, and returns the time that counts.
-fn window(exchange: impl FnOnce() -> anyhow::Result<Instant>) -> anyhow::Result<Window> {
-    let start = exchange()? + SETTLE;
-    // Arrivals are stamped with the time of day.
-    let ago = clock::now().since(start);
-    let start = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.saturating_sub(ago);
-    Ok(Window { start, end: start + TURN })
+/// Returns the same setup with an adapter that has our assemblies, but any identity.
+fn foreign_adapter(setup: &Setup) -> Setup {
+    let mut setup = setup.clone();
+    if let BusKind::EthernetIp(_, ethernet_ip) = &mut setup.bus.kind {
+        let adapter = EthernetIpAdapter {
+            consumed_assembly: 150,
+            consumed_bytes: 256,
+            produced_assembly: 100,
+            produced_bytes: 256,
+            configuration_assembly: Some(151),
+            route: Vec::new(),
+            key: None,
+        };
+        *ethernet_ip = EthernetIp { adapter: Some(adapter), ..ethernet_ip.clone() };
+    }
+    setup
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(buses: &[TimedBus], peer: &[&str]) -> TimingOptions {
+        TimingOptions { seconds: 5, buses: buses.to_vec(), peer: peer.iter().map(OsString::from).collect() }
+    }
+
+    #[test]
+    fn every_bus_is_measured_unless_some_are_named_and_each_has_the_cables_addresses() {
+        let all = buses(&options(&[], &[])).unwrap();
+        let names: Vec<_> = all.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names, ["PROFINET udp", "PROFINET rt1", "EtherNet/IP", "EtherCAT"]);
+        for (name, setup) in &all {
+            setup::check(setup).unwrap();
+            assert_eq!(setup.bus.cycle_us.value, 1_000, "{name}");
+            assert!(setup.bus.addresses().is_none_or(|at| (at.plc, at.robot) == (PLC, ROBOT)), "{name}");
+        }
+        let some = buses(&options(&[TimedBus::Ethercat, TimedBus::ProfinetRt1], &[])).unwrap();
+        let names: Vec<_> = some.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names, ["PROFINET rt1", "EtherCAT"]);
+    }
+
+    #[test]
+    fn an_adapter_to_compare_with_is_refused_where_its_bus_is_left_out() {
+        let refused = buses(&options(&[TimedBus::Ethercat], &["adapter"])).unwrap_err();
+        assert!(format!("{refused:?}").contains("add `ethernet-ip`"), "{refused:?}");
+        let ethernet_ip = buses(&options(&[TimedBus::EthernetIp], &["adapter"])).unwrap();
+        let [(_, setup)] = &ethernet_ip[..] else { panic!("one bus") };
+        let foreign = foreign_adapter(setup);
+        setup::check(&foreign).unwrap();
+        assert_ne!(foreign.bus.kind, setup.bus.kind);
+    }
 }

@@ -1,0 +1,215 @@
+//! A contender: a connection over one bus between this project's two ends, or between its PLC's end and another
+//! maker's device.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::thread;
+
+use anyhow::bail;
+use machine::{Duration, Instant, Machine};
+use plc_node::bus::PlcBus;
+use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, clock};
+use robot_node::bus::RobotBus;
+use setup::Bus;
+
+use super::INTERVAL;
+use super::cable::{Cable, ROBOT};
+use super::stopwatch::{RoundTrip, Stopwatch, Times};
+use crate::output::errln;
+
+/// Longest time for a connection to be established, and to be closed.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Time between two looks at whether the connection is up.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Time from the connection to the first look at how the ends' cycles lie to each other.
+const RUNNING: Duration = Duration::from_millis(20);
+
+/// The device at the other end.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Peer {
+    /// This project's.
+    Ours,
+    /// Anybody else's, which runs there already.
+    Foreign,
+}
+
+/// A connection that is up.
+#[derive(Debug)]
+pub(super) struct Connection {
+    plc: CyclicThread<Stopwatch<PlcBus>, Call>,
+    robot: Option<CyclicThread<Stopwatch<RobotBus>, Serve>>,
+    times: Arc<Times>,
+    up_at: Instant,
+}
+
+impl Connection {
+    /// Connects. `turn` makes the connection's numbers its own.
+    pub(super) fn open(cable: &Cable, bus: &Bus, peer: Peer, turn: u32) -> anyhow::Result<Self> {
+        let times = Arc::new(Times::default());
+        let seed = u64::from(turn) << 8;
+        let robot = match peer {
+            Peer::Foreign => None,
+            Peer::Ours => Some(cable.robot.run(|interface| {
+                let endpoint = robot_node::bus::open(bus, interface.mac(), Some(ROBOT), seed, clock::now);
+                start(Stopwatch::of_robot(endpoint, Arc::clone(&times)), interface, Serve)
+            })?),
+        };
+        let plc = cable.plc.run(|interface| {
+            let endpoint = plc_node::bus::open(bus, interface.mac(), seed, clock::now())?;
+            start(Stopwatch::of_plc(endpoint, Arc::clone(&times)), interface, Call::default())
+        })?;
+        let mut own = Self { plc, robot, times, up_at: Instant::ZERO };
+        if let (0, Some(warning)) = (turn, own.plc.warning()) {
+            errln!("warning: {warning}");
+        }
+        let until = clock::now() + PATIENCE;
+        own.up_at = loop {
+            match own.plc.news() {
+                Some(News::Up(at)) => break at,
+                Some(News::Down(down)) if clock::now() >= until => bail!("no connection came about: {down}"),
+                Some(News::Down(_)) => {}
+                None if clock::now() >= until => bail!("nobody answered at {ROBOT} within {PATIENCE:?}"),
+                None => thread::sleep(LOOK),
+            }
+        };
+        thread::sleep(RUNNING);
+        Ok(own)
+    }
+
+    /// Returns when the connection came up.
+    pub(super) const fn up_at(&self) -> Instant {
+        self.up_at
+    }
+
+    /// Returns how long before a frame of the PLC's end the robot's end sends one.
+    pub(super) fn phase(&self) -> Duration {
+        self.times.phase(INTERVAL)
+    }
+
+    /// Closes the connection and returns the ways of all numbers.
+    pub(super) fn close(mut self) -> anyhow::Result<Vec<RoundTrip>> {
+        self.plc.send(())?;
+        let (plc, call) = finish(self.plc)?;
+        if let Some(mut robot) = self.robot {
+            robot.send(())?;
+            finish(robot)?;
+        }
+        match call.down {
+            Some(Down { cause: DownCause::ClosedHere, .. }) => Ok(plc.machine().round_trips().to_vec()),
+            Some(down) => bail!("the connection was lost in the middle of a turn: {down}"),
+            None => bail!("the connection was not closed within {PATIENCE:?}"),
+        }
+    }
+}
+
+fn start<M, T>(machine: M, interface: Interface, task: T) -> anyhow::Result<CyclicThread<M, T>>
+where
+    M: Machine + Send + 'static,
+    T: Task<M>,
+{
+    let (waker, reader) = (Notifier::new()?, Notifier::new()?);
+    let driver = Driver::new(machine, interface, waker.clone())?;
+    Ok(CyclicThread::start(driver, task, waker, reader)?)
+}
+
+fn finish<M: Machine + Send + 'static, T: Task<M>>(
+    thread: CyclicThread<M, T>,
+) -> anyhow::Result<(Driver<M>, T)> {
+    let finished = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    finished.result?;
+    Ok((finished.driver, finished.task))
+}
+
+/// Serves the PLC until it is stopped.
+#[derive(Debug)]
+struct Serve;
+
+impl Task<Stopwatch<RobotBus>> for Serve {
+    type Command = ();
+    type News = ();
+
+    fn event(
+        &mut self,
+        now: Instant,
+        robot: &mut Stopwatch<RobotBus>,
+        event: LinkEvent,
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        if let LinkEvent::SetAddress { address, .. } = event {
+            // The cable's ends have their addresses from the start.
+            robot.bus_mut().address_set(now, address == ROBOT);
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// What the PLC's thread reports.
+#[derive(Clone, Copy, Debug)]
+enum News {
+    Up(Instant),
+    Down(Down),
+}
+
+/// Keeps a connection until it is told to close it.
+#[derive(Default, Debug)]
+struct Call {
+    up: bool,
+    /// When to give up waiting for the end.
+    deadline: Option<Instant>,
+    /// How the connection ended.
+    down: Option<Down>,
+}
+
+impl Task<Stopwatch<PlcBus>> for Call {
+    type Command = ();
+    type News = News;
+
+    fn command(
+        &mut self,
+        now: Instant,
+        plc: &mut Stopwatch<PlcBus>,
+        _: &protocol_linux::Statistics,
+        (): (),
+        _: &mut Outbox<News>,
+    ) -> ControlFlow<()> {
+        self.deadline = Some(now + PATIENCE);
+        plc.bus_mut().disconnect(now);
+        ControlFlow::Continue(())
+    }
+
+    fn event(
+        &mut self,
+        now: Instant,
+        _: &mut Stopwatch<PlcBus>,
+        event: LinkEvent,
+        news: &mut Outbox<News>,
+    ) -> ControlFlow<()> {
+        match event {
+            LinkEvent::Up => {
+                self.up = true;
+                news.tell(News::Up(now));
+            }
+            LinkEvent::Down(down) => {
+                // Before the first connection the PLC keeps trying.
+                if self.up {
+                    self.down = Some(down);
+                    return ControlFlow::Break(());
+                }
+                news.tell(News::Down(down));
+            }
+            LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn expired(&mut self, _: Instant, _: &mut Stopwatch<PlcBus>) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
+}
