@@ -7,12 +7,14 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::process::{Command, ExitCode};
 
+use ethercat_subdevice::DeviceConfig as SubDeviceConfig;
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::{Instant, Machine};
 use networked_tests::End;
 use profinet::{Device, DeviceConfig};
+use protocol::buses::EthercatSubDevice;
 use protocol::fieldbus::LinkEvent;
-use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
+use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{CyclicThread, Driver, Interface, Notifier, OpenPort, Outbox, Task, clock};
 use serde_json::{Value, json};
@@ -139,9 +141,14 @@ fn ethernet_ip_robot(interface: &Interface) -> Adapter {
     Adapter::new(config)
 }
 
+fn ethercat_robot(_: &Interface) -> EthercatSubDevice {
+    EthercatSubDevice::new(&SubDeviceConfig { serial_number: 77, ..SubDeviceConfig::new(&ETHERCAT_ROBOT) })
+}
+
 fn a_robot_of_each_bus_on_one_cable_is_found() {
     let cable = Cable::lay();
     let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
+    let _ethercat = cable.attach(ethercat_robot);
     let said = cable.discover(&["--interface", "plc0", "--json"]);
     assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
     let found: Value = serde_json::from_str(&said.stdout).unwrap();
@@ -160,6 +167,13 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     assert_eq!((&device["serial_number"], &device["state"]), (&json!(0x1234_5678), &json!(3)));
     let count = |bus: &str| found[bus].as_array().unwrap().len();
     assert_eq!((count("profinet"), count("ethernet_ip")), (1, 1));
+    let sub_devices = found["ethercat"]["devices"].as_array().unwrap();
+    assert_eq!(sub_devices.len(), 1, "{sub_devices:?}");
+    let sub_device = &sub_devices[0];
+    assert_eq!(sub_device["order_code"], ETHERCAT_ROBOT.order_code);
+    assert_eq!(sub_device["product_code"], ETHERCAT_ROBOT.product_code);
+    assert_eq!((&sub_device["serial_number"], &sub_device["position"]), (&json!(77), &json!(0)));
+    assert_eq!((&sub_device["station_address"], &sub_device["state"]), (&json!(0), &json!("INIT")));
     assert_eq!(found["ignored_answers"], 0);
 
     let said = cable.discover(&["--interface", "plc0", "--bus", "profinet"]);
@@ -190,7 +204,8 @@ fn a_cable_without_devices_is_no_failure() {
     let said = cable.discover(&["--interface", "plc0", "--timeout", "200"]);
     assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
     let nothing = "PROFINET: no station answered DCP Identify on plc0, asked 3 times in 200 ms.\n\n\
-         EtherNet/IP: no device answered ListIdentity on plc0, asked 3 times in 200 ms.\n";
+         EtherNet/IP: no device answered ListIdentity on plc0, asked 3 times in 200 ms.\n\n\
+         EtherCAT: no frame came back on plc0, so there is no SubDevice.\n";
     assert_eq!(said.stdout, nothing);
 }
 

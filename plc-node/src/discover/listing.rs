@@ -13,12 +13,16 @@ use profinet::dcp::IpSuite;
 use protocol::search::Search;
 use serde::Serialize;
 
+use super::printable::printable;
+use super::sub_device::SubDevices;
+
 /// A bus that can be searched.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Bus {
     Profinet,
     EthernetIp,
+    Ethercat,
 }
 
 impl fmt::Display for Bus {
@@ -26,6 +30,7 @@ impl fmt::Display for Bus {
         f.write_str(match self {
             Self::Profinet => "PROFINET",
             Self::EthernetIp => "EtherNet/IP",
+            Self::Ethercat => "EtherCAT",
         })
     }
 }
@@ -46,6 +51,8 @@ pub(super) struct Listing {
     profinet: Option<Vec<Station>>,
     /// Null if EtherNet/IP was not searched.
     ethernet_ip: Option<Vec<Device>>,
+    /// Null if EtherCAT was not searched.
+    ethercat: Option<SubDevices>,
     skipped: Vec<Skipped>,
     /// Answers that were broken, foreign or too many.
     ignored_answers: u64,
@@ -80,11 +87,17 @@ struct Device {
 }
 
 impl Listing {
-    /// Collects the results of `search`; a bus that was not requested or not available is left out.
-    pub(super) fn new(interface: String, timeout_ms: u32, search: &Search, skipped: Vec<Skipped>) -> Self {
+    /// Collects the results of the searches; a bus that was not requested or not available is left out.
+    pub(super) fn new(
+        interface: String,
+        timeout_ms: u32,
+        search: Option<&Search>,
+        ethercat: Option<SubDevices>,
+        skipped: Vec<Skipped>,
+    ) -> Self {
         let ignored = |tally: Tally| tally.ignored + tally.surplus;
-        let profinet = search.profinet().map(|search| search.answers());
-        let ethernet_ip = search.ethernet_ip().map(|search| search.answers());
+        let profinet = search.and_then(Search::profinet).map(|search| search.answers());
+        let ethernet_ip = search.and_then(Search::ethernet_ip).map(|search| search.answers());
         let tallies = [profinet.map(|answers| answers.tally()), ethernet_ip.map(|answers| answers.tally())];
         let stations = |answers: &Answers<FoundStation>| {
             let mut stations: Vec<_> = answers.devices().iter().map(Station::from).collect();
@@ -101,6 +114,7 @@ impl Listing {
             timeout_ms,
             profinet: profinet.map(stations),
             ethernet_ip: ethernet_ip.map(devices),
+            ethercat,
             skipped,
             ignored_answers: tallies.into_iter().flatten().map(ignored).sum(),
         }
@@ -175,6 +189,12 @@ impl fmt::Display for Listing {
                 ],
                 Device::row,
             )?;
+        }
+        if let Some(sub_devices) = &self.ethercat {
+            if self.profinet.is_some() || self.ethernet_ip.is_some() {
+                writeln!(f)?;
+            }
+            sub_devices.write(f, &self.interface)?;
         }
         if self.ignored_answers > 0 {
             writeln!(f, "\n{} broken or foreign answers were ignored.", self.ignored_answers)?;
@@ -270,21 +290,6 @@ fn state(code: u8) -> String {
     }
 }
 
-/// Converts a device's bytes to text: invalid UTF-8 and every control character become `�`.
-fn printable(bytes: &[u8]) -> String {
-    let text = String::from_utf8_lossy(bytes);
-    // DCP's padding and fixed-length fields of some devices add zeros.
-    let text = text.trim_end_matches('\0').trim();
-    text.chars().map(|char| if is_plain(char) { char } else { char::REPLACEMENT_CHARACTER }).collect()
-}
-
-/// Returns whether a terminal just shows the character: it is no control character and does not change the writing
-/// direction.
-fn is_plain(char: char) -> bool {
-    !char.is_control()
-        && !matches!(char, '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,6 +321,7 @@ mod tests {
                 status: 0,
                 state: 3,
             }]),
+            ethercat: None,
             skipped: Vec::new(),
             ignored_answers: 2,
         }
@@ -367,6 +373,7 @@ mod tests {
             }
           ],
           "ethernet_ip": null,
+          "ethercat": null,
           "skipped": [
             {
               "bus": "ethernet-ip",
@@ -391,12 +398,5 @@ mod tests {
 
         EtherNet/IP: no device answered ListIdentity on eth0, asked 3 times in 2000 ms.
         ");
-    }
-
-    #[test]
-    fn control_characters_in_a_name_do_not_reach_the_terminal() {
-        assert_eq!(printable(b"\x1b[2Jrobot\x07 \xFF\0\0"), "\u{FFFD}[2Jrobot\u{FFFD} \u{FFFD}");
-        assert_eq!(printable("ab\u{202E}c".as_bytes()), "ab\u{FFFD}c");
-        assert_eq!(printable("Förderband".as_bytes()), "Förderband");
     }
 }

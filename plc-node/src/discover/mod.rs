@@ -1,12 +1,15 @@
 //! `plc-node discover`: lists the devices on a cable, for commissioning.
 
 mod listing;
+mod printable;
+mod sub_device;
 
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
+use ethercat_maindevice::Found;
 use machine::search::SearchEnded;
-use machine::{Duration, Instant};
+use machine::{Duration, Instant, Machine, PortRequest};
 use node::errln;
 use node::output::to_stdout;
 use node::supervise::Outcome;
@@ -14,6 +17,7 @@ use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 use listing::{Bus, Listing, Skipped};
+use sub_device::SubDevices;
 
 /// A cable and how to search it.
 #[derive(clap::Args, Debug)]
@@ -39,7 +43,8 @@ Examples:
   plc-node discover --interface eth0 --bus profinet --timeout 5000   a large network
   plc-node discover --interface eth0 --json | jq '.profinet[].name'
 
-PROFINET needs raw sockets (root, or the capability CAP_NET_RAW); EtherNet/IP needs an IPv4 address on the interface.
+PROFINET and EtherCAT need raw sockets (root, or the capability CAP_NET_RAW); EtherNet/IP needs an IPv4 address on the
+interface. SubDevices of EtherCAT stay in their states; do not search where a MainDevice of this host uses the interface.
 A bus that cannot be asked is skipped with a warning. A search that finds nothing is no failure: exit code 0.";
 
 /// Which devices to look for.
@@ -49,7 +54,9 @@ enum Wanted {
     Profinet,
     /// ListIdentity.
     EthernetIp,
-    /// Both.
+    /// Reading registers and EEPROMs.
+    Ethercat,
+    /// All of them.
     All,
 }
 
@@ -58,6 +65,7 @@ impl Wanted {
         match self {
             Self::Profinet => bus == Bus::Profinet,
             Self::EthernetIp => bus == Bus::EthernetIp,
+            Self::Ethercat => bus == Bus::Ethercat,
             Self::All => true,
         }
     }
@@ -73,13 +81,35 @@ impl DiscoverCommand {
                 self.interface
             );
         }
-        let start = clock::now();
         let length = Duration::from_millis(self.timeout.into());
-        let (mut profinet, mut ethernet_ip) = (None, None);
         let mut skipped = Vec::new();
+        let search = self.search_by_questions(&interface, length, &mut skipped)?;
+        let ethercat = self.search_ethercat(&interface, length, &mut skipped)?;
+        if ethercat.is_none() && search.is_none() {
+            let reasons: Vec<_> = skipped.iter().map(|skipped| skipped.reason.as_str()).collect();
+            anyhow::bail!("nothing can be asked on `{}`: {}", self.interface, reasons.join("; "));
+        }
+        for Skipped { bus, reason } in &skipped {
+            errln!("warning: {bus} was not searched: {reason}");
+        }
+        let listing = Listing::new(self.interface, self.timeout, search.as_ref(), ethercat, skipped);
+        let text = if self.json { listing.to_json()? } else { listing.to_string() };
+        to_stdout(format_args!("{text}"))?;
+        Ok(Outcome::Done)
+    }
+
+    /// Asks the devices on PROFINET and EtherNet/IP at the same time; `None` if neither can be asked.
+    fn search_by_questions(
+        &self,
+        interface: &Interface,
+        length: Duration,
+        skipped: &mut Vec<Skipped>,
+    ) -> anyhow::Result<Option<Search>> {
+        let start = clock::now();
+        let (mut profinet, mut ethernet_ip) = (None, None);
         if self.bus.includes(Bus::Profinet) {
             // Opened only to see whether it is possible; the driver opens it again.
-            match OpenPort::open(&interface, profinet::ETHERNET) {
+            match OpenPort::open(interface, profinet::ETHERNET) {
                 Ok(_) => {
                     // The clock gives each search its own transaction numbers.
                     let first_xid = (start.as_nanos() >> 10) as u32;
@@ -90,31 +120,54 @@ impl DiscoverCommand {
             }
         }
         if self.bus.includes(Bus::EthernetIp) {
-            match ethernet_ip_search(&interface, length) {
+            match ethernet_ip_search(interface, length) {
                 Ok(config) => ethernet_ip = Some(ethernet_ip::Search::new(config, start)),
                 Err(error) => skipped.push(Skipped { bus: Bus::EthernetIp, reason: format!("{error:#}") }),
             }
         }
         if profinet.is_none() && ethernet_ip.is_none() {
-            let reasons: Vec<_> = skipped.iter().map(|skipped| skipped.reason.as_str()).collect();
-            anyhow::bail!("nothing can be asked on `{}`: {}", self.interface, reasons.join("; "));
+            return Ok(None);
         }
-        let mut driver = Driver::new(Search::new(profinet, ethernet_ip), interface, Notifier::new()?)?;
-        driver.run(&mut UntilEnd)?;
-        let statistics = driver.statistics();
-        if statistics.sent == 0
-            && let Some(error) = statistics.last_send_error
-        {
-            anyhow::bail!("no question left `{}`: {error}; is the cable plugged in?", self.interface);
-        }
-        for Skipped { bus, reason } in &skipped {
-            errln!("warning: {bus} was not searched: {reason}");
-        }
-        let listing = Listing::new(self.interface, self.timeout, driver.machine(), skipped);
-        let text = if self.json { listing.to_json()? } else { listing.to_string() };
-        to_stdout(format_args!("{text}"))?;
-        Ok(Outcome::Done)
+        let search = Search::new(profinet, ethernet_ip);
+        Ok(Some(searched(search, interface, UntilEnd)?.0))
     }
+
+    /// Looks for SubDevices on EtherCAT; `None` if they are not looked for.
+    fn search_ethercat(
+        &self,
+        interface: &Interface,
+        length: Duration,
+        skipped: &mut Vec<Skipped>,
+    ) -> anyhow::Result<Option<SubDevices>> {
+        if !self.bus.includes(Bus::Ethercat) {
+            return Ok(None);
+        }
+        let port = PortRequest::Ethernet { ether_type: ethercat_maindevice::ETHER_TYPE, groups: &[] };
+        if let Err(error) = OpenPort::open(interface, port) {
+            skipped.push(Skipped { bus: Bus::Ethercat, reason: error.to_string() });
+            return Ok(None);
+        }
+        let search = ethercat_maindevice::search(clock::now(), length);
+        let (_, UntilFound(found)) = searched(search, interface, UntilFound(None))?;
+        Ok(found.map(SubDevices::from))
+    }
+}
+
+/// Runs a search until its owner ends it, and returns both.
+fn searched<M: Machine, O: Owner<M>>(
+    search: M,
+    interface: &Interface,
+    mut owner: O,
+) -> anyhow::Result<(M, O)> {
+    let mut driver = Driver::new(search, Interface::open(interface.name())?, Notifier::new()?)?;
+    driver.run(&mut owner)?;
+    let statistics = driver.statistics();
+    if statistics.sent == 0
+        && let Some(error) = statistics.last_send_error
+    {
+        anyhow::bail!("no question left `{}`: {error}; is the cable plugged in?", interface.name());
+    }
+    Ok((driver.into_machine(), owner))
 }
 
 /// Returns the configuration of the search on EtherNet/IP. It uses a port that the kernel chooses, since a node on
@@ -139,6 +192,20 @@ impl Owner<Search> for UntilEnd {
     }
 
     fn event(&mut self, _: Instant, _: &mut Search, _: SearchEnded) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+}
+
+/// Waits for what the search found.
+struct UntilFound(Option<Found>);
+
+impl<M: Machine<Event = Found>> Owner<M> for UntilFound {
+    fn wake(&mut self, _: Instant, _: &mut M, _: &Statistics) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: Instant, _: &mut M, found: Found) -> ControlFlow<()> {
+        self.0 = Some(found);
         ControlFlow::Break(())
     }
 }

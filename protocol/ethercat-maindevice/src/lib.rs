@@ -8,12 +8,16 @@ mod operation;
 mod problem;
 mod process;
 mod script;
+mod search;
+mod sii;
 pub mod time;
 
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
 pub use ethercrab;
 pub use main_device::MainDevice;
 pub use script::{Scripted, with_main_device};
+pub use search::{Found, FoundSubDevice, search};
+pub use sii::{Identity, Unreadable};
 
 /// EtherType of EtherCAT frames.
 pub const ETHER_TYPE: u16 = 0x88A4;

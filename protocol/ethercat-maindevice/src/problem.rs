@@ -145,7 +145,7 @@ const fn before(index: usize) -> &'static str {
 }
 
 /// Writes what an AL status code says; nothing if there is no error.
-fn write_code(words: &mut dyn fmt::Write, code: u16) -> fmt::Result {
+pub(crate) fn write_code(words: &mut dyn fmt::Write, code: u16) -> fmt::Result {
     if code == 0 {
         return Ok(());
     }

@@ -130,6 +130,11 @@ impl<M: Machine> Driver<M> {
         &self.machine
     }
 
+    /// Closes the ports and returns the machine.
+    pub fn into_machine(self) -> M {
+        self.machine
+    }
+
     /// Returns the driver's counters so far.
     pub const fn statistics(&self) -> &Statistics {
         &self.statistics

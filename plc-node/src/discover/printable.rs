@@ -1,0 +1,28 @@
+//! Names as a terminal may show them.
+
+/// Converts a device's bytes to text: invalid UTF-8 and every control character become `�`.
+pub(super) fn printable(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    // DCP's padding and fixed-length fields of some devices add zeros.
+    let text = text.trim_end_matches('\0').trim();
+    text.chars().map(|char| if is_plain(char) { char } else { char::REPLACEMENT_CHARACTER }).collect()
+}
+
+/// Returns whether a terminal just shows the character: it is no control character and does not change the writing
+/// direction.
+fn is_plain(char: char) -> bool {
+    !char.is_control()
+        && !matches!(char, '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_in_a_name_do_not_reach_the_terminal() {
+        assert_eq!(printable(b"\x1b[2Jrobot\x07 \xFF\0\0"), "\u{FFFD}[2Jrobot\u{FFFD} \u{FFFD}");
+        assert_eq!(printable("ab\u{202E}c".as_bytes()), "ab\u{FFFD}c");
+        assert_eq!(printable("Förderband".as_bytes()), "Förderband");
+    }
+}
