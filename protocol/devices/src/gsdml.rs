@@ -5,6 +5,7 @@ use std::fmt::{self, Write};
 use profinet::description::{Description, INTERFACE_SUBSLOT, Module, PORT_SUBSLOT, Submodule};
 
 use crate::Date;
+use crate::xml::Xml;
 
 const NAMESPACE: &str = "http://www.profibus.com/GSDML/2003/11/DeviceProfile";
 
@@ -54,40 +55,7 @@ const fn directions(submodule: &Submodule) -> (bool, bool) {
     (submodule.input_len > 0 || submodule.output_len == 0, submodule.output_len > 0)
 }
 
-/// XML being written. It contains only our own names and numbers, so nothing needs to be escaped.
-#[derive(Default)]
-struct Xml {
-    text: String,
-    depth: usize,
-    /// Texts that elements refer to by identifier.
-    texts: Vec<(String, String)>,
-}
-
 impl Xml {
-    fn empty(&mut self, element: impl fmt::Display) -> fmt::Result {
-        writeln!(self.text, "{:1$}<{element}/>", "", 2 * self.depth)
-    }
-
-    fn leaf(&mut self, name: &str, content: &str) -> fmt::Result {
-        writeln!(self.text, "{:1$}<{name}>{content}</{name}>", "", 2 * self.depth)
-    }
-
-    fn within(
-        &mut self,
-        name: &str,
-        attributes: impl fmt::Display,
-        inner: impl FnOnce(&mut Self) -> fmt::Result,
-    ) -> fmt::Result {
-        let indent = 2 * self.depth;
-        let attributes = attributes.to_string();
-        let space = if attributes.is_empty() { "" } else { " " };
-        writeln!(self.text, "{:indent$}<{name}{space}{attributes}>", "")?;
-        self.depth += 1;
-        inner(self)?;
-        self.depth -= 1;
-        writeln!(self.text, "{:indent$}</{name}>", "")
-    }
-
     /// Adds a text for people to the list of texts. Returns its identifier.
     fn refer_to(&mut self, id: &str, text: &str) -> String {
         let id = format!("IDT_{id}");

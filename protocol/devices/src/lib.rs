@@ -1,7 +1,7 @@
-//! Device descriptions that a real PLC imports to connect to the robot node: an EDS file for EtherNet/IP and a GSDML
-//! file for PROFINET.
+//! Device descriptions that a real PLC imports to connect to the robot node: an EDS file for EtherNet/IP, a GSDML file for
+//! PROFINET and an ESI file for EtherCAT.
 //!
-//! Both are generated from the descriptions that the adapter and the IO-Device themselves use
+//! They are generated from the descriptions that the adapter, the IO-Device and the SubDevice themselves use
 //! ([`protocol::stations`]), so they cannot differ from them. The files are in this crate's folder, where a person looks
 //! for them; a test generates them again and compares, and writes them with `INSTA_UPDATE=always`. Other tests parse the
 //! files and compare them with running machines: everything that a file promises is opened, connected and read.
@@ -10,9 +10,11 @@
 //! time. No crate depends on this one.
 
 pub mod eds;
+pub mod esi;
 pub mod gsdml;
+mod xml;
 
-use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
+use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 
 /// Date of the last change to the files' content.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -31,9 +33,10 @@ pub const CHANGED: Date = Date { year: 2026, month: 11, day: 21 };
 
 /// Returns every file: its name and its content.
 #[must_use]
-pub fn files() -> [(String, String); 2] {
+pub fn files() -> [(String, String); 3] {
     [
         ("skillbench-robot.eds".to_owned(), eds::write(&ETHERNET_IP_ROBOT, CHANGED)),
         (gsdml::file_name(&PROFINET_ROBOT, CHANGED), gsdml::write(&PROFINET_ROBOT)),
+        ("skillbench-robot.xml".to_owned(), esi::write(&ETHERCAT_ROBOT)),
     ]
 }

@@ -21,7 +21,7 @@ struct Eds(BTreeMap<String, BTreeMap<String, Vec<String>>>);
 
 impl Eds {
     fn read() -> Self {
-        let [(_, text), _] = devices::files();
+        let [(_, text), ..] = devices::files();
         let mut sections: BTreeMap<String, BTreeMap<String, Vec<String>>> = BTreeMap::new();
         let mut section = String::new();
         let mut entry = String::new();

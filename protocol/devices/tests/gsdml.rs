@@ -20,7 +20,7 @@ use roxmltree::{Document, Node};
 use virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
 
 fn text() -> String {
-    let [_, (_, text)] = devices::files();
+    let [_, (_, text), _] = devices::files();
     text
 }
 
@@ -40,7 +40,7 @@ fn number(node: Node<'_, '_>, attribute: &str) -> u32 {
 
 #[test]
 fn the_name_of_the_file_has_the_parts_that_engineering_systems_expect() {
-    let [_, (name, _)] = devices::files();
+    let [_, (name, _), _] = devices::files();
     let parts: Vec<_> = name.strip_suffix(".xml").unwrap().split('-').collect();
     let [gsdml, version, vendor, _, date] = parts[..] else { unreachable!("{name}") };
     assert_eq!((gsdml, version, date.len()), ("GSDML", "V2.4", 8));

@@ -1,5 +1,7 @@
 //! Where a device's sync managers are in its memory. The EEPROM tells the MainDevice, which configures them so.
 
+use alloc::vec::Vec;
+
 use crate::description::{Description, process_data_len};
 
 /// First address of the process data RAM.
@@ -10,21 +12,34 @@ pub(crate) const RAM_LEN: u16 = 0x2000;
 
 /// What a sync manager is for (ETG.1000.6, SII category 41).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Usage {
+pub enum Usage {
+    /// Messages from the MainDevice.
     MailboxReceive = 1,
+    /// Messages to the MainDevice.
     MailboxSend = 2,
+    /// Process data from the MainDevice.
     Outputs = 3,
+    /// Process data to the MainDevice.
     Inputs = 4,
 }
 
 /// How a sync manager has to be configured.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) struct SyncManagerLayout {
-    pub(crate) usage: Usage,
-    pub(crate) start: u16,
-    pub(crate) len: u16,
+pub struct SyncManagerLayout {
+    /// What it is for.
+    pub usage: Usage,
+    /// First address of its buffer.
+    pub start: u16,
+    /// Length in bytes of its buffer; process data have three, one behind the other.
+    pub len: u16,
     /// Control register: mode, direction, interrupts, watchdog trigger.
-    pub(crate) control: u8,
+    pub control: u8,
+}
+
+/// Returns the sync managers of a device with this description, in the order of their numbers.
+#[must_use]
+pub fn sync_managers(description: &Description) -> Vec<SyncManagerLayout> {
+    Layout::new(description).iter().collect()
 }
 
 /// The sync managers of a device, by their numbers.

@@ -24,6 +24,7 @@ pub use config::DeviceConfig;
 pub use description::Description;
 pub use esc::LocalClock;
 pub use event::{DeviceId, Event};
+pub use layout::{SyncManagerLayout, Usage, sync_managers};
 pub use mailbox::Emergency;
 pub use segment::{Counters, DataError, Segment};
 pub use sii_image::sii_image;
