@@ -32,6 +32,8 @@ def main(interface):
     entries = [entry.name.decode() for item in echo.od if item.index == 0x1018 for entry in item.entries]
     assert entries[1:] == ["Vendor ID", "Product code", "Revision", "Serial number"], entries
     print(len(objects), "objects", flush=True)
+    for device in master.slaves:
+        slaveinfo(device)
     foe(echo)
 
     size = master.config_map()
@@ -89,6 +91,47 @@ def sdo(device):
     else:
         raise AssertionError("an object that does not exist was read")
     print("SDOs of every kind", flush=True)
+
+
+def slaveinfo(device):
+    """What SOEM's program slaveinfo prints: identity, PDOs by their mapping objects, and each object with its values."""
+    print(f"{device.name}: {device.man:#010x} {device.id:#010x} {device.rev:#010x}, state {device.state:#x}")
+    assert device.state == pysoem.PREOP_STATE and device.al_status == 0, (device.state, device.al_status)
+    if device.name == "SIMPLE":
+        return  # has no mailbox
+    objects = {item.index: item for item in device.od}
+    for assignment, direction in ((0x1C12, "outputs"), (0x1C13, "inputs")):
+        bits = 0
+        for number in range(1, device.sdo_read(assignment, 0)[0] + 1):
+            pdo = struct.unpack("<H", device.sdo_read(assignment, number))[0]
+            for entry in range(1, device.sdo_read(pdo, 0)[0] + 1):
+                mapping = struct.unpack("<I", device.sdo_read(pdo, entry))[0]
+                index, subindex, length = mapping >> 16, mapping >> 8 & 0xFF, mapping & 0xFF
+                name = objects[index].entries[subindex].name.decode()
+                print(f"  {direction} {index:#06x}:{subindex:02x} {length} bits {name}")
+                bits += length
+        assert bits == 64, (direction, bits)
+    values = 0
+    for index, item in sorted(objects.items()):
+        assert item.name, hex(index)
+        # A variable has one entry; the first entry of others is the highest subindex, which the information service
+        # does not count.
+        for subindex, entry in enumerate(item.entries if item.object_code != 7 else [item]):
+            readable = item.object_code == 7 or entry.obj_access & 0x0007
+            if not readable or (item.object_code != 7 and entry.data_type == 0):
+                continue
+            value = device.sdo_read(index, subindex, 4000)
+            length = (entry.bit_length + 7) // 8
+            # Strings may be shorter than their room.
+            assert len(value) == length or (entry.data_type in (9, 10) and len(value) <= length), (
+                hex(index), subindex, value, entry.bit_length)
+            print(f"  {index:#06x}:{subindex:02x} {entry.name.decode()}: {value[:16].hex(' ')}")
+            values += 1
+    # SOEM keeps what a device complains of: emergencies, aborts and broken answers.
+    complaints = []
+    device.add_emergency_callback(complaints.append)
+    assert device.mbx_receive() in (None, 0) and not complaints, complaints
+    print(len(objects), "objects with", values, "values listed without a complaint", flush=True)
 
 
 def foe(device):

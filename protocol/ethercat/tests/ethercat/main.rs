@@ -4,6 +4,7 @@
 #![expect(unreachable_pub, reason = "a test program has no users")]
 
 mod cables;
+mod captured;
 mod clocks;
 mod devices;
 mod eeprom;
