@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# pysoem (SOEM) as MainDevice of our SubDevices: found, SDOs of every kind, a file, OP, 500 numbers through two devices.
+# pysoem (SOEM) as MainDevice of our SubDevices: found, SDOs of every kind, every object listed, a file, OP, 500 numbers through two devices.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
@@ -7,6 +7,7 @@ start subdevice at_robot "$EXAMPLES/subdevice" robot
 says subdevice 'wait for a MainDevice'
 start peer at_plc "$VENV/bin/python" scripts/interop/peers/pysoem_main.py plc
 ends peer 40
+says peer '15 objects with 29 values listed without a complaint'
 says peer '500 numbers came back'
 says peer 'done'
 says subdevice 'device 1: OP, 0x0000'
