@@ -9,7 +9,7 @@ PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn
 
 # The crates that contain only machines: package, and folder.
 PURE=(fieldbus-machine:protocol/machine profinet-proto:protocol/profinet ethernet-ip-proto:protocol/ethernet-ip
-    ethercat-subdevice:protocol/ethercat fieldbus-virtual-time:protocol/virtual-time protocol:protocol)
+    ethercat-subdevice:protocol/ethercat ethercat-drive:protocol/ethercat-drive fieldbus-virtual-time:protocol/virtual-time protocol:protocol)
 
 verb_help() { #: list the verbs
     echo "usage: scripts/dev.sh VERB"
@@ -249,14 +249,18 @@ summarise() {
 }
 
 verb_examples() { #: the stacks' examples against each other, each in a process of its own; captures through the gates (as root)
-    local target="${CARGO_TARGET_DIR:-$PWD/target}" stack
+    local target="${CARGO_TARGET_DIR:-$PWD/target}" stack gate
     export EXAMPLES="$target/debug/examples" OUT
     build
-    for stack in profinet ethernet-ip ethercat; do
+    for stack in profinet ethernet-ip ethercat ethercat-drive; do
         OUT="$target/interop/examples-$stack"
         echo "-- $stack"
         timeout 90 bash "scripts/examples/$stack.sh"
-        "gate_${stack/-/_}" "$OUT/capture.pcapng"
+        case $stack in
+            ethernet-ip) gate=gate_ethernet_ip ;;
+            *) gate=gate_${stack%-drive} ;;
+        esac
+        "$gate" "$OUT/capture.pcapng"
     done
 }
 

@@ -1,0 +1,116 @@
+//! The controller's side of several drives that move together: they are switched on together, and where one of them stops
+//! by itself, the others are stopped.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::axis::{Axis, Power, Wanted};
+use crate::error_code::ErrorCode;
+use crate::process_data::{INPUT_LEN, Inputs, OUTPUT_LEN};
+
+/// Why an axis does not follow its targets any more.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Cause {
+    /// The drive has a fault.
+    Fault(ErrorCode),
+    /// The drive stops though nobody told it to.
+    QuickStop,
+    /// The drive took the torque away though nobody told it to.
+    SwitchedOff,
+}
+
+/// An axis that stopped by itself.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct AxisError {
+    /// Which axis, from 1.
+    pub axis: usize,
+    /// Why.
+    pub cause: Cause,
+}
+
+impl fmt::Display for AxisError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { axis, cause } = self;
+        match cause {
+            Cause::Fault(code) => write!(f, "drive of axis {axis}: {code}"),
+            Cause::QuickStop => write!(f, "drive of axis {axis}: it stopped by itself"),
+            Cause::SwitchedOff => write!(f, "drive of axis {axis}: it switched itself off"),
+        }
+    }
+}
+
+/// Several drives.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Axes {
+    axes: Vec<Axis>,
+    wanted: Wanted,
+    /// All drives were on since they were switched on.
+    were_on: bool,
+    error: Option<AxisError>,
+}
+
+impl Axes {
+    /// Creates the controller's side of so many drives, off.
+    #[must_use]
+    pub fn new(count: usize) -> Self {
+        Self { axes: vec![Axis::default(); count], wanted: Wanted::Off, were_on: false, error: None }
+    }
+
+    /// Returns the axes in the order of their drives.
+    #[must_use]
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    /// Returns whether all drives follow their targets.
+    #[must_use]
+    pub fn are_on(&self) -> bool {
+        self.wanted == Wanted::On && self.axes.iter().all(|axis| axis.power() == Power::On)
+    }
+
+    /// Returns the first axis that stopped by itself since the last reset.
+    #[must_use]
+    pub const fn error(&self) -> Option<AxisError> {
+        self.error
+    }
+
+    /// Asks for something of all drives. Only [`Wanted::Reset`] leads out of an error.
+    pub fn want(&mut self, wanted: Wanted) {
+        if wanted == Wanted::Reset {
+            self.error = None;
+        }
+        if self.error.is_none() && wanted != self.wanted {
+            (self.wanted, self.were_on) = (wanted, false);
+        }
+    }
+
+    /// Takes the inputs of all drives and writes their next outputs. `targets` are in increments.
+    ///
+    /// Process data of another length are left as they are.
+    pub fn cycle(&mut self, inputs: &[u8], targets: &[i32], outputs: &mut [u8]) {
+        let places = inputs.chunks_exact(INPUT_LEN).zip(outputs.chunks_exact_mut(OUTPUT_LEN)).zip(targets);
+        let was_on = self.were_on;
+        let mut stopped = None;
+        for (index, (axis, ((inputs, _), _))) in self.axes.iter_mut().zip(places).enumerate() {
+            let Some(inputs) = Inputs::parse(inputs) else { continue };
+            axis.receive(&inputs);
+            let cause = match axis.power() {
+                Power::Fault(code) if self.wanted != Wanted::Reset => Some(Cause::Fault(code)),
+                Power::Stopping if was_on => Some(Cause::QuickStop),
+                Power::Off if was_on => Some(Cause::SwitchedOff),
+                _ => None,
+            };
+            stopped = stopped.or(cause.map(|cause| AxisError { axis: index + 1, cause }));
+        }
+        if self.error.is_none() && stopped.is_some() {
+            (self.error, self.wanted, self.were_on) = (stopped, Wanted::QuickStop, false);
+        }
+        self.were_on |= self.are_on();
+        let places = inputs.chunks_exact(INPUT_LEN).zip(outputs.chunks_exact_mut(OUTPUT_LEN)).zip(targets);
+        for (axis, ((inputs, outputs), target)) in self.axes.iter_mut().zip(places) {
+            let state = Inputs::parse(inputs).and_then(|inputs| inputs.status_word.state());
+            outputs.copy_from_slice(&axis.send(self.wanted, state, *target).bytes());
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! The controller's side of one drive: which control word leads it where it is wanted.
+
+use crate::error_code::ErrorCode;
+use crate::process_data::{Inputs, Outputs};
+use crate::state::{Mode, State, control};
+
+/// What a controller wants of its drives.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub enum Wanted {
+    /// No voltage.
+    #[default]
+    Off,
+    /// To follow targets.
+    On,
+    /// To stop as fast as they can.
+    QuickStop,
+    /// To leave a fault; then no voltage.
+    Reset,
+}
+
+/// Where a drive is.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub enum Power {
+    /// Without torque.
+    #[default]
+    Off,
+    /// It follows targets.
+    On,
+    /// It brakes.
+    Stopping,
+    /// It has a fault.
+    Fault(ErrorCode),
+}
+
+/// One drive, for its controller.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct Axis {
+    power: Power,
+    position: i32,
+    following_error: i32,
+    sent: u16,
+}
+
+impl Axis {
+    /// Returns where the drive is, as of its last inputs.
+    #[must_use]
+    pub const fn power(&self) -> Power {
+        self.power
+    }
+
+    /// Returns the actual position in increments.
+    #[must_use]
+    pub const fn position(&self) -> i32 {
+        self.position
+    }
+
+    /// Returns target less actual position in increments.
+    #[must_use]
+    pub const fn following_error(&self) -> i32 {
+        self.following_error
+    }
+
+    /// Takes what a drive reports.
+    pub fn receive(&mut self, inputs: &Inputs) {
+        (self.position, self.following_error) = (inputs.position, inputs.following_error);
+        let follows = Mode::of(inputs.mode) == Mode::CyclicSynchronousPosition;
+        self.power = match inputs.status_word.state() {
+            Some(State::OperationEnabled) if follows => Power::On,
+            Some(State::QuickStopActive) => Power::Stopping,
+            Some(State::FaultReactionActive | State::Fault) => Power::Fault(inputs.error),
+            _ => Power::Off,
+        };
+    }
+
+    /// Returns what to send next to a drive that reported `state`. A target counts once the drive is on; before that
+    /// it is told to stay where it is.
+    pub fn send(&mut self, wanted: Wanted, state: Option<State>, target: i32) -> Outputs {
+        self.sent = self.control_word(wanted, state);
+        let target = if self.power == Power::On { target } else { self.position };
+        Outputs { control_word: self.sent, target, mode: Mode::CyclicSynchronousPosition.number() }
+    }
+
+    const fn control_word(&self, wanted: Wanted, state: Option<State>) -> u16 {
+        match (wanted, state) {
+            (Wanted::On, Some(State::SwitchOnDisabled)) => control::SHUTDOWN,
+            (Wanted::On, Some(State::ReadyToSwitchOn)) => control::SWITCH_ON,
+            (Wanted::On, Some(State::SwitchedOn | State::OperationEnabled)) => control::ENABLE_OPERATION,
+            (Wanted::QuickStop, Some(State::OperationEnabled | State::QuickStopActive)) => {
+                control::QUICK_STOP
+            }
+            // Only an edge resets.
+            (Wanted::Reset, Some(State::Fault)) if self.sent & control::FAULT_RESET == 0 => {
+                control::FAULT_RESET
+            }
+            _ => control::DISABLE_VOLTAGE,
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! The emulated drive as a SubDevice.
+
+use ethercat_subdevice::Description;
+use ethercat_subdevice::description::{Access, DataType, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry};
+
+/// Following error window in increments, object 0x6065.
+pub(crate) const WINDOW: u16 = 0x6065;
+/// Following error time-out in ms, object 0x6066.
+pub(crate) const WINDOW_TIME: u16 = 0x6066;
+/// Quick stop option code, object 0x605A.
+pub(crate) const QUICK_STOP_OPTION: u16 = 0x605A;
+/// Quick stop deceleration in increments/s², object 0x6085.
+pub(crate) const QUICK_STOP_DECELERATION: u16 = 0x6085;
+
+const fn entry(index: u16, bits: u8, data_type: DataType, name: &'static str) -> PdoEntry {
+    PdoEntry { index, subindex: 0, bits, data_type, name }
+}
+
+const GAP: PdoEntry = entry(0, 8, DataType::Unsigned8, "");
+
+const fn variable(index: u16, name: &'static str, entries: &'static [Entry]) -> Object {
+    Object { index, name, code: ObjectCode::Variable, entries }
+}
+
+const fn value(name: &'static str, data_type: DataType, access: Access, default: &'static [u8]) -> Entry {
+    Entry { subindex: 0, name, data_type, access, capacity: default.len(), default }
+}
+
+/// A servo drive with cyclic synchronous position. Window, times and quick stop can be set by SDO.
+pub static DRIVE: Description = Description {
+    // No vendor stands behind an emulated drive, and the last number belongs to none.
+    vendor_id: 0xFFFF_FFFF,
+    product_code: 0x0000_0402,
+    revision: 0x0001_0000,
+    order_code: "skillbench-drive",
+    name: "Emulated servo drive, CiA 402",
+    // Profile 402, servo drive.
+    device_type: 0x0002_0192,
+    hardware_version: "1",
+    software_version: "0.1.0",
+    outputs: &[Pdo {
+        index: 0x1600,
+        name: "Set values",
+        entries: &[
+            entry(0x6040, 16, DataType::Unsigned16, "Control word"),
+            entry(0x607A, 32, DataType::Integer32, "Target position"),
+            entry(0x6060, 8, DataType::Integer8, "Modes of operation"),
+            GAP,
+        ],
+    }],
+    inputs: &[Pdo {
+        index: 0x1A00,
+        name: "Actual values",
+        entries: &[
+            entry(0x6041, 16, DataType::Unsigned16, "Status word"),
+            entry(0x6064, 32, DataType::Integer32, "Position actual value"),
+            entry(0x60F4, 32, DataType::Integer32, "Following error actual value"),
+            entry(0x603F, 16, DataType::Unsigned16, "Error code"),
+            entry(0x6061, 8, DataType::Integer8, "Modes of operation display"),
+            GAP,
+        ],
+    }],
+    mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
+    objects: &[
+        variable(
+            QUICK_STOP_OPTION,
+            "Quick stop option code",
+            &[value("Quick stop option code", DataType::Integer16, Access::ReadWrite, &2_i16.to_le_bytes())],
+        ),
+        variable(
+            WINDOW,
+            "Following error window",
+            &[value(
+                "Following error window",
+                DataType::Unsigned32,
+                Access::ReadWrite,
+                &10_000_u32.to_le_bytes(),
+            )],
+        ),
+        variable(
+            WINDOW_TIME,
+            "Following error time out",
+            &[value(
+                "Following error time out",
+                DataType::Unsigned16,
+                Access::ReadWrite,
+                &10_u16.to_le_bytes(),
+            )],
+        ),
+        variable(
+            QUICK_STOP_DECELERATION,
+            "Quick stop deceleration",
+            &[value(
+                "Quick stop deceleration",
+                DataType::Unsigned32,
+                Access::ReadWrite,
+                &10_000_000_u32.to_le_bytes(),
+            )],
+        ),
+        variable(
+            0x6502,
+            "Supported drive modes",
+            // Bit 7: cyclic synchronous position.
+            &[value(
+                "Supported drive modes",
+                DataType::Unsigned32,
+                Access::ReadOnly,
+                &0x80_u32.to_le_bytes(),
+            )],
+        ),
+    ],
+    distributed_clocks: false,
+};

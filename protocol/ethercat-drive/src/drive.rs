@@ -1,0 +1,237 @@
+//! An emulated drive: power state machine, cyclic synchronous position, following error, quick stop, faults.
+
+use machine::Duration;
+
+use crate::error_code::ErrorCode;
+use crate::motor::Motor;
+use crate::process_data::{Inputs, Outputs};
+use crate::state::{Command, Mode, State, StatusWord, control};
+
+/// What a drive does at a quick stop, object 0x605A.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum QuickStop {
+    /// 0: takes the torque away at once, then switch on disabled.
+    Disable,
+    /// 1 and 2: brakes, then switch on disabled.
+    Brake,
+    /// 5 and 6: brakes and stays in quick stop active.
+    BrakeAndStay,
+}
+
+impl QuickStop {
+    /// Returns what an option code means; brakes by its ramp for codes that the drive does not have.
+    #[must_use]
+    pub const fn of(code: i16) -> Self {
+        match code {
+            0 => Self::Disable,
+            5..=8 => Self::BrakeAndStay,
+            _ => Self::Brake,
+        }
+    }
+}
+
+/// Settings of a drive, by SDO.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Parameters {
+    /// Largest following error in increments; `None` for any (0xFFFFFFFF in object 0x6065).
+    pub window: Option<u32>,
+    /// Time outside of the window after which it is a fault.
+    pub window_time: Duration,
+    /// What happens at a quick stop.
+    pub quick_stop: QuickStop,
+    /// Deceleration of a quick stop and of a fault, in increments/s².
+    pub deceleration: f64,
+}
+
+/// A drive.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Drive {
+    state: State,
+    mode: Mode,
+    motor: Motor,
+    /// Target in use: the actual position outside of operation enabled.
+    target: i32,
+    error: ErrorCode,
+    /// A cause of a fault that lasts.
+    cause: ErrorCode,
+    /// Time that the following error has been outside of its window.
+    outside: Duration,
+    reset_before: bool,
+    /// Time from one target to the next.
+    period: Duration,
+}
+
+impl Drive {
+    /// Creates a drive whose motor stands at `position` and turns at most at `max_speed`, in increments/s. A new target
+    /// comes each `period`.
+    #[must_use]
+    pub const fn new(position: i32, max_speed: f64, period: Duration) -> Self {
+        Self {
+            state: State::NotReadyToSwitchOn,
+            mode: Mode::None,
+            motor: Motor::new(position, max_speed),
+            target: position,
+            error: ErrorCode::NONE,
+            cause: ErrorCode::NONE,
+            outside: Duration::ZERO,
+            reset_before: false,
+            period,
+        }
+    }
+
+    /// Returns the state.
+    #[must_use]
+    pub const fn state(&self) -> State {
+        self.state
+    }
+
+    /// Returns the actual position in increments.
+    #[must_use]
+    pub fn position(&self) -> i32 {
+        self.motor.position()
+    }
+
+    /// Holds the shaft, or lets it go.
+    pub const fn block(&mut self, blocked: bool) {
+        self.motor.blocked = blocked;
+    }
+
+    /// Lets the cause of a fault begin; with [`ErrorCode::NONE`] it ends, and a fault reset is possible.
+    pub const fn set_cause(&mut self, cause: ErrorCode) {
+        self.cause = cause;
+    }
+
+    /// Runs the drive for `time`. `outputs` are the controller's last ones, `None` while the device is not in OP.
+    pub fn cycle(&mut self, time: Duration, outputs: Option<&Outputs>, parameters: &Parameters) {
+        self.look_for_faults(outputs.is_none());
+        if let Some(outputs) = outputs {
+            self.mode = Mode::of(outputs.mode);
+            self.follow_command(outputs, parameters);
+        } else {
+            self.reset_before = false;
+            self.start();
+        }
+        self.turn(time, outputs, parameters);
+    }
+
+    /// Returns what the controller reads.
+    #[must_use]
+    pub fn inputs(&self) -> Inputs {
+        let follows = self.state == State::OperationEnabled && self.mode == Mode::CyclicSynchronousPosition;
+        let mut word = self.state.bits() | StatusWord::REMOTE;
+        for (bit, is_set) in [
+            (StatusWord::VOLTAGE, self.state.has_voltage()),
+            (StatusWord::LIMIT, follows && self.motor.is_limited()),
+            (StatusWord::FOLLOWS, follows),
+            (
+                StatusWord::FOLLOWING_ERROR,
+                !self.outside.is_zero() || self.error == ErrorCode::FOLLOWING_ERROR,
+            ),
+        ] {
+            word |= if is_set { bit } else { 0 };
+        }
+        Inputs {
+            status_word: StatusWord(word),
+            position: self.position(),
+            following_error: self.following_error(),
+            error: self.error,
+            mode: self.mode.number(),
+        }
+    }
+
+    fn following_error(&self) -> i32 {
+        self.target.wrapping_sub(self.position())
+    }
+
+    /// Leaves the state that only a start has.
+    fn start(&mut self) {
+        if self.state == State::NotReadyToSwitchOn {
+            self.state = State::SwitchOnDisabled;
+        }
+    }
+
+    fn look_for_faults(&mut self, is_alone: bool) {
+        let runs = matches!(self.state, State::SwitchedOn | State::OperationEnabled | State::QuickStopActive);
+        if self.cause != ErrorCode::NONE {
+            self.fail(self.cause);
+        } else if runs && is_alone {
+            self.fail(ErrorCode::COMMUNICATION);
+        }
+    }
+
+    fn fail(&mut self, error: ErrorCode) {
+        if !matches!(self.state, State::FaultReactionActive | State::Fault) {
+            self.error = error;
+            self.state = if self.motor.stands_still() { State::Fault } else { State::FaultReactionActive };
+        }
+    }
+
+    fn follow_command(&mut self, outputs: &Outputs, parameters: &Parameters) {
+        let reset = outputs.control_word & control::FAULT_RESET != 0;
+        let reset_before = core::mem::replace(&mut self.reset_before, reset);
+        let edge = reset && !reset_before;
+        self.state = match (self.state, Command::of(outputs.control_word)) {
+            (State::NotReadyToSwitchOn, _) => State::SwitchOnDisabled,
+            (State::Fault, _) if edge && self.cause == ErrorCode::NONE => {
+                self.error = ErrorCode::NONE;
+                State::SwitchOnDisabled
+            }
+            (state @ (State::Fault | State::FaultReactionActive), _) => state,
+            (_, Command::DisableVoltage) => State::SwitchOnDisabled,
+            (State::OperationEnabled, Command::QuickStop) => match parameters.quick_stop {
+                QuickStop::Disable => State::SwitchOnDisabled,
+                QuickStop::Brake | QuickStop::BrakeAndStay => State::QuickStopActive,
+            },
+            (State::QuickStopActive, Command::EnableOperation)
+                if parameters.quick_stop == QuickStop::BrakeAndStay =>
+            {
+                State::OperationEnabled
+            }
+            (State::QuickStopActive, _) => State::QuickStopActive,
+            (_, Command::QuickStop) => State::SwitchOnDisabled,
+            (State::SwitchOnDisabled, Command::Shutdown) => State::ReadyToSwitchOn,
+            (State::SwitchOnDisabled, _) => State::SwitchOnDisabled,
+            (_, Command::Shutdown) => State::ReadyToSwitchOn,
+            // A step a cycle: switched on is passed on the way to operation enabled.
+            (State::ReadyToSwitchOn, Command::SwitchOn | Command::EnableOperation) => State::SwitchedOn,
+            (_, Command::SwitchOn) => State::SwitchedOn,
+            (_, Command::EnableOperation) => State::OperationEnabled,
+        };
+    }
+
+    /// Moves the motor as the state says.
+    fn turn(&mut self, time: Duration, outputs: Option<&Outputs>, parameters: &Parameters) {
+        match (self.state, outputs) {
+            (State::OperationEnabled, Some(outputs)) if self.mode == Mode::CyclicSynchronousPosition => {
+                self.target = outputs.target;
+                self.motor.follow(self.target, self.period, time);
+                self.watch_following_error(time, parameters);
+                return;
+            }
+            (State::OperationEnabled | State::QuickStopActive | State::FaultReactionActive, _) => {
+                self.motor.brake(parameters.deceleration, time);
+                if self.motor.stands_still() {
+                    self.state = match self.state {
+                        State::FaultReactionActive => State::Fault,
+                        State::QuickStopActive if parameters.quick_stop == QuickStop::Brake => {
+                            State::SwitchOnDisabled
+                        }
+                        state => state,
+                    };
+                }
+            }
+            _ => self.motor.hold(),
+        }
+        self.target = self.position();
+        self.outside = Duration::ZERO;
+    }
+
+    fn watch_following_error(&mut self, time: Duration, parameters: &Parameters) {
+        let is_outside =
+            parameters.window.is_some_and(|window| self.following_error().unsigned_abs() > window);
+        self.outside = if is_outside { self.outside + time } else { Duration::ZERO };
+        if self.outside > parameters.window_time {
+            self.fail(ErrorCode::FOLLOWING_ERROR);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Emulated drives on one cable, as one machine.
+
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+
+use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
+use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
+
+use crate::description::{DRIVE, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION, WINDOW, WINDOW_TIME};
+use crate::drive::{Drive, Parameters, QuickStop};
+use crate::error_code::ErrorCode;
+use crate::process_data::Outputs;
+use crate::state::State;
+
+/// Most cycles that are made up for after a stall of the host.
+const CATCH_UP: u64 = 1_000;
+
+/// A drive on the cable.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct DriveConfig {
+    /// Its serial number.
+    pub serial_number: u32,
+    /// Where its motor stands at power-on, in increments.
+    pub position: i32,
+    /// Highest speed of its motor in increments/s.
+    pub max_speed: f64,
+}
+
+/// What happened at a drive. Drives are numbered from 0 in their order on the cable.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum DriveEvent {
+    /// Its power state machine changed.
+    Power {
+        /// Which drive.
+        drive: usize,
+        /// The state that it is in.
+        state: State,
+        /// The error that it reports.
+        error: ErrorCode,
+    },
+    /// Something of the SubDevice.
+    Device {
+        /// Which drive.
+        drive: usize,
+        /// What.
+        event: Event,
+    },
+}
+
+/// Drives on one cable.
+#[derive(Debug)]
+pub struct Drives {
+    segment: Segment,
+    drives: Vec<Drive>,
+    /// The drives' own cycle.
+    cycle: Cycle,
+    events: VecDeque<DriveEvent>,
+}
+
+impl Drives {
+    /// Creates drives in their order on the cable. Their controller gives a new target each `period`, and they run in a
+    /// cycle of half of it, from `start` on.
+    #[must_use]
+    pub fn new(configs: &[DriveConfig], period: Duration, start: Instant) -> Self {
+        let mut segment = Segment::new();
+        for DriveConfig { serial_number, .. } in configs {
+            segment.add(&DeviceConfig { serial_number: *serial_number, ..DeviceConfig::new(&DRIVE) });
+        }
+        let drive = |config: &DriveConfig| Drive::new(config.position, config.max_speed, period);
+        let cycle = Cycle::new(start, (period / 2).max(Duration::from_micros(50)));
+        Self { segment, drives: configs.iter().map(drive).collect(), cycle, events: VecDeque::new() }
+    }
+
+    /// Returns a drive.
+    #[must_use]
+    pub fn drive(&self, drive: usize) -> Option<&Drive> {
+        self.drives.get(drive)
+    }
+
+    /// Returns a drive, to block its shaft or to let it fail.
+    pub fn drive_mut(&mut self, drive: usize) -> Option<&mut Drive> {
+        self.drives.get_mut(drive)
+    }
+
+    /// Returns the SubDevices, to cut a cable or to switch one off.
+    pub const fn segment_mut(&mut self) -> &mut Segment {
+        &mut self.segment
+    }
+
+    /// Runs each drive for a cycle.
+    fn run(&mut self) {
+        let period = self.cycle.period();
+        for (index, drive) in self.drives.iter_mut().enumerate() {
+            let id = DeviceId(index);
+            let outputs = self.segment.outputs(id).and_then(Outputs::parse);
+            let before = drive.state();
+            drive.cycle(period, outputs.as_ref(), &parameters(&self.segment, id));
+            let inputs = drive.inputs();
+            if drive.state() != before {
+                let (state, error) = (drive.state(), inputs.error);
+                self.events.push_back(DriveEvent::Power { drive: index, state, error });
+            }
+            // The device exists, and its inputs have this length.
+            let _ = self.segment.set_inputs(id, &inputs.bytes());
+        }
+    }
+}
+
+/// Reads the settings that the controller wrote by SDO.
+fn parameters(segment: &Segment, id: DeviceId) -> Parameters {
+    let u32 = |index| {
+        segment.object(id, index, 0).and_then(|value| value.first_chunk()).copied().map(u32::from_le_bytes)
+    };
+    let u16 = |index| {
+        segment.object(id, index, 0).and_then(|value| value.first_chunk()).copied().map(u16::from_le_bytes)
+    };
+    Parameters {
+        window: u32(WINDOW).filter(|window| *window != u32::MAX),
+        window_time: Duration::from_millis(u16(WINDOW_TIME).unwrap_or(0).into()),
+        quick_stop: QuickStop::of(u16(QUICK_STOP_OPTION).unwrap_or(0).cast_signed()),
+        deceleration: f64::from(u32(QUICK_STOP_DECELERATION).unwrap_or(0).max(1)),
+    }
+}
+
+impl Machine for Drives {
+    type Event = DriveEvent;
+
+    fn ports(&self) -> &[PortRequest] {
+        self.segment.ports()
+    }
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.segment.handle_frame(now, from, frame);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.segment.handle_timeout(now);
+        if let Some(tick) = self.cycle.tick(now) {
+            for _ in 0..=tick.skipped.min(CATCH_UP) {
+                self.run();
+            }
+        }
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.segment.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<DriveEvent> {
+        let device = |(DeviceId(drive), event)| DriveEvent::Device { drive, event };
+        self.events.pop_front().or_else(|| self.segment.poll_event().map(device))
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        Instant::earlier(self.segment.poll_timeout(), Some(self.cycle.next()))
+    }
+}

@@ -1,0 +1,286 @@
+//! One drive, without a bus: the state machine of CiA 402, following error, quick stop and faults.
+
+use std::collections::BTreeSet;
+
+use ethercat_drive::{Drive, ErrorCode, Outputs, Parameters, QuickStop, State, StatusWord, control};
+use machine::Duration;
+
+const MS: Duration = Duration::from_millis(1);
+
+/// Increments/s.
+const MAX_SPEED: f64 = 1e6;
+
+fn parameters() -> Parameters {
+    Parameters { window: Some(2_000), window_time: MS * 10, quick_stop: QuickStop::Brake, deceleration: 1e7 }
+}
+
+/// A drive that is told the same until it is told otherwise.
+struct Told {
+    drive: Drive,
+    outputs: Outputs,
+    parameters: Parameters,
+}
+
+impl Told {
+    fn new() -> Self {
+        let outputs = Outputs { mode: 8, ..Outputs::default() };
+        Self { drive: Drive::new(0, MAX_SPEED, MS), outputs, parameters: parameters() }
+    }
+
+    /// In operation enabled.
+    fn running() -> Self {
+        let mut told = Self::new();
+        for word in [0, control::SHUTDOWN, control::SWITCH_ON, control::ENABLE_OPERATION] {
+            told.tell(word);
+        }
+        assert_eq!(told.drive.state(), State::OperationEnabled);
+        told
+    }
+
+    fn tell(&mut self, control_word: u16) -> State {
+        self.outputs.control_word = control_word;
+        self.cycle();
+        self.drive.state()
+    }
+
+    fn cycle(&mut self) {
+        self.drive.cycle(MS, Some(&self.outputs), &self.parameters);
+    }
+
+    /// Moves by so many increments in each cycle.
+    fn drive_on(&mut self, step: i32, cycles: u32) {
+        for _ in 0..cycles {
+            self.outputs.target += step;
+            self.cycle();
+        }
+    }
+
+    /// Lets the following error become a fault, and the reaction to it end.
+    fn fault(&mut self) {
+        self.drive.set_cause(ErrorCode::OVER_CURRENT);
+        while self.drive.state() != State::Fault {
+            self.cycle();
+        }
+        self.drive.set_cause(ErrorCode::NONE);
+    }
+}
+
+/// Brings a drive into a state by control words.
+fn in_state(state: State, quick_stop: QuickStop) -> Told {
+    let mut told = Told::new();
+    told.parameters.quick_stop = quick_stop;
+    let enable = [0, control::SHUTDOWN, control::SWITCH_ON, control::ENABLE_OPERATION];
+    let words: &[u16] = match state {
+        State::SwitchOnDisabled => &enable[..1],
+        State::ReadyToSwitchOn => &enable[..2],
+        State::SwitchedOn => &enable[..3],
+        _ => &enable,
+    };
+    for word in words {
+        told.tell(*word);
+    }
+    match state {
+        State::QuickStopActive => {
+            told.drive_on(500, 20);
+            told.tell(control::QUICK_STOP);
+        }
+        State::Fault => told.fault(),
+        _ => {}
+    }
+    assert_eq!(told.drive.state(), state);
+    told
+}
+
+#[test]
+fn every_control_word_in_every_state_leads_where_the_standard_says() {
+    use State::{Fault, OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
+    // Rows: states. Columns: disable voltage, quick stop, shutdown, switch on, enable operation (CiA 402-2, table of
+    // transitions 2 to 16).
+    let words = [
+        control::DISABLE_VOLTAGE,
+        control::QUICK_STOP,
+        control::SHUTDOWN,
+        control::SWITCH_ON,
+        control::ENABLE_OPERATION,
+    ];
+    let table = [
+        (
+            SwitchOnDisabled,
+            [SwitchOnDisabled, SwitchOnDisabled, ReadyToSwitchOn, SwitchOnDisabled, SwitchOnDisabled],
+        ),
+        (ReadyToSwitchOn, [SwitchOnDisabled, SwitchOnDisabled, ReadyToSwitchOn, SwitchedOn, SwitchedOn]),
+        (SwitchedOn, [SwitchOnDisabled, SwitchOnDisabled, ReadyToSwitchOn, SwitchedOn, OperationEnabled]),
+        (
+            OperationEnabled,
+            [SwitchOnDisabled, QuickStopActive, ReadyToSwitchOn, SwitchedOn, OperationEnabled],
+        ),
+        (
+            QuickStopActive,
+            [SwitchOnDisabled, QuickStopActive, QuickStopActive, QuickStopActive, OperationEnabled],
+        ),
+        (Fault, [Fault; 5]),
+    ];
+    for (state, expected) in table {
+        for (word, expected) in words.into_iter().zip(expected) {
+            let mut told = in_state(state, QuickStop::BrakeAndStay);
+            assert_eq!(told.tell(word), expected, "{state:?}, {word:#06x}");
+        }
+    }
+}
+
+#[test]
+fn no_control_words_in_any_order_lead_to_a_state_that_the_status_word_does_not_show() {
+    let mut told = Told::new();
+    let mut seen = BTreeSet::new();
+    let mut number = 1_u32;
+    for _ in 0..200_000 {
+        // A generator of numbers without any meaning.
+        number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let word = [0x00, 0x02, 0x06, 0x07, 0x0F, 0x0F, 0x0F, 0x80][(number >> 29) as usize];
+        told.drive.set_cause(if number >> 16 & 0xFF == 0 { ErrorCode::ENCODER } else { ErrorCode::NONE });
+        told.outputs.target = told.outputs.target.wrapping_add((number >> 8 & 0xFF) as i32);
+        if told.drive.state() != State::OperationEnabled {
+            told.outputs.target = told.drive.position();
+        }
+        told.tell(word);
+        let inputs = told.drive.inputs();
+        assert_eq!(inputs.status_word.state(), Some(told.drive.state()));
+        let faulty = matches!(told.drive.state(), State::Fault | State::FaultReactionActive);
+        assert_eq!(inputs.error != ErrorCode::NONE, faulty, "{inputs:?}");
+        seen.insert(told.drive.state().bits());
+    }
+    assert!(seen.len() >= 7, "{seen:02X?}");
+}
+
+#[test]
+fn the_motor_follows_a_target_that_moves_no_faster_than_it_can() {
+    let mut told = Told::running();
+    for _ in 0..1_000 {
+        told.drive_on(900, 1);
+        let inputs = told.drive.inputs();
+        assert_eq!((inputs.position, inputs.following_error), (told.outputs.target, 0));
+        assert!(inputs.status_word.has(StatusWord::FOLLOWS) && !inputs.status_word.has(StatusWord::LIMIT));
+    }
+}
+
+#[test]
+fn a_target_that_is_too_fast_becomes_a_following_error_after_its_time_out_and_the_motor_brakes() {
+    let mut told = Told::running();
+    // 1000 increments in a cycle are the most; after 4 cycles it is 2000 behind.
+    told.drive_on(1_500, 4);
+    assert!(told.drive.inputs().status_word.has(StatusWord::LIMIT));
+    assert!(!told.drive.inputs().status_word.has(StatusWord::FOLLOWING_ERROR), "not yet outside");
+    told.drive_on(1_500, 1);
+    assert!(told.drive.inputs().status_word.has(StatusWord::FOLLOWING_ERROR));
+    told.drive_on(1_500, 9);
+    assert_eq!(told.drive.state(), State::OperationEnabled, "10 ms are allowed");
+    told.drive_on(1_500, 1);
+    let inputs = told.drive.inputs();
+    assert_eq!((told.drive.state(), inputs.error), (State::FaultReactionActive, ErrorCode::FOLLOWING_ERROR));
+    assert!(inputs.following_error > 2_000);
+    let before = told.drive.position();
+    while told.drive.state() == State::FaultReactionActive {
+        told.cycle();
+    }
+    // From 10^6 increments/s at 10^7 increments/s²: 0.1 s and 50,000 increments.
+    let way = told.drive.position() - before;
+    assert!((49_000..=50_000).contains(&way), "{way}");
+    assert_eq!(told.drive.state(), State::Fault);
+}
+
+#[test]
+fn a_blocked_shaft_within_the_window_is_no_fault_and_without_a_window_never_is() {
+    let mut told = Told::running();
+    told.drive.block(true);
+    told.drive_on(100, 20);
+    for _ in 0..1_000 {
+        told.cycle();
+    }
+    assert_eq!((told.drive.state(), told.drive.inputs().following_error), (State::OperationEnabled, 2_000));
+    told.parameters.window = None;
+    told.drive_on(100, 1_000);
+    assert_eq!(told.drive.state(), State::OperationEnabled);
+    told.parameters.window = Some(2_000);
+    told.drive_on(0, 11);
+    assert_eq!(told.drive.inputs().error, ErrorCode::FOLLOWING_ERROR);
+    assert_eq!(told.drive.state(), State::Fault, "it stands already");
+}
+
+#[test]
+fn a_quick_stop_brakes_as_its_option_says() {
+    for (quick_stop, end) in [
+        (QuickStop::Disable, State::SwitchOnDisabled),
+        (QuickStop::Brake, State::SwitchOnDisabled),
+        (QuickStop::BrakeAndStay, State::QuickStopActive),
+    ] {
+        let mut told = Told::running();
+        told.parameters.quick_stop = quick_stop;
+        told.drive_on(1_000, 50);
+        let before = told.drive.position();
+        told.tell(control::QUICK_STOP);
+        for _ in 0..200 {
+            told.cycle();
+        }
+        let way = told.drive.position() - before;
+        assert_eq!(told.drive.state(), end, "{quick_stop:?}");
+        let expected = if quick_stop == QuickStop::Disable { 0..=0 } else { 49_000..=50_000 };
+        assert!(expected.contains(&way), "{quick_stop:?}: {way}");
+    }
+    for (code, meaning) in
+        [(0, QuickStop::Disable), (2, QuickStop::Brake), (6, QuickStop::BrakeAndStay), (-1, QuickStop::Brake)]
+    {
+        assert_eq!(QuickStop::of(code), meaning);
+    }
+}
+
+#[test]
+fn a_fault_is_reset_by_an_edge_and_only_once_its_cause_has_gone() {
+    let mut told = Told::running();
+    told.drive.set_cause(ErrorCode::OVER_TEMPERATURE);
+    assert_eq!(told.tell(control::ENABLE_OPERATION), State::Fault);
+    assert_eq!(told.tell(control::FAULT_RESET), State::Fault, "it is still too hot");
+    told.drive.set_cause(ErrorCode::NONE);
+    assert_eq!(told.tell(control::FAULT_RESET), State::Fault, "no edge");
+    assert_eq!(told.tell(0), State::Fault);
+    assert_eq!(told.tell(control::FAULT_RESET), State::SwitchOnDisabled);
+    assert_eq!(told.drive.inputs().error, ErrorCode::NONE);
+}
+
+#[test]
+fn a_drive_without_process_data_stops_with_a_fault_and_one_without_voltage_does_not() {
+    let mut told = Told::running();
+    told.drive_on(1_000, 50);
+    told.drive.cycle(MS, None, &told.parameters);
+    assert_eq!(told.drive.state(), State::FaultReactionActive);
+    for _ in 0..200 {
+        told.drive.cycle(MS, None, &told.parameters);
+    }
+    let inputs = told.drive.inputs();
+    assert_eq!((told.drive.state(), inputs.error), (State::Fault, ErrorCode::COMMUNICATION));
+
+    let mut told = in_state(State::ReadyToSwitchOn, QuickStop::Brake);
+    told.drive.cycle(MS, None, &told.parameters);
+    assert_eq!(told.drive.state(), State::ReadyToSwitchOn);
+}
+
+#[test]
+fn another_mode_of_operation_moves_nothing() {
+    let mut told = Told::running();
+    told.outputs.mode = 1;
+    told.drive_on(1_000, 10);
+    let inputs = told.drive.inputs();
+    assert_eq!((inputs.position, inputs.mode), (0, 0));
+    assert!(!inputs.status_word.has(StatusWord::FOLLOWS));
+}
+
+#[test]
+fn process_data_are_the_same_after_a_way_over_the_bus() {
+    let outputs = Outputs { control_word: 0x1234, target: -5_678, mode: -8 };
+    assert_eq!(Outputs::parse(&outputs.bytes()), Some(outputs));
+    let mut told = Told::running();
+    told.drive_on(-700, 3);
+    let inputs = told.drive.inputs();
+    assert_eq!(ethercat_drive::Inputs::parse(&inputs.bytes()).unwrap(), inputs);
+    assert_eq!(Outputs::parse(&[0; 7]), None);
+    assert_eq!(ethercat_drive::Inputs::parse(&[0; 15]), None);
+}
