@@ -4,7 +4,8 @@
 
 use machine::wire::{BigEndian, Reader, Writer};
 use protocol::image::{
-    Command, Control, ErrorNumber, Feedback, IMAGE_LEN, MOTION_LEN, Motion, MotionKind, Skill, State, Status,
+    Command, CommandSealer, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, MOTION_LEN, Motion,
+    MotionKind, Order, Skill, State, Status,
 };
 
 const PAGE: &str = include_str!("../../docs/process-image.md");
@@ -49,6 +50,7 @@ fn carried(image: &[u8]) -> Vec<bool> {
 fn the_page_has_every_byte_of_the_command_and_calls_the_others_reserved() {
     let mut image = [0; IMAGE_LEN];
     Command::parse::<BigEndian>(&[0xFF; IMAGE_LEN]).unwrap().emit::<BigEndian>(&mut image);
+    CommandSealer::default().seal(Order::BigEndian, &mut image);
     assert_eq!(documented("## Command: from the PLC to the robot", IMAGE_LEN), carried(&image));
 }
 
@@ -56,6 +58,7 @@ fn the_page_has_every_byte_of_the_command_and_calls_the_others_reserved() {
 fn the_page_has_every_byte_of_the_feedback_and_calls_the_others_reserved() {
     let mut image = [0; IMAGE_LEN];
     Feedback::parse::<BigEndian>(&[0xFF; IMAGE_LEN]).unwrap().emit::<BigEndian>(&mut image);
+    FeedbackSealer::default().seal(Order::BigEndian, &mut image);
     assert_eq!(documented("## Feedback: from the robot to the PLC", IMAGE_LEN), carried(&image));
 }
 

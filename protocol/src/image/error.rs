@@ -69,6 +69,8 @@ codes! {
         DecelerationOutOfRange = 29,
         /// The jerk is above what the motion kind allows.
         JerkOutOfRange = 30,
+        /// The checks of the command images are wrong, so that none of them is followed.
+        WrongCheck = 31,
     }
 }
 
@@ -106,6 +108,7 @@ impl fmt::Display for ErrorNumber {
             Self::ConfigurationMismatch => "the arm cannot have this configuration at the target",
             Self::DecelerationOutOfRange => "the deceleration is above the limit of its motion kind",
             Self::JerkOutOfRange => "the jerk is above the limit of its motion kind",
+            Self::WrongCheck => "the checks of the command images are wrong: bytes are altered on the way, or the PLC computes them otherwise",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

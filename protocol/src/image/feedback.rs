@@ -22,7 +22,8 @@
 //! 100     error index       u8    which joint, coordinate or number the error number speaks of
 //! 101..104 zero
 //! 104..116 error finding    3 × f32   value, least and most allowed; see Finding
-//! 116..256 zero
+//! 116..120 check            u32   see Checker; 0 is none. Not part of the struct below
+//! 120..256 zero
 //! ```
 
 use super::{ErrorNumber, Finding, Image, bits, codes};

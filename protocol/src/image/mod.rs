@@ -6,13 +6,16 @@
 //!
 //! ```text
 //! command  0..36  head      36..80  slot 0   80..124  slot 1  124..168  slot 2  168..212  slot 3  212..256  slot 4
-//! feedback 0..116 head     116..256 zero
+//! feedback 0..116 head    116..120 check   120..256 zero
 //! ```
+//!
+//! The last four bytes of a command's head are its check, too: [`Sealer`] writes it and [`Checker`] verifies it.
 //!
 //! Motion `k`, counted from 0, lives in slot `k mod 5`. The PLC writes the first five before the start; whenever the
 //! robot has executed one (`executed`, the paper's `curExec`), the next one goes into the slot that became free,
 //! until `total` (the paper's `totalNo`) are executed.
 
+mod check;
 mod command;
 mod configuration;
 mod digest;
@@ -22,6 +25,10 @@ mod finding;
 mod motion;
 mod order;
 
+pub use check::{
+    COMMAND_CHECK, Checker, Checks, CommandChecker, CommandSealer, FEEDBACK_CHECK, FeedbackChecker,
+    FeedbackSealer, Sealer, Verdict,
+};
 pub use command::{Command, Control, Skill};
 pub use configuration::Configuration;
 pub use digest::{Digest, Sum};

@@ -23,8 +23,10 @@ pub struct Impairment {
     pub reorder_ppm: u32,
     /// How long a reordered frame is held back.
     pub reorder_by: Duration,
-    /// Frames in which one bit flips.
+    /// Frames in which one bit flips behind the checksums, in the memory of a switch for instance: the bit reaches the machine.
     pub corrupt_ppm: u32,
+    /// Frames in which one bit flips on the wire: the frame's checksum finds it, so that the frame is lost.
+    pub corrupt_on_wire_ppm: u32,
 }
 
 /// What a cable did to the frames of one direction.
@@ -38,8 +40,10 @@ pub struct LinkCounters {
     pub duplicated: u64,
     /// Frames that were held back.
     pub reordered: u64,
-    /// Frames in which a bit flipped.
+    /// Frames in which a bit flipped behind the checksums.
     pub corrupted: u64,
+    /// Frames in which a bit flipped on the wire; they count as lost as well.
+    pub corrupted_on_wire: u64,
 }
 
 /// What a cable did to one frame, besides delaying it. Displayed as a capture's comment.
@@ -55,6 +59,8 @@ pub struct Fate {
     pub held_back: Option<Duration>,
     /// Index of its flipped bit, counted from the lowest bit of the first byte.
     pub flipped_bit: Option<u32>,
+    /// It is lost because a bit flipped on the wire, which its checksum finds.
+    pub failed_checksum: bool,
 }
 
 impl Fate {
@@ -67,7 +73,7 @@ impl Fate {
 
 impl fmt::Display for Fate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { lost, cut, duplicated, held_back, flipped_bit } = *self;
+        let Self { lost, cut, duplicated, held_back, flipped_bit, failed_checksum } = *self;
         let mut separator = "fault: ";
         let mut part = |f: &mut fmt::Formatter<'_>, text: fmt::Arguments<'_>| {
             write!(f, "{separator}{text}")?;
@@ -79,6 +85,9 @@ impl fmt::Display for Fate {
         }
         if lost {
             part(f, format_args!("lost"))?;
+        }
+        if failed_checksum {
+            part(f, format_args!("lost, its checksum is wrong"))?;
         }
         if duplicated {
             part(f, format_args!("arrives twice"))?;
@@ -163,11 +172,21 @@ impl Link {
     /// Decides what happens to a frame of `len` bytes sent now, and when it arrives; `None` if it is lost.
     pub(super) fn decide(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
         self.counters.sent += 1;
-        let Impairment { delay, jitter, loss_ppm, duplicate_ppm, reorder_ppm, reorder_by, corrupt_ppm } =
-            self.impairment;
+        let Impairment {
+            delay,
+            jitter,
+            loss_ppm,
+            duplicate_ppm,
+            reorder_ppm,
+            reorder_by,
+            corrupt_ppm,
+            corrupt_on_wire_ppm,
+        } = self.impairment;
         let mut fate = Fate { cut: self.cut, ..Fate::default() };
         fate.lost = !fate.cut && self.chance(loss_ppm);
-        if fate.cut || fate.lost {
+        fate.failed_checksum = !fate.cut && !fate.lost && self.chance(corrupt_on_wire_ppm);
+        self.counters.corrupted_on_wire += u64::from(fate.failed_checksum);
+        if fate.cut || fate.lost || fate.failed_checksum {
             self.counters.lost += 1;
             return (fate, None);
         }

@@ -74,7 +74,7 @@ struct Shared {
     /// Nodes that were killed and have no comment in the captures yet.
     killed: [AtomicBool; 2],
     /// [`LinkCounters`] of each sender.
-    counters: [[AtomicU64; 5]; 2],
+    counters: [[AtomicU64; 6]; 2],
     /// Frames that were not recorded because the writer was behind.
     left_out: AtomicU64,
 }
@@ -137,9 +137,9 @@ impl ImpairedCable {
     #[must_use]
     pub fn counters(&self) -> [LinkCounters; 2] {
         self.shared.counters.each_ref().map(|counters| {
-            let [sent, lost, duplicated, reordered, corrupted] =
+            let [sent, lost, duplicated, reordered, corrupted, corrupted_on_wire] =
                 counters.each_ref().map(|counter| counter.load(Ordering::Relaxed));
-            LinkCounters { sent, lost, duplicated, reordered, corrupted }
+            LinkCounters { sent, lost, duplicated, reordered, corrupted, corrupted_on_wire }
         })
     }
 
@@ -262,10 +262,11 @@ impl Passing {
     }
 
     fn count(&self) {
-        for (shared, LinkCounters { sent, lost, duplicated, reordered, corrupted }) in
-            self.shared.counters.iter().zip(self.middle.counters())
-        {
-            for (to, count) in shared.iter().zip([sent, lost, duplicated, reordered, corrupted]) {
+        for (shared, link) in self.shared.counters.iter().zip(self.middle.counters()) {
+            let LinkCounters { sent, lost, duplicated, reordered, corrupted, corrupted_on_wire } = link;
+            for (to, count) in
+                shared.iter().zip([sent, lost, duplicated, reordered, corrupted, corrupted_on_wire])
+            {
                 to.store(count, Ordering::Relaxed);
             }
         }
