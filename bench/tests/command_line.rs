@@ -288,6 +288,10 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .cycle.robot.p50_us
     .cycle.robot.p99_us
     .cyclic_allocations
+    .images.plc_altered
+    .images.plc_unchecked
+    .images.robot_altered
+    .images.robot_unchecked
     .mode
     .paper.cm.aet_ms
     .paper.cm.mad_ms
@@ -301,6 +305,9 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .results.cm.blends_suppressed[]
     .results.cm.failed[]
     .results.cm.mad_ms
+    .results.cm.missed_cycles[].held_up
+    .results.cm.missed_cycles[].plc
+    .results.cm.missed_cycles[].robot
     .results.cm.quality.energy_proxy_s
     .results.cm.quality.joint_acceleration.peak
     .results.cm.quality.joint_acceleration.rms
@@ -321,6 +328,9 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .results.rc.blends_suppressed[]
     .results.rc.failed[]
     .results.rc.mad_ms
+    .results.rc.missed_cycles[].held_up
+    .results.rc.missed_cycles[].plc
+    .results.rc.missed_cycles[].robot
     .results.rc.quality.energy_proxy_s
     .results.rc.quality.joint_acceleration.peak
     .results.rc.quality.joint_acceleration.rms
@@ -341,6 +351,9 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .results.sm.blends_suppressed[]
     .results.sm.failed[]
     .results.sm.mad_ms
+    .results.sm.missed_cycles[].held_up
+    .results.sm.missed_cycles[].plc
+    .results.sm.missed_cycles[].robot
     .results.sm.quality.energy_proxy_s
     .results.sm.quality.joint_acceleration.peak
     .results.sm.quality.joint_acceleration.rms

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Lateness, Machine};
+use protocol::image::Checks;
 use rustix::io::Errno;
 
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
@@ -51,6 +52,9 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 
     /// Returns the frame counters of its bus.
     fn counters(&self) -> Counters;
+
+    /// Returns what the checks of the received images said.
+    fn checks(&self) -> Checks;
 
     /// Returns a number that changes with each cycle.
     fn cycle_number(&self) -> u64;
@@ -100,6 +104,8 @@ pub struct Snapshot {
     pub wake: Lateness,
     /// Frame counters of its bus.
     pub bus: Counters,
+    /// What the checks of the received images said.
+    pub checks: Checks,
     /// Allocations of the cyclic thread before and after the connection was first up; `None` if they are not counted.
     pub allocations: Option<(u64, u64)>,
     /// Frames that the kernel refused.
@@ -114,6 +120,7 @@ impl Snapshot {
             cycle: node.lateness().clone(),
             wake: statistics.lateness.clone(),
             bus: node.counters(),
+            checks: node.checks(),
             allocations: allocations.map(|all| {
                 let connecting = at_up.unwrap_or(all);
                 (connecting, all.saturating_sub(connecting))

@@ -4,6 +4,7 @@ use std::fmt;
 
 use machine::Counters;
 use machine::{Duration, Lateness};
+use protocol::image::Checks;
 use serde::{Deserialize, Serialize};
 
 use crate::Snapshot;
@@ -76,12 +77,40 @@ pub struct NodeReport {
     pub wake: LatenessReport,
     /// Counters of the bus endpoint's frames.
     pub bus: Counters,
+    /// Received images by their checks.
+    pub images: ImageChecks,
     /// Allocations of the cyclic thread before and after the connection was first up; `None` if they are not counted.
     pub allocations: Option<Allocations>,
     /// Frames of any kind that the kernel refused.
     pub send_errors: u64,
     /// The kernel's last error on sending a frame.
     pub last_send_error: Option<String>,
+}
+
+/// Received images by what their checks said.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+pub struct ImageChecks {
+    /// Images that were refused because a byte was altered.
+    pub altered: u64,
+    /// Images without a check.
+    pub unchecked: u64,
+}
+
+impl From<Checks> for ImageChecks {
+    fn from(Checks { altered, unchecked }: Checks) -> Self {
+        Self { altered, unchecked }
+    }
+}
+
+impl ImageChecks {
+    /// Returns the images since an earlier report.
+    #[must_use]
+    pub const fn since(self, before: Self) -> Self {
+        Self {
+            altered: self.altered.saturating_sub(before.altered),
+            unchecked: self.unchecked.saturating_sub(before.unchecked),
+        }
+    }
 }
 
 /// Allocations of a cyclic thread.
@@ -102,6 +131,7 @@ impl NodeReport {
             cycle: self.cycle.since(&before.cycle),
             wake: self.wake.since(&before.wake),
             bus: self.bus.since(&before.bus),
+            images: self.images.since(before.images),
             allocations: self.allocations.map(|allocations| Allocations {
                 while_cyclic: allocations.while_cyclic.saturating_sub(cyclic),
                 ..allocations
@@ -118,6 +148,7 @@ impl From<&Snapshot> for NodeReport {
             cycle: (&snapshot.cycle).into(),
             wake: (&snapshot.wake).into(),
             bus: snapshot.bus,
+            images: snapshot.checks.into(),
             allocations: snapshot
                 .allocations
                 .map(|(while_connecting, while_cyclic)| Allocations { while_connecting, while_cyclic }),
@@ -139,6 +170,10 @@ impl fmt::Display for NodeReport {
             f,
             "bus: {sent} frames sent, {skipped} skipped, {received} received, {lost} missing, {late} late, {malformed} malformed, {foreign} foreign"
         )?;
+        let ImageChecks { altered, unchecked } = self.images;
+        if altered > 0 || unchecked > 0 {
+            write!(f, "\nimages: {altered} altered and refused, {unchecked} without a check")?;
+        }
         if let Some(Allocations { while_connecting, while_cyclic }) = self.allocations {
             write!(
                 f,

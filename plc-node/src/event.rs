@@ -88,7 +88,7 @@ pub enum PlcEvent {
 /// points that they stand for: where the host delays a scan, the edge is set or the end is seen later, and a grid
 /// point would hide it. A PLC program that reads its clock at the top of the scan measures the same. What the first
 /// scan costs until its outputs are written is part of the time; what the last one costs is not.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Execution {
     /// How the sequence was run.
     pub execution_type: ExecutionType,
@@ -104,6 +104,21 @@ pub struct Execution {
     pub scans: u64,
     /// Frames of the bus during the run.
     pub frames: Counters,
+    /// What the PLC commanded.
+    pub commanded: Commanded,
+}
+
+/// What the PLC commanded in a run, and what it saw of the arm at the end.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Commanded {
+    /// Number of motions that it sent; 0 with RC.
+    pub motions: u64,
+    /// Their digest, as [`protocol::image::Sum`] has it.
+    pub digest: u64,
+    /// Lowest and highest override, in %.
+    pub override_percent: [u8; 2],
+    /// Joints of the robot's last image, in degrees (mm).
+    pub end: [f32; 6],
 }
 
 /// A run that did not end as wanted.
@@ -145,6 +160,15 @@ pub enum FailureCause {
     )]
     RobotUnheard {
         /// Scans in which its image did not change.
+        scans: u32,
+    },
+    /// No image of the robot arrived as it was sent.
+    #[error(
+        "every image of the robot had a wrong check for {scans} scans and was refused: bytes are altered on the way, look at \
+         cables, switches and gateways"
+    )]
+    RobotAltered {
+        /// Scans in which no image was taken over.
         scans: u32,
     },
     /// The robot's life counter stood still, although its frames arrived.

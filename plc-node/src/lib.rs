@@ -35,7 +35,7 @@ pub use axes_group::{AxesGroup, Patience};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
 pub use event::{
-    Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,
+    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,
 };
 pub use motion_source::{MotionList, MotionSource};
 pub use node::{PlcNode, Sample};

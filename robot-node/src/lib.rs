@@ -17,9 +17,10 @@ pub mod motion;
 mod node;
 pub mod process;
 pub mod quality;
+pub mod rehearsal;
 
 pub use cell::StartOutOfReach;
 pub use config::{ConfigError, ForceControl, RobotConfig};
-pub use controller::{Controller, Ending, Program, RobotEvent};
+pub use controller::{Account, Controller, Ending, Program, RobotEvent};
 pub use node::{RobotNode, Sample};
 pub use quality::Quality;

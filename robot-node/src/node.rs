@@ -4,16 +4,21 @@ use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
 use machine::{
-    Cycle, Instant, Lateness, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
+    Cycle, Duration, Instant, Lateness, Machine, Port, PortRequest, Source, StreamChange, StreamId,
+    StreamRequest, Transmit,
 };
 use protocol::fieldbus::Fieldbus;
-use protocol::image::{Command, HEAD_LEN, IMAGE_LEN, Image, State};
+use protocol::image::{
+    Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, State, Verdict,
+};
 
 use crate::{Controller, Program, RobotConfig, RobotEvent};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
+
+/// Time with nothing but altered images after which the connection counts as lost: a usual watchdog.
+const ALTERED_FOR: Duration = Duration::from_millis(100);
 
 /// News of the connection that wait for the owner.
 const LINK_EVENTS: usize = 16;
@@ -45,6 +50,8 @@ pub struct Sample {
     pub contact_force_n: f32,
     /// The robot's digital outputs.
     pub outputs: u16,
+    /// Command images that were refused so far, because a byte was altered.
+    pub altered: u64,
 }
 
 /// The robot on its bus.
@@ -58,7 +65,11 @@ pub struct RobotNode<B: Fieldbus> {
     image: Image,
     command: Command,
     connected: bool,
+    checker: CommandChecker,
+    /// Since when all images were altered; `None` while they are not.
+    altered_since: Option<Instant>,
     output: Image,
+    sealer: FeedbackSealer,
     link_events: VecDeque<RobotEvent>,
     ticked_at: Instant,
 }
@@ -84,7 +95,10 @@ impl<B: Fieldbus> RobotNode<B> {
             image: [0; IMAGE_LEN],
             command: Command::default(),
             connected: false,
+            checker: CommandChecker::default(),
+            altered_since: None,
             output: [0; IMAGE_LEN],
+            sealer: FeedbackSealer::default(),
             link_events: VecDeque::with_capacity(LINK_EVENTS),
             ticked_at: start,
         };
@@ -115,6 +129,12 @@ impl<B: Fieldbus> RobotNode<B> {
         &self.lateness
     }
 
+    /// What the checks of the received images said.
+    #[must_use]
+    pub const fn checks(&self) -> Checks {
+        self.checker.checks()
+    }
+
     /// When the robot's next cycle is due.
     #[must_use]
     pub const fn next_tick(&self) -> Instant {
@@ -138,6 +158,7 @@ impl<B: Fieldbus> RobotNode<B> {
             blends_suppressed: feedback.blends_suppressed,
             contact_force_n: feedback.contact_force,
             outputs: feedback.inputs,
+            altered: self.checker.checks().altered,
         }
     }
 
@@ -155,17 +176,31 @@ impl<B: Fieldbus> RobotNode<B> {
             self.controller.tick(at, self.connected.then_some(&self.command));
             at += period;
         }
-        self.read_command();
+        self.read_command(at);
         self.controller.tick(at, self.connected.then_some(&self.command));
         self.ticked_at = at;
         self.write_feedback();
     }
 
-    fn read_command(&mut self) {
+    fn read_command(&mut self, at: Instant) {
         let Some(image) = self.bus.input() else {
             self.connected = false;
-            return;
+            self.altered_since = None;
+            self.checker.disconnect();
+            return self.controller.set_images_altered(false);
         };
+        if self.checker.verify(self.bus.byte_order(), &image) == Verdict::Altered {
+            // The command before stands, as if the frame had been lost.
+            let since = *self.altered_since.get_or_insert(at);
+            if at.since(since) >= ALTERED_FOR {
+                self.connected = false;
+                self.controller.set_images_altered(true);
+            }
+            return;
+        }
+        if self.altered_since.take().is_some() {
+            self.controller.set_images_altered(false);
+        }
         // Every scan changes the head, but the slots only change with the motions.
         let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
             let slots = self.command.slots;
@@ -179,7 +214,9 @@ impl<B: Fieldbus> RobotNode<B> {
     }
 
     fn write_feedback(&mut self) {
-        self.bus.byte_order().emit_feedback(self.controller.feedback(), &mut self.output);
+        let order = self.bus.byte_order();
+        order.emit_feedback(self.controller.feedback(), &mut self.output);
+        self.sealer.seal(order, &mut self.output);
         self.bus.set_output(&self.output);
     }
 

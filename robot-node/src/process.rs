@@ -15,11 +15,12 @@ use node::run::{Prepared, RunOptions};
 use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol::image::Checks;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::Ending;
 use crate::{
-    ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, StartOutOfReach, bus,
+    Account, ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, StartOutOfReach, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -48,6 +49,7 @@ struct Run {
 /// What only a robot says.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[expect(clippy::large_enum_variant, reason = "a message is sent as soon as it is made")]
 pub enum RobotMessage {
     /// A skill ended as wanted.
     Executed {
@@ -59,7 +61,11 @@ pub enum RobotMessage {
         execution_ns: u64,
         /// How well the arm moved meanwhile.
         quality: Quality,
+        /// What it did.
+        account: Account,
     },
+    /// All images of the PLC have wrong checks, or no longer so.
+    ImagesAltered(bool),
     /// A skill ended otherwise, or a command or a motion was refused.
     Trouble {
         /// The command's number.
@@ -72,10 +78,15 @@ pub enum RobotMessage {
 impl fmt::Display for RobotMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Executed { number, motions, execution_ns, quality } => {
+            Self::Executed { number, motions, execution_ns, quality, .. } => {
                 let (ms, stops) = (*execution_ns as f64 / 1e6, quality.stops());
                 write!(f, "command {number}: {motions} motions in {ms:.3} ms, {stops} stops between them")
             }
+            Self::ImagesAltered(true) => f.write_str(
+                "warning: every image of the PLC has a wrong check and is refused: bytes are altered on the way, or the PLC \
+                 computes the check otherwise; 0 there means no check",
+            ),
+            Self::ImagesAltered(false) => f.write_str("the PLC's images have right checks again"),
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
         }
     }
@@ -165,6 +176,10 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         self.bus().counters()
     }
 
+    fn checks(&self) -> Checks {
+        Self::checks(self)
+    }
+
     fn cycle_number(&self) -> u64 {
         Self::sample(self).at.as_nanos()
     }
@@ -185,6 +200,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         for value in sample.pose.iter().chain(&sample.joints) {
             let _ = write!(line, ",{value:.4}");
         }
+        let _ = write!(line, ",{}", sample.altered);
     }
 }
 
@@ -198,10 +214,16 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
     fn event(&mut self, event: RobotEvent) -> (Option<RobotMessage>, Next<RobotInstruction>) {
         let message = match event {
             RobotEvent::SkillFinished {
-                number, ending: Ending::Done, executed, execution, quality, ..
+                number,
+                ending: Ending::Done,
+                executed,
+                execution,
+                quality,
+                account,
+                ..
             } => {
                 let execution_ns = u64::try_from(execution.as_nanos()).unwrap_or(u64::MAX);
-                Some(RobotMessage::Executed { number, motions: executed, execution_ns, quality })
+                Some(RobotMessage::Executed { number, motions: executed, execution_ns, quality, account })
             }
             RobotEvent::SkillFinished {
                 number,
@@ -222,6 +244,7 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
                 let reason = format!("refused, motion {motion}, counted from 0: {error}: {cause}");
                 Some(RobotMessage::Trouble { number, reason })
             }
+            RobotEvent::ImagesAltered(altered) => Some(RobotMessage::ImagesAltered(altered)),
             RobotEvent::Link(_)
             | RobotEvent::State(_)
             | RobotEvent::SkillStarted { .. }

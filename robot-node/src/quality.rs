@@ -47,6 +47,8 @@ pub struct Quality {
     pub moving_s: f64,
     /// How often the arm came to rest, at the end as well.
     pub rests: u32,
+    /// Length of the tool's path, in mm: the sum of the distances from one robot cycle to the next.
+    pub path_length_mm: f64,
     /// Farthest that the tool was from the programmed curves, in mm.
     pub path_deviation_mm: f64,
     /// Acceleration of the tool, in mm/s².
@@ -94,6 +96,7 @@ impl Quality {
         Self {
             moving_s: self.moving_s + other.moving_s,
             rests: self.rests.saturating_add(other.rests),
+            path_length_mm: self.path_length_mm + other.path_length_mm,
             path_deviation_mm: self.path_deviation_mm.max(other.path_deviation_mm),
             tool_acceleration: self.tool_acceleration.plus(other.tool_acceleration),
             tool_jerk: self.tool_jerk.plus(other.tool_jerk),
@@ -206,6 +209,7 @@ impl Observer {
         let ([j1, j2, j3], [t1, t2, t3]) = (&self.joints, &self.tool);
         let [per_s, per_s2, per_s3] = [tick_s, tick_s * tick_s, tick_s * tick_s * tick_s].map(f64::recip);
 
+        quality.path_length_mm += distance(tool, *t1);
         let jerk: [f64; 3] = core::array::from_fn(|i| tool[i] - 3.0 * (t1[i] - t2[i]) - t3[i]);
         let acceleration: [f64; 3] = core::array::from_fn(|i| tool[i] - 2.0 * t1[i] + t2[i]);
         quality.tool_acceleration.add(length(acceleration) * per_s2, tick_s);

@@ -7,9 +7,13 @@ use crate::output::figures::{self, CALIBRATED, Figures};
 use crate::output::quality;
 use crate::output::verdicts;
 use crate::records::calibrated::figure;
+use crate::records::disturbances::Images;
 use crate::records::lateness::CycleLateness;
 use crate::records::results::{Allocations, Results};
 use crate::records::schedule::repetitions;
+
+/// Repetitions that the host disturbed and that are named.
+const HELD_UP_SHOWN: usize = 5;
 
 /// Formats the whole report for the screen.
 #[must_use]
@@ -111,6 +115,8 @@ fn conditions(results: &Results) -> Vec<String> {
         frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
     }
     sentences.push(frames + ".");
+    sentences.extend(images(&results.images));
+    sentences.extend(held_up(results));
     if results.repeated > 0 {
         sentences.push(format!(
             "Repetitions run again, because the host held a node up until the connection was lost: {}.",
@@ -119,6 +125,60 @@ fn conditions(results: &Results) -> Vec<String> {
     }
     sentences.extend(results.faults.as_ref().map(ToString::to_string));
     sentences
+}
+
+/// Returns which images were altered on the way, and whose images nothing protects against that.
+fn images(images: &Images) -> Option<String> {
+    let Images { plc_altered, robot_altered, plc_unchecked, robot_unchecked } = *images;
+    let mut text = String::new();
+    if plc_altered + robot_altered > 0 {
+        text = format!(
+            "Images altered on the way, and refused by their check: {plc_altered} to the robot, {robot_altered} to the PLC."
+        );
+    }
+    for (whose, unchecked) in [("PLC", plc_unchecked), ("robot", robot_unchecked)] {
+        if unchecked > 0 {
+            let separator = if text.is_empty() { "" } else { " " };
+            text += &format!(
+                "{separator}No check was given in {unchecked} images of the {whose}: an altered byte in these would not show."
+            );
+        }
+    }
+    (!text.is_empty()).then_some(text)
+}
+
+/// Returns which repetitions the host disturbed, and the figures without them.
+fn held_up(results: &Results) -> Option<String> {
+    let mut named = Vec::new();
+    let mut without = Vec::new();
+    for of in ExecutionType::ALL {
+        let Some(result) = results.results.get(of) else { continue };
+        let (held_up, good): (Vec<_>, Vec<_>) =
+            (1..).zip(&result.missed_cycles).partition(|(_, missed)| missed.held_up);
+        named.extend(held_up.iter().map(|(repetition, missed)| {
+            format!("{of} {repetition} (PLC {}, robot {} cycles)", missed.plc, missed.robot)
+        }));
+        let good: Vec<_> = good.iter().filter_map(|(at, _)| result.samples_ms.get(at - 1).copied()).collect();
+        if !held_up.is_empty() && !good.is_empty() {
+            let mean_ms = good.iter().sum::<f64>() / good.len() as f64;
+            without.push(format!("{of} {mean_ms:.1} ms over {}", good.len()));
+        }
+    }
+    if named.is_empty() {
+        return None;
+    }
+    let more = named.len().saturating_sub(HELD_UP_SHOWN);
+    named.truncate(HELD_UP_SHOWN);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let without = if without.is_empty() {
+        String::new()
+    } else {
+        format!(" AET without these: {}.", without.join(", "))
+    };
+    Some(format!(
+        "The host let a node miss more than 1 % of its cycles, so that these repetitions measure the host as well: {}{more}.{without}",
+        named.join(", ")
+    ))
 }
 
 fn lateness(cycle: &CycleLateness) -> String {

@@ -34,6 +34,7 @@ const CYCLES: u32 = 1;
 const COMMAND: u32 = 2;
 const STATE: u32 = 3;
 const MOTION: u32 = 4;
+const REFUSED: u32 = 5;
 
 /// One event, with the format's names of its fields.
 #[derive(Serialize, Debug)]
@@ -111,11 +112,13 @@ fn names() -> Vec<TraceEvent> {
         process(PLC, "PLC"),
         track(PLC, CYCLES, "scans"),
         track(PLC, COMMAND, "command given"),
+        track(PLC, REFUSED, "images refused"),
         process(ROBOT, "robot"),
         track(ROBOT, CYCLES, "interpolation cycles"),
         track(ROBOT, COMMAND, "command executed"),
         track(ROBOT, STATE, "state"),
         track(ROBOT, MOTION, "motion"),
+        track(ROBOT, REFUSED, "images refused"),
         process(CABLE, "cable"),
         track(CABLE, 1, "PLC sends"),
         track(CABLE, 2, "robot receives"),
@@ -155,6 +158,7 @@ fn plc(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64
     }
     let commands = scans.iter().map(|scan| (start + scan.at_us as f64, format!("command {}", scan.command)));
     spans(events, (PLC, COMMAND), commands, end);
+    refused(events, PLC, scans.iter().map(|scan| (start + scan.at_us as f64, scan.altered)));
     let fill = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.in_slots)));
     counter(events, (PLC, "motions in the slots"), fill);
     let written = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.written)));
@@ -174,11 +178,24 @@ fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f
     }
     let commands = ticks().map(|tick| (at(tick.at_ms), format!("command {}", tick.command)));
     spans(events, (ROBOT, COMMAND), commands, end);
+    refused(events, ROBOT, ticks().map(|tick| (at(tick.at_ms), tick.altered)));
     spans(events, (ROBOT, STATE), ticks().map(|tick| (at(tick.at_ms), format!("{:?}", tick.state))), end);
     let speed = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.path_speed_mm_s)));
     counter(events, (ROBOT, "path speed in mm/s"), speed);
     let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.queued())));
     counter(events, (ROBOT, "motions in the queue"), queue);
+}
+
+/// Adds a mark where a node refused an image because a byte was altered.
+fn refused(events: &mut Vec<TraceEvent>, node: u32, samples: impl Iterator<Item = (f64, u64)>) {
+    let mut before = None;
+    for (at, altered) in samples {
+        if before.replace(altered).is_some_and(|before| before < altered) {
+            let mut mark = TraceEvent::new("i", "altered image refused", (node, REFUSED), at);
+            mark.s = Some("t");
+            events.push(mark);
+        }
+    }
 }
 
 /// Adds a span for each motion that the robot executes.
@@ -268,6 +285,7 @@ mod tests {
                     path_speed_mm_s: f32::from(number),
                     pose: [0.0; 6],
                     joints: [0.0; 6],
+                    altered: u64::from(number >= 20),
                 });
                 recording.plc(PlcScan {
                     at_us: i64::from(number) * 1_000,
@@ -276,6 +294,7 @@ mod tests {
                     total: 13,
                     written: 5,
                     in_slots: 5,
+                    altered: 0,
                 });
             }
             *trace.types.entry(execution_type) = Some(recording);
@@ -290,6 +309,8 @@ mod tests {
                 .unwrap();
         let events = json["traceEvents"].as_array().unwrap();
         assert!(events.len() > 200, "{}", events.len());
+        let refused = events.iter().filter(|event| event["name"] == "altered image refused");
+        assert_eq!(refused.count(), 2, "one in each repetition");
         let mut tracks: BTreeMap<(u64, u64, String), f64> = BTreeMap::new();
         for event in events {
             let phase = event["ph"].as_str().unwrap();

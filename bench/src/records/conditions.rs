@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use ::node::report::ImageChecks;
 use plc_node::Execution;
 use protocol::fieldbus::Counters;
-use robot_node::Quality;
+use robot_node::{Account, Quality};
 
 use crate::records::faults::FaultReport;
 use crate::records::lateness::CycleLateness;
@@ -16,6 +17,79 @@ pub struct Measured {
     pub execution: Execution,
     /// Quality of the arm's motion, measured by the robot; `None` if it did not report every motion.
     pub quality: Option<Quality>,
+    /// The robot's account of its skills; `None` if it did not report every motion.
+    pub account: Option<Account>,
+    /// What host and bus did to the nodes meanwhile.
+    pub interference: Interference,
+}
+
+/// What the robot reported of its skills in one run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Moved {
+    /// Motions that were executed.
+    pub motions: u32,
+    /// Quality of all of them.
+    pub quality: Quality,
+    /// Account of all of them.
+    pub account: Account,
+}
+
+impl Moved {
+    /// Adds a skill.
+    pub fn add(&mut self, motions: u32, quality: Quality, account: Account) {
+        self.motions = self.motions.saturating_add(motions);
+        self.quality = self.quality.then(quality);
+        self.account = self.account.then(account);
+    }
+
+    /// Returns itself if it contains as many motions as the run had.
+    #[must_use]
+    pub fn of(self, motions: u32) -> Option<Self> {
+        (self.motions == motions).then_some(self)
+    }
+}
+
+/// What host and bus did to both nodes during one run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Interference {
+    /// Cycles of PLC and robot that passed without a run, because the host stalled the node. The robot makes up for them.
+    pub missed: [u64; 2],
+    /// Cycles of PLC and robot that ran.
+    pub runs: [u64; 2],
+    /// Bus cycles in which either node sent nothing because its host stalled it.
+    pub skipped: u64,
+    /// Frames that one node sent and the other did not accept.
+    pub lost: u64,
+    /// Images that PLC and robot refused, because a byte was altered.
+    pub altered: [u64; 2],
+}
+
+/// Counts of both nodes at some moment.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Counts {
+    /// Cycles missed so far: PLC, robot.
+    pub missed: [u64; 2],
+    /// Cycles run so far: PLC, robot.
+    pub runs: [u64; 2],
+    /// Frames counted so far: PLC, robot.
+    pub bus: [Counters; 2],
+    /// Received images so far: PLC, robot.
+    pub images: [ImageChecks; 2],
+}
+
+impl Counts {
+    /// Returns what happened since an earlier moment.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Interference {
+        let more = |of: fn(&Self) -> u64| of(self).saturating_sub(of(before));
+        Interference {
+            missed: [more(|counts| counts.missed[0]), more(|counts| counts.missed[1])],
+            runs: [more(|counts| counts.runs[0]), more(|counts| counts.runs[1])],
+            skipped: more(|counts| counts.bus.iter().map(|bus| bus.skipped).sum()),
+            lost: more(|counts| counts.bus.iter().map(|bus| bus.lost + bus.late).sum()),
+            altered: [more(|counts| counts.images[0].altered), more(|counts| counts.images[1].altered)],
+        }
+    }
 }
 
 #[cfg(test)]
@@ -31,8 +105,14 @@ impl Measured {
             blends_suppressed: 0,
             scans: 1,
             frames: Counters::default(),
+            commanded: plc_node::Commanded {
+                motions: 1,
+                digest: 0,
+                override_percent: [100; 2],
+                end: [0.0; 6],
+            },
         };
-        Self { execution, quality: None }
+        Self { execution, quality: None, account: None, interference: Interference::default() }
     }
 }
 
@@ -47,6 +127,8 @@ pub struct Health {
     pub bus: Counters,
     /// Cyclic frames counted by the robot.
     pub robot_bus: Counters,
+    /// Received images by their checks: PLC, robot.
+    pub images: [ImageChecks; 2],
     /// Time from the start of the nodes until the robot was ready; `None` in virtual mode and if the nodes already
     /// ran.
     pub connected_after: Option<Duration>,

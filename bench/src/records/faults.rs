@@ -27,6 +27,7 @@ enum Kind {
     Duplicate(u32),
     Reorder(u32, Duration),
     Corrupt(u32),
+    CorruptOnWire(u32),
     Cut(Duration, Duration),
     Kill(NodeRole, Duration),
 }
@@ -36,8 +37,8 @@ enum Kind {
 pub enum FaultError {
     /// It has none of the forms of a fault.
     #[error(
-        "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms, delay=100us, jitter=50us, \
-         cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first six also for one direction, as to-robot:loss=0.001"
+        "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001@memory, corrupt=0.001@wire, reorder=0.01@2ms, \
+         delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as to-robot:loss=0.001"
     )]
     Form(String),
     /// It is not a share of the frames.
@@ -74,7 +75,12 @@ impl FromStr for Fault {
             "jitter" => Kind::Jitter(time(value)?),
             "loss" => Kind::Loss(share(value)?),
             "duplicate" => Kind::Duplicate(share(value)?),
-            "corrupt" => Kind::Corrupt(share(value)?),
+            "corrupt" => match value.split_once('@') {
+                None => Kind::Corrupt(share(value)?),
+                Some((part, "memory")) => Kind::Corrupt(share(part)?),
+                Some((part, "wire")) => Kind::CorruptOnWire(share(part)?),
+                Some(_) => return Err(form()),
+            },
             "reorder" => {
                 let (part, by) = value.split_once('@').ok_or_else(form)?;
                 Kind::Reorder(share(part)?, time(by)?)
@@ -131,6 +137,7 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
                     Kind::Loss(ppm) => link.loss_ppm = ppm,
                     Kind::Duplicate(ppm) => link.duplicate_ppm = ppm,
                     Kind::Corrupt(ppm) => link.corrupt_ppm = ppm,
+                    Kind::CorruptOnWire(ppm) => link.corrupt_on_wire_ppm = ppm,
                     Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
                     Kind::Cut(..) | Kind::Kill(..) => {}
                 }
@@ -233,8 +240,11 @@ pub struct FaultReport {
     pub duplicated: u64,
     /// Frames that were held back.
     pub reordered: u64,
-    /// Frames in which a bit flipped.
+    /// Frames in which a bit flipped behind the checksums of Ethernet and UDP, so that it reached a node.
     pub corrupted: u64,
+    /// Frames in which a bit flipped on the wire, before these checksums; they count as lost as well.
+    #[serde(default)]
+    pub corrupted_on_wire: u64,
 }
 
 impl FaultReport {
@@ -247,6 +257,7 @@ impl FaultReport {
             report.duplicated += link.duplicated;
             report.reordered += link.reordered;
             report.corrupted += link.corrupted;
+            report.corrupted_on_wire += link.corrupted_on_wire;
         }
         report
     }
@@ -254,12 +265,17 @@ impl FaultReport {
 
 impl fmt::Display for FaultReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { asked, lost, duplicated, reordered, corrupted } = self;
+        let Self { asked, lost, duplicated, reordered, corrupted, corrupted_on_wire } = self;
         write!(
             f,
-            "Faults put in ({}): {lost} frames lost, {duplicated} twice, {reordered} held back, {corrupted} corrupted.",
+            "Faults put in ({}): {lost} frames lost, {duplicated} twice, {reordered} held back, {corrupted} corrupted \
+             behind the checksums of Ethernet and UDP",
             asked.join(", ")
-        )
+        )?;
+        if *corrupted_on_wire > 0 {
+            write!(f, ", {corrupted_on_wire} on the wire and so among the lost")?;
+        }
+        f.write_str(".")
     }
 }
 

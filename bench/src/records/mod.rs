@@ -12,6 +12,7 @@
 //! trace          both nodes tick by tick
 //! ratio          the ratio of two means of a real run, with its confidence interval
 //! interval       means with their confidence intervals
+//! disturbances   what disturbed a run without ending it
 //! attached       the nodes of a run that ran already
 //! faults         the faults that the user injects, and their result
 //! host           the computer of a run
@@ -23,6 +24,7 @@ pub mod attached;
 pub mod calibrated;
 pub mod conditions;
 pub mod distance;
+pub mod disturbances;
 pub mod faults;
 pub mod host;
 pub mod interval;

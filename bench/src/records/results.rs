@@ -11,6 +11,7 @@ use setup::Setup;
 use crate::records::attached::Attached;
 use crate::records::calibrated::{self, Calibrated};
 use crate::records::conditions::{Health, Measured};
+use crate::records::disturbances::{Images, MissedCycles};
 use crate::records::faults::FaultReport;
 use crate::records::lateness::CycleLateness;
 use crate::records::mode::Mode;
@@ -67,6 +68,9 @@ pub struct Results {
     pub cycle: Cycles,
     /// Cyclic frames counted by the PLC.
     pub bus: Frames,
+    /// Images that the nodes received with a wrong check, or without one.
+    #[serde(default)]
+    pub images: Images,
     /// Time from the start of the nodes until the robot was ready; null in virtual mode and if the nodes already ran.
     #[serde(default)]
     pub connected_after_ms: Option<f64>,
@@ -152,6 +156,9 @@ pub struct TypeResult {
     pub robot_samples_ms: Vec<f64>,
     /// Motions that ended in a stop because the next motion did not arrive in time.
     pub blends_suppressed: Vec<u32>,
+    /// Cycles that the host let pass without a run of a node; empty in a run of an older version.
+    #[serde(default)]
+    pub missed_cycles: Vec<MissedCycles>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
     /// Quality of the arm's motion; null if no repetition reported it.
@@ -287,6 +294,7 @@ impl Results {
             calibrated: Vec::new(),
             cycle: Cycles::default(),
             bus: Frames::default(),
+            images: Images::default(),
             connected_after_ms: None,
             cyclic_allocations: None,
             repeated: 0,
@@ -313,6 +321,7 @@ impl Results {
         result.samples_ms.push(millis(measured.execution.execution_time_ns));
         result.robot_samples_ms.push(millis(measured.execution.robot_execution_ns));
         result.blends_suppressed.push(measured.execution.blends_suppressed);
+        result.missed_cycles.push(MissedCycles::of(&measured.interference));
         if let Some(figure) = figure(&result.samples_ms) {
             (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
         }
@@ -340,6 +349,7 @@ impl Results {
             skipped: health.bus.skipped + health.robot_bus.skipped,
             lost: health.frames_lost(),
         };
+        self.images = Images::of(health);
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
         self.repeated = u32::try_from(health.repeated.len()).unwrap_or(u32::MAX);

@@ -83,7 +83,7 @@ impl RunDirectory {
         let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
         let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
         let mut directory = Self { path: path.to_owned(), samples, samples_len: 0, durability };
-        directory.append("type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error\n")?;
+        directory.append("type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error\n")?;
         let mut setup = setup.clone();
         setup.application = "application.toml".to_owned();
         directory.write("setup.toml", &setup::setup_to_toml(&setup)?)?;
@@ -254,15 +254,17 @@ fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
         Ok(measured) => {
             let millis = |nanos: u64| nanos as f64 / 1e6;
             format!(
-                "{execution_type},{repetition},{},{},{},\n",
+                "{execution_type},{repetition},{},{},{},{},{},\n",
                 millis(measured.execution.execution_time_ns),
                 millis(measured.execution.robot_execution_ns),
-                measured.execution.blends_suppressed
+                measured.execution.blends_suppressed,
+                measured.interference.missed[0],
+                measured.interference.missed[1]
             )
         }
         Err(error) => {
             let text = format!("{error:#}").replace('"', "\"\"").replace('\n', " ");
-            format!("{execution_type},{repetition},,,,\"{text}\"\n")
+            format!("{execution_type},{repetition},,,,,,\"{text}\"\n")
         }
     }
 }
@@ -285,8 +287,8 @@ mod tests {
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
         let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];
         insta::assert_snapshot!(lines.concat(), @r#"
-        sm,1,6477.123456,6470,0,
-        sm,2,,,,"sm failed: the robot said ""no"" and stopped"
+        sm,1,6477.123456,6470,0,0,0,
+        sm,2,,,,,,"sm failed: the robot said ""no"" and stopped"
         "#);
     }
 

@@ -67,6 +67,8 @@ pub struct RobotTick {
     pub pose: [f32; 6],
     /// Joint values in degrees; in mm for a linear axis.
     pub joints: [f32; 6],
+    /// Images of the PLC that the robot refused so far, because a byte was altered.
+    pub altered: u64,
 }
 
 impl RobotTick {
@@ -83,6 +85,7 @@ impl RobotTick {
             path_speed_mm_s: sample.path_speed_mm_s,
             pose: sample.pose,
             joints: sample.joints,
+            altered: sample.altered,
         }
     }
 
@@ -108,6 +111,8 @@ pub struct PlcScan {
     pub written: u32,
     /// Motions in the slots that the robot has not executed yet.
     pub in_slots: u32,
+    /// Images of the robot that the PLC refused so far, because a byte was altered.
+    pub altered: u64,
 }
 
 impl PlcScan {
@@ -121,6 +126,7 @@ impl PlcScan {
             total: sample.total,
             written: sample.written,
             in_slots: sample.queue_fill,
+            altered: sample.altered,
         }
     }
 }
@@ -255,7 +261,7 @@ mod tests {
     use super::*;
 
     fn scan(at_us: i64) -> PlcScan {
-        PlcScan { at_us, scan: 0, command: 0, total: 0, written: 0, in_slots: 0 }
+        PlcScan { at_us, scan: 0, command: 0, total: 0, written: 0, in_slots: 0, altered: 0 }
     }
 
     #[test]

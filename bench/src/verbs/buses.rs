@@ -15,7 +15,8 @@ use super::setup_option::SetupOption;
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::schedule::{Schedule, repetitions};
-use crate::stands::virtual_run::{reaction_limits, reactions, whole};
+use crate::stands::reaction_limits::reaction_limits;
+use crate::stands::virtual_run::{reactions, whole};
 
 /// Drawings of clocks and phases for the reactions, and reactions of each.
 const DRAWINGS: u64 = 100;

@@ -25,11 +25,13 @@ fn main() -> ExitCode {
         a_killed_node_fails_the_run_at_once_and_is_named,
         a_node_that_hangs_fails_the_run,
         a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was_lost,
+        a_repetition_in_which_the_host_stalled_a_node_is_marked,
         ctrl_c_and_sigterm_end_everything_and_keep_the_samples,
         even_a_killed_bench_leaves_nothing_behind,
         a_real_timeline_has_the_frames_of_both_ends_without_an_unrequested_capture,
         a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted,
         a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture,
+        a_plc_that_a_fault_killed_is_named_with_that_fault,
         a_run_of_setup_b_survives_a_lossy_real_cable,
         the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept,
         an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far,
@@ -130,6 +132,24 @@ fn a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was
         let ended = tries.find(|ended| ended.stderr.contains(&told)).expect("a try in which it is told");
         assert!(ended.stderr.contains("warning: run again, cm 2: "), "{}", ended.stderr);
         assert!(ended.results["repeated"].as_u64() >= Some(1), "{}", ended.results["repeated"]);
+    }
+}
+
+/// The connection survives the stall, and the repetition ends as it should: nothing but the node's cycles shows it.
+fn a_repetition_in_which_the_host_stalled_a_node_is_marked() {
+    for (index, role) in [(0, "plc"), (1, "robot")] {
+        let mut bench = Bench::start_patient("A", &["--reps", "2"]);
+        let nodes = bench.nodes();
+        // Longer than the pause before the second repetition.
+        thread::sleep(Duration::from_millis(800));
+        kill_process(nodes[index], Signal::STOP).unwrap();
+        thread::sleep(Duration::from_millis(300));
+        kill_process(nodes[index], Signal::CONT).unwrap();
+        let ended = bench.wait();
+        assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+        let missed = &ended.results["results"]["cm"]["missed_cycles"][1];
+        assert!(missed[role].as_u64() >= Some(50) && missed["held_up"] == true, "{missed}");
+        assert!(ended.stdout.contains("cm 2 (PLC "), "{}", ended.stdout);
     }
 }
 
@@ -250,6 +270,13 @@ fn a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture() {
     ] {
         assert!(comments.contains(text), "{text} is not among: {comments}");
     }
+}
+
+fn a_plc_that_a_fault_killed_is_named_with_that_fault() {
+    let ended = Bench::start_patient("A", &["--reps", "9", "--fault", "kill-plc-at=500ms"]).wait();
+    assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
+    let told = "the plc-node was killed by this run's fault `kill-plc-at`";
+    assert!(ended.stderr.contains(told), "{}", ended.stderr);
 }
 
 /// EtherNet/IP also uses TCP connections on the same cable: lost segments are retransmitted.

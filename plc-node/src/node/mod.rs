@@ -13,7 +13,9 @@ use std::collections::VecDeque;
 use machine::{Instant, Lateness};
 use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{Control, Digest, Feedback, IMAGE_LEN, Image, Skill};
+use protocol::image::{
+    Checks, CommandSealer, Control, Digest, Feedback, FeedbackChecker, IMAGE_LEN, Image, Skill, Verdict,
+};
 
 use crate::motion_source::Digested;
 use crate::readiness::Readiness;
@@ -60,8 +62,12 @@ pub struct PlcNode<B> {
     overrides: Option<OverrideSchedule>,
     /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
+    checker: FeedbackChecker,
+    /// Images refused when the robot's image had not changed for [`STILL`] scans.
+    altered_still: u64,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
+    sealer: CommandSealer,
     /// Command number and motions written as of the slots in `outputs`.
     emitted: Option<(u16, u32)>,
     events: VecDeque<PlcEvent>,
@@ -89,6 +95,8 @@ struct Run {
     overrides: Option<OverrideSchedule>,
     /// Steps of them that are done.
     overridden: usize,
+    /// Lowest and highest override so far, in %.
+    override_percent: [u8; 2],
     started_at: Instant,
     started_in_scan: u64,
     frames_before: Counters,
@@ -115,6 +123,8 @@ pub struct Sample {
     pub queue_fill: u32,
     /// The robot's image of the last scan; none without a connection.
     pub feedback: Option<Feedback>,
+    /// Images of the robot that were refused so far, because a byte was altered.
+    pub altered: u64,
 }
 
 impl<B: Fieldbus> PlcNode<B> {
@@ -142,13 +152,17 @@ impl<B: Fieldbus> PlcNode<B> {
                 sequence: Sequence::new(ExecutionType::Rc, config.program, config.queue_depth),
                 overrides: None,
                 overridden: 0,
+                override_percent: [u8::MAX, 0],
                 started_at: start,
                 started_in_scan: 0,
                 frames_before: Counters::default(),
             },
             overrides: None,
             inputs: [0; IMAGE_LEN],
+            checker: FeedbackChecker::default(),
+            altered_still: 0,
             outputs: [0; IMAGE_LEN],
+            sealer: CommandSealer::default(),
             emitted: None,
             events: VecDeque::with_capacity(EVENTS),
         }
@@ -215,6 +229,12 @@ impl<B: Fieldbus> PlcNode<B> {
         self.scan.lateness()
     }
 
+    /// What the checks of the robot's images said.
+    #[must_use]
+    pub const fn checks(&self) -> Checks {
+        self.checker.checks()
+    }
+
     /// The motions that this run, or the last one, took from their source, in that order: with SM and CM those that it
     /// sent. RC takes none.
     #[must_use]
@@ -250,6 +270,7 @@ impl<B: Fieldbus> PlcNode<B> {
             override_percent: command.override_percent,
             queue_fill: command.written.saturating_sub(executed),
             feedback,
+            altered: self.checker.checks().altered,
         }
     }
 
@@ -287,14 +308,29 @@ impl<B: Fieldbus> PlcNode<B> {
             Some(image) if self.inputs == image && self.group.feedback().is_some() => {
                 self.group.read_again();
             }
-            Some(image) => {
-                self.inputs = image;
-                self.group.read(self.bus.byte_order().parse_feedback(&image).ok());
+            Some(image) => self.take_over(image),
+            None => {
+                self.checker.disconnect();
+                self.group.read(None);
             }
-            None => self.group.read(None),
         }
         if self.group.still_scans() == STILL {
             self.received_still = self.bus.counters().received;
+            self.altered_still = self.checker.checks().altered;
+        }
+    }
+
+    /// Takes over a new image of the robot. One that was altered on the way is refused: the one before stands, as if the frame
+    /// had been lost.
+    fn take_over(&mut self, image: Image) {
+        let order = self.bus.byte_order();
+        match (self.checker.verify(order, &image), self.group.feedback()) {
+            (Verdict::Altered, Some(_)) => self.group.read_again(),
+            (Verdict::Altered, None) => self.group.read(None),
+            (Verdict::Intact | Verdict::Unchecked, _) => {
+                self.inputs = image;
+                self.group.read(order.parse_feedback(&image).ok());
+            }
         }
     }
 
@@ -302,11 +338,14 @@ impl<B: Fieldbus> PlcNode<B> {
     fn emit(&mut self) {
         let command = self.group.command();
         let slots = Some((command.number, command.written));
+        let order = self.bus.byte_order();
         if core::mem::replace(&mut self.emitted, slots) == slots {
-            self.bus.byte_order().emit_command_head(command, &mut self.outputs);
+            order.emit_command_head(command, &mut self.outputs);
         } else {
-            self.bus.byte_order().emit_command(command, &mut self.outputs);
+            order.emit_command(command, &mut self.outputs);
+            self.sealer.take_tail(&self.outputs);
         }
+        self.sealer.seal(order, &mut self.outputs);
     }
 
     /// What makes every run impossible, whatever its blocks find.
@@ -319,7 +358,9 @@ impl<B: Fieldbus> PlcNode<B> {
         }
         let scans = self.group.still_scans();
         let is_heard = self.bus.counters().received > self.received_still;
-        Some(if is_heard {
+        Some(if self.checker.checks().altered > self.altered_still {
+            FailureCause::RobotAltered { scans }
+        } else if is_heard {
             FailureCause::RobotSilent { scans }
         } else {
             FailureCause::RobotUnheard { scans }

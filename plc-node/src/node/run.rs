@@ -8,7 +8,7 @@ use super::{Mode, PlcNode, Run};
 use crate::function_blocks::BlockError;
 use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
-use crate::{Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError};
+use crate::{Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError};
 
 impl<B: Fieldbus> PlcNode<B> {
     pub(super) fn is_at_start(&self) -> bool {
@@ -41,6 +41,7 @@ impl<B: Fieldbus> PlcNode<B> {
             sequence: Sequence::new(execution_type, self.program, self.queue_depth),
             overrides: self.overrides,
             overridden: 0,
+            override_percent: [u8::MAX, 0],
             started_at: now,
             started_in_scan: self.scans,
             frames_before: self.bus.counters(),
@@ -53,6 +54,9 @@ impl<B: Fieldbus> PlcNode<B> {
 
     pub(super) fn run(&mut self, now: Instant) {
         self.follow_overrides(now);
+        let percent = self.group.command().override_percent;
+        let [lowest, highest] = self.run.override_percent;
+        self.run.override_percent = [lowest.min(percent), highest.max(percent)];
         match self.run.sequence.scan(now, &mut self.motions, &self.stops, &mut self.group) {
             Progress::Running => {}
             Progress::Done => self.finish(now),
@@ -86,8 +90,19 @@ impl<B: Fieldbus> PlcNode<B> {
             blends_suppressed: totals.blends_suppressed,
             scans: self.scans - self.run.started_in_scan,
             frames: frames_between(self.run.frames_before, self.bus.counters()),
+            commanded: self.commanded(),
         }));
         if self.is_at_start() { self.become_idle() } else { self.move_to_start(true, None) }
+    }
+
+    fn commanded(&self) -> Commanded {
+        let sent = self.motions.given().sum();
+        Commanded {
+            motions: sent.motions,
+            digest: sent.value,
+            override_percent: self.run.override_percent,
+            end: self.group.feedback().map_or([0.0; 6], |feedback| feedback.joints),
+        }
     }
 
     /// Ends a run, if there is one, and has the next scans lead the robot to `Ready` again.

@@ -21,6 +21,7 @@ use node::screen;
 use node::supervise::Outcome;
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol::image::Checks;
 
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
@@ -183,6 +184,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         self.bus().counters()
     }
 
+    fn checks(&self) -> Checks {
+        Self::checks(self)
+    }
+
     fn cycle_number(&self) -> u64 {
         Self::sample(self).scans
     }
@@ -193,7 +198,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
 
     fn write_sample((at, sample): &Self::Sample, line: &mut String) {
         use fmt::Write as _;
-        let Sample { scans, number, total, written, queue_fill, .. } = sample;
-        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill}", at.as_nanos());
+        let Sample { scans, number, total, written, queue_fill, altered, .. } = sample;
+        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill},{altered}", at.as_nanos());
     }
 }

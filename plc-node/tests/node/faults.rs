@@ -129,6 +129,15 @@ fn a_cable_that_is_cut_for_less_than_the_watchdog_is_not_called_a_controller_tha
 }
 
 #[test]
+fn images_of_the_robot_that_are_all_altered_fail_the_run_and_are_called_so() {
+    let mut cell = ready_cell(Fault::Altered { at: 2 });
+    let failure = run_to_failure(&mut cell, Cm);
+    assert_eq!(failure.cause, FailureCause::RobotAltered { scans: 50 });
+    assert!(failure.to_string().contains("wrong check"), "{failure}");
+    assert!(cell.a().checks().altered > 0 && cell.a().checks().unchecked > 0);
+}
+
+#[test]
 fn a_robot_that_does_not_accept_the_command_fails_the_run_after_the_set_time() {
     let mut cell = ready_cell(Fault::Deaf);
     let started = cell.now();

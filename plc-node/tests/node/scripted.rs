@@ -10,7 +10,8 @@ use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
-    Command, Control, ErrorNumber, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status,
+    Command, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, Motion, MotionKind, Order, Skill,
+    State, Status,
 };
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
@@ -29,6 +30,10 @@ pub(crate) enum Fault {
     },
     /// It gives the skill up at this motion of the run.
     Abort {
+        at: u32,
+    },
+    /// A byte of each of its images is altered on the way, from this motion on.
+    Altered {
         at: u32,
     },
     /// It never takes a command up.
@@ -220,6 +225,10 @@ impl Machine for ScriptedRobot {
             self.tick(now);
             let mut image = [0; IMAGE_LEN];
             self.feedback.emit::<BigEndian>(&mut image);
+            if let Fault::Altered { at } = self.fault {
+                FeedbackSealer::default().seal(Order::BigEndian, &mut image);
+                image[45] ^= u8::from(self.executed_in_all >= at);
+            }
             self.bus.set_output(&image);
         }
         if self.bus.poll_timeout().is_some_and(|due| due <= now) {

@@ -5,14 +5,18 @@ use core::time::Duration;
 use protocol::fieldbus::LinkEvent;
 use protocol::image::{ErrorNumber, Finding, Skill, State};
 
+use super::Account;
 use crate::Quality;
 use crate::arm::Violation;
 
 /// What happened in the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a box would be an allocation on the cyclic thread")]
 pub enum RobotEvent {
     /// News of the connection.
     Link(LinkEvent),
+    /// All images of the PLC have wrong checks, or no longer so.
+    ImagesAltered(bool),
     /// The state machine changed its state.
     State(State),
     /// The interpreter took up a command.
@@ -36,6 +40,8 @@ pub enum RobotEvent {
         execution: Duration,
         /// How well the arm moved meanwhile.
         quality: Quality,
+        /// What it did.
+        account: Account,
     },
     /// A motion was run to an exact stop because its successor was not there at its decision point.
     BlendSuppressed {

@@ -20,6 +20,7 @@
 //! the PLC by a change of a bit of its own outputs. The last one counts. A lost connection switches nothing: a gripper
 //! must not drop its part.
 
+mod account;
 mod event;
 mod execution;
 #[cfg(test)]
@@ -37,6 +38,7 @@ use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Finding, 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+pub use account::Account;
 pub use event::{Ending, RobotEvent};
 use execution::Execution;
 pub use program::Program;
@@ -88,6 +90,8 @@ pub struct Controller {
     plc_outputs: Option<u16>,
     /// The motions that the skill, or the last one, put on the path.
     accepted: Digest,
+    /// What the skill did so far.
+    account: Account,
     /// `reset` counts once each time it is set.
     reset_armed: bool,
     hold: bool,
@@ -95,6 +99,8 @@ pub struct Controller {
     factor: f64,
     /// The override in the command image, if it is none that there can be.
     wrong_override: Option<u8>,
+    /// No image of the PLC is as it was sent.
+    images_altered: bool,
     tool: Frame,
     base_inverse: Frame,
     feedback: Feedback,
@@ -125,10 +131,12 @@ impl Controller {
             outputs: 0,
             plc_outputs: None,
             accepted: Digest::default(),
+            account: Account::default(),
             reset_armed: true,
             hold: false,
             factor: 1.0,
             wrong_override: None,
+            images_altered: false,
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
             feedback: Feedback::default(),
@@ -160,6 +168,13 @@ impl Controller {
     /// The next event.
     pub fn poll_event(&mut self) -> Option<RobotEvent> {
         self.events.pop_front()
+    }
+
+    /// Says whether all images of the PLC have wrong checks, so that none can be followed: the feedback then warns.
+    pub fn set_images_altered(&mut self, altered: bool) {
+        if core::mem::replace(&mut self.images_altered, altered) != altered {
+            self.event(RobotEvent::ImagesAltered(altered));
+        }
     }
 
     /// One robot cycle at the instant `at`, with the command image as it stands, or none without a connection.
@@ -287,6 +302,7 @@ impl Controller {
                 }
                 self.interpolator.clear();
                 self.accepted = Digest::default();
+                self.account = Account::begin(joints);
                 self.hold = command.control.contains(Control::SUSPEND);
                 self.execution = Some(execution);
                 self.state = State::Running;

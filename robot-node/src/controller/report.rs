@@ -44,12 +44,16 @@ impl Controller {
             return;
         }
         let wrong = self.wrong_override.map(|percent| Violation::Override { percent });
-        if wrong.is_none() && !feedback.status.contains(Status::WARNING) {
+        if wrong.is_none() && !self.images_altered && !feedback.status.contains(Status::WARNING) {
             return;
         }
-        feedback.status.set(Status::WARNING, wrong.is_some());
-        feedback.error = wrong.map_or(ErrorNumber::None, |wrong| wrong.number());
-        feedback.finding = wrong.map_or(Finding::NONE, |wrong| wrong.finding());
+        feedback.status.set(Status::WARNING, wrong.is_some() || self.images_altered);
+        let (error, finding) = match wrong {
+            _ if self.images_altered => (ErrorNumber::WrongCheck, Finding::NONE),
+            Some(wrong) => (wrong.number(), wrong.finding()),
+            None => (ErrorNumber::None, Finding::NONE),
+        };
+        (feedback.error, feedback.finding) = (error, finding);
     }
 
     /// What the surfaces around push the tool with.

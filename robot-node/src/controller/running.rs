@@ -14,6 +14,7 @@ impl Controller {
     /// Runs the skill for one cycle.
     pub(super) fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
+        self.account.note_override(self.feedback.override_percent);
         let waited_for_motions = self.interpolator.path().is_finished();
         let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
         let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
@@ -192,7 +193,16 @@ impl Controller {
         }
         let quality = self.observer.end(&self.config.arm);
         let execution = execution_time;
-        self.event(RobotEvent::SkillFinished { number, skill, ending, executed, execution, quality });
+        let account = self.account.close(skill, self.accepted.sum(), *self.interpolator.joints());
+        self.event(RobotEvent::SkillFinished {
+            number,
+            skill,
+            ending,
+            executed,
+            execution,
+            quality,
+            account,
+        });
     }
 }
 

@@ -34,6 +34,7 @@ mod tests {
             path_speed_mm_s: 0.0,
             pose: [0.0; 6],
             joints: [0.0; 6],
+            altered: 0,
         }
     }
 

@@ -2,8 +2,8 @@
 //! spreadsheet opens them:
 //!
 //! ```text
-//! trace-robot.csv  every interpolation cycle: pose, joints, path speed, state, queue
-//! trace-plc.csv    every scan: command, motions of the skill, motions in the slots
+//! trace-robot.csv  every interpolation cycle: pose, joints, path speed, state, queue, images refused
+//! trace-plc.csv    every scan: command, motions of the skill, motions in the slots, images refused
 //! ```
 
 use std::fmt::Write as _;
@@ -27,8 +27,8 @@ pub const ROBOT_ROWS: &str = "trace-robot.rows";
 pub const PLC_ROWS: &str = "trace-plc.rows";
 
 const ROBOT_HEADER: &str = "type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
-x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6";
-const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots";
+x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered";
+const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots,altered";
 
 impl Trace {
     /// Writes both tables into a run directory.
@@ -60,13 +60,13 @@ impl Trace {
                 for value in tick.pose.iter().chain(&tick.joints) {
                     let _ = write!(robot, ",{value:.4}");
                 }
-                robot.push('\n');
+                let _ = writeln!(robot, ",{}", tick.altered);
             }
-            for PlcScan { at_us, scan, command, total, written, in_slots } in &recording.plc {
+            for PlcScan { at_us, scan, command, total, written, in_slots, altered } in &recording.plc {
                 let at_ms = *at_us as f64 / 1e3;
                 let _ = writeln!(
                     plc,
-                    "{execution_type},{at_ms:.3},{scan},{command},{total},{written},{in_slots}"
+                    "{execution_type},{at_ms:.3},{scan},{command},{total},{written},{in_slots},{altered}"
                 );
             }
         }
@@ -196,10 +196,12 @@ impl Row<'_> {
             path_speed_mm_s: next(&mut fields)?,
             pose: [0.0; 6],
             joints: [0.0; 6],
+            altered: 0,
         };
         for value in tick.pose.iter_mut().chain(&mut tick.joints) {
             *value = next(&mut fields)?;
         }
+        tick.altered = next(&mut fields)?;
         fields.next().is_none().then_some((execution_type, tick))
     }
 
@@ -214,6 +216,7 @@ impl Row<'_> {
             total: next(&mut fields)?,
             written: next(&mut fields)?,
             in_slots: next(&mut fields)?,
+            altered: next(&mut fields)?,
         };
         fields.next().is_none().then_some((execution_type, scan))
     }
@@ -236,8 +239,17 @@ mod tests {
             path_speed_mm_s: 441.75,
             pose: [1.0, -2.5, 3.0, 0.0, 0.0, 180.0],
             joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
+            altered: 1,
         });
-        recording.plc(PlcScan { at_us: 13_000, scan: 812, command: 3, total: 13, written: 6, in_slots: 5 });
+        recording.plc(PlcScan {
+            at_us: 13_000,
+            scan: 812,
+            command: 3,
+            total: 13,
+            written: 6,
+            in_slots: 5,
+            altered: 2,
+        });
         Trace { types: PerType { cm: Some(recording), ..PerType::default() } }
     }
 
@@ -245,10 +257,10 @@ mod tests {
     fn the_tables_have_a_row_per_tick_and_a_unit_in_each_column_name() {
         let (robot, plc) = trace().to_csv();
         insta::assert_snapshot!(robot + &plc, @"
-        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6
-        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000,20.0000,30.0000,40.0000,0.0000,0.0000
-        type,t_ms,scan,command,total,written,in_slots
-        cm,13.000,812,3,13,6,5
+        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered
+        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000,20.0000,30.0000,40.0000,0.0000,0.0000,1
+        type,t_ms,scan,command,total,written,in_slots,altered
+        cm,13.000,812,3,13,6,5,2
         ");
     }
 
@@ -259,11 +271,12 @@ mod tests {
             window(ExecutionType::Rc, 1_000_000, Some(2_000_000)),
             window(ExecutionType::Sm, 9_000_000, None),
         ];
-        let rows = "900000,1,2,3,4,5\n1500000,2,2,3,4,5\n5000000,3,2,3,4,5\n9250000,4,2,3,4,5\n9300000,5,2";
+        let rows =
+            "900000,1,2,3,4,5,0\n1500000,2,2,3,4,5,0\n5000000,3,2,3,4,5,0\n9250000,4,2,3,4,5,0\n9300000,5,2";
         insta::assert_snapshot!(table(PLC_HEADER, rows, &windows), @"
-        type,t_ms,scan,command,total,written,in_slots
-        rc,0.500,2,2,3,4,5
-        sm,0.250,4,2,3,4,5
+        type,t_ms,scan,command,total,written,in_slots,altered
+        rc,0.500,2,2,3,4,5,0
+        sm,0.250,4,2,3,4,5,0
         ");
     }
 

@@ -6,22 +6,15 @@ use ::node::message::Instruction;
 use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use plc_node::{Execution, ExecutionType, OverrideSchedule};
-use robot_node::Quality;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::{Rig, RigError};
+use super::{Begun, Rig, RigError};
+use crate::records::conditions::{Measured, Moved};
 use crate::records::schedule::PAUSE;
 use crate::records::trace::Window;
 
 /// Longest run; a PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
-
-/// The robot's reports of its motions in one run.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ExecutedMotions {
-    pub(super) motions: u32,
-    pub(super) quality: Quality,
-}
 
 impl Rig {
     /// Runs the sequence once, with this schedule of overrides.
@@ -34,7 +27,7 @@ impl Rig {
         &mut self,
         execution_type: ExecutionType,
         overrides: Option<OverrideSchedule>,
-    ) -> Result<Execution, RigError> {
+    ) -> Result<Measured, RigError> {
         self.start_run(execution_type, overrides).await;
         let result = match timeout(LONGEST_RUN, self.finished()).await {
             Ok(result) => result,
@@ -50,7 +43,13 @@ impl Rig {
             window.length_ns = Some(run.execution_time_ns);
         }
         self.ask_for_reports().await?;
-        Ok(run)
+        let moved = self.moved.of(run.motions);
+        Ok(Measured {
+            execution: run,
+            quality: moved.map(|moved| moved.quality),
+            account: moved.map(|moved| moved.account),
+            interference: self.reports.counts().since(&self.begun.with.counts()),
+        })
     }
 
     /// Runs the sequence repeatedly for this time. A run that has not finished by then goes on, and the next call
@@ -82,8 +81,12 @@ impl Rig {
     }
 
     async fn start_run(&mut self, execution_type: ExecutionType, overrides: Option<OverrideSchedule>) {
-        self.moved = ExecutedMotions::default();
+        self.moved = Moved::default();
         self.is_running = true;
+        self.before_run = self.reports.clone();
+        // The nodes answer at once, before they do anything for this run.
+        self.begun = Begun { is_awaited: [true; 2], ..Begun::default() };
+        self.request_reports().await;
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type, overrides })).await;
     }
 
@@ -106,12 +109,5 @@ impl Rig {
                 | PlcMessage::Refused { .. } => {}
             }
         }
-    }
-
-    /// Returns the quality of the arm's motion in the last run of `motions` motions; `None` if the robot did not
-    /// report all of them.
-    #[must_use]
-    pub fn quality_of(&self, motions: u32) -> Option<Quality> {
-        (self.moved.motions == motions).then_some(self.moved.quality)
     }
 }

@@ -124,15 +124,16 @@ impl Rig {
         match &event {
             NodeEvent::Plc(Message::Hello(hello)) => self.hellos.push((NodeRole::Plc, hello.clone())),
             NodeEvent::Robot(Message::Hello(hello)) => self.hellos.push((NodeRole::Robot, hello.clone())),
-            NodeEvent::Plc(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
-                self.reports.plc = report.clone();
+            NodeEvent::Plc(Message::Report(report)) => self.take_report(NodeRole::Plc, report),
+            NodeEvent::Robot(Message::Report(report)) => self.take_report(NodeRole::Robot, report),
+            NodeEvent::Plc(Message::Farewell { report: Some(report), .. }) => {
+                report.clone_into(&mut self.reports.plc);
             }
-            NodeEvent::Robot(Message::Report(report) | Message::Farewell { report: Some(report), .. }) => {
-                self.reports.robot = report.clone();
+            NodeEvent::Robot(Message::Farewell { report: Some(report), .. }) => {
+                report.clone_into(&mut self.reports.robot);
             }
-            NodeEvent::Robot(Message::Node(RobotMessage::Executed { motions, quality, .. })) => {
-                self.moved.motions = self.moved.motions.saturating_add(*motions);
-                self.moved.quality = self.moved.quality.then(*quality);
+            NodeEvent::Robot(Message::Node(RobotMessage::Executed { motions, quality, account, .. })) => {
+                self.moved.add(*motions, *quality, *account);
             }
             NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
             NodeEvent::Plc(Message::LinkDown { .. }) => {
@@ -193,7 +194,7 @@ impl Rig {
         if !matches!(error, RigError::ConnectionLost { .. } | RigError::RunFailed { .. }) {
             return error;
         }
-        let before = self.reports.clone();
+        let before = self.before_run.clone();
         match self.ask_for_reports().await {
             Ok(()) => match self.held_up_since(&before) {
                 (role, held) if held >= self.watchdog / 2 => {
@@ -237,24 +238,35 @@ impl Rig {
     }
 
     pub(super) async fn ask_for_reports(&mut self) -> Result<(), RigError> {
-        self.tell_plc(&Instruction::Report).await;
-        if let Some(robot) = &mut self.robot {
-            robot.tell(&Instruction::<RobotInstruction>::Report).await;
-        }
-        let (mut plc, mut robot) = (false, self.robot.is_none());
+        self.request_reports().await;
         let both = async {
-            while !(plc && robot) {
-                match self.next_event().await? {
-                    NodeEvent::Plc(Message::Report(_)) => plc = true,
-                    NodeEvent::Robot(Message::Report(_)) => robot = true,
-                    _ => {}
-                }
+            while self.awaited != [0; 2] {
+                self.next_event().await?;
             }
             Ok(())
         };
         let answered = timeout(ANSWER, both).await;
-        let role = if plc { NodeRole::Robot } else { NodeRole::Plc };
+        let role = if self.awaited[0] == 0 { NodeRole::Robot } else { NodeRole::Plc };
         answered.unwrap_or(Err(RigError::NoAnswer { role, waited: ANSWER }))
+    }
+
+    /// Asks both nodes for a report without waiting for it.
+    pub(super) async fn request_reports(&mut self) {
+        self.tell_plc(&Instruction::Report).await;
+        self.awaited[0] += 1;
+        if let Some(robot) = &mut self.robot {
+            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+            self.awaited[1] += 1;
+        }
+    }
+
+    fn take_report(&mut self, role: NodeRole, report: &NodeReport) {
+        let index = usize::from(role == NodeRole::Robot);
+        self.awaited[index] = self.awaited[index].saturating_sub(1);
+        if std::mem::take(&mut self.begun.is_awaited[index]) {
+            report.clone_into(self.begun.with.of(role));
+        }
+        report.clone_into(self.reports.of(role));
     }
 
     /// Tells a node to stop and waits until it has ended and was reaped.

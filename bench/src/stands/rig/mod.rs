@@ -52,12 +52,11 @@ use tokio::time::Instant;
 
 use self::node::Node;
 use cable::{Cable, Fittings};
-use executions::ExecutedMotions;
 use kills::Kills;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 
-use crate::records::conditions::Health;
+use crate::records::conditions::{Counts, Health, Moved};
 use crate::records::faults::{self, FaultReport};
 use crate::records::trace::{Window, tables};
 use crate::stands::Stand as _;
@@ -118,8 +117,14 @@ pub struct Rig {
     reports: Reports,
     /// The nodes' reports from before this rig.
     before: Reports,
+    /// The nodes' reports from before the current run.
+    before_run: Reports,
+    /// The nodes' reports at the start of the current run.
+    begun: Begun,
+    /// Reports asked for and not received: PLC, robot.
+    awaited: [u32; 2],
     /// Motions of the current run, or of the last one.
-    moved: ExecutedMotions,
+    moved: Moved,
     traced: Vec<Window>,
     recording: bool,
     /// Whether a run was started whose end or failure was not reported yet.
@@ -151,9 +156,34 @@ pub struct Reports {
     pub robot: NodeReport,
 }
 
+/// The first reports of a run.
+#[derive(Clone, Default, Debug)]
+struct Begun {
+    with: Reports,
+    /// Whether those of PLC and robot are still to come.
+    is_awaited: [bool; 2],
+}
+
 impl Reports {
     fn since(&self, before: &Self) -> Self {
         Self { plc: self.plc.since(&before.plc), robot: self.robot.since(&before.robot) }
+    }
+
+    const fn of(&mut self, role: NodeRole) -> &mut NodeReport {
+        match role {
+            NodeRole::Plc => &mut self.plc,
+            NodeRole::Robot => &mut self.robot,
+        }
+    }
+
+    const fn counts(&self) -> Counts {
+        let Self { plc, robot } = self;
+        Counts {
+            missed: [plc.cycle.missed, robot.cycle.missed],
+            runs: [plc.cycle.runs, robot.cycle.runs],
+            bus: [plc.bus, robot.bus],
+            images: [plc.images, robot.images],
+        }
     }
 }
 
@@ -220,7 +250,10 @@ impl Rig {
             hellos: Vec::new(),
             reports: Reports::default(),
             before: Reports::default(),
-            moved: ExecutedMotions::default(),
+            before_run: Reports::default(),
+            begun: Begun::default(),
+            awaited: [0; 2],
+            moved: Moved::default(),
             traced: Vec::new(),
             recording: false,
             trace_directory: None,

@@ -46,7 +46,7 @@ impl Stand for Rig {
         // Before the pause, so that it is not part of the measured run.
         self.record(step.repetition == 1).await?;
         let mut tries = 1;
-        let run = loop {
+        loop {
             tokio::time::sleep(step.pause).await;
             match Self::execute(self, step.execution_type, step.overrides).await {
                 Err(error @ RigError::HeldUp { .. }) if tries < TRIES => {
@@ -56,10 +56,9 @@ impl Stand for Rig {
                     self.traced.pop_if(|window| window.length_ns.is_none());
                     self.reconnect_after(error).await?;
                 }
-                run => break run?,
+                run => return Ok(run?),
             }
-        };
-        Ok(Measured { execution: run, quality: self.quality_of(run.motions) })
+        }
     }
 
     fn health(&self) -> Health {
@@ -102,6 +101,7 @@ impl Reports {
             robot: (&self.robot.cycle).into(),
             bus: self.plc.bus,
             robot_bus: self.robot.bus,
+            images: [self.plc.images, self.robot.images],
             connected_after: None,
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,

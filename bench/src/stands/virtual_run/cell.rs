@@ -14,14 +14,14 @@ use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::Digest;
 use protocol_linux::capture::Note;
-use robot_node::{Program, Quality, RobotEvent, RobotNode};
+use robot_node::{Program, RobotEvent, RobotNode};
 use setup::Setup;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 
 use super::Work;
 use super::phases::Phases;
 use super::watch::{SharedFrames, Watch};
-use crate::records::conditions::{Health, Measured};
+use crate::records::conditions::{Counts, Health, Measured, Moved};
 use crate::records::faults::{self, Change, Fault, FaultReport};
 use crate::records::schedule::Step;
 use crate::records::trace::{Frame, Recording};
@@ -110,7 +110,7 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         ready_at: None,
         capture: capture.clone(),
         frames: frames.clone(),
-        quality: Quality::default(),
+        moved: Moved::default(),
     }))
 }
 
@@ -141,8 +141,8 @@ pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     ready_at: Option<Instant>,
     capture: Option<SharedCapture>,
     frames: Option<SharedFrames>,
-    /// Quality of the current run, or of the last one.
-    quality: Quality,
+    /// What the robot reported of the current run, or of the last one.
+    moved: Moved,
 }
 
 impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
@@ -156,7 +156,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         loop {
             let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
             let change = next.filter(|at| *at <= until);
-            if let Some(event) = next_plc_event(&mut self.pair, change.unwrap_or(until), &mut self.quality) {
+            if let Some(event) = next_plc_event(&mut self.pair, change.unwrap_or(until), &mut self.moved) {
                 return Some(event);
             }
             change?;
@@ -185,6 +185,16 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         match down.cause {
             DownCause::Refused => OtherRobot(words).into(),
             _ => anyhow!("no connection to the robot: {words}"),
+        }
+    }
+
+    fn counts(&self) -> Counts {
+        let (plc, robot) = (self.pair.a(), self.pair.b());
+        Counts {
+            missed: [plc.lateness().missed(), robot.lateness().missed()],
+            runs: [plc.lateness().runs(), robot.lateness().runs()],
+            bus: [plc.bus().counters(), robot.bus().counters()],
+            images: [plc.checks().into(), robot.checks().into()],
         }
     }
 
@@ -234,6 +244,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         let start = self.pair.now() + step.pause;
         while self.next_plc_event(start).is_some() {}
         self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
+        let before = self.counts();
         self.begin(step.execution_type)?;
         let until = self.pair.now() + LONGEST_RUN;
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
@@ -243,7 +254,13 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         } {
             match event {
                 PlcEvent::Finished(execution) => {
-                    return Ok(Measured { execution, quality: Some(self.quality) });
+                    let moved = self.moved.of(execution.motions);
+                    return Ok(Measured {
+                        execution,
+                        quality: moved.map(|moved| moved.quality),
+                        account: moved.map(|moved| moved.account),
+                        interference: self.counts().since(&before),
+                    });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
                 PlcEvent::Link(_)
@@ -281,6 +298,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
             robot: (&LatenessReport::from(robot)).into(),
             bus: self.pair.a().bus().counters(),
             robot_bus: self.pair.b().bus().counters(),
+            images: [self.pair.a().checks().into(), self.pair.b().checks().into()],
             connected_after: None,
             allocations: None,
             repeated: Vec::new(),
@@ -296,11 +314,11 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
 }
 
 /// Returns the PLC's next event up to `until` in true time. Meanwhile it does what a station's owner would, it sets
-/// addresses, and adds what the robot reports of its motions to `quality`.
+/// addresses, and adds what the robot reports of its skills to `moved`.
 fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
-    quality: &mut Quality,
+    moved: &mut Moved,
 ) -> Option<PlcEvent> {
     loop {
         match pair.next_event(until)? {
@@ -315,12 +333,12 @@ fn next_plc_event<P: Fieldbus, R: Fieldbus>(
             Event::A(event) => {
                 // The motion to the start is not part of the run.
                 if let PlcEvent::Started { .. } = event {
-                    *quality = Quality::default();
+                    *moved = Moved::default();
                 }
                 return Some(event);
             }
-            Event::B(RobotEvent::SkillFinished { quality: of_skill, .. }) => {
-                *quality = quality.then(of_skill);
+            Event::B(RobotEvent::SkillFinished { executed, quality, account, .. }) => {
+                moved.add(executed, quality, account);
             }
             Event::B(_) => {}
         }

@@ -32,7 +32,7 @@ use virtual_time::Side;
 
 pub(crate) use cell::Nodes;
 pub use plant_speed::PlantSpeed;
-pub use reaction::{reaction_limits, reactions};
+pub use reaction::reactions;
 
 use cell::{Cell, OtherRobot, SharedCapture, Surroundings, cell};
 use phases::Phases;
@@ -46,6 +46,7 @@ use crate::records::results::{Results, Status};
 use crate::records::schedule::{Schedule, Step};
 use crate::records::trace::{Recording, Trace};
 use crate::stands::capture::{CableConfig, VirtualCapture};
+use crate::stands::verification::{Planned, Verification};
 use crate::stands::{Finished, Stand, StandConfig};
 use watch::SharedFrames;
 
@@ -83,17 +84,9 @@ pub(crate) struct Work {
 }
 
 impl Work {
-    fn of(setup: &Setup, application: &Application) -> anyhow::Result<Self> {
-        let work = Self::of_plan(setup, &planning::plan(application, setup)?)?;
-        Ok(Self { robot: work.robot.in_cell_of(application, &work.to_start)?, ..work })
-    }
-
-    /// A plan without an application has no surfaces to press on.
-    fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
-        let program = plan.wire_motions(setup);
-        let source = Box::new(MotionList::from(program.clone()));
-        let to_start = plan.wire_to_start(setup);
-        Ok(Self { program, stops: plan.stops(), ..Self::sent(setup, source, to_start)? })
+    fn of(Planned { robot, motions, stops, to_start }: Planned) -> Self {
+        let source = Box::new(MotionList::from(motions.clone()));
+        Self { source, program: motions, stops, to_start, robot }
     }
 
     /// Work of motions that the PLC sends; the robot's program store is empty.
@@ -145,7 +138,7 @@ impl VirtualRun {
         bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
-        Self::start_on(setup, Work::of(setup, application)?, seed, bus, extras)
+        Self::start_on(setup, Work::of(Planned::of(setup, application)?), seed, bus, extras)
     }
 
     /// Starts a run like [`VirtualRun::start_with`], of motions that were planned elsewhere.
@@ -233,7 +226,7 @@ impl VirtualRun {
 ///
 /// The nodes do not connect, or a repetition fails.
 pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> anyhow::Result<Results> {
-    let results = run_whole(setup, &application.name, Work::of(setup, application)?, schedule)?;
+    let results = run_whole(setup, &application.name, Planned::of(setup, application)?, schedule)?;
     let standing = Standing::of(setup, application, schedule.overrides.as_ref(), &[]);
     Ok(results.beside_the_paper(setup, standing))
 }
@@ -244,14 +237,17 @@ pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> a
 ///
 /// The same as for [`whole`].
 pub fn whole_of(setup: &Setup, planned: &planning::Plan, schedule: &Schedule) -> anyhow::Result<Results> {
-    run_whole(setup, &planned.name, Work::of_plan(setup, planned)?, schedule)
+    run_whole(setup, &planned.name, Planned::of_plan(setup, planned)?, schedule)
 }
 
-fn run_whole(setup: &Setup, name: &str, work: Work, schedule: &Schedule) -> anyhow::Result<Results> {
+fn run_whole(setup: &Setup, name: &str, planned: Planned, schedule: &Schedule) -> anyhow::Result<Results> {
+    let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
+    let work = Work::of(planned);
     let mut results = Results::new(setup, name, Mode::Virtual, schedule);
     let mut run = VirtualRun::start_on(setup, work, schedule.seed, VirtualBus::OfSetup, &Extras::default())?;
     for step in schedule.steps() {
         let measured = run.cell.execute(step, None)?;
+        verification.check(&measured)?;
         results.record(step.execution_type, &measured)?;
     }
     results.status = Status::Complete;

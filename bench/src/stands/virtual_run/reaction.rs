@@ -77,18 +77,6 @@ pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<D
     Ok(reactions.get(..count).unwrap_or(reactions).to_vec())
 }
 
-/// Returns the shortest and the longest reaction that the cycles of a setup allow. At least the cable is passed there and
-/// back. At most every task on the way was just missed: the bus there, the robot's cycle, the bus back, the PLC's scan.
-#[must_use]
-pub fn reaction_limits(setup: &Setup) -> (Duration, Duration) {
-    let micros = |value: u32| Duration::from_micros(value.into());
-    let transfer = micros(setup.bus.cable_delay_us.value) * 2;
-    let load = micros(setup.bus.cycle_us.value) * 2
-        + micros(setup.robot.cycle_us.value)
-        + micros(setup.plc.scan_cycle_us.value);
-    (transfer, transfer + load)
-}
-
 /// What a node does in its cycle.
 trait Task {
     fn run(&mut self, now: Instant, bus: &mut impl Fieldbus);

@@ -27,6 +27,7 @@ use crate::output::progress::Progress;
 use crate::output::report::{self, Pages};
 use crate::output::table;
 use crate::output::timeline;
+use crate::records::conditions::Measured;
 use crate::records::faults::{self, Fault};
 use crate::records::host::{self, Host};
 use crate::records::mode::Mode;
@@ -36,6 +37,7 @@ use crate::records::run_directory::{self, Durability, RunDirectory, replace};
 use crate::records::schedule::Schedule;
 use crate::records::trace::Trace;
 use crate::stands::rig::{self, Rig};
+use crate::stands::verification::Verification;
 use crate::stands::virtual_run::VirtualRun;
 use crate::stands::{Finished, Stand, StandConfig};
 use crate::verbs::event_loop::{event_loop, interrupt};
@@ -260,6 +262,8 @@ impl Measurement<'_> {
             attach: self.options.attach.as_ref(),
             token: self.token.as_ref(),
         };
+        let mut verification =
+            Verification::new(&self.setup, &self.found.application, self.options.mode, &self.faults)?;
         let mut interrupt = std::pin::pin!(interrupt);
         let started = tokio::select! {
             () = &mut interrupt => None,
@@ -282,7 +286,8 @@ impl Measurement<'_> {
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
         let results = Results { attached: stand.attached(), ..results };
-        let ended = session.run(&mut stand, &self.schedule, results, interrupt).await?;
+        let verify = |measured: &Measured| verification.check(measured);
+        let ended = session.run(&mut stand, &self.schedule, results, verify, interrupt).await?;
         let finished = stand.finish(self.wants_capture(ended.exit)).await;
         Ok(self.take_up(ended, finished, session))
     }

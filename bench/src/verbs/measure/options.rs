@@ -65,8 +65,8 @@ pub struct RunOptions {
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path; a change keeps every limit.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...")]
     pub overrides: Option<OverrideSchedule>,
-    /// Put a fault into the cable, any number of times: loss=0.001, duplicate=0.01, corrupt=0.001, reorder=0.01@2ms,
-    /// delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
+    /// Put a fault into the cable, any number of times: loss=0.001, duplicate=0.01, corrupt=0.001@memory or
+    /// corrupt=0.001@wire, reorder=0.01@2ms, delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
     /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s. Times count from the moment that the robot is ready; the same
     /// seed gives the same faults.
     #[arg(long, value_name = "FAULT", num_args = 1..)]

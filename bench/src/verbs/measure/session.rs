@@ -4,6 +4,7 @@
 use crate::output::exit::Exit;
 use crate::output::export::Exports;
 use crate::output::progress::Progress;
+use crate::records::conditions::Measured;
 use crate::records::host::Host;
 use crate::records::results::{Results, Status};
 use crate::records::run_directory::{Durability, RunDirectory};
@@ -56,7 +57,8 @@ impl Session {
         self.directory.write_host(&host.to_json()?)
     }
 
-    /// Executes the schedule on the stand until it is done, a repetition fails, or `interrupt` resolves.
+    /// Executes the schedule on the stand until it is done, a repetition fails or is not what `verify` accepts, or
+    /// `interrupt` resolves.
     ///
     /// # Errors
     ///
@@ -67,6 +69,7 @@ impl Session {
         stand: &mut impl Stand,
         schedule: &Schedule,
         mut results: Results,
+        mut verify: impl FnMut(&Measured) -> anyhow::Result<()>,
         interrupt: impl Future<Output = ()>,
     ) -> anyhow::Result<Ended> {
         let mut interrupt = std::pin::pin!(interrupt);
@@ -92,6 +95,7 @@ impl Session {
                 outcome = stand.execute(step) => outcome,
             };
             let outcome = outcome.and_then(|measured| {
+                verify(&measured)?;
                 results.record(step.execution_type, &measured)?;
                 Ok(measured)
             });
@@ -148,7 +152,7 @@ impl Session {
 mod tests {
     use super::*;
     use crate::output::exit::Failure;
-    use crate::records::conditions::{Health, Measured};
+    use crate::records::conditions::Health;
     use crate::records::mode::Mode;
     use crate::records::schedule::Step;
     use crate::stands::{Finished, StandConfig};
@@ -207,7 +211,8 @@ mod tests {
             progress: Progress::start(&schedule, true),
         };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-        let ended = runtime.block_on(session.run(&mut stand, &schedule, results, interrupt)).unwrap();
+        let ended =
+            runtime.block_on(session.run(&mut stand, &schedule, results, |_| Ok(()), interrupt)).unwrap();
         let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
         assert_eq!(read("results.json"), read("exported.json"));
         Outcome {
@@ -223,13 +228,13 @@ mod tests {
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::Pass, Status::Complete));
         assert_eq!(outcome.saved, outcome.ended.results);
         insta::assert_snapshot!(outcome.samples, @"
-        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
-        rc,1,1,1,0,
-        sm,1,2,2,0,
-        cm,1,3,3,0,
-        rc,2,4,4,0,
-        sm,2,5,5,0,
-        cm,2,6,6,0,
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error
+        rc,1,1,1,0,0,0,
+        sm,1,2,2,0,0,0,
+        cm,1,3,3,0,0,0,
+        rc,2,4,4,0,0,0,
+        sm,2,5,5,0,0,0,
+        cm,2,6,6,0,0,0,
         ");
     }
 
@@ -239,12 +244,12 @@ mod tests {
         assert_eq!((outcome.ended.exit, outcome.saved.status), (Exit::RunFailed, Status::Failed));
         insta::assert_snapshot!(format!("{:#}", outcome.ended.failures[0]), @"repetition sm 2 of 2 failed: the connection to the robot was lost");
         insta::assert_snapshot!(outcome.samples, @r#"
-        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,error
-        rc,1,1,1,0,
-        sm,1,2,2,0,
-        cm,1,3,3,0,
-        rc,2,4,4,0,
-        sm,2,,,,"the connection to the robot was lost"
+        type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error
+        rc,1,1,1,0,0,0,
+        sm,1,2,2,0,0,0,
+        cm,1,3,3,0,0,0,
+        rc,2,4,4,0,0,0,
+        sm,2,,,,,,"the connection to the robot was lost"
         "#);
     }
 
@@ -256,7 +261,7 @@ mod tests {
         let sm = outcome.saved.results.sm.unwrap();
         assert_eq!((sm.samples_ms, sm.failed.len()), (vec![2.0], 1));
         assert_eq!(sm.quality.unwrap().joint_jerk.peak, 2250.0);
-        assert!(outcome.samples.contains("\nsm,2,,,,\"a joint had"), "{}", outcome.samples);
+        assert!(outcome.samples.contains("\nsm,2,,,,,,\"a joint had"), "{}", outcome.samples);
     }
 
     #[test]

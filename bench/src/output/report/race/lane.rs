@@ -198,11 +198,12 @@ mod tests {
             path_speed_mm_s,
             pose: [0.0; 6],
             joints: [at_ms as f32, 0.0, 0.0, 0.0, 0.0, 0.0],
+            altered: 0,
         }
     }
 
     fn scan(at_us: i64, command: u16, written: u32, in_slots: u32) -> PlcScan {
-        PlcScan { at_us, scan: 0, command, total: written, written, in_slots }
+        PlcScan { at_us, scan: 0, command, total: written, written, in_slots, altered: 0 }
     }
 
     #[test]

@@ -1,0 +1,376 @@
+//! Verifies each repetition: that the motions of the plan were sent and executed, at the override that the PLC commanded,
+//! on the way that the arm alone takes, and that the two clocks agree as far as the cycles between them allow.
+
+mod times;
+
+use std::fmt;
+
+use anyhow::Context as _;
+use planning::{Stop, ToStart};
+use plc_node::ExecutionType;
+use protocol::image::{Digest, Motion, Sum};
+use robot_node::arm::{Joints, distance};
+use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
+use robot_node::{Account, RobotConfig};
+use setup::Setup;
+
+use crate::records::conditions::Measured;
+use crate::records::faults::Fault;
+use crate::records::mode::Mode;
+use crate::records::results::PerType;
+use times::Times;
+
+/// Largest difference of a joint from where it should be, in degrees (mm). The PLC takes a start within 0.001 for the
+/// start, and a held force moves the arm by less.
+const JOINT_TOLERANCE: f64 = 0.02;
+
+/// Largest distance of the tool at the start from where the application starts, in mm.
+const START_TOLERANCE_MM: f64 = 0.1;
+
+/// What another override may change in the length of the path, which is the sum of its chords from one robot cycle to the
+/// next: in mm, and as a share of the length.
+const LENGTH_TOLERANCE_MM: f64 = 0.1;
+const LENGTH_TOLERANCE: f64 = 1e-3;
+
+/// What a verification needs of a cell.
+#[derive(Clone, Debug)]
+pub(crate) struct Planned {
+    /// The robot in its cell.
+    pub(crate) robot: RobotConfig,
+    /// The motions of all types.
+    pub(crate) motions: Vec<Motion>,
+    /// Where their continuous motions end.
+    pub(crate) stops: Vec<Stop>,
+    /// How the arm gets to their start.
+    pub(crate) to_start: ToStart<Motion>,
+}
+
+impl Planned {
+    /// Plans an application on a setup.
+    ///
+    /// # Errors
+    ///
+    /// The application cannot be planned, or the setup describes no robot.
+    pub(crate) fn of(setup: &Setup, application: &planning::Application) -> anyhow::Result<Self> {
+        let planned = Self::of_plan(setup, &planning::plan(application, setup)?)?;
+        Ok(Self { robot: planned.robot.in_cell_of(application, &planned.to_start)?, ..planned })
+    }
+
+    /// A plan without an application has no surfaces to press on.
+    pub(crate) fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
+        Ok(Self {
+            robot: RobotConfig::from_setup(setup)?,
+            motions: plan.wire_motions(setup),
+            stops: plan.stops(),
+            to_start: plan.wire_to_start(setup),
+        })
+    }
+}
+
+/// What every repetition of a run is compared with.
+#[derive(Debug)]
+pub struct Verification {
+    planned: Planned,
+    sent: Sum,
+    /// Where the tool is at the start; `None` where the application names no start.
+    start_mm: Option<[f64; 3]>,
+    /// What the arm alone does, from the joints with which the last repetition started.
+    rehearsed: PerType<Rehearsed>,
+    times: Times,
+}
+
+/// What differs in a repetition.
+#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
+pub enum Difference {
+    /// The PLC sent other motions.
+    #[error("the PLC sent other motions than the plan has: {found}, and the plan has {planned}")]
+    Sent {
+        /// What it sent.
+        found: Sum,
+        /// What it should send.
+        planned: Sum,
+    },
+    /// The robot counted another number of motions.
+    #[error("the robot executed {found} motions, and the plan has {planned}")]
+    Count {
+        /// What it counted.
+        found: u64,
+        /// What it should count.
+        planned: u64,
+    },
+    /// The robot executed other motions, or in other skills.
+    #[error(
+        "the robot executed other motions than the plan has, or called them otherwise: {found}, and the plan has {planned}"
+    )]
+    Executed {
+        /// What it executed.
+        found: Executed,
+        /// What it should execute.
+        planned: Executed,
+    },
+    /// The robot followed another override.
+    #[error(
+        "the robot moved at an override of {} to {} %, and the PLC commanded {} to {} %",
+        found[0], found[1], commanded[0], commanded[1]
+    )]
+    Override {
+        /// Lowest and highest, in %.
+        found: [u8; 2],
+        /// Lowest and highest, in %.
+        commanded: [u8; 2],
+    },
+    /// The arm began elsewhere.
+    #[error("the tool began {away_mm:.3} mm from the application's start")]
+    Start {
+        /// Distance of the tool, in mm.
+        away_mm: f64,
+    },
+    /// The arm ended elsewhere.
+    #[error("{seen_by}, joint {joint} ended at {found:.4}° (mm), and the plan ends at {planned:.4}")]
+    End {
+        /// By whose account.
+        seen_by: &'static str,
+        /// Its number, counted from 1.
+        joint: usize,
+        /// In degrees (mm).
+        found: f64,
+        /// In degrees (mm).
+        planned: f64,
+    },
+    /// The path had another length.
+    #[error("the tool's path was {found_mm:.3} mm long, and the plan's is {:.3} to {:.3} mm", planned_mm[0], planned_mm[1])]
+    Length {
+        /// Length of the path.
+        found_mm: f64,
+        /// Shortest and longest.
+        planned_mm: [f64; 2],
+    },
+    /// The two clocks disagree.
+    #[error(
+        "the PLC measured {:.3} ms more than the robot, and the cycles between them take {:.3} to {:.3} ms",
+        *found_ns as f64 / 1e6, allowed_ns[0] as f64 / 1e6, allowed_ns[1] as f64 / 1e6
+    )]
+    Times {
+        /// The PLC's execution time less the robot's.
+        found_ns: i64,
+        /// Least and most.
+        allowed_ns: [i64; 2],
+    },
+}
+
+/// Motions of an account, and how they were called.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Executed {
+    motions: u64,
+    skills: u32,
+    digest: u64,
+}
+
+impl Executed {
+    const fn of(account: &Account) -> Self {
+        Self { motions: account.motions, skills: account.skills, digest: account.digest }
+    }
+}
+
+impl fmt::Display for Executed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { motions, skills, digest } = self;
+        write!(f, "{digest:016x} over {motions} motions in {skills} skills")
+    }
+}
+
+impl Verification {
+    /// Prepares the verification of the runs of an application.
+    ///
+    /// # Errors
+    ///
+    /// The application cannot be planned, or the arm alone does not get to its start.
+    pub fn new(
+        setup: &Setup,
+        application: &planning::Application,
+        mode: Mode,
+        faults: &[Fault],
+    ) -> anyhow::Result<Self> {
+        Self::of(setup, Planned::of(setup, application)?, mode, faults)
+    }
+
+    pub(crate) fn of(setup: &Setup, planned: Planned, mode: Mode, faults: &[Fault]) -> anyhow::Result<Self> {
+        let mut sent = Digest::default();
+        planned.motions.iter().for_each(|motion| sent.add(motion));
+        let Planned { robot, to_start, .. } = &planned;
+        let way: Vec<_> = to_start.from_anywhere.into_iter().collect();
+        let start_mm = match way.is_empty() {
+            true => None,
+            false => {
+                let way = rehearse(robot, robot.home, &way, &[], Calls::Singles);
+                let end = way.context("the arm does not get to the application's start")?.account.end;
+                Some(robot.arm.forward(&end).position)
+            }
+        };
+        let times = Times::new(setup, &planned.stops, mode, faults);
+        Ok(Self { planned, sent: sent.sum(), start_mm, rehearsed: PerType::default(), times })
+    }
+
+    /// Compares a repetition with the plan.
+    ///
+    /// # Errors
+    ///
+    /// The first difference.
+    pub fn check(&mut self, measured: &Measured) -> anyhow::Result<()> {
+        let Measured { execution, account, .. } = measured;
+        let of = execution.execution_type;
+        let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
+        let planned = if of == ExecutionType::Rc { Digest::default().sum() } else { self.sent };
+        if found != planned {
+            return Err(Difference::Sent { found, planned }.into());
+        }
+        if u64::from(execution.motions) != self.sent.motions {
+            let found = execution.motions.into();
+            return Err(Difference::Count { found, planned: self.sent.motions }.into());
+        }
+        // A robot that is not our node gives no account.
+        let Some(account) = account else { return Ok(()) };
+        let ([low, high], commanded) = (account.override_percent, execution.commanded.override_percent);
+        if low < commanded[0] || high > commanded[1] {
+            return Err(Difference::Override { found: [low, high], commanded }.into());
+        }
+        if let Some(away_mm) = self.away_from_start(&account.start)
+            && away_mm > START_TOLERANCE_MM
+        {
+            return Err(Difference::Start { away_mm }.into());
+        }
+        let alone = self.rehearsed(of, &account.start)?;
+        let planned = alone.account;
+        let (found, wanted) = (Executed::of(account), Executed::of(&planned));
+        if found != wanted {
+            return Err(Difference::Executed { found, planned: wanted }.into());
+        }
+        compare_ends("by the robot", &account.end, &planned.end)?;
+        compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
+        self.check_length(measured, alone.path_length_mm)?;
+        Ok(self.times.check(measured, planned.skills)?)
+    }
+
+    fn away_from_start(&self, joints: &Joints) -> Option<f64> {
+        let tool = self.planned.robot.arm.forward(joints).position;
+        self.start_mm.map(|start| distance(start, tool))
+    }
+
+    /// Compares the length of the path. A blend that became a stop lengthens it, at most to that of single motions.
+    fn check_length(&mut self, measured: &Measured, shortest_mm: f64) -> anyhow::Result<()> {
+        let Some((quality, account)) = measured.quality.zip(measured.account) else { return Ok(()) };
+        let longest_mm = match measured.execution.blends_suppressed {
+            0 => shortest_mm,
+            _ => self.rehearsed(ExecutionType::Sm, &account.start)?.path_length_mm,
+        };
+        let tolerance = |length_mm: f64| LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm;
+        let planned_mm = [shortest_mm - tolerance(shortest_mm), longest_mm + tolerance(longest_mm)];
+        let found_mm = quality.path_length_mm;
+        match (planned_mm[0]..=planned_mm[1]).contains(&found_mm) {
+            true => Ok(()),
+            false => Err(Difference::Length { found_mm, planned_mm }.into()),
+        }
+    }
+
+    /// Returns what the arm alone does from these joints. All repetitions of a run mostly begin with the same ones.
+    fn rehearsed(&mut self, of: ExecutionType, start: &Joints) -> anyhow::Result<Rehearsed> {
+        let known = self.rehearsed.get(of).copied();
+        if let Some(known) = known.filter(|known| farthest(&known.account.start, start).1 < JOINT_TOLERANCE) {
+            return Ok(known);
+        }
+        let Planned { robot, motions, stops, .. } = &self.planned;
+        let calls = match of {
+            ExecutionType::Rc => Calls::Program,
+            ExecutionType::Sm => Calls::Singles,
+            ExecutionType::Cm => Calls::Continuous,
+        };
+        let alone = rehearse(robot, *start, motions, stops, calls)
+            .context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
+        Ok(*self.rehearsed.entry(of).insert(alone))
+    }
+}
+
+/// Returns the joint that is farthest from the other, counted from 0, and how far.
+fn farthest(one: &Joints, other: &Joints) -> (usize, f64) {
+    let away = one.iter().zip(other).map(|(one, other)| (one - other).abs()).enumerate();
+    away.max_by(|(_, one), (_, other)| one.total_cmp(other)).unwrap_or((0, 0.0))
+}
+
+fn compare_ends(seen_by: &'static str, found: &Joints, planned: &Joints) -> Result<(), Difference> {
+    let (joint, away) = farthest(found, planned);
+    // A value that is not a number is not within the tolerance.
+    if away <= JOINT_TOLERANCE {
+        return Ok(());
+    }
+    Err(Difference::End { seen_by, joint: joint + 1, found: found[joint], planned: planned[joint] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::schedule::{PAUSE, Step};
+    use crate::stands::Stand as _;
+    use crate::stands::virtual_run::{VirtualBus, VirtualRun};
+
+    /// Runs an application of a setup once, without faults; returns what verifies it and what was measured.
+    fn run(of: ExecutionType) -> (Verification, Measured) {
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let mut run = VirtualRun::start(&setup, &found.application, 1, VirtualBus::Direct).unwrap();
+        let step = Step { execution_type: of, repetition: 2, pause: PAUSE, overrides: None };
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let measured = runtime.block_on(run.execute(step)).unwrap();
+        let verification = Verification::new(&setup, &found.application, Mode::Virtual, &[]).unwrap();
+        (verification, measured)
+    }
+
+    fn account(measured: &mut Measured) -> &mut Account {
+        measured.account.as_mut().unwrap()
+    }
+
+    #[test]
+    fn a_run_that_nothing_disturbs_is_what_the_plan_says_in_every_type() {
+        for of in ExecutionType::ALL {
+            let (mut verification, measured) = run(of);
+            verification.check(&measured).unwrap();
+        }
+    }
+
+    #[test]
+    fn whatever_differs_from_the_plan_is_named() {
+        let (mut verification, good) = run(ExecutionType::Sm);
+        let mut said = |change: fn(&mut Measured)| {
+            let mut measured = good;
+            change(&mut measured);
+            verification.check(&measured).unwrap_err().to_string()
+        };
+        for (change, words) in [
+            ((|run| run.execution.commanded.digest ^= 1) as fn(&mut Measured), "the PLC sent other motions"),
+            (|run| run.execution.commanded.motions -= 1, "the PLC sent other motions"),
+            (|run| run.execution.motions = 12, "the robot executed 12 motions, and the plan has 13"),
+            (|run| account(run).digest ^= 1, "the robot executed other motions"),
+            (|run| account(run).skills = 12, "called them otherwise"),
+            (|run| account(run).override_percent = [36, 100], "an override of 36 to 100 %, and the PLC"),
+            (|run| account(run).start[0] += 1.0, "from the application's start"),
+            (|run| account(run).end[1] += 0.1, "by the robot, joint 2 ended at"),
+            (|run| run.execution.commanded.end[1] = f32::NAN, "by the PLC, joint 2 ended at"),
+            (|run| run.quality.as_mut().unwrap().path_length_mm += 5.0, "the tool's path was"),
+            (|run| run.execution.execution_time_ns += 200_000_000, "the PLC measured"),
+            (|run| run.execution.execution_time_ns -= 200_000_000, "the PLC measured"),
+        ] {
+            let said = said(change);
+            assert!(said.contains(words), "{said}");
+        }
+    }
+
+    #[test]
+    fn cycles_that_a_node_missed_explain_a_later_end_and_no_earlier_one() {
+        let (mut verification, good) = run(ExecutionType::Rc);
+        let mut stalled = good;
+        stalled.execution.execution_time_ns += 200_000_000;
+        assert!(verification.check(&stalled).is_err());
+        stalled.interference.missed[0] = 200;
+        verification.check(&stalled).unwrap();
+        stalled.execution.execution_time_ns -= 400_000_000;
+        assert!(verification.check(&stalled).is_err());
+    }
+}

@@ -1,0 +1,98 @@
+//! What one skill did, for whoever verifies a run: which motions, at which override, from which joints to which.
+
+use protocol::image::{Skill, Sum};
+use serde::{Deserialize, Serialize};
+
+use crate::arm::{AXES, Joints};
+
+/// Prime of the hash FNV-1a with 64 bits, which joins the digests of consecutive skills.
+const PRIME: u64 = 0x0000_0100_0000_01B3;
+
+/// Account of a skill, or of several after each other.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Account {
+    /// Number of skills.
+    pub skills: u32,
+    /// Number of motions that were put on the path.
+    pub motions: u64,
+    /// Digest of these motions, of the skills' codes and of where one skill ended and the next began.
+    pub digest: u64,
+    /// Lowest and highest override that was in effect, in %.
+    pub override_percent: [u8; 2],
+    /// Joints at the start, in degrees (mm).
+    pub start: Joints,
+    /// Joints at the end, in degrees (mm).
+    pub end: Joints,
+}
+
+impl Default for Account {
+    /// Returns the account of no skill.
+    fn default() -> Self {
+        Self {
+            skills: 0,
+            motions: 0,
+            digest: 0,
+            override_percent: [u8::MAX, 0],
+            start: [0.0; AXES],
+            end: [0.0; AXES],
+        }
+    }
+}
+
+impl Account {
+    /// Begins the account of a skill that starts at these joints.
+    pub(super) fn begin(start: Joints) -> Self {
+        Self { skills: 1, start, end: start, ..Self::default() }
+    }
+
+    /// Notes the override of a cycle.
+    pub(super) fn note_override(&mut self, percent: u8) {
+        let [lowest, highest] = self.override_percent;
+        self.override_percent = [lowest.min(percent), highest.max(percent)];
+    }
+
+    /// Returns the account of the skill as it ended.
+    pub(super) fn close(self, skill: Skill, accepted: Sum, end: Joints) -> Self {
+        let digest = join(accepted.value, u64::from(u8::from(skill)));
+        Self { motions: accepted.motions, digest, end, ..self }
+    }
+
+    /// Returns the account of this and then the other.
+    #[must_use]
+    pub fn then(self, other: Self) -> Self {
+        if self.skills == 0 {
+            return other;
+        }
+        let ([low, high], [other_low, other_high]) = (self.override_percent, other.override_percent);
+        Self {
+            skills: self.skills.saturating_add(other.skills),
+            motions: self.motions.saturating_add(other.motions),
+            digest: join(self.digest, other.digest),
+            override_percent: [low.min(other_low), high.max(other_high)],
+            start: self.start,
+            end: other.end,
+        }
+    }
+}
+
+fn join(one: u64, other: u64) -> u64 {
+    other.to_be_bytes().iter().fold(one, |value, byte| (value ^ u64::from(*byte)).wrapping_mul(PRIME))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn account(digest: u64, override_percent: [u8; 2]) -> Account {
+        Account { skills: 1, motions: 2, digest, override_percent, ..Account::default() }
+    }
+
+    #[test]
+    fn accounts_of_skills_add_up_and_their_order_counts() {
+        let (one, other) = (account(1, [80, 100]), account(2, [50, 90]));
+        let both = one.then(other);
+        assert_eq!((both.skills, both.motions, both.override_percent), (2, 4, [50, 100]));
+        assert_ne!(both.digest, other.then(one).digest);
+        assert_eq!(Account::default().then(one), one);
+    }
+}

@@ -1,0 +1,142 @@
+//! The arm alone: what the controller does with an application's motions when it gets them at once and nothing disturbs
+//! it. A measured run is compared with it.
+
+use core::time::Duration;
+
+use machine::Instant;
+use planning::Stop;
+use protocol::image::{Command, Control, Motion, SLOTS, Skill};
+
+use crate::arm::Joints;
+use crate::{Account, Controller, Ending, Program, RobotConfig, RobotEvent};
+
+/// Number of the rehearsed program.
+const PROGRAM: u16 = 1;
+
+/// Longest time of a skill; one that has not ended by then hangs.
+const LONGEST: Duration = Duration::from_secs(4 * 3_600);
+
+/// How the motions are called.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Calls {
+    /// All by one program of the robot.
+    Program,
+    /// Each by a skill of its own.
+    Singles,
+    /// Those up to each stop by one MoveContinuousSkill.
+    Continuous,
+}
+
+/// What the arm did.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Rehearsed {
+    /// The robot's account of all skills.
+    pub account: Account,
+    /// Length of the tool's path, in mm.
+    pub path_length_mm: f64,
+}
+
+/// A motion that the arm does not execute.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("the arm alone does not get beyond motion {motion}, counted from 0: {ending:?}")]
+pub struct Stuck {
+    /// The first motion of the skill that did not end as commanded.
+    pub motion: usize,
+    /// How it ended; none if it did not end.
+    pub ending: Option<Ending>,
+}
+
+/// Executes the motions on an arm that stands at `start`, with skill calls that cost no time.
+///
+/// # Errors
+///
+/// A skill did not end as commanded.
+pub fn rehearse(
+    config: &RobotConfig,
+    start: Joints,
+    motions: &[Motion],
+    stops: &[Stop],
+    calls: Calls,
+) -> Result<Rehearsed, Stuck> {
+    let config = RobotConfig {
+        home: start,
+        interpreter_quantum: Duration::ZERO,
+        start_quantum: Duration::ZERO,
+        continuous_start_cycles: 0,
+        skill_overhead: Duration::ZERO,
+        ..config.clone()
+    };
+    let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops));
+    match calls {
+        Calls::Program => stage.call(0, motions, Skill::RunProgram)?,
+        Calls::Singles => {
+            for (index, motion) in motions.iter().enumerate() {
+                // A single motion ends in an exact stop.
+                let motion = Motion { approximation: 0, ..*motion };
+                stage.call(index, &[motion], u8::from(motion.kind).into())?;
+            }
+        }
+        Calls::Continuous => {
+            let mut from = 0;
+            let ends = stops.iter().map(|stop| stop.after as usize).chain([motions.len()]);
+            for end in ends {
+                if let Some(section) = motions.get(from..end).filter(|section| !section.is_empty()) {
+                    stage.call(from, section, Skill::MoveContinuous)?;
+                    from = end;
+                }
+            }
+        }
+    }
+    Ok(stage.done)
+}
+
+/// The controller, and what it did so far.
+struct Stage {
+    controller: Controller,
+    command: Command,
+    cycle: Duration,
+    at: Instant,
+    done: Rehearsed,
+}
+
+impl Stage {
+    fn new(config: RobotConfig, program: Program) -> Self {
+        let cycle = config.cycle;
+        let mut controller = Controller::new(config, vec![(PROGRAM, program)], 0);
+        let mut command = Command { program: PROGRAM, ..Command::default() };
+        command.control = Control::ENABLE | Control::RESET;
+        controller.tick(Instant::ZERO, Some(&command));
+        let done = Rehearsed { account: Account::default(), path_length_mm: 0.0 };
+        Self { controller, command, cycle, at: Instant::ZERO, done }
+    }
+
+    /// Executes one skill; `first` is the number of its first motion.
+    fn call(&mut self, first: usize, motions: &[Motion], skill: Skill) -> Result<(), Stuck> {
+        let Self { controller, command, cycle, at, done } = self;
+        command.control = Control::ENABLE | Control::EXECUTE;
+        command.number = command.number.wrapping_add(1).max(1);
+        (command.skill, command.written) = (skill, 0);
+        command.total = u32::try_from(motions.len()).unwrap_or(u32::MAX);
+        let until = *at + LONGEST;
+        while *at < until {
+            let feedback = controller.feedback();
+            let executed = if feedback.number == command.number { feedback.executed } else { 0 };
+            let written = command.total.min(executed.saturating_add(SLOTS as u32));
+            for index in command.written..written {
+                motions.get(index as usize).into_iter().for_each(|motion| command.set_slot(index, *motion));
+            }
+            command.written = written;
+            *at += *cycle;
+            controller.tick(*at, Some(command));
+            while let Some(event) = controller.poll_event() {
+                if let RobotEvent::SkillFinished { ending, quality, account, .. } = event {
+                    done.account = done.account.then(account);
+                    done.path_length_mm += quality.path_length_mm;
+                    let is_done = ending == Ending::Done;
+                    return if is_done { Ok(()) } else { Err(Stuck { motion: first, ending: Some(ending) }) };
+                }
+            }
+        }
+        Err(Stuck { motion: first, ending: None })
+    }
+}
