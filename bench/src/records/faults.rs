@@ -296,6 +296,8 @@ mod tests {
         assert_eq!(to_robot, Impairment { delay: Duration::from_micros(102), ..lossy });
         let by = Duration::from_millis(2);
         assert_eq!(to_plc, Impairment { reorder_ppm: 500_000, reorder_by: by, ..lossy });
+        let [corrupt, _] = links(&faults(&["corrupt=0.1@memory", "to-robot:corrupt=0.2@wire"]), cable);
+        assert_eq!((corrupt.corrupt_ppm, corrupt.corrupt_on_wire_ppm), (100_000, 200_000));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use machine::{
     Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
-use virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
+use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
@@ -100,9 +100,32 @@ fn the_same_seed_gives_the_same_nanoseconds_under_every_fault() {
         reorder_ppm: 200_000,
         reorder_by: Duration::from_millis(2),
         corrupt_ppm: 200_000,
+        corrupt_on_wire_ppm: 200_000,
     };
     assert_eq!(transcript(7, link), transcript(7, link));
     assert_ne!(transcript(7, link), transcript(8, link));
+}
+
+#[test]
+fn a_bit_that_flips_on_the_wire_loses_the_frame_and_one_behind_the_checksum_arrives() {
+    for (on_wire, arrived) in [(0, 9), (1_000_000, 0)] {
+        let link =
+            Impairment { corrupt_ppm: 1_000_000, corrupt_on_wire_ppm: on_wire, ..Impairment::default() };
+        let mut link = Link::new(link, 1, 0);
+        let mut arrivals = 0;
+        for _ in 0..9 {
+            link.pass(Instant::ZERO, &[0; 8], |_, _, frame| {
+                arrivals += 1;
+                assert_eq!(frame.iter().map(|byte| byte.count_ones()).sum::<u32>(), 1);
+            });
+        }
+        let counters = link.counters();
+        assert_eq!(
+            (arrivals, counters.corrupted, counters.corrupted_on_wire),
+            (arrived, arrived, 9 - arrived)
+        );
+        assert_eq!(counters.lost, 9 - arrived);
+    }
 }
 
 #[test]

@@ -22,6 +22,7 @@ const CABLE: Impairment = Impairment {
     reorder_ppm: 0,
     reorder_by: Duration::ZERO,
     corrupt_ppm: 0,
+    corrupt_on_wire_ppm: 0,
 };
 
 /// What either side reports.
