@@ -124,6 +124,7 @@ fn conditions(results: &Results) -> Vec<String> {
         ));
     }
     sentences.extend(results.faults.as_ref().map(ToString::to_string));
+    sentences.extend(results.incomplete.iter().cloned());
     sentences
 }
 

@@ -30,6 +30,7 @@ const CABLE: u32 = 4;
 
 /// Tracks of a process.
 const REPETITIONS: u32 = 1;
+const GAPS: u32 = 2;
 const CYCLES: u32 = 1;
 const COMMAND: u32 = 2;
 const STATE: u32 = 3;
@@ -94,6 +95,7 @@ pub fn json(trace: &Trace, motions: &[&str]) -> serde_json::Result<String> {
             mark.s = Some("t");
             events.push(mark);
         }
+        gaps(&mut events, recording, start);
         plc(&mut events, recording, start, start + length);
         robot(&mut events, recording, start, start + length);
         executed(&mut events, recording, motions, start, start + length);
@@ -103,12 +105,25 @@ pub fn json(trace: &Trace, motions: &[&str]) -> serde_json::Result<String> {
     serde_json::to_string(&Timeline { display_time_unit: "ms", trace_events: events }).map(|json| json + "\n")
 }
 
+/// Marks the start of a recording that lacks cycles.
+fn gaps(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
+    let [scans, cycles] = recording.gaps();
+    if scans + cycles > 0 {
+        let mut mark = TraceEvent::new("i", "cycles are missing in this recording", (RUN, GAPS), start)
+            .with("scans", scans)
+            .with("robot cycles", cycles);
+        mark.s = Some("t");
+        events.push(mark);
+    }
+}
+
 fn names() -> Vec<TraceEvent> {
     let process = |pid, name| TraceEvent::new("M", "process_name", (pid, 0), 0.0).with("name", name);
     let track = |pid, tid, name| TraceEvent::new("M", "thread_name", (pid, tid), 0.0).with("name", name);
     vec![
         process(RUN, "run"),
         track(RUN, REPETITIONS, "first repetition of each type"),
+        track(RUN, GAPS, "what the recordings lack"),
         process(PLC, "PLC"),
         track(PLC, CYCLES, "scans"),
         track(PLC, COMMAND, "command given"),

@@ -71,6 +71,9 @@ pub struct Results {
     /// Images that the nodes received with a wrong check, or without one.
     #[serde(default)]
     pub images: Images,
+    /// What traces and captures of the run lack, as sentences; absent if they are complete.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub incomplete: Vec<String>,
     /// Time from the start of the nodes until the robot was ready; null in virtual mode and if the nodes already ran.
     #[serde(default)]
     pub connected_after_ms: Option<f64>,
@@ -295,6 +298,7 @@ impl Results {
             cycle: Cycles::default(),
             bus: Frames::default(),
             images: Images::default(),
+            incomplete: Vec::new(),
             connected_after_ms: None,
             cyclic_allocations: None,
             repeated: 0,

@@ -192,6 +192,21 @@ impl Recording {
         self.plc.last().is_some_and(|scan| i128::from(scan.at_us) >= least)
     }
 
+    /// Returns how many of the PLC's scans, and of the robot's cycles, have no row between the first and the last one. A
+    /// cycle that the host let pass has none either.
+    #[must_use]
+    pub fn gaps(&self) -> [u64; 2] {
+        let pairs = self.plc.windows(2).map(|pair| match pair {
+            [one, next] => next.scan.saturating_sub(one.scan).saturating_sub(1),
+            _ => 0,
+        });
+        let steps =
+            || self.robot.windows(2).filter_map(|pair| Some(pair.last()?.at_ms - pair.first()?.at_ms));
+        let cycle_ms = steps().filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+        let robot = steps().map(|step| (step / cycle_ms).round() - 1.0).filter(|more| *more >= 1.0);
+        [pairs.sum(), robot.sum::<f64>() as u64]
+    }
+
     /// Returns the frames at both ends in order; none if they were not recorded, or if the recording was read from
     /// the tables.
     #[must_use]
@@ -220,9 +235,24 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Returns a sentence that names the recordings that end before their repetitions did; none if there are none.
+    /// Returns what the recordings lack, as sentences; none if they are complete.
     #[must_use]
-    pub fn cut_off(&self) -> Option<String> {
+    pub fn incomplete(&self) -> Option<String> {
+        let gaps = ExecutionType::ALL.into_iter().filter_map(|of| {
+            let [scans, cycles] = self.types.get(of)?.gaps();
+            let name = of.to_string().to_uppercase();
+            (scans + cycles > 0).then(|| {
+                format!(
+                    "The recording of {name} lacks {scans} scans of the PLC and {cycles} cycles of the robot."
+                )
+            })
+        });
+        let sentences: Vec<_> = self.cut_off().into_iter().chain(gaps).collect();
+        (!sentences.is_empty()).then(|| sentences.join(" "))
+    }
+
+    /// Returns a sentence that names the recordings that end before their repetitions did; none if there are none.
+    fn cut_off(&self) -> Option<String> {
         let is_cut_off = |of: &ExecutionType| self.types.get(*of).is_some_and(Recording::is_cut_off);
         let types: Vec<_> = ExecutionType::ALL
             .into_iter()
@@ -260,6 +290,21 @@ impl Recording {
 mod tests {
     use super::*;
 
+    fn tick(at_ms: f64) -> RobotTick {
+        RobotTick {
+            at_ms,
+            state: State::Running,
+            command: 1,
+            executed: 0,
+            accepted: 0,
+            blends_suppressed: 0,
+            path_speed_mm_s: 0.0,
+            pose: [0.0; 6],
+            joints: [0.0; 6],
+            altered: 0,
+        }
+    }
+
     fn scan(at_us: i64) -> PlcScan {
         PlcScan { at_us, scan: 0, command: 0, total: 0, written: 0, in_slots: 0, altered: 0 }
     }
@@ -274,13 +319,28 @@ mod tests {
         }
         let seconds = |of| trace.types.get(of).unwrap().plc_scans().last().unwrap().at_us as f64 / 1e6;
         assert_eq!(ExecutionType::ALL.map(seconds), [118.999, 120.0, 120.0]);
-        let said = trace.cut_off().unwrap();
+        let said = trace.incomplete().unwrap();
         assert_eq!(
             said,
             "The recordings of SM, CM end 120 s after the start edge, before the repetition did."
         );
         trace.types = PerType { rc: trace.types.rc, ..PerType::default() };
-        assert_eq!(trace.cut_off(), None);
+        assert_eq!(trace.incomplete(), None);
+    }
+
+    #[test]
+    fn a_recording_without_some_of_its_rows_says_how_many() {
+        let mut recording = Recording::default();
+        for number in (0..90).filter(|number| !(20..25).contains(number)) {
+            recording.plc(PlcScan { scan: number, ..scan(number as i64 * 1_000) });
+            if number % 4 == 0 {
+                recording.robot(tick(number as f64));
+            }
+        }
+        assert_eq!(recording.gaps(), [5, 2]);
+        let trace = Trace { types: PerType { cm: Some(recording), ..PerType::default() } };
+        let said = trace.incomplete().unwrap();
+        assert_eq!(said, "The recording of CM lacks 5 scans of the PLC and 2 cycles of the robot.");
     }
 
     #[test]

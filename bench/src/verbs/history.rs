@@ -54,6 +54,8 @@ pub struct Entry {
     pub is_attached: bool,
     /// How it ended.
     pub status: Status,
+    /// Its traces or captures lack something.
+    pub is_incomplete: bool,
     /// AET and MAD so far.
     pub figures: PerType<PaperFigure>,
     /// AETi, 0…1; null if SM or CM is missing.
@@ -178,12 +180,7 @@ impl History {
                 figure(ExecutionType::Cm),
                 or_none(&improvement),
                 entry.trend(),
-                match entry.status {
-                    Status::Complete => "complete".to_owned(),
-                    Status::Running => "not finished".to_owned(),
-                    Status::Failed => "failed".to_owned(),
-                    Status::Interrupted => "interrupted".to_owned(),
-                },
+                entry.ended(),
             ]);
         }
         for column in table.column_iter_mut().skip(6).take(4) {
@@ -210,10 +207,22 @@ impl Entry {
             mode: results.mode,
             is_attached: results.attached.is_some(),
             status: results.status,
+            is_incomplete: !results.incomplete.is_empty(),
             figures,
             aet_improvement: results.aet_improvement,
             trend_ms: PerType::default(),
         }
+    }
+
+    /// Formats how the run ended, and whether its traces and captures lack something.
+    fn ended(&self) -> String {
+        let ended = match self.status {
+            Status::Complete => "complete",
+            Status::Running => "not finished",
+            Status::Failed => "failed",
+            Status::Interrupted => "interrupted",
+        };
+        if self.is_incomplete { format!("{ended}, records incomplete") } else { ended.to_owned() }
     }
 
     fn by_age(&self, other: &Self) -> Ordering {

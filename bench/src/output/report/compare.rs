@@ -105,11 +105,12 @@ fn columns(runs: &[Run]) -> Vec<Column> {
             Status::Interrupted => ", interrupted",
         };
         let commit = run.host("commit").map_or_else(String::new, |commit| format!(", commit {commit}"));
+        let incomplete = if run.incomplete().is_some() { ", records incomplete" } else { "" };
         let results = &run.results;
         let other = results.no_paper.as_ref();
         let other = other.map_or_else(String::new, |reason| format!("; not the paper's cell: {reason}"));
         let about = format!(
-            "setup {}, {} mode, {}, {}{commit}{ended}{other}",
+            "setup {}, {} mode, {}, {}{commit}{ended}{incomplete}{other}",
             results.setup,
             results.mode,
             repetitions(results.reps),

@@ -67,7 +67,7 @@ struct Page {
     failures: Vec<[String; 2]>,
     missing: Vec<String>,
     /// Where recordings end before their repetitions did.
-    cut_off: Option<String>,
+    incomplete: Option<String>,
     no_trace: String,
 }
 
@@ -207,7 +207,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         host: host(run),
         failures: failures(results),
         missing: run.missing.clone(),
-        cut_off: trace.and_then(Trace::cut_off),
+        incomplete: run.incomplete(),
         no_trace: run.no_trace(),
     })
 }

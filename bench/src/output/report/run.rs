@@ -99,6 +99,14 @@ impl Run {
         }
     }
 
+    /// Returns what the run's traces and captures lack, as sentences; none if they are complete.
+    pub(super) fn incomplete(&self) -> Option<String> {
+        let mut sentences = self.results.incomplete.clone();
+        sentences.extend(self.trace.as_ref().and_then(Trace::incomplete));
+        sentences.dedup();
+        (!sentences.is_empty()).then(|| sentences.join(" "))
+    }
+
     /// Returns a value of `host.json` as text.
     pub(super) fn host(&self, key: &str) -> Option<&str> {
         self.host.as_ref()?.get(key)?.as_str()

@@ -36,7 +36,7 @@ use crate::records::results::{Results, Status};
 use crate::records::run_directory::{self, Durability, RunDirectory, replace};
 use crate::records::schedule::Schedule;
 use crate::records::trace::Trace;
-use crate::stands::rig::{self, Rig};
+use crate::stands::rig::{self, Rig, RigError};
 use crate::stands::verification::Verification;
 use crate::stands::virtual_run::VirtualRun;
 use crate::stands::{Finished, Stand, StandConfig};
@@ -160,6 +160,11 @@ fn check_attach(options: &RunOptions) -> Result<(), Failure> {
     Err(Failure::new(Exit::Usage, anyhow!(instead)))
 }
 
+/// Returns whether the rig says by this error that a capture lacks something.
+fn is_of_capture(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref::<RigError>(), Some(RigError::Capture(_)))
+}
+
 struct Measurement<'a> {
     options: &'a RunOptions,
     faults: Vec<Fault>,
@@ -210,8 +215,9 @@ impl Measurement<'_> {
             // After an interrupt, or if a node needs attention, the user does not want to wait for them.
             _ => ended,
         };
-        // If the disk was full before, do not write again: the files there are complete.
-        let saved = if ended.exit == Exit::Internal { Ok(()) } else { session.finish(&ended.results) };
+        // If the disk was full before, the files there are complete, and stay so if this does not fit either.
+        let saved = session.finish(&ended.results);
+        let saved = if ended.exit == Exit::Internal { Ok(()) } else { saved };
         Ok((ended.and_saved(saved), path))
     }
 
@@ -298,12 +304,26 @@ impl Measurement<'_> {
         if let Some(remark) = remark {
             session.progress.say(&remark);
         }
+        let mut ended = ended;
+        // What a capture lacks is found when it is written to its end.
+        let of_rig = health.as_ref().err().map(|failure| &failure.error).filter(|error| is_of_capture(error));
+        if let Some(error) = capture.as_ref().err().or(of_rig) {
+            ended.results.incomplete.push(format!("The captures are incomplete: {error:#}."));
+        }
         let mut ended = ended.and_saved(capture);
         match trace {
-            Ok(Some(trace)) => ended = ended.and_saved(self.save_trace(&trace, session)),
+            Ok(Some(trace)) => {
+                if let Some(lack) = trace.incomplete() {
+                    session.progress.warn(&lack);
+                    ended.results.incomplete.push(lack);
+                }
+                ended = ended.and_saved(self.save_trace(&trace, session));
+            }
             Ok(None) => {}
             Err(error) => {
-                session.progress.warn(&format!("the report lacks the curves over time: {error:#}"));
+                let lack = format!("The report lacks the curves over time: {error:#}.");
+                session.progress.warn(&lack);
+                ended.results.incomplete.push(lack);
             }
         }
         match health {
@@ -323,9 +343,6 @@ impl Measurement<'_> {
 
     /// Saves the tables for the report, and the timeline and the arm's motion if requested.
     fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
-        if let Some(cut_off) = trace.cut_off() {
-            session.progress.warn(&cut_off);
-        }
         trace.save(session.directory.path())?;
         if self.options.trace {
             let path = session.directory.path().join(timeline::FILE);

@@ -63,7 +63,7 @@ struct Page<'a> {
     title: &'a str,
     about: String,
     result: Option<String>,
-    cut_off: Option<String>,
+    incomplete: Option<String>,
     absent: Option<String>,
     lanes: Vec<Summary>,
     cycle_ms: Option<String>,
@@ -172,11 +172,7 @@ pub(super) fn render(run: &Run) -> anyhow::Result<String> {
         title: &run.results.title,
         about: run.about(),
         result: race.as_ref().map(Race::result),
-        cut_off: run
-            .trace
-            .as_ref()
-            .filter(|_| race.is_some())
-            .and_then(crate::records::trace::Trace::cut_off),
+        incomplete: race.as_ref().and_then(|_| run.incomplete()),
         absent,
         lanes: race.as_ref().map(Race::summaries).unwrap_or_default(),
         cycle_ms: race.as_ref().map(|race| short(&race.cycle_ms)),
