@@ -1,7 +1,6 @@
 //! Frames between a machine and ethercrab.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 
 use ethercrab::{PduRx, PduTx};
 use machine::ethernet::MIN_FRAME_LEN;
@@ -27,12 +26,15 @@ pub(crate) const PLACE: &Place<Frames> = &FRAMES;
 pub(crate) struct Frames {
     /// A frame that ethercrab has not seen; empty if there is none.
     received: Vec<u8>,
-    to_send: VecDeque<Frame>,
+    /// A ring of frames to send: `waiting` of them from `first` on. Frames are long, so they are written where they stay.
+    ring: Vec<Frame>,
+    first: usize,
+    waiting: usize,
     /// Received frames that ethercrab had no use for.
     refused: u64,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Frame {
     bytes: [u8; LONGEST],
     len: usize,
@@ -41,12 +43,12 @@ struct Frame {
 impl Frames {
     /// Without room: what is in a thread's place while no machine runs.
     const fn none() -> Self {
-        Self { received: Vec::new(), to_send: VecDeque::new(), refused: 0 }
+        Self { received: Vec::new(), ring: Vec::new(), first: 0, waiting: 0, refused: 0 }
     }
 
     pub(crate) fn new() -> Self {
-        let (received, to_send) = (Vec::with_capacity(LONGEST), VecDeque::with_capacity(IN_FLIGHT));
-        Self { received, to_send, refused: 0 }
+        let ring = vec![Frame { bytes: [0; LONGEST], len: 0 }; IN_FLIGHT];
+        Self { received: Vec::with_capacity(LONGEST), ring, ..Self::none() }
     }
 
     /// Keeps a frame for ethercrab's next poll.
@@ -69,31 +71,38 @@ impl Frames {
         self.received.clear();
     }
 
-    /// Takes what ethercrab has to send.
-    pub(crate) fn take(&mut self, tx: &mut PduTx<'_>) {
-        while self.to_send.len() < IN_FLIGHT
-            && let Some(frame) = tx.next_sendable_frame()
-        {
-            let mut bytes = [0; LONGEST];
-            let mut taken = 0;
+    /// Takes what ethercrab has to send. Returns whether that was all.
+    pub(crate) fn take(&mut self, tx: &mut PduTx<'_>) -> bool {
+        while self.waiting < self.ring.len() {
+            let Some(frame) = tx.next_sendable_frame() else { return true };
+            let place = (self.first + self.waiting) % self.ring.len();
+            let Some(Frame { bytes, len }) = self.ring.get_mut(place) else { return true };
             let sent = frame.send_blocking(|frame| {
                 let room = bytes.get_mut(..frame.len()).ok_or(ethercrab::error::Error::SendFrame)?;
                 room.copy_from_slice(frame);
-                taken = frame.len();
-                Ok(taken)
+                *len = frame.len();
+                Ok(frame.len())
             });
             if sent.is_err() {
-                return;
+                return false;
             }
-            self.to_send.push_back(Frame { bytes, len: taken.max(MIN_FRAME_LEN) });
+            if let Some(padding) = bytes.get_mut(*len..MIN_FRAME_LEN) {
+                padding.fill(0);
+                *len = MIN_FRAME_LEN;
+            }
+            self.waiting += 1;
         }
+        false
     }
 
     /// Writes the next frame to send into `buf`. Returns its length in bytes.
     pub(crate) fn send(&mut self, buf: &mut [u8]) -> Option<usize> {
-        let Frame { bytes, len } = self.to_send.pop_front()?;
-        buf.get_mut(..len)?.copy_from_slice(bytes.get(..len)?);
-        Some(len)
+        self.waiting = self.waiting.checked_sub(1)?;
+        let frame = self.ring.get(self.first);
+        self.first = (self.first + 1) % self.ring.len().max(1);
+        let Frame { bytes, len } = frame?;
+        buf.get_mut(..*len)?.copy_from_slice(bytes.get(..*len)?);
+        Some(*len)
     }
 
     pub(crate) const fn refused(&self) -> u64 {

@@ -2,7 +2,9 @@
 
 use std::future::poll_fn;
 use std::pin::{Pin, pin};
-use std::task::{Context, Poll, Waker};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll, Wake, Waker};
 
 use ethercrab::{MainDeviceConfig, PduRx, PduStorage, PduTx, Timeouts};
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
@@ -36,16 +38,33 @@ pub async fn with_main_device<T>(
     exchange(tx, rx, script).await
 }
 
+/// Set when ethercrab has frames to send. To look for them costs more than all else of a poll.
+#[derive(Debug)]
+struct HasFrames(AtomicBool);
+
+impl Wake for HasFrames {
+    fn wake(self: Arc<Self>) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Polls `script`; before that, gives ethercrab the received frame, and after it, takes the frames to send.
 pub(crate) async fn exchange<T>(
     mut tx: PduTx<'_>,
     mut rx: PduRx<'_>,
     mut script: Pin<&mut impl Future<Output = T>>,
 ) -> T {
+    let has_frames = Arc::new(HasFrames(AtomicBool::new(false)));
+    let waker = Waker::from(Arc::clone(&has_frames));
     poll_fn(|context| {
+        // A wake takes it away.
+        tx.replace_waker(&waker);
         FRAMES.with_borrow_mut(|frames| frames.give(&mut rx));
         let result = script.as_mut().poll(context);
-        FRAMES.with_borrow_mut(|frames| frames.take(&mut tx));
+        if has_frames.0.swap(false, Ordering::Relaxed) {
+            let all = FRAMES.with_borrow_mut(|frames| frames.take(&mut tx));
+            has_frames.0.store(!all, Ordering::Relaxed);
+        }
         result
     })
     .await
