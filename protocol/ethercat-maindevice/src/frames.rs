@@ -8,7 +8,7 @@ use machine::ethernet::MIN_FRAME_LEN;
 use crate::lend::Place;
 
 /// Frames that ethercrab may have under way at a time.
-pub(crate) const IN_FLIGHT: usize = 16;
+pub(crate) const IN_FLIGHT: usize = 8;
 
 /// Longest frame in bytes: an Ethernet frame without tag.
 const LONGEST: usize = 1514;
