@@ -23,8 +23,8 @@ fn aet(results: &Results, execution_type: ExecutionType) -> f64 {
 }
 
 #[test]
-fn each_application_runs_on_both_setups_and_is_fastest_as_a_program_and_slowest_as_single_motions() {
-    for (setup, (name, _)) in ["A", "B"]
+fn each_application_runs_on_every_arm_and_is_fastest_as_a_program_and_slowest_as_single_motions() {
+    for (setup, (name, _)) in ["A", "B", "D"]
         .into_iter()
         .flat_map(|it| planning::APPLICATIONS.iter().map(move |application| (it, application)))
     {

@@ -31,7 +31,7 @@ fn refused(arguments: &[&str]) -> String {
 
 #[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
-    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C; or give the path of a .toml file");
+    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
 }
 
 /// Runs Setup C in virtual mode, with these lines in its section of the bus.

@@ -22,10 +22,12 @@ pub(crate) struct PlanCommand {
 const WARNINGS: usize = 10;
 
 impl PlanCommand {
-    /// Prints the plan to standard output and its warnings to standard error.
+    /// Prints the plan to standard output and its warnings to standard error; then whether the arm reaches it.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let setup = setup::setup(&self.setup)?;
-        let plan = planning::application(&self.application, None)?.plan(&setup)?;
+        let application = planning::application(&self.application, None)?;
+        let plan = application.plan(&setup)?;
+        let reached = application.reach(&plan, &setup);
         let text = if self.all { format!("{plan:#}") } else { plan.to_string() };
         to_stdout(format_args!("{text}"))?;
         let shown = if self.all { usize::MAX } else { WARNINGS };
@@ -34,6 +36,10 @@ impl PlanCommand {
         if unseen > 0 {
             errln!("{unseen} more warnings; --all prints them");
         }
+        let reached = reached?;
+        let joints = reached.start.iter().take(reached.axes).map(|joint| format!("{:.4}", joint + 0.0));
+        let joints = joints.collect::<Vec<_>>().join(", ");
+        to_stdout(format_args!("the arm reaches all of it; home_deg at its start: [{joints}]\n"))?;
         Ok(Outcome::Done)
     }
 }

@@ -45,8 +45,9 @@ fn changed(from: &str, to: &str) -> Said {
 }
 
 #[test]
-fn every_application_that_is_built_in_is_planned_on_both_setups_without_a_warning() {
-    for ((name, _), setup) in planning::APPLICATIONS.iter().flat_map(|it| [(it, "A"), (it, "B")]) {
+fn every_application_that_is_built_in_is_planned_on_every_arm_without_a_warning() {
+    for ((name, _), setup) in planning::APPLICATIONS.iter().flat_map(|it| ["A", "B", "D"].map(|on| (it, on)))
+    {
         let said = plan(&[name, "--setup", setup]);
         assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{name} on {setup}");
         assert!(said.stdout.starts_with(&format!("{name} on setup {setup}: ")), "{}", said.stdout);
@@ -62,7 +63,8 @@ fn of_a_grid_one_cycle_is_shown_unless_all_are_asked_for() {
 
 #[test]
 fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
-    let said = changed("retreat_mm = 70.0", "retreat_mm = 12.0");
+    let directory = with_change("retreat_mm = 70.0", "retreat_mm = 12.0");
+    let said = plan_in(directory.path(), &["my.toml", "--setup", "B"]);
     assert_eq!(said.code, Some(0));
     assert!(!said.stdout.contains("warning"), "{}", said.stdout);
     insta::assert_snapshot!(said.stderr, @"warning: motion 5 `LIN after B` blends into motion 6 `PTP over the wall` by 6.00 mm instead of 10 mm: it is only 12.00 mm long and gives at most half");
@@ -73,7 +75,7 @@ fn readers_that_went_away_are_no_failure_of_a_plan_with_warnings() {
     let directory = with_change("retreat_mm = 70.0", "retreat_mm = 12.0");
     let without_reader = || std::io::pipe().unwrap().1;
     let mut command = Command::new(env!("CARGO_BIN_EXE_plc-node"));
-    command.current_dir(directory.path()).args(["plan", "my.toml"]);
+    command.current_dir(directory.path()).args(["plan", "my.toml", "--setup", "B"]);
     let ended = command.stdout(without_reader()).stderr(without_reader()).status().unwrap();
     assert_eq!(ended.code(), Some(0));
 }
@@ -108,5 +110,20 @@ fn where_the_end_is_not_the_start_the_plan_shows_the_way_back_over_the_obstacles
             PTP to the start     300.0     0.0    30.0     0.0    0.0  180.0
 
     15 motions in 1 continuous motion
+    the arm reaches all of it; home_deg at its start: [81.1341, -96.3794, 55.0000, 105.2453]
     ");
+}
+
+#[test]
+fn what_the_arm_does_not_reach_is_a_fault_of_usage_beside_the_plan_with_the_distance() {
+    let said = changed("start = \"home\"", "start = \"above-assembly\"");
+    let joints = said.stdout.lines().last().unwrap();
+    insta::assert_snapshot!(joints, @"the arm reaches all of it; home_deg at its start: [81.1341, -96.3794, 55.0000, 105.2453]");
+    let directory = with_change("start = \"home\"", "start = \"home\"");
+    let setup = setup::SETUPS[0].1.replacen("mm_deg = { value = [300.0, ", "mm_deg = { value = [600.0, ", 1);
+    fs::write(directory.path().join("cell.toml"), setup).unwrap();
+    let said = plan_in(directory.path(), &["my.toml", "--setup", "cell.toml"]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stdout.contains("PTP before A") && !said.stdout.contains("reaches"), "{}", said.stdout);
+    insta::assert_snapshot!(said.stderr, @"error: my.toml on setup A: the arm cannot stand at the start: the target is 559.017 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 59.0 mm are missing: change its frame, or base 1 in the setup");
 }

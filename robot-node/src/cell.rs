@@ -1,10 +1,10 @@
 //! The robot in the cell of an application: what stands around it, and whether it can stand where the application starts.
 
 use planning::{Application, ToStart};
-use protocol::image::Motion;
+use protocol::image::{Motion, MotionKind};
 
 use crate::RobotConfig;
-use crate::arm::{Frame, Surface, Violation};
+use crate::arm::{Frame, Frames, Joints, Surface, Violation};
 use crate::motion::Segment;
 
 /// The arm cannot stand where an application starts.
@@ -36,15 +36,18 @@ impl RobotConfig {
         application: &Application,
         to_start: &ToStart<Motion>,
     ) -> Result<Self, StartOutOfReach> {
-        let start = to_start.from_anywhere.as_ref();
-        start.map_or(Ok(()), |start| Segment::prepare(start, &self.home, &self).map(drop)).map_err(
-            |found| StartOutOfReach {
-                application: application.name.clone(),
-                frame: application.start.0.name.clone(),
-                found,
-                base: application.base,
-            },
-        )?;
+        let out_of_reach = |found| StartOutOfReach {
+            application: application.name.clone(),
+            frame: application.start.0.name.clone(),
+            found,
+            base: application.base,
+        };
+        if let Some(start) = &to_start.from_anywhere {
+            if self.home_is_open {
+                self.home = self.at_start(start).map_err(out_of_reach)?;
+            }
+            Segment::prepare(start, &self.home, &self).map_err(out_of_reach)?;
+        }
         let base = self.bases.get(usize::from(application.base)).copied().flatten();
         let base = base.unwrap_or(Frame::IDENTITY);
         self.surfaces = application
@@ -58,5 +61,22 @@ impl RobotConfig {
             })
             .collect();
         Ok(self)
+    }
+
+    /// Returns the joints in which the arm stands at the target of a point-to-point motion.
+    fn at_start(&self, start: &Motion) -> Result<Joints, Violation> {
+        let target = start.target.map(f64::from);
+        if start.kind == MotionKind::PtpJoint {
+            let axes = self.arm.axes();
+            return Ok(core::array::from_fn(|axis| if axis < axes { target[axis] } else { 0.0 }));
+        }
+        let frame = |frames: &Frames, number: u8| frames.get(usize::from(number)).copied().flatten();
+        let tool = frame(&self.tools, start.tool).ok_or(Violation::Tool(start.tool))?;
+        let base = frame(&self.bases, start.base).ok_or(Violation::Base(start.base))?;
+        let flange = base * Frame::from_mm_deg(target) * tool.inverse();
+        match start.configuration {
+            Some(configuration) => self.arm.inverse_in(&flange, configuration, &self.arm.middle()),
+            None => self.arm.stand_at(&flange),
+        }
     }
 }

@@ -1,14 +1,10 @@
 //! What the robot node takes from a setup.
 
 use core::time::Duration;
-use std::sync::Arc;
 
-use setup::{Kinematics, Setup};
+use setup::Setup;
 
-use crate::arm::{AXES, Arm, AxisLimits, Frame, Joints, Opw, OpwParameters, Scara, Surface};
-
-/// Frames by number; the field in a motion has four bits.
-pub(crate) type Frames = [Option<Frame>; 16];
+use crate::arm::{Arm, ConfigError, Frames, Installation, Joints, Surface};
 
 /// Everything that the robot node is told before it starts.
 #[derive(Clone, Debug)]
@@ -17,6 +13,8 @@ pub struct RobotConfig {
     pub arm: Arm,
     /// Where it stands at power-on.
     pub home: Joints,
+    /// Whether the setup leaves that out, so that [`in_cell_of`](Self::in_cell_of) decides.
+    pub home_is_open: bool,
     /// Tool frames by number, from the flange; number 0 is the flange.
     pub tools: Frames,
     /// Base frames by number, from the root; number 0 is the root.
@@ -58,18 +56,8 @@ pub struct ForceControl {
     pub jerk_mm_s3: f64,
 }
 
-/// Why a setup does not describe a robot.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error("robot.{key}: {problem}")]
-pub struct ConfigError {
-    /// The key below `robot`.
-    pub key: String,
-    /// What is wrong, and what would be right.
-    pub problem: String,
-}
-
-fn error<T>(key: impl Into<String>, problem: impl Into<String>) -> Result<T, ConfigError> {
-    Err(ConfigError { key: key.into(), problem: problem.into() })
+fn error<T>(key: &str, problem: impl Into<String>) -> Result<T, ConfigError> {
+    Err(ConfigError { key: key.to_owned(), problem: problem.into() })
 }
 
 impl RobotConfig {
@@ -80,39 +68,9 @@ impl RobotConfig {
     /// The key, what is wrong with it and what would be right.
     pub fn from_setup(setup: &Setup) -> Result<Self, ConfigError> {
         let robot = &setup.robot;
-        let (kinematics, axes): (Arc<dyn crate::arm::Kinematics>, usize) = match &robot.kinematics {
-            Kinematics::Scara(scara) => {
-                let [link_1_mm, link_2_mm, height_mm] =
-                    [&scara.link_1_mm, &scara.link_2_mm, &scara.height_mm].map(|length| length.value);
-                if !(link_1_mm > 0.0 && link_2_mm > 0.0 && height_mm.is_finite()) {
-                    return error(
-                        "kinematics",
-                        "both links must be longer than 0 mm and the height a number",
-                    );
-                }
-                (Arc::new(Scara { link_1_mm, link_2_mm, height_mm }), 4)
-            }
-            Kinematics::Opw(opw) => (Arc::new(six_axes(opw)?), 6),
-        };
-        let mut limits = AxisLimits::NONE;
-        limits.lower = joints("axes.lower_deg", &robot.axes.lower_deg.value, axes, limits.lower)?;
-        limits.upper = joints("axes.upper_deg", &robot.axes.upper_deg.value, axes, limits.upper)?;
-        limits.speed = positive("axes.speed_deg_s", &robot.axes.speed_deg_s.value, axes)?;
-        limits.acceleration =
-            positive("axes.acceleration_deg_s2", &robot.axes.acceleration_deg_s2.value, axes)?;
-        limits.jerk = positive("axes.jerk_deg_s3", &robot.axes.jerk_deg_s3.value, axes)?;
-        for (axis, (lower, upper)) in limits.lower.iter().zip(&limits.upper).enumerate() {
-            if lower >= upper {
-                let problem =
-                    format!("joint {} has a lowest value {lower} that is not below {upper}", axis + 1);
-                return error("axes.lower_deg", problem);
-            }
-        }
-        let arm = Arm::new(kinematics, limits);
-        let home = joints("axes.home_deg", &robot.axes.home_deg.value, axes, [0.0; AXES])?;
-        if let Err(violation) = arm.within_range(&home) {
-            return error("axes.home_deg", violation.to_string());
-        }
+        let installation = Installation::from_setup(setup)?;
+        let home = installation.home_or_middle();
+        let Installation { arm, home: known_home, tools, bases } = installation;
         let (velocity, acceleration) = (robot.path_velocity_mm_s.value, robot.path_acceleration_mm_s2.value);
         if !(velocity > 0.0 && velocity.is_finite()) {
             return error("path_velocity_mm_s", format!("{velocity} is not a velocity above 0"));
@@ -134,8 +92,9 @@ impl RobotConfig {
         Ok(Self {
             arm,
             home,
-            tools: frames("tools", &robot.tools)?,
-            bases: frames("bases", &robot.bases)?,
+            home_is_open: known_home.is_none(),
+            tools,
+            bases,
             path_velocity_mm_s: velocity,
             path_acceleration_mm_s2: acceleration,
             path_jerk_mm_s3: jerk,
@@ -156,59 +115,6 @@ impl RobotConfig {
     }
 }
 
-fn six_axes(opw: &setup::Opw) -> Result<Opw, ConfigError> {
-    let [a1, a2, b, c1, c2, c3, c4] =
-        [&opw.a1_mm, &opw.a2_mm, &opw.b_mm, &opw.c1_mm, &opw.c2_mm, &opw.c3_mm, &opw.c4_mm]
-            .map(|length| length.value);
-    let (offsets, signs) = (opw.offsets_deg.value, opw.signs.value);
-    let are_lengths = [a1, a2, b, c1, c4].iter().all(|length| length.is_finite()) && c2 > 0.0 && c3 > 0.0;
-    if !are_lengths {
-        return error("kinematics", "every length must be a number, and c2 and c3 above 0 mm");
-    }
-    if !offsets.iter().all(|offset| offset.abs() <= 360.0) || !signs.iter().all(|sign| sign.abs() == 1) {
-        return error("kinematics", "offsets must be within ±360° and signs 1 or -1");
-    }
-    Ok(Opw::new(OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs }))
-}
-
-/// One value for each joint that the arm has; the others keep `rest`.
-fn joints(key: &str, values: &[f64], axes: usize, rest: Joints) -> Result<Joints, ConfigError> {
-    if values.len() != axes {
-        return error(key, format!("{} values, but this arm has {axes} joints", values.len()));
-    }
-    if let Some(value) = values.iter().find(|value| !value.is_finite()) {
-        return error(key, format!("{value} is not a finite number"));
-    }
-    let mut joints = rest;
-    for (joint, value) in joints.iter_mut().zip(values) {
-        *joint = *value;
-    }
-    Ok(joints)
-}
-
-fn positive(key: &str, values: &[f64], axes: usize) -> Result<Joints, ConfigError> {
-    match values.iter().find(|value| **value <= 0.0) {
-        Some(value) => error(key, format!("{value} is not above 0")),
-        None => joints(key, values, axes, [f64::INFINITY; AXES]),
-    }
-}
-
-fn frames(key: &str, listed: &[setup::Frame]) -> Result<Frames, ConfigError> {
-    let mut frames = Frames::default();
-    frames[0] = Some(Frame::IDENTITY);
-    for setup::Frame { number, mm_deg } in listed {
-        if !mm_deg.value.iter().all(|value| value.is_finite()) {
-            return error(key, format!("frame {number} has a coordinate that is not a finite number"));
-        }
-        match frames.get_mut(usize::from(*number)) {
-            Some(frame @ None) => *frame = Some(Frame::from_mm_deg(mm_deg.value)),
-            Some(Some(_)) => return error(key, format!("number {number} is taken; 0 is built in")),
-            None => return error(key, format!("number {number} does not fit the wire's four bits: 1 to 15")),
-        }
-    }
-    Ok(frames)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,16 +125,5 @@ mod tests {
         assert_eq!(config.arm.axes(), 4);
         assert_eq!(config.cycle, Duration::from_millis(4));
         assert!(config.bases[1].is_some() && config.bases[2].is_none());
-    }
-
-    #[test]
-    fn a_setup_that_makes_no_sense_is_refused_with_key_and_reason() {
-        let mut setup = setup::setup("A").unwrap();
-        setup.robot.axes.home_deg.value[0] = 140.0;
-        let error = RobotConfig::from_setup(&setup).unwrap_err();
-        insta::assert_snapshot!(error, @"robot.axes.home_deg: joint 1 would be at 140.000, its range is -132.000 to 132.000");
-        setup.robot.axes.speed_deg_s.value.pop();
-        let error = RobotConfig::from_setup(&setup).unwrap_err();
-        insta::assert_snapshot!(error, @"robot.axes.speed_deg_s: 3 values, but this arm has 4 joints");
     }
 }

@@ -8,7 +8,10 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
-pub mod arm;
+/// The arm: what the crate `arm` has.
+pub mod arm {
+    pub use ::arm::*;
+}
 pub mod bus;
 mod cell;
 mod config;
@@ -19,8 +22,9 @@ pub mod process;
 pub mod quality;
 pub mod rehearsal;
 
+pub use arm::ConfigError;
 pub use cell::StartOutOfReach;
-pub use config::{ConfigError, ForceControl, RobotConfig};
+pub use config::{ForceControl, RobotConfig};
 pub use controller::{Account, Controller, Ending, Program, RobotEvent};
 pub use node::{RobotNode, Sample};
 pub use quality::Quality;

@@ -311,7 +311,7 @@ impl Case {
         robot.axes.speed_deg_s.value.clone_from(&self.arm.speed_deg_s);
         robot.axes.acceleration_deg_s2.value.clone_from(&self.arm.acceleration_deg_s2);
         robot.axes.jerk_deg_s3.value.clone_from(&self.arm.jerk_deg_s3);
-        robot.axes.home_deg.value.clone_from(&self.arm.home_deg);
+        robot.axes.home_deg = Some(drawn(self.arm.home_deg.clone()));
         robot.tools = frames(&self.tools);
         robot.bases = frames(&self.bases);
         robot.interpreter_quantum_us.value = 0;
@@ -343,6 +343,16 @@ impl Arm {
                 offsets_deg: opw.offsets_deg.value,
                 signs: opw.signs.value,
             },
+            setup::Kinematics::ThreeParallel(arm) => Links::ThreeParallel {
+                d_mm: [&arm.d1_mm, &arm.d4_mm, &arm.d5_mm, &arm.d6_mm].map(|length| length.value),
+                a_mm: [&arm.a2_mm, &arm.a3_mm].map(|length| length.value),
+                offsets_deg: arm.offsets_deg.value,
+                signs: arm.signs.value,
+            },
+        };
+        let middles = || {
+            let ranges = axes.lower_deg.value.iter().zip(&axes.upper_deg.value);
+            ranges.map(|(lower, upper)| f64::midpoint(*lower, *upper)).collect()
         };
         Self {
             links,
@@ -351,7 +361,7 @@ impl Arm {
             speed_deg_s: axes.speed_deg_s.value.clone(),
             acceleration_deg_s2: axes.acceleration_deg_s2.value.clone(),
             jerk_deg_s3: axes.jerk_deg_s3.value.clone(),
-            home_deg: axes.home_deg.value.clone(),
+            home_deg: axes.home_deg.as_ref().map_or_else(middles, |home| home.value.clone()),
         }
     }
 
@@ -392,6 +402,18 @@ fn kinematics(links: &Links) -> setup::Kinematics {
                 c2_mm: drawn(c2_mm),
                 c3_mm: drawn(c3_mm),
                 c4_mm: drawn(c4_mm),
+                offsets_deg: drawn(offsets_deg),
+                signs: drawn(signs),
+            }))
+        }
+        Links::ThreeParallel { d_mm: [d1, d4, d5, d6], a_mm: [a2, a3], offsets_deg, signs } => {
+            setup::Kinematics::ThreeParallel(Box::new(setup::ThreeParallel {
+                d1_mm: drawn(d1),
+                a2_mm: drawn(a2),
+                a3_mm: drawn(a3),
+                d4_mm: drawn(d4),
+                d5_mm: drawn(d5),
+                d6_mm: drawn(d6),
                 offsets_deg: drawn(offsets_deg),
                 signs: drawn(signs),
             }))

@@ -8,6 +8,7 @@
 //!            the flange looks down and is turned by q1 + q2 + q4
 //! six axes   Rz(θ1)·T(a1, b, c1)·Ry(θ2)·T(0, 0, c2)·Ry(θ3)·T(a2, 0, c3)·Rz(θ4)·Ry(θ5)·Rz(θ6)·T(0, 0, c4)
 //!            θ = sign·q − offset
+//! 2 ∥ 3 ∥ 4  Rz(θ)·T(0, 0, d)·T(a, 0, 0)·Rx(α) of each joint, in the maker's Denavit-Hartenberg table
 //! ```
 
 use serde::{Deserialize, Serialize};
@@ -192,6 +193,17 @@ pub enum Links {
         /// 1 where a joint turns as the model does, −1 where against it.
         signs: [i8; 6],
     },
+    /// Six turning joints, of which 2, 3 and 4 are parallel.
+    ThreeParallel {
+        /// Along the axes of joints 1, 4, 5 and 6.
+        d_mm: [f64; 4],
+        /// Across the axes of joints 2 and 3.
+        a_mm: [f64; 2],
+        /// Angle of each joint where the model's is 0.
+        offsets_deg: [f64; 6],
+        /// 1 where a joint turns as the model does, −1 where against it.
+        signs: [i8; 6],
+    },
 }
 
 impl Links {
@@ -200,7 +212,7 @@ impl Links {
     pub const fn axes(&self) -> usize {
         match self {
             Self::Scara { .. } => 4,
-            Self::SixAxes { .. } => 6,
+            Self::SixAxes { .. } | Self::ThreeParallel { .. } => 6,
         }
     }
 
@@ -217,6 +229,9 @@ impl Links {
             Self::Scara { link_1_mm, link_2_mm, .. } => link_1_mm + link_2_mm,
             Self::SixAxes { a1_mm, a2_mm, b_mm, c2_mm, c3_mm, c4_mm, .. } => {
                 a1_mm.abs() + b_mm.abs() + c2_mm + libm::hypot(a2_mm, c3_mm) + c4_mm.abs()
+            }
+            Self::ThreeParallel { d_mm: [_, d4, d5, d6], a_mm: [a2, a3], .. } => {
+                [a2, a3, d4, d5, d6].into_iter().map(f64::abs).sum()
             }
         }
     }
@@ -246,6 +261,21 @@ impl Links {
                 let forearm = elbow.then(&Pose { at: [*a2_mm, 0.0, *c3_mm], ..Pose::about_z(angle(3)) });
                 let hand = forearm.then(&Pose::about_y(angle(4))).then(&Pose::about_z(angle(5)));
                 hand.then(&Pose::shifted([0.0, 0.0, *c4_mm]))
+            }
+            Self::ThreeParallel { d_mm: [d1, d4, d5, d6], a_mm: [a2, a3], offsets_deg, signs } => {
+                let rows = [
+                    (*d1, 0.0, 90.0),
+                    (0.0, *a2, 0.0),
+                    (0.0, *a3, 0.0),
+                    (*d4, 0.0, 90.0),
+                    (*d5, 0.0, -90.0),
+                    (*d6, 0.0, 0.0),
+                ];
+                rows.into_iter().enumerate().fold(Pose::IDENTITY, |at, (axis, (d, a, alpha))| {
+                    let angle = f64::from(signs[axis]) * joints[axis] - offsets_deg[axis];
+                    let link = Pose::about_z(angle).then(&Pose::shifted([a, 0.0, d]));
+                    at.then(&link).then(&Pose::about_x(alpha))
+                })
             }
         }
     }
@@ -319,6 +349,21 @@ mod tests {
         assert!(near(ahead.at, [225.0, 275.0, 100.0]), "{ahead:?}");
         assert!(near(ahead.vector([0.0, 0.0, 1.0]), [0.0, 0.0, -1.0]), "the flange looks down");
         assert!(near(ahead.vector([1.0, 0.0, 0.0]), [1.0, 0.0, 0.0]), "turned back by joint 4");
+    }
+
+    #[test]
+    fn the_ur5e_stands_as_its_drawing_shows_it() {
+        let arm = Links::ThreeParallel {
+            d_mm: [162.5, 133.3, 99.7, 99.6],
+            a_mm: [-425.0, -392.2],
+            offsets_deg: [0.0; 6],
+            signs: [1; 6],
+        };
+        let zero = arm.flange(&[0.0; 6]);
+        assert!(near(zero.at, [-817.2, -232.9, 62.8]), "{zero:?}");
+        assert!(near(zero.vector([0.0, 0.0, 1.0]), [0.0, -1.0, 0.0]), "the flange looks aside");
+        let up = arm.flange(&[0.0, -90.0, 0.0, -90.0, 0.0, 0.0]);
+        assert!(near(up.at, [0.0, -232.9, 1_079.4]), "stretched upward: {up:?}");
     }
 
     #[test]

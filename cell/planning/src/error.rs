@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::reach::OutOfReach;
+
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -51,6 +53,16 @@ pub enum Error {
         setup: String,
         /// [`Error::Refused`].
         refused: Box<Error>,
+    },
+    /// The arm of a setup does not reach what was planned.
+    #[error("{origin} on setup {setup}: {found}")]
+    OutOfReach {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// The setup's name.
+        setup: String,
+        /// The motion, and why the arm does not follow it.
+        found: Box<OutOfReach>,
     },
 }
 

@@ -13,8 +13,8 @@
 //! repetition is a [`stream()`], which holds one cycle; motions from elsewhere are read from a list by
 //! [`MotionLines`], which holds one.
 //!
-//! Whether the arm reaches a motion is the robot's affair; what can be known without an arm is refused here, with the
-//! step, the motion, the quantity and its limit.
+//! What can be known without an arm is refused while planning, with the step, the motion, the quantity and its limit.
+//! [`Plan::reach`] then follows a plan with the arm of a setup.
 
 mod application;
 mod check;
@@ -30,6 +30,7 @@ mod motion;
 mod path;
 mod plan;
 mod planner;
+mod reach;
 mod resolve;
 mod stream;
 mod vary;
@@ -47,6 +48,7 @@ pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_wi
 pub use motion::{Motion, Role};
 pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart};
 pub use planner::plan;
+pub use reach::{OutOfReach, Reached};
 pub use stream::{Stream, Streamed, count, stream, to_start};
 pub use wire::{PROGRAM, Stop, Switch};
 pub use zone::Why;

@@ -10,6 +10,7 @@ use crate::application::Application;
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::planner::plan;
+use crate::reach::Reached;
 
 /// Applications compiled in: name and text.
 pub const APPLICATIONS: &[(&str, &str)] = &[
@@ -42,6 +43,18 @@ impl Found {
             origin: self.origin.clone(),
             setup: setup.name.clone(),
             refused: Box::new(refused),
+        })
+    }
+
+    /// Follows its plan with the arm of a setup, as [`Plan::reach`] does; a refusal names where the application was found.
+    ///
+    /// # Errors
+    /// [`Error::OutOfReach`]
+    pub fn reach(&self, plan: &Plan, setup: &Setup) -> Result<Reached, Error> {
+        plan.reach(setup).map_err(|found| Error::OutOfReach {
+            origin: self.origin.clone(),
+            setup: setup.name.clone(),
+            found: Box::new(found),
         })
     }
 }

@@ -4,7 +4,7 @@ mod bus;
 
 use protocol::image::SLOTS;
 
-use crate::{Frame, Kinematics, Opw, Setup, Sourced};
+use crate::{Frame, Kinematics, Opw, Setup, Sourced, ThreeParallel};
 
 /// A key and the error in its value.
 #[derive(Debug)]
@@ -129,6 +129,10 @@ fn robot(setup: &Setup) -> Check {
             opw_numbers(opw)?;
             6
         }
+        Kinematics::ThreeParallel(arm) => {
+            three_parallel_numbers(arm)?;
+            6
+        }
     };
     axes(setup, joints)
 }
@@ -146,13 +150,37 @@ fn opw_numbers(opw: &Opw) -> Check {
     }
     above_zero(&key("c2_mm"), opw.c2_mm.value)?;
     above_zero(&key("c3_mm"), opw.c3_mm.value)?;
-    finite(&key("offsets_deg"), &opw.offsets_deg.value)?;
-    if let Some(offset) = opw.offsets_deg.value.iter().find(|offset| offset.abs() > 360.0) {
-        return Err(problem(key("offsets_deg"), format!("{offset}° is more than a full turn")));
+    offsets_and_signs(&opw.offsets_deg.value, &opw.signs.value)
+}
+
+fn three_parallel_numbers(arm: &ThreeParallel) -> Check {
+    let key = |name: &str| format!("robot.kinematics.{name}");
+    for (name, length) in [
+        ("d1_mm", &arm.d1_mm),
+        ("a2_mm", &arm.a2_mm),
+        ("a3_mm", &arm.a3_mm),
+        ("d4_mm", &arm.d4_mm),
+        ("d5_mm", &arm.d5_mm),
+        ("d6_mm", &arm.d6_mm),
+    ] {
+        finite(&key(name), &[length.value])?;
     }
-    if let Some(sign) = opw.signs.value.iter().find(|sign| sign.abs() != 1) {
+    let (a2, a3) = (arm.a2_mm.value, arm.a3_mm.value);
+    if a2 * a3 <= 0.0 {
+        let text = format!("{a3} mm beside an a2_mm of {a2} mm: both links have a length, and the same sign");
+        return Err(problem(key("a3_mm"), text));
+    }
+    offsets_and_signs(&arm.offsets_deg.value, &arm.signs.value)
+}
+
+fn offsets_and_signs(offsets: &[f64; 6], signs: &[i8; 6]) -> Check {
+    finite("robot.kinematics.offsets_deg", offsets)?;
+    if let Some(offset) = offsets.iter().find(|offset| offset.abs() > 360.0) {
+        return Err(problem("robot.kinematics.offsets_deg", format!("{offset}° is more than a full turn")));
+    }
+    if let Some(sign) = signs.iter().find(|sign| sign.abs() != 1) {
         let text = format!("{sign} is not the sense of a joint: 1, or -1 where it turns against the model");
-        return Err(problem(key("signs"), text));
+        return Err(problem("robot.kinematics.signs", text));
     }
     Ok(())
 }
@@ -175,13 +203,14 @@ fn frames(key: &str, frames: &[Frame]) -> Check {
 fn axes(setup: &Setup, joints: usize) -> Check {
     let axes = &setup.robot.axes;
     for (name, values) in [
-        ("lower_deg", &axes.lower_deg),
-        ("upper_deg", &axes.upper_deg),
-        ("speed_deg_s", &axes.speed_deg_s),
-        ("acceleration_deg_s2", &axes.acceleration_deg_s2),
-        ("jerk_deg_s3", &axes.jerk_deg_s3),
-        ("home_deg", &axes.home_deg),
+        ("lower_deg", Some(&axes.lower_deg)),
+        ("upper_deg", Some(&axes.upper_deg)),
+        ("speed_deg_s", Some(&axes.speed_deg_s)),
+        ("acceleration_deg_s2", Some(&axes.acceleration_deg_s2)),
+        ("jerk_deg_s3", Some(&axes.jerk_deg_s3)),
+        ("home_deg", axes.home_deg.as_ref()),
     ] {
+        let Some(values) = values else { continue };
         let key = format!("robot.axes.{name}");
         let found = values.value.len();
         if found != joints {
@@ -192,15 +221,16 @@ fn axes(setup: &Setup, joints: usize) -> Check {
             values.value.iter().try_for_each(|value| above_zero(&key, *value))?;
         }
     }
-    let ranges = axes.lower_deg.value.iter().zip(&axes.upper_deg.value).zip(&axes.home_deg.value);
-    for (joint, ((lower, upper), home)) in ranges.enumerate() {
-        let joint = joint + 1;
+    let home = axes.home_deg.as_ref().map(|home| home.value.as_slice()).unwrap_or_default();
+    let ranges = axes.lower_deg.value.iter().zip(&axes.upper_deg.value);
+    for (joint, (lower, upper)) in ranges.enumerate() {
+        let number = joint + 1;
         if lower >= upper {
-            let text = format!("joint {joint}: the upper limit {upper} is not above the lower one {lower}");
+            let text = format!("joint {number}: the upper limit {upper} is not above the lower one {lower}");
             return Err(problem("robot.axes.upper_deg", text));
         }
-        if !(lower..=upper).contains(&home) {
-            let text = format!("joint {joint}: {home} is outside its range of {lower} to {upper}");
+        if let Some(home) = home.get(joint).filter(|home| !(lower..=upper).contains(home)) {
+            let text = format!("joint {number}: {home} is outside its range of {lower} to {upper}");
             return Err(problem("robot.axes.home_deg", text));
         }
     }

@@ -12,6 +12,7 @@ pub const SETUPS: &[(&str, &str)] = &[
     ("A", include_str!("../../setups/A.toml")),
     ("B", include_str!("../../setups/B.toml")),
     ("C", include_str!("../../setups/C.toml")),
+    ("D", include_str!("../../setups/D.toml")),
 ];
 
 /// Finds the setup `name`: a built-in one, or the path of a file. Checks its values.

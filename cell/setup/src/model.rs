@@ -146,6 +146,8 @@ pub enum Kinematics {
     Scara(Scara),
     /// Six axes with a parallel base and a spherical wrist: joints 1 to 6 in degrees.
     Opw(Box<Opw>),
+    /// Six axes of which 2, 3 and 4 are parallel, without a spherical wrist, as of Universal Robots: joints 1 to 6 in degrees.
+    ThreeParallel(Box<ThreeParallel>),
 }
 
 /// The parameters of a six-axis arm with a parallel base and a spherical wrist, named as by Brandstötter, Angerer and
@@ -169,6 +171,29 @@ pub struct Opw {
     /// From the wrist centre to the flange, in mm.
     pub c4_mm: Sourced<f64>,
     /// Each joint's zero relative to that of the upright model, in degrees.
+    pub offsets_deg: Sourced<[f64; 6]>,
+    /// 1 if a joint turns in the model's direction, −1 if it turns in the opposite one.
+    pub signs: Sourced<[i8; 6]>,
+}
+
+/// The parameters of a six-axis arm whose axes 2, 3 and 4 are parallel: the Denavit-Hartenberg ones that Universal Robots
+/// publishes.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ThreeParallel {
+    /// From the root to axis 2, upward, in mm.
+    pub d1_mm: Sourced<f64>,
+    /// From axis 2 to axis 3, in mm; negative if the arm points backward (−x) at zero.
+    pub a2_mm: Sourced<f64>,
+    /// From axis 3 to axis 4, in mm, with the sign of `a2_mm`.
+    pub a3_mm: Sourced<f64>,
+    /// From the plane of axis 1 to axis 5, across the arm, in mm.
+    pub d4_mm: Sourced<f64>,
+    /// From axis 4 to axis 6, along axis 5, in mm.
+    pub d5_mm: Sourced<f64>,
+    /// From axis 5 to the flange, in mm.
+    pub d6_mm: Sourced<f64>,
+    /// Each joint's zero relative to that of the model, in degrees.
     pub offsets_deg: Sourced<[f64; 6]>,
     /// 1 if a joint turns in the model's direction, −1 if it turns in the opposite one.
     pub signs: Sourced<[i8; 6]>,
@@ -200,8 +225,9 @@ pub struct Axes {
     pub acceleration_deg_s2: Sourced<Vec<f64>>,
     /// Rated jerks in degrees (mm) per second³.
     pub jerk_deg_s3: Sourced<Vec<f64>>,
-    /// Position at power-on, in degrees (mm). From there the PLC moves the arm to the application's start.
-    pub home_deg: Sourced<Vec<f64>>,
+    /// Position at power-on, in degrees (mm). From there the PLC moves the arm to the application's start. If left out, the
+    /// arm stands there already, in the configuration that leaves its joints most room.
+    pub home_deg: Option<Sourced<Vec<f64>>>,
 }
 
 /// How the application's motions are programmed on this setup.

@@ -57,7 +57,7 @@ fn listed_peers_are_read_and_written_and_what_their_bus_does_not_tell_is_refused
 
 #[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
-    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C; or give the path of a .toml file");
+    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
 }
 
 #[test]

@@ -15,6 +15,7 @@ pub(super) fn another(dice: &mut Dice, of: &Arm) -> Arm {
     let (links, ranges) = match of.links {
         Links::Scara { .. } => scara(dice),
         Links::SixAxes { .. } => six_axes(dice),
+        Links::ThreeParallel { .. } => three_parallel(dice),
     };
     let mut rated = |limits: &[f64]| -> Vec<f64> {
         limits.iter().map(|limit| limit * dice.scale(RATED[0], RATED[1])).collect()
@@ -38,6 +39,23 @@ fn scara(dice: &mut Dice) -> (Links, Ranges) {
     let mut ranges = vec![either(70.0, 175.0), either(70.0, 160.0), (0.0, 0.0), either(180.0, 720.0)];
     let lowest = dice.between(-100.0, 100.0);
     ranges[2] = (lowest, lowest + dice.between(80.0, 400.0));
+    (links, ranges)
+}
+
+fn three_parallel(dice: &mut Dice) -> (Links, Ranges) {
+    let forward = if dice.chance(0.5) { 1.0 } else { -1.0 };
+    let links = Links::ThreeParallel {
+        d_mm: [
+            dice.between(80.0, 300.0),
+            dice.between(60.0, 200.0),
+            dice.between(60.0, 150.0),
+            dice.between(40.0, 150.0),
+        ],
+        a_mm: [forward * dice.scale(200.0, 700.0), forward * dice.scale(200.0, 700.0)],
+        offsets_deg: core::array::from_fn(|_| [0.0, 90.0, -90.0, 180.0][dice.below(4)]),
+        signs: core::array::from_fn(|_| if dice.chance(0.3) { -1 } else { 1 }),
+    };
+    let ranges = (0..6).map(|_| (-dice.between(200.0, 400.0), dice.between(200.0, 400.0))).collect();
     (links, ranges)
 }
 

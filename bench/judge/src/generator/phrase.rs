@@ -161,7 +161,7 @@ impl<'a> Walk<'a> {
     const fn configuration(&self) -> (Option<usize>, Option<usize>) {
         match self.arm.links {
             Links::Scara { .. } => (Some(1), None),
-            Links::SixAxes { .. } => (Some(2), Some(4)),
+            Links::SixAxes { .. } | Links::ThreeParallel { .. } => (Some(2), Some(4)),
         }
     }
 
@@ -169,7 +169,9 @@ impl<'a> Walk<'a> {
     fn zero_of(&self, axis: usize) -> f64 {
         match self.arm.links {
             Links::Scara { .. } => 0.0,
-            Links::SixAxes { offsets_deg, signs, .. } => offsets_deg[axis] * f64::from(signs[axis]),
+            Links::SixAxes { offsets_deg, signs, .. } | Links::ThreeParallel { offsets_deg, signs, .. } => {
+                offsets_deg[axis] * f64::from(signs[axis])
+            }
         }
     }
 

@@ -111,7 +111,7 @@ impl Arm {
     fn of(setup: &Setup) -> Self {
         let (axes, linear) = match &setup.robot.kinematics {
             Kinematics::Scara(_) => (4, Some(2)),
-            Kinematics::Opw(_) => (6, None),
+            Kinematics::Opw(_) | Kinematics::ThreeParallel(_) => (6, None),
         };
         Self { names: (1..=axes).map(|axis| format!("joint_{axis}")).collect(), linear }
     }

@@ -24,6 +24,7 @@ pub const BASELINES: &[(&str, &str)] = &[
     ("A", include_str!("../../../baselines/A.json")),
     ("B", include_str!("../../../baselines/B.json")),
     ("C", include_str!("../../../baselines/C.json")),
+    ("D", include_str!("../../../baselines/D.json")),
 ];
 
 /// Half of the millisecond that must not pass unseen.

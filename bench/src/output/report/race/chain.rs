@@ -5,7 +5,7 @@
 
 use robot_node::arm::{Frame, Rotation};
 use serde::Serialize;
-use setup::{Kinematics, Opw, Scara, Setup};
+use setup::{Kinematics, Opw, Scara, Setup, ThreeParallel};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -88,6 +88,7 @@ impl Chain {
         let mut chain = match &setup.robot.kinematics {
             Kinematics::Scara(arm) => scara(arm, highest),
             Kinematics::Opw(arm) => six_axes(arm),
+            Kinematics::ThreeParallel(arm) => three_parallel(arm),
         };
         chain.tool = Placed::new(tool);
         chain
@@ -172,6 +173,45 @@ fn six_axes(arm: &Opw) -> Chain {
     }
 }
 
+/// The links lie side by side: the upper arm beside axis 1, and the forearm back above it.
+fn three_parallel(arm: &ThreeParallel) -> Chain {
+    let [d1, a2, a3, d4, d5, d6] =
+        [&arm.d1_mm, &arm.a2_mm, &arm.a3_mm, &arm.d4_mm, &arm.d5_mm, &arm.d6_mm].map(|length| length.value);
+    let radius = (a2.abs() + a3.abs()) * 0.065;
+    let rod = |from, to, radius| Rod { from, to, radius };
+    // Across the arm is −y where its plane is that of x and z. Seen along −y, axes 2, 3 and 4 turn from x to z.
+    const ACROSS: [f64; 3] = [0.0, -1.0, 0.0];
+    let offsets =
+        [[0.0; 3], [0.0, 0.0, d1], [a2, 0.0, 0.0], [a3, 0.0, 0.0], [0.0, -d4, 0.0], [0.0, 0.0, -d5]];
+    let axes = [Z, ACROSS, ACROSS, ACROSS, [0.0, 0.0, -1.0], ACROSS];
+    let mut joints: Vec<_> =
+        offsets.into_iter().zip(axes).map(|(offset, axis)| Joint::turning(offset, axis)).collect();
+    for ((joint, zero), sign) in joints.iter_mut().zip(arm.offsets_deg.value).zip(arm.signs.value) {
+        (joint.zero, joint.sign) = (zero, f64::from(sign));
+    }
+    let side = -d4;
+    let bodies = [
+        vec![rod([0.0, 0.0, d1], [0.0, side, d1], radius * 1.1)],
+        vec![
+            rod([0.0, side, 0.0], [a2, side, 0.0], radius * 0.95),
+            rod([a2, side, 0.0], [a2, 0.0, 0.0], radius),
+        ],
+        vec![rod([0.0; 3], [a3, 0.0, 0.0], radius * 0.75)],
+        vec![rod([0.0; 3], [0.0, side, 0.0], radius * 0.7)],
+        vec![rod([0.0; 3], [0.0, 0.0, -d5], radius * 0.7)],
+        vec![rod([0.0; 3], [0.0, -d6 * 0.9, 0.0], radius * 0.6)],
+    ];
+    joints.iter_mut().zip(bodies).for_each(|(joint, bodies)| joint.bodies = bodies);
+    Chain {
+        base: vec![rod([0.0; 3], [0.0, 0.0, d1], radius * 1.3)],
+        joints,
+        // The flange looks across the arm, its y up at zero.
+        flange: Placed::new(&Frame { position: [0.0, -d6, 0.0], rotation: Rotation::about(X, 90.0) }),
+        tool: Placed::new(&Frame::IDENTITY),
+        radius_mm: radius,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,7 +220,7 @@ mod tests {
 
     #[test]
     fn the_drawn_arm_has_its_flange_where_the_robots_own_kinematics_have_it() {
-        for name in ["A", "B"] {
+        for name in ["A", "B", "D"] {
             let (mut setup, _) = planning::setup_with_application(name).unwrap();
             if let Kinematics::Opw(arm) = &mut setup.robot.kinematics {
                 // No length is 0 and no sign 1 for all.

@@ -68,6 +68,12 @@ impl Arm {
         }
     }
 
+    /// Returns the status of each of this arm's configurations.
+    pub fn statuses(&self) -> impl Iterator<Item = u8> + use<> {
+        let bits = self.kinematics.status_bits();
+        (0..=bits).filter(move |status| status & !bits == 0)
+    }
+
     /// The axes that turn.
     fn turning(&self) -> impl Iterator<Item = usize> {
         let rotary = self.rotary;

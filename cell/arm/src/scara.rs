@@ -92,7 +92,7 @@ impl Kinematics for Scara {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arm::{Arm, AxisLimits, distance};
+    use crate::{Arm, AxisLimits, distance};
     use proptest::prelude::*;
     use std::sync::Arc;
 

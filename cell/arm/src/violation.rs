@@ -6,13 +6,13 @@ use protocol::image::{Configuration, ErrorNumber, Finding};
 
 /// A joint that would turn by more than this, in degrees, from one sample of a curve's finest piece to the next does not
 /// follow the curve: the arm turns over into another configuration there.
-pub(crate) const TURNED_OVER_DEG: f64 = 60.0;
+pub const TURNED_OVER_DEG: f64 = 60.0;
 
 /// A curve on which a joint leaves less than this of the programmed velocity counts as singular.
-pub(crate) const SINGULAR_SHARE: f64 = 0.01;
+pub const SINGULAR_SHARE: f64 = 0.01;
 
 /// Shorter than this, in mm, is no way: single precision on the wire leaves some micrometres.
-pub(crate) const LEAST_WAY_MM: f64 = 1e-3;
+pub const LEAST_WAY_MM: f64 = 1e-3;
 
 /// What an axis is rated for besides its range.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -68,6 +68,17 @@ pub enum Violation {
         nearest_mm: f64,
         /// The most that the arm reaches.
         farthest_mm: f64,
+    },
+    /// Distance of an arm's wrist from the first axis, in mm, where the arm lies beside that axis.
+    #[error(
+        "the wrist would be {distance_mm:.3} mm from axis 1; the arm lies beside that axis and reaches from \
+         {nearest_mm:.3} mm on"
+    )]
+    WristRadius {
+        /// Its distance.
+        distance_mm: f64,
+        /// The least that the arm reaches.
+        nearest_mm: f64,
     },
     /// A line on which the arm would have to turn over into another configuration (elbow, wrist).
     #[error(
@@ -291,7 +302,9 @@ impl Violation {
         match self {
             Self::Plain(number) => *number,
             Self::NotFinite(_) => ErrorNumber::TargetNotFinite,
-            Self::Radius { .. } | Self::WristReach { .. } | Self::Tilt { .. } => ErrorNumber::Unreachable,
+            Self::Radius { .. } | Self::WristReach { .. } | Self::WristRadius { .. } | Self::Tilt { .. } => {
+                ErrorNumber::Unreachable
+            }
             Self::Configuration { .. } => ErrorNumber::ConfigurationChange,
             Self::Status { .. }
             | Self::TurnBits { .. }
@@ -320,6 +333,24 @@ impl Violation {
         }
     }
 
+    /// How much of the arm's reach or of a joint's range is missing, and the unit of that; none where nothing of a kind that
+    /// could be longer is.
+    #[must_use]
+    pub fn missing(&self) -> Option<(f64, &'static str)> {
+        let beyond = |value: f64, lower: f64, upper: f64| (lower - value).max(value - upper);
+        Some(match *self {
+            Self::Radius { radius_mm, nearest_mm, farthest_mm } => {
+                (beyond(radius_mm, nearest_mm, farthest_mm), "mm")
+            }
+            Self::WristReach { distance_mm, nearest_mm, farthest_mm } => {
+                (beyond(distance_mm, nearest_mm, farthest_mm), "mm")
+            }
+            Self::WristRadius { distance_mm, nearest_mm } => (nearest_mm - distance_mm, "mm"),
+            Self::Axis { value, lower, upper, .. } => (beyond(value, lower, upper), "degrees or mm"),
+            _ => return None,
+        })
+    }
+
     /// The figures that the feedback image carries for it.
     #[must_use]
     pub fn finding(&self) -> Finding {
@@ -335,6 +366,7 @@ impl Violation {
             Self::WristReach { distance_mm, nearest_mm, farthest_mm } => {
                 of(2, distance_mm, nearest_mm, farthest_mm)
             }
+            Self::WristRadius { distance_mm, nearest_mm } => of(1, distance_mm, nearest_mm, f64::INFINITY),
             Self::Tilt { tilt_deg } => of(3, tilt_deg, 0.0, 0.0),
             Self::Configuration { axis, turn_deg, .. } => of(axis, turn_deg, 0.0, TURNED_OVER_DEG),
             Self::Axis { axis, value, lower, upper } | Self::Turn { axis, value, lower, upper } => {

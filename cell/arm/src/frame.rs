@@ -86,6 +86,7 @@ impl Rotation {
 
     /// Returns the rotated z axis.
     #[must_use]
+    #[inline]
     pub fn z_axis(self) -> [f64; 3] {
         let Self { w, v: [x, y, z] } = self;
         [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
@@ -113,6 +114,7 @@ impl Rotation {
 
     /// Rotates a vector.
     #[must_use]
+    #[inline]
     pub fn rotate(self, vector: [f64; 3]) -> [f64; 3] {
         let twice = cross(self.v, vector).map(|part| 2.0 * part);
         let turned = cross(self.v, twice);
@@ -124,6 +126,7 @@ impl Mul for Rotation {
     type Output = Self;
 
     /// Combines two rotations: first `rhs`, then `self`, as frames of a chain from left to right.
+    #[inline]
     fn mul(self, rhs: Self) -> Self {
         let (p, q) = (self.v, rhs.v);
         let turned = cross(p, q);
@@ -162,12 +165,14 @@ impl Frame {
 
     /// Converts a point of this frame to the outer frame, in mm.
     #[must_use]
+    #[inline]
     pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
         sum(self.position, self.rotation.rotate(point))
     }
 
     /// Returns the origin in the outer frame, in mm, of a frame that is given in this one.
     #[must_use]
+    #[inline]
     pub fn origin_of(&self, inner: &Self) -> [f64; 3] {
         if *inner == Self::IDENTITY { self.position } else { self.point(inner.position) }
     }
@@ -184,6 +189,7 @@ impl Mul for Frame {
     type Output = Self;
 
     /// Returns the pose of `rhs`, which is given in `self`, in the outer frame of `self`.
+    #[inline]
     fn mul(self, rhs: Self) -> Self {
         Self {
             position: sum(self.position, self.rotation.rotate(rhs.position)),
@@ -194,12 +200,14 @@ impl Mul for Frame {
 
 /// Returns the distance in mm between two points.
 #[must_use]
+#[inline]
 pub fn distance(from: [f64; 3], to: [f64; 3]) -> f64 {
     length(core::array::from_fn(|i| to[i] - from[i]))
 }
 
 /// Returns the length of a vector.
 #[must_use]
+#[inline]
 pub fn length(vector: [f64; 3]) -> f64 {
     dot(vector, vector).sqrt()
 }
@@ -208,11 +216,17 @@ fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// Returns the dot product.
+#[must_use]
+#[inline]
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+/// Returns the cross product.
+#[must_use]
+#[inline]
+pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

@@ -295,7 +295,7 @@ impl Kinematics for Opw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arm::{Arm, AxisLimits, distance};
+    use crate::{Arm, AxisLimits, distance};
     use proptest::prelude::*;
     use rs_opw_kinematics::glam::{DQuat, DVec3};
     use rs_opw_kinematics::kinematic_traits::{Kinematics as _, Pose};

@@ -1,23 +1,31 @@
-//! The arm: conversion between joints and poses, and the limits of the joints.
+//! The arm of a cell: conversion between joints and poses, and the limits of the joints.
+//!
+//! The robot node moves it, and planning asks it before anything runs whether it reaches what is planned: both by the same
+//! [`Arm`], which a setup describes ([`Installation::from_setup`]).
+//!
+//! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
 
 mod angles;
 mod configuration;
 mod frame;
+mod installation;
 mod opw;
 mod scara;
+mod standing;
 mod surface;
+mod three_parallel;
 mod violation;
 
 use core::fmt::Debug;
 use std::sync::Arc;
 
-pub use frame::{Frame, Rotation, distance, length};
-pub(crate) use frame::{cross, dot};
+pub use frame::{Frame, Rotation, cross, distance, dot, length};
+pub use installation::{ConfigError, Frames, Installation};
 pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
 pub use surface::{Surface, contact_force};
-pub(crate) use violation::{LEAST_WAY_MM, SINGULAR_SHARE, TURNED_OVER_DEG};
-pub use violation::{Rated, Violation};
+pub use three_parallel::{ThreeParallel, ThreeParallelParameters};
+pub use violation::{LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
 
 /// Largest number of joints of an arm. Joints that an arm does not have stay 0.
 pub const AXES: usize = 6;
