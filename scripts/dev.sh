@@ -104,6 +104,20 @@ built() {
     "${CARGO_TARGET_DIR:-target}/debug/$1" "${@:2}"
 }
 
+verb_package() { #: package the crates under protocol/ that others can use, and build each package without this repository
+    # Together, so that each finds the packages of the others where a registry would have them.
+    local crates=(fieldbus-machine fieldbus-virtual-time protocol-linux profinet-proto ethernet-ip-proto ethercat-subdevice
+        ethercat-maindevice ethercat-drive)
+    local target=${CARGO_TARGET_DIR:-target}/packaged crate
+    for crate in "${crates[@]}"; do
+        # The driver has no page of its own.
+        [ "$crate" = protocol-linux ] || cargo package --quiet --locked --allow-dirty --list -p "$crate" | grep -qx README.md ||
+            { echo "the package $crate has no README.md" >&2; return 1; }
+    done
+    CARGO_TARGET_DIR=$target cargo package --quiet --locked --allow-dirty "${crates[@]/#/--package=}"
+    (cd "$target/package" && ls ./*.crate)
+}
+
 verb_docs() { #: every link of the documentation leads somewhere, every command shown in it runs (real mode: as root)
     build
     scripts/docs.sh
@@ -512,7 +526,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
 }
 
 verb_ci() { #: all of it but setup, timing and release
-    for verb in format lint modules purity test docs browser vendor gate bits instructions wire user fresh examples interop demo; do
+    for verb in format lint modules purity package test docs browser vendor gate bits instructions wire user fresh examples interop demo; do
         echo "== $verb"
         "verb_$verb"
     done

@@ -1,6 +1,6 @@
 //! What planning says of the arm's reach is what the robot node finds when it checks each motion before it runs.
 
-#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+#![expect(clippy::panic, clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
 use planning::{OutOfReach, plan};
 use protocol::image::ErrorNumber;

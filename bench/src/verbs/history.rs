@@ -58,6 +58,8 @@ pub struct Entry {
     pub is_incomplete: bool,
     /// AET and MAD so far.
     pub figures: PerType<PaperFigure>,
+    /// Successful repetitions so far. The MAD of one is 0 and says nothing.
+    pub repetitions: PerType<usize>,
     /// AETi, 0…1; null if SM or CM is missing.
     pub aet_improvement: Option<f64>,
     /// AET minus that of the previous run with the same setup, application and mode, in ms.
@@ -164,7 +166,11 @@ impl History {
         for entry in &self.entries {
             let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
             let figure = |execution_type| {
-                let text = |figure: &PaperFigure| format!("{:.1} ± {:.1}", figure.aet_ms, figure.mad_ms);
+                let deviates = entry.repetitions.get(execution_type).is_some_and(|number| *number > 1);
+                let text = |figure: &PaperFigure| match deviates {
+                    true => format!("{:.1} ± {:.1}", figure.aet_ms, figure.mad_ms),
+                    false => format!("{:.1} ±   –", figure.aet_ms),
+                };
                 entry.figures.get(execution_type).map_or_else(|| "–".to_owned(), text)
             };
             let improvement = entry.aet_improvement.map(|share| format!("{:.1} %", share * 100.0));
@@ -195,8 +201,11 @@ impl Entry {
         let host = run_directory::host(path);
         let host = |key: &str| Some(host.as_ref()?.get(key)?.as_str()?.to_owned());
         let mut figures = PerType::default();
+        let mut repetitions = PerType::default();
         for execution_type in ExecutionType::ALL {
             *figures.entry(execution_type) = results.figure(execution_type);
+            let samples = results.results.get(execution_type).map(|result| result.samples_ms.len());
+            *repetitions.entry(execution_type) = samples;
         }
         Self {
             run: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
@@ -209,6 +218,7 @@ impl Entry {
             status: results.status,
             is_incomplete: !results.incomplete.is_empty(),
             figures,
+            repetitions,
             aet_improvement: results.aet_improvement,
             trend_ms: PerType::default(),
         }
@@ -266,7 +276,10 @@ mod tests {
         directory.write_host(&format!("{{\"date\": \"{date}\", \"commit\": \"4f32136\"}}")).unwrap();
         let schedule = Schedule::new(&ExecutionType::ALL, 1, 1);
         let mut results = Results::new(&setup, &found.application.name, mode, &schedule);
-        for (execution_type, more) in ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]) {
+        let of_types = ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]);
+        // One repetition has no deviation: run `a` has one of each type, the others have two.
+        let repetitions = if name == "a" { 1 } else { 2 };
+        for (execution_type, more) in of_types.cycle().take(3 * repetitions) {
             let execution = Duration::from_micros(micros + more);
             results.record(execution_type, &Measured::lasting(execution)).unwrap();
         }
@@ -286,7 +299,7 @@ mod tests {
         insta::assert_snapshot!(history.table(), @"
         run  date                  commit   setup  mode     application           RC, ms        SM, ms        CM, ms    AETi  trend of AET                  ended
                                                                                AET ± MAD     AET ± MAD     AET ± MAD
-        a    2026-11-01T08:00:00Z  4f32136  A      virtual  pick-and-place  3722.5 ± 0.0  6472.5 ± 0.0  3722.5 ± 0.0  42.5 %                                complete
+        a    2026-11-01T08:00:00Z  4f32136  A      virtual  pick-and-place  3722.5 ±   –  6472.5 ±   –  3722.5 ±   –  42.5 %                                complete
         b    2026-11-02T08:00:00Z  4f32136  A      real     pick-and-place  4723.5 ± 0.0  7473.5 ± 0.0  4723.5 ± 0.0  36.8 %                                interrupted
         c    2026-11-03T08:00:00Z  4f32136  A      virtual  pick-and-place  3723.5 ± 0.0  6473.5 ± 0.0  3723.5 ± 0.0  42.5 %  RC +1.0  SM +1.0  CM +1.0 ms  complete
         ");

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::reach::OutOfReach;
+use arm::Violation;
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +64,63 @@ pub enum Error {
         /// The motion, and why the arm does not follow it.
         found: Box<OutOfReach>,
     },
+}
+
+/// What of a plan the arm does not reach.
+#[derive(Clone, PartialEq, Debug)]
+pub enum OutOfReach {
+    /// The setup describes no arm.
+    Arm(arm::ConfigError),
+    /// The arm cannot stand at the start.
+    Start {
+        /// Why not.
+        violation: Violation,
+        /// Number of the base.
+        base: u8,
+    },
+    /// The arm cannot follow a motion.
+    Motion {
+        /// Number of the motion in the plan, from 1; 0 of a motion that leads back to the start.
+        number: usize,
+        /// Its name.
+        name: String,
+        /// How much of its path the arm can follow, in mm, and how long that is; none of a target.
+        way_mm: Option<(f64, f64)>,
+        /// Why no farther.
+        violation: Violation,
+        /// Number of the base.
+        base: u8,
+    },
+}
+
+impl std::error::Error for OutOfReach {}
+
+impl fmt::Display for OutOfReach {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (violation, base) = match self {
+            Self::Arm(error) => return error.fmt(f),
+            Self::Start { violation, base } => {
+                write!(f, "the arm cannot stand at the start: {violation}")?;
+                (violation, base)
+            }
+            Self::Motion { number, name, way_mm, violation, base } => {
+                match number {
+                    0 => write!(f, "`{name}`, the way back to the start")?,
+                    _ => write!(f, "motion {number} `{name}`")?,
+                }
+                match way_mm {
+                    Some((way, length)) => write!(f, ", after {way:.1} of its {length:.1} mm: {violation}")?,
+                    None => write!(f, ", its target: {violation}")?,
+                }
+                (violation, base)
+            }
+        };
+        match violation.missing() {
+            Some((missing, unit)) => write!(f, "; {missing:.1} {unit} are missing: ")?,
+            None => f.write_str("; ")?,
+        }
+        write!(f, "change its frame, or base {base} in the setup")
+    }
 }
 
 /// Which quantity of a motion is beyond which limit.

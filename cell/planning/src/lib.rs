@@ -41,14 +41,14 @@ mod zone;
 pub use application::{
     Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
-pub use error::{Error, Refusal};
+pub use error::{Error, OutOfReach, Refusal};
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_with_application};
 pub use motion::{Motion, Role};
 pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart};
 pub use planner::plan;
-pub use reach::{OutOfReach, Reached};
+pub use reach::Reached;
 pub use stream::{Stream, Streamed, count, stream, to_start};
 pub use wire::{PROGRAM, Stop, Switch};
 pub use zone::Why;

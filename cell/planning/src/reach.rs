@@ -4,11 +4,10 @@
 //! target, along a path by steps that are halved wherever a joint turns far. What is not looked at are the corners that
 //! replace the ends of blended motions; they lie within the zones, and the robot node checks them.
 
-use std::fmt;
-
 use arm::{Arm, Frame, Installation, Joints, Rotation, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
 use setup::Setup;
 
+use crate::error::OutOfReach;
 use crate::geometry::{Point, Pose};
 use crate::motion::Motion;
 use crate::plan::Plan;
@@ -32,63 +31,6 @@ pub struct Reached {
     pub start: Joints,
     /// Joints at the end of each motion, in degrees (mm).
     pub targets: Vec<Joints>,
-}
-
-/// What of a plan the arm does not reach.
-#[derive(Clone, PartialEq, Debug)]
-pub enum OutOfReach {
-    /// The setup describes no arm.
-    Arm(arm::ConfigError),
-    /// The arm cannot stand at the start.
-    Start {
-        /// Why not.
-        violation: Violation,
-        /// Number of the base.
-        base: u8,
-    },
-    /// The arm cannot follow a motion.
-    Motion {
-        /// Number of the motion in the plan, from 1; 0 of a motion that leads back to the start.
-        number: usize,
-        /// Its name.
-        name: String,
-        /// How much of its path the arm can follow, in mm, and how long that is; none of a target.
-        way_mm: Option<(f64, f64)>,
-        /// Why no farther.
-        violation: Violation,
-        /// Number of the base.
-        base: u8,
-    },
-}
-
-impl std::error::Error for OutOfReach {}
-
-impl fmt::Display for OutOfReach {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (violation, base) = match self {
-            Self::Arm(error) => return error.fmt(f),
-            Self::Start { violation, base } => {
-                write!(f, "the arm cannot stand at the start: {violation}")?;
-                (violation, base)
-            }
-            Self::Motion { number, name, way_mm, violation, base } => {
-                match number {
-                    0 => write!(f, "`{name}`, the way back to the start")?,
-                    _ => write!(f, "motion {number} `{name}`")?,
-                }
-                match way_mm {
-                    Some((way, length)) => write!(f, ", after {way:.1} of its {length:.1} mm: {violation}")?,
-                    None => write!(f, ", its target: {violation}")?,
-                }
-                (violation, base)
-            }
-        };
-        match violation.missing() {
-            Some((missing, unit)) => write!(f, "; {missing:.1} {unit} are missing: ")?,
-            None => f.write_str("; ")?,
-        }
-        write!(f, "change its frame, or base {base} in the setup")
-    }
 }
 
 impl Plan {

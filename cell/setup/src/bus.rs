@@ -86,6 +86,7 @@ impl Bus {
 
 /// How PROFINET carries its cyclic frames.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Cyclic {
     /// RT_CLASS_UDP: UDP port 34962.
@@ -113,6 +114,7 @@ pub struct UnknownCyclic(pub String);
 
 /// What PROFINET needs besides.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Profinet {
     /// How the cyclic frames travel.
@@ -127,6 +129,7 @@ pub struct Profinet {
 
 /// An IO-Device as its GSDML file describes it.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ProfinetDevice {
     /// VendorID.
@@ -140,6 +143,7 @@ pub struct ProfinetDevice {
 
 /// What is in one slot of an IO-Device.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ProfinetModule {
     /// Slot number.
@@ -152,6 +156,7 @@ pub struct ProfinetModule {
 
 /// What is in one subslot of an IO-Device.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ProfinetSubmodule {
     /// Subslot number.
@@ -168,6 +173,7 @@ pub struct ProfinetSubmodule {
 
 /// What EtherNet/IP may be told besides. The requested packet interval is [`Bus::cycle_us`], both ways.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct EthernetIp {
     /// Packet intervals without a frame after which a side gives the connection up: 4, 8, 16 and so on up to 512.
@@ -183,6 +189,7 @@ pub struct EthernetIp {
 
 /// An adapter as its EDS file describes it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct EthernetIpAdapter {
     /// Assembly of the data from the PLC to the adapter, O→T.
@@ -204,6 +211,7 @@ pub struct EthernetIpAdapter {
 
 /// An electronic key. A number that is 0 fits every device.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct EthernetIpKey {
     /// ODVA vendor number.
@@ -231,6 +239,7 @@ impl EthernetIp {
 
 /// What EtherCAT may be told besides.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Ethercat {
     /// The SubDevice that the PLC expects, where it is not our robot node but, say, a bridge terminal.
@@ -239,6 +248,7 @@ pub struct Ethercat {
 
 /// A SubDevice as its ESI file describes it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct EthercatDevice {
     /// Vendor ID.

@@ -11,31 +11,50 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Addresses, Bus, BusKind, Ethercat, EthernetIp, Peer, Profinet, Sourced};
 
-/// The section, with its keys in the order in which they are written.
+/// The fieldbus. What only other buses need may stay in the file. The keys are written in this order.
 #[derive(Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct BusSection {
+    /// Which fieldbus.
     kind: Kind,
+    /// Time from one cyclic frame to the next, each way, in µs.
     cycle_us: Sourced<u32>,
+    /// Cycles without a frame after which a side gives the connection up.
     watchdog_cycles: Sourced<u32>,
+    /// One way over the cable, in µs. Modelled in virtual mode.
     cable_delay_us: Sourced<u32>,
+    /// How far the nodes' clocks may be off, in parts per million. Modelled in virtual mode.
     clock_drift_ppm: Sourced<u32>,
+    /// The PLC's IPv4 address; needed by PROFINET and EtherNet/IP.
     plc_address: Option<Ipv4Addr>,
+    /// The robot's IPv4 address; needed by PROFINET and EtherNet/IP.
     robot_address: Option<Ipv4Addr>,
+    /// Both nodes' subnet mask; needed by PROFINET and EtherNet/IP.
     subnet_mask: Option<Ipv4Addr>,
+    /// PLCs that the robot node accepts; every one if the list is empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     allowed_plcs: Vec<Peer>,
+    /// What the robot must be besides its name or address, for the PLC node.
     robot: Option<Peer>,
+    /// What PROFINET needs besides.
     profinet: Option<Profinet>,
+    /// What EtherNet/IP may be told besides.
     ethernet_ip: Option<EthernetIp>,
+    /// What EtherCAT may be told besides.
     ethercat: Option<Ethercat>,
 }
 
+/// Which fieldbus.
 #[derive(Clone, Copy, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 enum Kind {
+    /// PROFINET IO: the PLC is the IO-Controller, the robot the IO-Device.
     Profinet,
+    /// EtherNet/IP: the PLC is the scanner, the robot the adapter.
     EthernetIp,
+    /// EtherCAT: the PLC is the MainDevice, the robot a SubDevice.
     Ethercat,
 }
 
@@ -127,5 +146,16 @@ impl BusSection {
             ethernet_ip,
             ethercat,
         }
+    }
+}
+
+#[cfg(test)]
+impl schemars::JsonSchema for Bus {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Bus".into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        BusSection::json_schema(generator)
     }
 }

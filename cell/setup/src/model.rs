@@ -6,6 +6,7 @@ use crate::{Bus, Sourced};
 
 /// A PLC, a bus and a robot, with everything a user may change.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
     /// Version of this file format: 1.
@@ -30,6 +31,7 @@ pub struct Setup {
 
 /// The published figures.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Paper {
     /// Programmed in the robot controller.
@@ -42,6 +44,7 @@ pub struct Paper {
 
 /// One row of the paper's Table 2.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Figure {
     /// Average execution time in ms.
@@ -52,6 +55,7 @@ pub struct Figure {
 
 /// The PLC.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Plc {
     /// Time from one scan to the next, in µs.
@@ -74,6 +78,7 @@ impl Plc {
 
 /// The robot and its controller.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Robot {
     /// Its manufacturer's name.
@@ -114,6 +119,7 @@ pub struct Robot {
 
 /// A robot's force controller, for LIN force.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Force {
     /// Largest contact force that may be programmed, in N.
@@ -130,6 +136,7 @@ pub struct Force {
 
 /// A numbered frame.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
     /// Its number, 1..=15.
@@ -140,6 +147,7 @@ pub struct Frame {
 
 /// The arm's geometry.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Kinematics {
     /// Two parallel links, a vertical stroke, a rotation: joints 1, 2 (degrees), 3 (mm, up), 4 (degrees).
@@ -153,6 +161,7 @@ pub enum Kinematics {
 /// The parameters of a six-axis arm with a parallel base and a spherical wrist, named as by Brandstötter, Angerer and
 /// Hofbaur (2014).
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Opw {
     /// From axis 1 to axis 2, forward, in mm.
@@ -179,6 +188,7 @@ pub struct Opw {
 /// The parameters of a six-axis arm whose axes 2, 3 and 4 are parallel: the Denavit-Hartenberg ones that Universal Robots
 /// publishes.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ThreeParallel {
     /// From the root to axis 2, upward, in mm.
@@ -201,6 +211,7 @@ pub struct ThreeParallel {
 
 /// The parameters of a SCARA.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Scara {
     /// First link, from axis 1 to axis 2, in mm.
@@ -213,6 +224,7 @@ pub struct Scara {
 
 /// The joints' limits, one entry per joint, in degrees; a linear joint in mm.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Axes {
     /// Lowest values, in degrees (mm).
@@ -232,6 +244,7 @@ pub struct Axes {
 
 /// How the application's motions are programmed on this setup.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Motions {
     /// Programmed velocity in % of the rated one: of `path_velocity_mm_s` for LIN, of the axes' speeds for PTP.

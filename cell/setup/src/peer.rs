@@ -9,12 +9,14 @@ use serde::{Deserialize, Serialize};
 
 /// A station, by whatever is known of it.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
     /// IPv4 address.
     pub address: Option<Ipv4Addr>,
     /// MAC address; PROFINET only.
     #[serde(default, with = "as_text", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub mac: Option<Mac>,
     /// Serial number; EtherNet/IP only.
     pub serial_number: Option<u32>,

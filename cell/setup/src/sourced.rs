@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Provenance of a number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Provenance {
     /// Given in the paper.
@@ -31,6 +32,7 @@ impl fmt::Display for Provenance {
 
 /// A value with its provenance: `{ value = 1000, from = "paper", note = "section 6.2" }`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(
     deny_unknown_fields,
     expecting = "a value with its provenance: { value = ..., from = \"paper\", \"datasheet\", \"calibrated\" or \"assumed\" }"

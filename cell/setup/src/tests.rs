@@ -337,3 +337,17 @@ fn ethercat_has_a_range_of_cycles_a_longest_watchdog_and_data_that_fit_one_frame
     DIR/my.toml: `bus.ethercat.device.output_bytes`: 701 bytes cannot carry the process image in one frame: 1 to 700 bytes
     ");
 }
+
+/// `INSTA_UPDATE=always` writes it again, as for snapshots.
+#[test]
+fn the_committed_schema_is_that_of_the_types() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/setup.schema.json");
+    let schema = serde_json::to_string_pretty(&schemars::schema_for!(Setup)).unwrap() + "\n";
+    if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+        std::fs::write(path, &schema).unwrap();
+    }
+    assert!(
+        include_str!("../../schemas/setup.schema.json") == schema,
+        "the keys of a setup changed: INSTA_UPDATE=always cargo test -p setup the_committed_schema"
+    );
+}

@@ -16,6 +16,12 @@ use crate::output::exit::{Exit, Failure};
 const SETUP: &str = "setup.toml";
 const APPLICATION: &str = "application.toml";
 
+/// The files' schemas beside them, for editors, each with its text. The first line of a file names its own.
+const SCHEMAS: [(&str, &str); 2] = [
+    ("setup.schema.json", include_str!("../../../../cell/schemas/setup.schema.json")),
+    ("application.schema.json", include_str!("../../../../cell/schemas/application.schema.json")),
+];
+
 /// Options of a new cell.
 #[derive(Args, Debug)]
 pub struct NewOptions {
@@ -45,7 +51,7 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     let application = built_in("application", planning::APPLICATIONS, application)?;
     let setup = comments::explained(&own_setup(setup, &name, &options.setup), comments::SETUPS);
     let application = comments::explained(&named(application, &name), comments::APPLICATIONS);
-    for file in [SETUP, APPLICATION] {
+    for file in [SETUP, APPLICATION, SCHEMAS[0].0, SCHEMAS[1].0] {
         if directory.join(file).exists() {
             return Err(usage(format!(
                 "{} holds a cell already; name another directory",
@@ -55,12 +61,18 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     }
     std::fs::create_dir_all(directory)
         .with_context(|| format!("cannot make the directory {}", directory.display()))?;
-    write(&directory.join(SETUP), &setup)?;
-    write(&directory.join(APPLICATION), &application)?;
+    for (file, text, (schema, schema_text)) in
+        [(SETUP, setup, SCHEMAS[0]), (APPLICATION, application, SCHEMAS[1])]
+    {
+        write(&directory.join(file), &format!("#:schema {schema}\n{text}"))?;
+        write(&directory.join(schema), schema_text)?;
+    }
     let shown = directory.display();
     outln!("Saved {shown}/{SETUP}, the cell, and {shown}/{APPLICATION}, what it does. Change them, then:");
     outln!("  bench --setup {shown}/{SETUP} --mode virtual     checks both and measures");
-    outln!("  plc-node plan {shown}/{APPLICATION} --setup {shown}/{SETUP}     shows the motions");
+    outln!(
+        "  plc-node plan {shown}/{APPLICATION} --setup {shown}/{SETUP}     shows the motions, and whether the arm reaches them"
+    );
     Ok(Exit::Pass)
 }
 
