@@ -427,6 +427,8 @@ verb_release() { #: package static binaries, manual pages and completions, for T
     mkdir -p "$out/$name/completions"
     # The C library is linked in as well, so the programs run on any Linux. The bench of this machine makes the pages.
     export RUSTFLAGS="-C target-feature=+crt-static"
+    # The nodes say their commit where the build is told; the bench finds it by itself.
+    export SKILLBENCH_COMMIT=${SKILLBENCH_COMMIT:-$(git rev-parse --short=12 HEAD)}
     export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
     cargo build --locked --profile "$profile" --target "$target" --target-dir "$out/build" --features bench/mcap \
         --package plc-node --package robot-node --package bench

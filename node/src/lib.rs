@@ -29,6 +29,7 @@ mod short_text;
 pub mod supervise;
 pub mod token;
 mod trace_file;
+mod version;
 
 pub use control::{ControlError, ControlPort};
 pub use inbox::{Commands, Inbox};
@@ -36,3 +37,4 @@ pub use input::Input;
 pub use node::{Command, CyclicTask, News, Node, NodeError, NodeProcess, ProcessEvent, Snapshot};
 pub use short_text::ShortText;
 pub use trace_file::TraceError;
+pub use version::version;

@@ -25,8 +25,9 @@ pub fn fit_terminal() {
     }
 }
 
-/// Returns the width that a table may have, in characters.
-fn table_width() -> usize {
+/// Returns the width that a table may have, in characters; `usize::MAX` where nothing limits it.
+#[must_use]
+pub fn table_width() -> usize {
     TERMINAL.get().copied().unwrap_or(usize::MAX)
 }
 

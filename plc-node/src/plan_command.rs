@@ -2,6 +2,7 @@
 
 use node::errln;
 use node::output::to_stdout;
+use node::screen;
 use node::supervise::Outcome;
 
 /// An application and a setup to plan it for.
@@ -28,7 +29,9 @@ impl PlanCommand {
         let application = planning::application(&self.application, None)?;
         let plan = application.plan(&setup)?;
         let reached = application.reach(&plan, &setup);
-        let text = if self.all { format!("{plan:#}") } else { plan.to_string() };
+        // A width that a format can carry has 16 bits.
+        let width = screen::table_width().min(usize::from(u16::MAX));
+        let text = if self.all { format!("{plan:#width$}") } else { format!("{plan:width$}") };
         to_stdout(format_args!("{text}"))?;
         let shown = if self.all { usize::MAX } else { WARNINGS };
         plan.warnings().take(shown).for_each(|warning| errln!("warning: {warning}"));
@@ -37,9 +40,9 @@ impl PlanCommand {
             errln!("{unseen} more warnings; --all prints them");
         }
         let reached = reached?;
-        let joints = reached.start.iter().take(reached.axes).map(|joint| format!("{:.4}", joint + 0.0));
+        let joints = reached.start.iter().take(reached.axes).map(|joint| format!("{:.3}", joint + 0.0));
         let joints = joints.collect::<Vec<_>>().join(", ");
-        to_stdout(format_args!("the arm reaches all of it; home_deg at its start: [{joints}]\n"))?;
+        to_stdout(format_args!("the arm reaches all of it; at its start home_deg would be\n[{joints}]\n"))?;
         Ok(Outcome::Done)
     }
 }

@@ -25,7 +25,7 @@ use crate::{
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
 #[derive(Parser, Debug)]
-#[command(name = "robot-node", version)]
+#[command(name = "robot-node", version = node::version())]
 struct Cli {
     #[command(subcommand)]
     command: Subcommand,

@@ -12,6 +12,9 @@ use crate::zone::Why;
 /// Width of the longest label.
 const LABEL: usize = "accurate path, accurate stop".len();
 
+/// Room for the reasons beside a table, in characters: with less they would be broken into too many lines.
+const LEAST_REASON: usize = 30;
+
 /// By which of the paper's planning steps (section 4) something in the plan was made.
 const STEPS: [(&str, &str); 4] = [
     ("I", "paths of the process"),
@@ -22,7 +25,7 @@ const STEPS: [(&str, &str); 4] = [
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} on setup {}: {}", self.name, self.setup, self.title)?;
+        show_wrapped(f, "", &format!("{} on setup {}: {}", self.name, self.setup, self.title))?;
         self.show_labels(f)?;
         writeln!(f, "\nplanning steps")?;
         STEPS.iter().try_for_each(|(step, makes)| writeln!(f, "  {step:3}  {makes}"))?;
@@ -33,17 +36,12 @@ impl fmt::Display for Plan {
         self.show_way_back(f)?;
         let (motions, continuous) = (self.motions.len(), self.continuous.len());
         writeln!(f)?;
-        match self.cycles.len() {
-            1 => {
-                writeln!(f, "{} in {}", counted(motions, "motion"), counted(continuous, "continuous motion"))?
-            }
-            cycles => writeln!(
-                f,
-                "{} in {} in {cycles} cycles, {shown} of them shown",
-                counted(motions, "motion"),
-                counted(continuous, "continuous motion"),
-            )?,
+        let mut count =
+            format!("{} in {}", counted(motions, "motion"), counted(continuous, "continuous motion"));
+        if self.cycles.len() > 1 {
+            count += &format!(" in {} cycles, {shown} of them shown", self.cycles.len());
         }
+        show_wrapped(f, "", &count)?;
         Ok(())
     }
 }
@@ -62,8 +60,8 @@ impl Plan {
         let step = width(&|it| it.step.chars().count());
         let labels = width(&|it| it.labels.to_string().len());
         for it in &self.labels {
-            let line = format!("  {:step$}  {:labels$}  {}", it.step, it.labels.to_string(), it.does);
-            writeln!(f, "{}", line.trim_end())?;
+            let line = format!("{:labels$}  {}", it.labels.to_string(), it.does);
+            show_wrapped(f, &format!("  {:step$}  ", it.step), line.trim_end())?;
         }
         Ok(())
     }
@@ -85,6 +83,17 @@ impl Plan {
                 number + 1,
                 counted(continuous.motions.len(), "motion")
             )?;
+            if is_narrow(f, name) {
+                for index in continuous.motions.clone() {
+                    if let Some(motion) = self.motions.get(index) {
+                        self.show_narrow_motion(f, index, motion)?;
+                    }
+                }
+                if let Some(then) = &continuous.then {
+                    show_wrapped(f, "  then  ", &described(then))?;
+                }
+                continue;
+            }
             writeln!(
                 f,
                 "  {:>4}  {:4}  {:name$}  {:>23}  {:>20}  {:>9}  {:LABEL$}  zone mm  why",
@@ -108,13 +117,20 @@ impl Plan {
         if motions.is_empty() {
             return Ok(());
         }
-        writeln!(
+        writeln!(f)?;
+        show_wrapped(
             f,
-            "\nthe end is not the start: the PLC moves the arm back before a repetition, not measured"
+            "",
+            "the end is not the start: the PLC moves the arm back before a repetition, not measured",
         )?;
         let name = motions.iter().map(|motion| motion.name.chars().count()).max().unwrap_or(0);
         for motion in motions {
             let [x, y, z, a, b, c] = motion.target.mm_deg().map(no_minus_zero);
+            if is_narrow(f, name) {
+                writeln!(f, "  {}", motion.name)?;
+                writeln!(f, "        to {x:.1}, {y:.1}, {z:.1} mm; {a:.1}, {b:.1}, {c:.1}°")?;
+                continue;
+            }
             writeln!(
                 f,
                 "        {:name$}  {x:>7.1} {y:>7.1} {z:>7.1}  {a:>6.1} {b:>6.1} {c:>6.1}",
@@ -132,15 +148,9 @@ impl Plan {
         width: usize,
     ) -> fmt::Result {
         let [x, y, z, a, b, c] = motion.target.mm_deg().map(no_minus_zero);
-        let speed = match motion.speed_mm_s {
-            Some(speed) => format!("{speed} mm/s"),
-            None => format!("{} %", motion.speed_percent),
-        };
+        let (speed, label) = (speed(motion), self.label(index, motion));
         let mut reasons = self.reasons_of(index);
         let zone = reasons.next().map(|reason| &reason.why);
-        let stops = matches!(zone, Some(Why::AccurateStop { .. } | Why::LastGood));
-        let label = Labels { accurate_path: motion.accurate_path, accurate_stop: stops };
-        let label = if stops && !motion.accurate_path { "accurate stop".into() } else { label.to_string() };
         writeln!(
             f,
             "  {:>4}  {:4}  {:width$}  {x:>7.1} {y:>7.1} {z:>7.1}  {a:>6.1} {b:>6.1} {c:>6.1}  {speed:>9}  {label:LABEL$}  {:>7.2}  {}",
@@ -150,21 +160,35 @@ impl Plan {
             motion.zone_mm,
             zone.map(Why::to_string).unwrap_or_default(),
         )?;
-        let indent = 2 + 4 + 2 + 4 + 2 + width + 2 + 23 + 2 + 20 + 2 + 9 + 2 + LABEL + 2 + 7 + 2;
-        let [x, y, z] = motion.auxiliary.map(no_minus_zero);
-        match kind_name(motion.kind) {
-            "CIRC" => writeln!(f, "{:indent$}through {x:.1}, {y:.1}, {z:.1} mm", "")?,
-            "LIN force" => writeln!(f, "{:indent$}force {x:.1}, {y:.1}, {z:.1} N", "")?,
-            _ => {}
-        }
-        if let Some(configuration) = motion.configuration {
-            writeln!(f, "{:indent$}configuration: {configuration}", "")?;
-        }
-        if let Some(joints) = motion.joints_deg {
-            let joints = joints.map(|joint| format!("{joint:.1}"));
-            writeln!(f, "{:indent$}joints {}", "", joints.join(", "))?;
+        let indent = table_width(width);
+        for detail in details(motion) {
+            writeln!(f, "{:indent$}{detail}", "")?;
         }
         reasons.try_for_each(|reason| writeln!(f, "{:indent$}{}", "", reason.why))
+    }
+
+    /// The same below each other, for screens on which the table does not fit.
+    fn show_narrow_motion(&self, f: &mut fmt::Formatter<'_>, index: usize, motion: &Motion) -> fmt::Result {
+        let [x, y, z, a, b, c] = motion.target.mm_deg().map(no_minus_zero);
+        let step = motion.role.step();
+        let heading = format!("{}, step {step}, {}", motion.name, self.label(index, motion));
+        show_wrapped(f, &format!("  {:>4}  ", index + 1), heading.trim_end_matches(", "))?;
+        writeln!(f, "        to {x:.1}, {y:.1}, {z:.1} mm; {a:.1}, {b:.1}, {c:.1}°")?;
+        writeln!(f, "        at {}, zone {:.2} mm", speed(motion), motion.zone_mm)?;
+        for detail in details(motion) {
+            show_wrapped(f, "        ", &detail)?;
+        }
+        self.reasons_of(index).try_for_each(|reason| show_wrapped(f, "        ", &reason.why.to_string()))
+    }
+
+    /// What the process asks of a motion.
+    fn label(&self, index: usize, motion: &Motion) -> String {
+        let zone = self.reasons_of(index).next().map(|reason| &reason.why);
+        let stops = matches!(zone, Some(Why::AccurateStop { .. } | Why::LastGood));
+        if stops && !motion.accurate_path {
+            return "accurate stop".into();
+        }
+        Labels { accurate_path: motion.accurate_path, accurate_stop: stops }.to_string()
     }
 
     /// The reasons of one motion; they are ordered by motion, that of the zone first.
@@ -172,6 +196,55 @@ impl Plan {
         let begin = self.reasons.partition_point(|reason| reason.motion < motion);
         self.reasons.iter().skip(begin).take_while(move |reason| reason.motion == motion)
     }
+}
+
+/// Columns before the reasons of a table whose longest name of a motion has this width.
+const fn table_width(name: usize) -> usize {
+    2 + 4 + 2 + 4 + 2 + name + 2 + 23 + 2 + 20 + 2 + 9 + 2 + LABEL + 2 + 7 + 2
+}
+
+/// Whether the table leaves no room for reasons on a screen of the formatter's width, if that is given.
+fn is_narrow(f: &fmt::Formatter<'_>, name: usize) -> bool {
+    f.width().is_some_and(|width| width < table_width(name) + LEAST_REASON)
+}
+
+/// Writes text after a prefix; further lines are as far to the right.
+fn show_wrapped(f: &mut fmt::Formatter<'_>, prefix: &str, text: &str) -> fmt::Result {
+    let indent = prefix.chars().count();
+    let room = f.width().unwrap_or(usize::MAX).saturating_sub(indent);
+    let mut line = String::new();
+    let mut before = prefix.to_owned();
+    for word in text.split(' ') {
+        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > room {
+            writeln!(f, "{before}{line}")?;
+            (line, before) = (String::new(), " ".repeat(indent));
+        }
+        if !line.is_empty() {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    writeln!(f, "{before}{line}")
+}
+
+fn speed(motion: &Motion) -> String {
+    match motion.speed_mm_s {
+        Some(speed) => format!("{speed} mm/s"),
+        None => format!("{} %", motion.speed_percent),
+    }
+}
+
+/// What a motion has besides its target, each a line.
+fn details(motion: &Motion) -> impl Iterator<Item = String> {
+    let [x, y, z] = motion.auxiliary.map(no_minus_zero);
+    let auxiliary = match kind_name(motion.kind) {
+        "CIRC" => Some(format!("through {x:.1}, {y:.1}, {z:.1} mm")),
+        "LIN force" => Some(format!("force {x:.1}, {y:.1}, {z:.1} N")),
+        _ => None,
+    };
+    let configuration = motion.configuration.map(|it| format!("configuration: {it}"));
+    let joints = motion.joints_deg.map(|joints| joints.map(|joint| format!("{joint:.1}")).join(", "));
+    [auxiliary, configuration, joints.map(|joints| format!("joints {joints}"))].into_iter().flatten()
 }
 
 fn described(action: &Action) -> String {

@@ -7,7 +7,8 @@ use crate::motion::Motion;
 use crate::zone::Why;
 use setup::Setup;
 
-/// The motions of an application on a setup, with the reason for each zone. It prints itself; `{:#}` prints every cycle.
+/// The motions of an application on a setup, with the reason for each zone. It prints itself; `{:#}` prints every
+/// cycle, and a width, `{:60}`, makes it fit a screen of that many characters.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Plan {
     /// The application's name.

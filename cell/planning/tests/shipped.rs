@@ -141,3 +141,23 @@ fn a_stream_hands_out_the_motions_of_the_plan_and_goes_round_and_round() {
         );
     }
 }
+
+#[test]
+fn a_plan_fits_a_narrow_screen_and_says_the_same_there() {
+    for (name, _) in APPLICATIONS {
+        let plan = plan(&application(name), &setup_a()).expect("plans");
+        let (wide, narrow) = (plan.to_string(), format!("{plan:60}"));
+        let widest = narrow.lines().map(|line| line.chars().count()).max().expect("has lines");
+        assert!(widest <= 60, "{name}: {widest}\n{narrow}");
+        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>().join(" ");
+        let first_cycle = plan.cycles.get(1).copied().unwrap_or(plan.motions.len());
+        for motion in plan.motions.iter().take(first_cycle) {
+            assert!(words(&narrow).contains(&words(&motion.name)), "{name}: {}", motion.name);
+        }
+        assert_eq!(wide, format!("{plan:65535}"), "{name}");
+        for reason in ["stops exactly", "continuous motion"] {
+            let count = |text: &str| words(text).matches(reason).count();
+            assert_eq!(count(&wide), count(&narrow), "{name}: {reason}");
+        }
+    }
+}

@@ -32,7 +32,7 @@ use crate::{ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcN
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
 #[derive(Parser, Debug)]
-#[command(name = "plc-node", version)]
+#[command(name = "plc-node", version = node::version())]
 struct Cli {
     #[command(subcommand)]
     command: Subcommand,
