@@ -85,7 +85,7 @@ fn a_lower_jerk_makes_a_line_and_a_ptp_take_longer() {
 }
 
 #[test]
-fn a_motion_keeps_a_lower_deceleration_all_along() {
+fn a_motion_with_a_lower_deceleration_slows_down_softly_and_speeds_up_as_before() {
     for motion in [lin(100.0, 40.0, 90.0, 0), ptp(100.0, 40.0, 90.0, 0)] {
         let time = |motion: Motion| {
             let mut cell = Cell::ready(Vec::new());
@@ -96,10 +96,13 @@ fn a_motion_keeps_a_lower_deceleration_all_along() {
         };
         let jerk = if motion.kind.is_point_to_point() { motion.acceleration } else { 0 };
         let low = motion.acceleration / 4;
-        let (own, softly) = (time(motion), time(Motion { deceleration: low, jerk, ..motion }));
-        assert!(softly > own + 20, "{:?}: {own} and {softly} ms", motion.kind);
-        // It speeds up no faster than it slows down.
-        assert_eq!(softly, time(Motion { acceleration: low, jerk, ..motion }), "{:?}", motion.kind);
+        let [own, softly, both] = [
+            motion,
+            Motion { deceleration: low, jerk, ..motion },
+            Motion { acceleration: low, jerk, ..motion },
+        ]
+        .map(time);
+        assert!(own + 20 < softly && softly + 20 < both, "{:?}: {own}, {softly}, {both} ms", motion.kind);
     }
 }
 

@@ -277,11 +277,11 @@ fn at_half_override_a_motion_is_half_as_fast() {
         cell.feedback().execution_ns as f64 / 1e6 - overhead
     };
     let (full, half) = (duration(100), duration(50));
-    // 200 mm, and what the ramps to and from v take longer than v: v/a, and what the acceleration takes to come and go.
-    let shortest = |v: f64| 200.0 / v * 1e3 + v / 5.0;
-    for (found, v) in [(full, 250.0), (half, 125.0)] {
-        assert!((shortest(v)..shortest(v) + 60.0).contains(&found), "{found} ms at {v} mm/s");
-    }
+    // 200 mm, and what the ramps to and from 250 mm/s take longer: v/a, and what the acceleration takes to come and go.
+    let shortest = 200.0 / 250.0 * 1e3 + 250.0 / 5.0;
+    assert!((shortest..shortest + 60.0).contains(&full), "{full} ms at 100 %");
+    // Two robot cycles for where start and end lie between them.
+    assert!((half - 2.0 * full).abs() <= 12.0, "{half} ms at 50 %, {full} ms at 100 %");
 }
 
 #[test]

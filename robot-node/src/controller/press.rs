@@ -19,8 +19,8 @@
 
 use protocol::image::{Motion, MotionKind};
 
-use crate::arm::{Arm, Joints, LEAST_WAY_MM, Violation, distance, dot, length};
-use crate::motion::{Segment, next_change};
+use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance, dot, length};
+use crate::motion::{Curve, Limits, Segment, next_change};
 use crate::{ForceControl, RobotConfig};
 
 /// The share of the way to the wanted force, on the stiffest surface, that one cycle goes.
@@ -65,7 +65,13 @@ pub(super) enum Outcome {
 pub(super) struct Press {
     pub(super) phase: Phase,
     /// Its line.
-    pub(super) segment: Segment,
+    curve: Curve,
+    /// What is allowed along it.
+    limits: Limits,
+    /// The tool in the flange.
+    pub(super) tool: Frame,
+    /// The root in the base.
+    pub(super) base_inverse: Frame,
     /// The unit vector along it, in the root.
     direction: [f64; 3],
     wanted_n: f64,
@@ -87,7 +93,7 @@ pub(super) fn of(
 ) -> Result<Option<Press>, Violation> {
     match (motion.kind, config.force) {
         (MotionKind::LinForceCartesian, Some(control)) => {
-            Press::new(motion, *segment, control, config.cycle.as_secs_f64()).map(Some)
+            Press::new(motion, segment, control, config.cycle.as_secs_f64()).map(Some)
         }
         _ => Ok(None),
     }
@@ -96,7 +102,7 @@ pub(super) fn of(
 impl Press {
     fn new(
         motion: &Motion,
-        segment: Segment,
+        segment: &Segment,
         control: ForceControl,
         cycle_s: f64,
     ) -> Result<Self, Violation> {
@@ -116,11 +122,15 @@ impl Press {
         if angle_deg > MOST_ASTRAY_DEG {
             return Err(Violation::ForceDirection { angle_deg, limit_deg: MOST_ASTRAY_DEG });
         }
+        let limits = segment.steady_limits();
         // Along the line the axes may allow less than the force's own limit.
-        let control = ForceControl { jerk_mm_s3: control.jerk_mm_s3.min(segment.limits.jerk), ..control };
+        let control = ForceControl { jerk_mm_s3: control.jerk_mm_s3.min(limits.jerk), ..control };
         let press = Self {
             phase: Phase::Waiting,
-            segment,
+            curve: segment.curve,
+            limits,
+            tool: segment.tool,
+            base_inverse: segment.base_inverse,
             direction,
             wanted_n,
             control,
@@ -130,7 +140,7 @@ impl Press {
             acceleration: 0.0,
             settled: 0,
         };
-        let (value, limit) = (segment.limits.speed, press.fastest_approach());
+        let (value, limit) = (limits.speed, press.fastest_approach());
         if value > limit {
             let stiffness_n_per_mm = control.stiffest_n_per_mm;
             return Err(Violation::Approach { value, limit, force_n: wanted_n, stiffness_n_per_mm });
@@ -141,7 +151,7 @@ impl Press {
     /// The highest speed, in mm/s, from which the arm stops before the stiffest surface pushes back with the force.
     fn fastest_approach(&self) -> f64 {
         let depth_mm = self.wanted_n / self.control.stiffest_n_per_mm;
-        let (mut slow, mut fast) = (0.0, self.segment.limits.speed.max(1.0) * 2.0);
+        let (mut slow, mut fast) = (0.0, self.limits.speed.max(1.0) * 2.0);
         for _ in 0..40 {
             let middle = (slow + fast) / 2.0;
             let blind_mm = BLIND_CYCLES * self.cycle_s * middle;
@@ -154,7 +164,7 @@ impl Press {
     fn stops_within(&self, way: f64) -> f64 {
         let way = way.max(0.0);
         let by_jerk = libm::cbrt(way * way * self.control.jerk_mm_s3 * JERK_SHARE);
-        by_jerk.min((self.segment.limits.acceleration * way).sqrt())
+        by_jerk.min((self.limits.acceleration * way).sqrt())
     }
 
     /// What the tool presses with along the line, in N, when the surfaces push it with `force`.
@@ -175,8 +185,8 @@ impl Press {
         if self.speed == 0.0 {
             return Ok(*near);
         }
-        self.way = (self.way + self.speed * self.cycle_s).clamp(0.0, self.segment.curve.length());
-        self.segment.curve.joints(self.way, arm, near)
+        self.way = (self.way + self.speed * self.cycle_s).clamp(0.0, self.curve.length());
+        self.curve.joints(self.way, arm, near)
     }
 
     fn wanted_speed(&self, share: f64, pressing_n: f64) -> f64 {
@@ -185,10 +195,10 @@ impl Press {
         if missing_n.abs() <= self.control.tolerance_n / 2.0 {
             return 0.0;
         }
-        let highest = share * self.segment.limits.speed;
+        let highest = share * self.limits.speed;
         let toward = |way: f64| (SHARE * way / self.cycle_s).min(self.stops_within(way)).min(highest);
         let stiffest = self.control.stiffest_n_per_mm;
-        let left = if missing_n < 0.0 { self.way } else { self.segment.curve.length() - self.way };
+        let left = if missing_n < 0.0 { self.way } else { self.curve.length() - self.way };
         if left < AT_END_MM {
             return 0.0;
         }
@@ -199,7 +209,7 @@ impl Press {
 
     /// Goes to the wanted speed as fast as acceleration and jerk allow, without passing it.
     fn change_speed(&mut self, wanted: f64) {
-        let (step, most) = (self.control.jerk_mm_s3 * self.cycle_s, self.segment.limits.acceleration);
+        let (step, most) = (self.control.jerk_mm_s3 * self.cycle_s, self.limits.acceleration);
         let change = next_change(
             wanted - self.speed,
             self.acceleration * self.cycle_s,
@@ -220,7 +230,7 @@ impl Press {
             return Outcome::Reached;
         }
         // Where there is too much of it, the line has its other end.
-        let way_mm = if found_n > self.wanted_n { 0.0 } else { self.segment.curve.length() };
+        let way_mm = if found_n > self.wanted_n { 0.0 } else { self.curve.length() };
         let is_there = (way_mm - self.way).abs() < AT_END_MM && self.speed.abs() < AT_END_MM / self.cycle_s;
         if is_there && !within {
             return Outcome::Missed(Violation::ForceNotReached { found_n, wanted_n: self.wanted_n, way_mm });

@@ -33,7 +33,7 @@ impl Controller {
     fn lead(&mut self, share: f64) -> Result<(), crate::arm::Violation> {
         let Some(press) = &mut self.press else { return Ok(()) };
         let joints = press.step(share, self.contact, &self.config.arm, self.interpolator.joints());
-        let tool = press.segment.tool;
+        let tool = press.tool;
         self.interpolator.lead(joints, &tool)
     }
 

@@ -66,15 +66,9 @@ impl Controller {
     /// Joints, and the tool of the present motion in its base.
     pub(super) fn report_position(&mut self) {
         let pressing = self.press.as_ref().filter(|press| press.phase != press::Phase::Waiting);
-        let leading = self.interpolator.path().current().or(pressing.map(|press| &press.segment));
-        if let Some(segment) = leading {
-            if segment.tool != self.tool {
-                self.tool = segment.tool;
-            }
-            if segment.base_inverse != self.base_inverse {
-                self.base_inverse = segment.base_inverse;
-            }
-        }
+        let leading = self.interpolator.path().current().map(|segment| (segment.tool, segment.base_inverse));
+        let frames = leading.or(pressing.map(|press| (press.tool, press.base_inverse)));
+        (self.tool, self.base_inverse) = frames.unwrap_or((self.tool, self.base_inverse));
         let joints = self.interpolator.joints();
         self.reported = *joints;
         let pose = self.base_inverse * (*self.interpolator.flange() * self.tool);

@@ -85,7 +85,8 @@ impl Controller {
         let prepared = next.and_then(|motion| {
             let prepare = |motion: Motion| {
                 let segment = self.interpolator.path().prepare(&motion, &self.config)?;
-                Ok((motion, segment, press::of(&motion, &segment, &self.config)?))
+                let press = press::of(&motion, &segment, &self.config)?;
+                Ok((motion, segment, press))
             };
             motion.map(prepare).transpose()
         });

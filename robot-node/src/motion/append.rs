@@ -4,8 +4,7 @@ use protocol::image::Motion;
 
 use super::blend::{self, Blend};
 use super::curve::Curve;
-use super::path::{Corner, Law, Path, Planned};
-use super::profile::Pace;
+use super::path::{Path, Planned, Spot};
 use super::segment::Segment;
 use super::spline::Spline;
 use crate::RobotConfig;
@@ -48,18 +47,18 @@ impl Path {
         self.end = segment.end;
         let before = self.queue.len().checked_sub(1);
         let is_over = last || segment.approximation_mm == 0.0;
-        self.queue.push_back(Planned {
-            segment,
+        let planned = Planned {
             zone: if is_over { 0.0 } else { blend::wanted_zone(&segment, arm) },
             stops: is_over,
             start: 0.0,
-            straight: Law::at_rest(0.0),
             corner: None,
             goes_on: false,
-        });
+            segment,
+        };
+        self.queue.push_back(planned);
         let open = before.filter(|before| self.queue.get(*before).is_some_and(|planned| !planned.stops));
         let Some(before) = open else {
-            self.plan();
+            self.plan_last();
             return Appended::Planned;
         };
         if let Some(appended) = self.go_on(before, arm) {
@@ -72,19 +71,38 @@ impl Path {
                 }
                 _ => None,
             };
+            let is_corner = blend.is_some();
             self.set_blend(before, blend);
-            if blend.is_none() {
-                self.plan();
+            if !is_corner {
+                self.plan_last();
                 return Appended::Planned;
             }
-            if self.plan_if_feasible() {
+            if self.plan(&self.leaves(before)) {
                 return Appended::Planned;
             }
         }
         self.set_blend(before, None);
         self.stop_after(before);
-        self.plan();
+        self.plan_last();
         Appended::Late
+    }
+
+    /// Plans the last motion, which begins at rest.
+    fn plan_last(&mut self) -> bool {
+        self.plan(&self.place_of(self.queue.len().saturating_sub(1), 0.0))
+    }
+
+    /// A place on the straight part of a motion.
+    fn place_of(&self, index: usize, way: f64) -> Spot {
+        Spot { motion: self.left_behind + index as u32, in_blend: false, way }
+    }
+
+    /// Where a motion's straight part ends.
+    fn leaves(&self, index: usize) -> Spot {
+        let way = self.queue.get(index).map_or(0.0, |planned| {
+            planned.segment.curve.length() - planned.corner.as_ref().map_or(0.0, |corner| corner.from_zone)
+        });
+        self.place_of(index, way)
     }
 
     /// Makes the last motion and the one before it one curve, if they are lines that go on straight or motions of one
@@ -94,7 +112,7 @@ impl Path {
         match (&one.segment.curve, &next.segment.curve) {
             (Curve::Line(first), Curve::Line(second)) if first.goes_on_to(second) => {
                 self.set_goes_on(before, true);
-                let is_feasible = self.plan_if_feasible();
+                let is_feasible = self.plan(&self.leaves(before));
                 self.set_goes_on(before, is_feasible);
                 is_feasible.then_some(Appended::Planned)
             }
@@ -121,7 +139,7 @@ impl Path {
             self.straighten_last(before, arm);
         }
         self.stop_after(before);
-        self.plan();
+        self.plan_last();
         Some(if is_ahead { Appended::Planned } else { Appended::Late })
     }
 
@@ -152,9 +170,16 @@ impl Path {
     /// Puts pieces of one spline in place of two motions and plans; returns false, with all as it was, where the arm
     /// cannot go on into that.
     fn take_if_feasible(&mut self, before: usize, mut joined: Joined, arm: &Arm) -> bool {
+        // Its shape is another from its start on, or from the corner there on.
+        let corner = before.checked_sub(1).filter(|_| joined.corner.is_some());
+        let was = corner.map(|corner| self.leaves(corner).way);
         self.swap(before, &mut joined, arm);
         self.set_goes_on(before, true);
-        let is_feasible = self.plan_if_feasible();
+        let changed = match (corner, was) {
+            (Some(corner), Some(was)) => self.place_of(corner, was.min(self.leaves(corner).way)),
+            _ => self.place_of(before, 0.0),
+        };
+        let is_feasible = self.plan(&changed);
         if !is_feasible {
             self.swap(before, &mut joined, arm);
             self.set_goes_on(before, false);
@@ -167,14 +192,13 @@ impl Path {
             core::mem::swap(&mut planned.segment, &mut joined.one);
         }
         if let Some(next) = &mut joined.next {
-            let was = self.queue.back().map(|last| last.segment);
-            self.set_last(*next, arm);
-            *next = was.unwrap_or(*next);
+            let was = self.queue.back().map(|last| last.segment.clone());
+            self.set_last(next.clone(), arm);
+            *next = was.unwrap_or_else(|| next.clone());
         }
         if let (Some(corner), Some(blend)) = (before.checked_sub(1), &mut joined.corner) {
-            let was = self.queue.get(corner).and_then(Planned::blend);
-            self.set_blend(corner, *blend);
-            *blend = was;
+            let was = self.queue.get(corner).and_then(|planned| planned.corner.clone());
+            self.set_blend(corner, core::mem::replace(blend, was));
         }
     }
 
@@ -191,12 +215,10 @@ impl Path {
 
     /// Whether the arm has not come to this motion yet, nor to the corner before it.
     fn is_ahead(&self, index: usize) -> bool {
-        let Some(planned) = self.queue.get(index) else { return false };
-        if index == 0 {
-            !self.place.in_blend && planned.straight.at(self.place.time) == (0.0, Pace::REST)
-        } else {
-            index > usize::from(self.place.in_blend)
+        if index >= self.queue.len() {
+            return false;
         }
+        if index == 0 { !self.in_blend() && self.is_at_start() } else { index > usize::from(self.in_blend()) }
     }
 
     fn set_goes_on(&mut self, index: usize, goes_on: bool) {
@@ -211,7 +233,8 @@ impl Path {
         if !last.stops && last.segment.curve != segment.curve {
             last.zone = blend::wanted_zone(&segment, arm);
         }
-        (last.segment, self.end) = (segment, segment.end);
+        self.end = segment.end;
+        last.segment = segment;
     }
 
     /// No motion will follow: the last one stops at its end, and that is as wanted.
@@ -222,11 +245,12 @@ impl Path {
     }
 
     fn set_blend(&mut self, index: usize, blend: Option<Blend>) {
+        let start = blend.as_ref().map_or(0.0, |blend| blend.to_zone);
         if let Some(planned) = self.queue.get_mut(index) {
-            planned.corner = blend.map(|blend| Corner { blend, law: Law::at_rest(0.0) });
+            planned.corner = blend;
         }
         if let Some(next) = self.queue.get_mut(index + 1) {
-            next.start = blend.map_or(0.0, |blend| blend.to_zone);
+            next.start = start;
         }
     }
 

@@ -13,22 +13,31 @@
 //! of its ends and the corner point, and so never farther from the corner than its zone. That sum is taken over the tool's place
 //! and orientation where both motions lead the same tool, and over the joints where one goes point to point.
 //!
-//! Its speed passes from that of the first motion to that of the second. [`Load`] leaves some room to change it in the corner,
-//! for a stop on the path may come at any moment.
+//! Its speed passes from that of the first motion to that of the second: neither motion is faster than it is programmed, nor is the
+//! tool faster than the faster of the two.
 
+use arrayvec::ArrayVec;
+
+use super::along::{AXIS_RESERVE, is_resolved};
 use super::curve::Curve;
-use super::derivatives::{Derivatives, NODES, SHARES, Samples};
+use super::derivatives::{Derivatives, NODES, POINT_SHARES, POINTS, SHARES, Samples, place_of};
 use super::flange::Flange;
-use super::load::Load;
-use super::profile::Limits;
+use super::node::{Node, Ratings, ramp_s};
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 
 /// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of h at 1.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
 
-/// Zones whose motions would take times that are this near to each other, as a share, are left as they are.
-const MATCHED: f64 = 0.8;
+/// The share of the tool's programmed speed that it has at the nodes: between them it may be a little more.
+const BETWEEN_NODES: f64 = 0.998;
+
+/// Into so many pieces a corner is cut at most where its samples leave out too much, and the least share that one has.
+const PIECES: usize = 8;
+const SHORTEST: f64 = 1.0 / 32.0;
+
+/// So many nodes there are when one piece is left.
+const LAST_PIECE: usize = (PIECES - 1) * (NODES - 1);
 
 /// A zone is found to this share of itself; it errs to the smaller side.
 const ZONE_ACCURACY: f64 = 1e-3;
@@ -36,8 +45,8 @@ const ZONE_ACCURACY: f64 = 1e-3;
 /// Steps in which a zone is searched for.
 const ZONE_STEPS: usize = 12;
 
-/// A corner: how much it takes from both motions, and how fast it may be passed.
-#[derive(Clone, Copy, PartialEq, Debug)]
+/// A corner: how much it takes from both motions, and what it asks of the arm. Its unit is the share of its time.
+#[derive(Clone, PartialEq, Debug)]
 pub struct Blend {
     /// What it takes from the end of the first motion, in that curve's unit.
     pub from_zone: f64,
@@ -45,10 +54,8 @@ pub struct Blend {
     pub to_zone: f64,
     /// The distance from the corner that it keeps, in mm.
     pub distance_mm: f64,
-    /// The rate at which it would be passed if the motions beside it had their highest speeds.
-    pub programmed_rate: f64,
-    /// How fast its share may grow: the speed is the highest rate, one over the shortest time in s.
-    pub limits: Limits,
+    pub(super) ratings: Ratings,
+    pub(super) nodes: ArrayVec<Node, { PIECES * (NODES - 1) + 1 }>,
 }
 
 impl Blend {
@@ -82,37 +89,16 @@ impl Blend {
                 from_zone: if is_as_wanted { wanted_zone } else { leaving.zone(distance_mm) },
                 to_zone: entering.zone(distance_mm),
                 distance_mm,
-                programmed_rate: 0.0,
-                limits: Limits { speed: 0.0, acceleration: 0.0, jerk: 0.0 },
+                ratings: both(first, second, arm),
+                nodes: ArrayVec::new(),
             };
-            match blend.find_limits(first, second, arm) {
-                Ok(rate) => return Some(blend.with_matched_zones(rate, first, second, arm)),
+            match blend.find_nodes(first, second, arm) {
+                Ok(()) => return Some(blend),
                 Err(Unfit::Arm) => return None,
                 Err(Unfit::TooFar) => distance_mm *= 0.9,
             }
         }
         None
-    }
-
-    /// The same with a smaller zone of the slower motion, if that takes less time. Else both motions would share its whole
-    /// zone, and the faster one be as slow there. At `rate` the corner could be passed if only the arm counted.
-    fn with_matched_zones(self, rate: f64, first: &Segment, second: &Segment, arm: &Arm) -> Self {
-        let speeds = [first.limits.speed, second.limits.speed];
-        let [one, other] =
-            [self.from_zone / speeds[0], self.to_zone / speeds[1]].map(|time| BORDER_SLOPE * time);
-        let share = one.min(other).max(1.0 / rate) / one.max(other);
-        if share > MATCHED {
-            return self;
-        }
-        let mut matched = self;
-        *if one > other { &mut matched.from_zone } else { &mut matched.to_zone } *= share;
-        let duration = |blend: &Self| {
-            let left_out = [self.from_zone - blend.from_zone, self.to_zone - blend.to_zone];
-            1.0 / blend.limits.speed + left_out[0] / speeds[0] + left_out[1] / speeds[1]
-        };
-        let is_better =
-            matched.find_limits(first, second, arm).is_ok() && duration(&matched) < duration(&self);
-        if is_better { matched } else { self }
     }
 
     /// The joints at share `w` of the corner's time.
@@ -158,26 +144,70 @@ impl Blend {
         Some((core::array::from_fn(|i| sum(&one[i], corner, &two[i])), flange))
     }
 
-    /// Checks reach, ranges and distance all along the corner, and finds the limits within which the arm follows. Returns the
-    /// highest rate at which it would if the motions' speeds did not count.
-    fn find_limits(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<f64, Unfit> {
+    /// Checks reach, ranges and distance all along the corner, and finds what it asks of the arm.
+    fn find_nodes(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
+        let leads_tool = self.tools(first, second, &[0.5]).is_some();
+        let (mut start, mut width, mut near) = (0.0, 1.0, first.end);
+        let mut derivatives = Derivatives::NONE;
+        while start < 1.0 {
+            let (samples, end) = self.sampled(first, second, (start, width), arm, &near)?;
+            derivatives.find(&samples, width, arm.axes(), self.ratings.leads_tool().then_some(0));
+            let can_cut = self.nodes.len() < LAST_PIECE && width > SHORTEST;
+            let off = if can_cut { 0.0 } else { 1.0 };
+            let begun = self.nodes.len();
+            let stride = if width < 1.0 { 2 } else { 1 };
+            for point in (0..POINTS).step_by(stride).skip(usize::from(begun > 0)) {
+                let share = start + POINT_SHARES[point] * width;
+                let at = (&derivatives, place_of(point), off);
+                let mut node = Node::new(share, f64::INFINITY, at, false, &self.ratings);
+                node.programmed = self.programmed(share, &node, leads_tool, first, second);
+                self.nodes.push(node);
+            }
+            let most = [f64::INFINITY; 2];
+            if can_cut && !is_resolved(&derivatives, &self.nodes[begun..], most, &self.ratings, arm.axes()) {
+                self.nodes.truncate(begun);
+                width /= 2.0;
+                continue;
+            }
+            derivatives.within_range(width, arm).map_err(|_| Unfit::Arm)?;
+            (near, start) = (end, start + width);
+            width = if self.nodes.len() < LAST_PIECE { (2.0 * width).min(1.0 - start) } else { 1.0 - start };
+        }
+        // The corner ends with the joints of the second motion, not a turn away from them.
+        if leads_tool && arm.largest_turn(&first.end, &near).1 > 180.0 {
+            return Err(Unfit::Arm);
+        }
+        let is_possible = self.nodes.iter().all(|node| node.programmed > 0.0 && node.highest > 0.0);
+        if is_possible { Ok(()) } else { Err(Unfit::Arm) }
+    }
+
+    /// Samples a piece of the corner from joints at its start; gives those at its end as well.
+    fn sampled(
+        &self,
+        first: &Segment,
+        second: &Segment,
+        (start, width): (f64, f64),
+        arm: &Arm,
+        from: &Joints,
+    ) -> Result<(Samples, Joints), Unfit> {
+        let shares = SHARES.map(|share| start + share * width);
         let mut samples = Samples::default();
         let corner =
             first.curve.end_tool().map_or_else(|| first.tool_at(&first.end, arm), |tool| tool.position);
-        let mut near = first.end;
-        let tools = self.tools(first, second, &SHARES);
-        for (node, share) in SHARES.iter().enumerate() {
+        let mut near = *from;
+        let tools = self.tools(first, second, &shares);
+        for (node, share) in shares.into_iter().enumerate() {
             let (joints, tool) = match &tools {
                 Some((tools, flange)) => {
                     let joints = arm.follow(&flange.when_tool_at(tools[node]), &near);
                     (joints.map_err(|_| Unfit::Arm)?, tools[node].position)
                 }
                 None => {
-                    let joints = self.joints(first, second, *share, arm, &near).map_err(|_| Unfit::Arm)?;
+                    let joints = self.joints(first, second, share, arm, &near).map_err(|_| Unfit::Arm)?;
                     (joints, first.tool_at(&joints, arm))
                 }
             };
-            let is_border = node == 0 || node == NODES - 1;
+            let is_border = share == 0.0 || share == 1.0;
             if !is_border && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);
             }
@@ -189,32 +219,66 @@ impl Blend {
             samples.set(node, &joints, &tool);
             near = joints;
         }
-        // The corner ends with the joints of the second motion, not a turn away from them.
-        if tools.is_some() && arm.largest_turn(&first.end, &near).1 > 180.0 {
-            return Err(Unfit::Arm);
+        Ok((samples, near))
+    }
+
+    /// The highest rate that is programmed at a share of the corner's time.
+    fn programmed(
+        &self,
+        share: f64,
+        node: &Node,
+        leads_tool: bool,
+        first: &Segment,
+        second: &Segment,
+    ) -> f64 {
+        let [one, other] = [first, second].map(Segment::programmed_speed);
+        // Neither motion goes faster than it does outside of the corner.
+        let alone = (one / (self.from_zone * eased_slope(1.0 - share)))
+            .min(other / (self.to_zone * eased_slope(share)));
+        let borders = [one / (BORDER_SLOPE * self.from_zone), other / (BORDER_SLOPE * self.to_zone)];
+        if leads_tool {
+            // Nor does the tool, where there is a speed of the tool.
+            let tool = BETWEEN_NODES * one.max(other) / node.tool_slope(&self.ratings);
+            alone.min(tool).min(2.0 * borders[0].max(borders[1]))
+        } else {
+            // Nor do the joints, where both go point to point.
+            let most = [first, second].map(Segment::programmed_share).into_iter().fold(0.0, f64::max);
+            alone.min(BETWEEN_NODES * most * node.speed_of_joints(&self.ratings))
         }
-        let tool_acceleration = first.tool_acceleration.min(second.tool_acceleration);
-        let mut corner = Derivatives::NONE;
-        corner.find(&samples, 1.0, arm.axes(), tool_acceleration.is_finite().then_some(0));
-        corner.within_range(1.0, arm).map_err(|_| Unfit::Arm)?;
-        let load = Load {
-            corner: &corner,
-            arm,
-            axis_share: first.axis_share.min(second.axis_share),
-            tool_acceleration,
-            tool_jerk: first.tool_jerk.min(second.tool_jerk),
-        };
-        self.programmed_rate = (first.limits.speed / (BORDER_SLOPE * self.from_zone))
-            .min(second.limits.speed / (BORDER_SLOPE * self.to_zone));
-        let rate = load.highest_rate();
-        self.limits = load.limits(rate.min(self.programmed_rate));
-        if self.limits.speed > 0.0 { Ok(rate) } else { Err(Unfit::Arm) }
+    }
+}
+
+/// What joints and tool are allowed where two motions meet: what both allow.
+fn both(first: &Segment, second: &Segment, arm: &Arm) -> Ratings {
+    let least = |of: fn(&Ratings) -> f64| of(&first.ratings).min(of(&second.ratings));
+    let axes = |one: &Joints, other: &Joints| core::array::from_fn(|axis| one[axis].min(other[axis]));
+    let (one, other) = (first.ratings.jerk(), second.ratings.jerk());
+    let rated = arm.limits();
+    // Point to point all places are alike and less is kept in reserve.
+    let acceleration = axes(&first.ratings.acceleration, &second.ratings.acceleration);
+    let acceleration = axes(&acceleration, &rated.acceleration.map(|rated| AXIS_RESERVE * rated));
+    let jerk = axes(&axes(&one, &other), &rated.jerk.map(|rated| AXIS_RESERVE * rated));
+    let tool_acceleration = least(|ratings| ratings.tool_acceleration);
+    let tool_jerk = least(Ratings::tool_jerk);
+    Ratings {
+        speed: rated.speed.map(|speed| AXIS_RESERVE * speed),
+        ramp_s: core::array::from_fn(|axis| ramp_s(acceleration[axis], jerk[axis])),
+        acceleration,
+        tool_acceleration,
+        tool_ramp_s: ramp_s(tool_acceleration, tool_jerk),
+        deceleration: least(|ratings| ratings.deceleration),
+        tool_deceleration: least(|ratings| ratings.tool_deceleration),
     }
 }
 
 /// How far the eased share of a zone has come: 2·w³ − w⁴.
 fn eased(w: f64) -> f64 {
     w * w * w * (2.0 - w)
+}
+
+/// How fast it does.
+fn eased_slope(w: f64) -> f64 {
+    w * w * (6.0 - 4.0 * w)
 }
 
 /// Why a corner cannot be rounded as tried.

@@ -13,7 +13,7 @@ use crate::arm::{AXES, Arm, Joints, Violation};
 pub(super) const NODES: usize = 9;
 
 /// Points at which the derivatives are known: the samples and one between each two of them.
-const POINTS: usize = 2 * NODES - 1;
+pub(super) const POINTS: usize = 2 * NODES - 1;
 
 /// How much more than found a joint may go between two points before it turns round.
 const EXTREMUM: f64 = 1.25;
@@ -87,16 +87,6 @@ impl Channel {
         }
     }
 
-    /// How large a derivative (order 0: the first) is at one of the places, and `share` of what it may be off.
-    pub(super) fn size(&self, order: usize, at: usize, share: f64) -> f64 {
-        self.at[order][at].abs() + share * self.off[order]
-    }
-
-    /// The largest of those of all points.
-    pub(super) fn largest(&self, order: usize, share: f64) -> f64 {
-        largest(&self.at[order]) + share * self.off[order]
-    }
-
     /// What lies around all values along a part that is `width` long: found at once, and wider than [`range`](Self::range).
     fn bounds(&self, width: f64) -> (f64, f64) {
         let steepest = largest(&self.at[0]);
@@ -126,8 +116,12 @@ impl Channel {
     }
 }
 
+/// Shares of a part at which its derivatives are known, from 0 to 1.
+pub(super) static POINT_SHARES: LazyLock<[f64; POINTS]> =
+    LazyLock::new(|| core::array::from_fn(|point| (1.0 - chebyshev_point(point, POINTS)) / 2.0));
+
 /// Where a point is among [`AtPoints`].
-const fn place_of(point: usize) -> usize {
+pub(super) const fn place_of(point: usize) -> usize {
     if point < HALF_POINTS { point } else { LANES + POINTS - 1 - point }
 }
 
@@ -196,12 +190,10 @@ impl Derivatives {
         within(Channel::bounds).or_else(|_| within(Channel::range))
     }
 
-    /// The product of two of the tool's derivatives (order 0: the first) at one of the places: the square of one's length if
-    /// both are the same.
-    pub(super) fn tool_product(&self, one: usize, other: usize, at: usize) -> f64 {
+    /// The tool's derivative of an order (0: the first) at one of the places.
+    pub(super) fn tool(&self, order: usize, place: usize) -> [f64; 3] {
         let [.., x, y, z] = &self.0;
-        let [x, y, z] = [x, y, z].map(|coordinate| coordinate.at[one][at] * coordinate.at[other][at]);
-        x + y + z
+        [x, y, z].map(|coordinate| coordinate.at[order][place])
     }
 
     /// What the tool's derivative of an order may be off.

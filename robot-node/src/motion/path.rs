@@ -1,80 +1,91 @@
 //! The queue of motions as one path with one speed along it.
 //!
-//! Each motion is a *straight* part and the corner into the next one; both are driven by a [`Profile`]. What is driven
-//! stays as it was: a plan that is changed by one more motion, or by another override, starts at the present way,
-//! speed and acceleration.
+//! Each motion is a *straight* part and the corner into the next one. From one rest to the next, the parts make a stretch, which has
+//! one [`Law`] over all of them. What is driven stays as it was: one more motion changes the law from where it would have begun to
+//! brake for the end that was, or from the present way, speed and acceleration. The override is a [`TimeScale`] and changes no law.
 
 use std::collections::VecDeque;
 
 use arrayvec::ArrayVec;
 
 use super::blend::{BORDER_SLOPE, Blend};
-use super::plan::{self, PARTS, Part};
-use super::profile::{Pace, Profile};
+use super::grid::{PARTS, Part};
+use super::law::{Cell, Law, Pace};
 use super::segment::Segment;
+use super::time_scale::{Phase, Ramp, Rate, TimeScale};
 use crate::arm::{Arm, Joints, Violation};
 
 /// Five motions that wait or run, and those whose corner is still being left.
 const CAPACITY: usize = PARTS / 2;
 
-/// A place on the path, by time.
+/// Cells of all stretches, for which room is made.
+const CELLS: usize = 2048;
+
+/// As many knots ahead are tried.
+const LATER: usize = 3;
+
+/// What joints and tool may take while the override changes, of what is planned with: a little of the reserve.
+const WHILE_SCALED: f64 = 1.008;
+
+/// A ramp is at most so many times as steep as the limits allow alone: it may have to take back what the law speeds up with. One
+/// that takes too much is tried so much weaker, down to this share.
+const STRONGEST: f64 = 1.4;
+const WEAKER: f64 = 0.7;
+const WEAKEST: f64 = 0.004;
+
+/// Where no ramp leads to the override, one to such a share of the way is tried.
+const NEARNESSES: [f64; 8] = [1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015, 0.007];
+
+/// A ramp is worth to be replaced by one that takes at most this share of its time.
+const QUICKER: f64 = 0.9;
+
+/// A ramp is looked at where pieces of the law end, and every so many seconds: in each of its phases at least and at most so often.
+const LOOK_S: f64 = 0.004;
+const LEAST_LOOKS: f64 = 8.0;
+const MOST_LOOKS: f64 = 128.0;
+
+/// A place on the path, by time: a cell of its law, and the seconds since its start.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Place {
-    /// Which motion of the queue.
-    index: usize,
+    cell: usize,
+    time: f64,
+    /// How long it takes to go there, in s.
+    seconds: f64,
+    /// On the way the arm comes to rest, where the override may be another at once.
+    settled: bool,
+}
+
+/// A place on the path, by way; one that comes later is greater.
+#[derive(Clone, Copy, PartialEq, PartialOrd, Debug)]
+pub(super) struct Spot {
+    /// The number of the motion.
+    pub(super) motion: u32,
     /// In the corner after its straight part.
     pub(super) in_blend: bool,
-    /// Seconds since the start of that part's law.
-    pub(super) time: f64,
+    /// In the unit of that part.
+    pub(super) way: f64,
 }
 
-impl Place {
-    const START: Self = Self { index: 0, in_blend: false, time: 0.0 };
-}
-
-/// A law, and where in its part it starts. Parts that go on as one curve have one law, of which each drives its own
-/// time.
+/// A cell of a law, and where it is on the path.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Law {
-    /// Where the profile starts, in the part's unit; before the part, where it starts in an earlier one.
-    pub(super) from: f64,
-    pub(super) profile: Profile,
-    /// When the profile enters the part and when it leaves it, in s.
-    entry: f64,
-    exit: f64,
+struct Piece {
+    cell: Cell,
+    start: Spot,
+    /// What the way of its part grows by for each unit of the cell.
+    unit: f64,
 }
 
-impl Law {
-    pub(super) const fn at_rest(from: f64) -> Self {
-        Self { from, profile: Profile::REST, entry: 0.0, exit: 0.0 }
+impl Piece {
+    fn at(&self, time: f64) -> (Spot, Pace) {
+        let (way, Pace { square, acceleration }) = self.cell.at(time);
+        let spot = Spot { way: self.start.way + way * self.unit, ..self.start };
+        (spot, Pace { square: square * self.unit * self.unit, acceleration: acceleration * self.unit })
     }
 
-    /// Way in the part and pace, `time` seconds after the part is entered.
-    pub(super) fn at(&self, time: f64) -> (f64, Pace) {
-        let (way, pace) = self.profile.at(self.entry + time);
-        (self.from + way, pace)
+    /// Whether the acceleration falls in it, as it does before the arm slows down.
+    fn falls(&self) -> bool {
+        self.cell.is_to_rest() || self.cell.jerk(&self.cell.at(0.0).1) < 0.0
     }
-
-    fn way(&self, time: f64) -> f64 {
-        self.at(time).0
-    }
-
-    /// How long the part takes, in s.
-    fn duration(&self) -> f64 {
-        self.exit - self.entry
-    }
-
-    /// Whether it stands still within the part.
-    fn stops_short(&self) -> bool {
-        self.profile.stops_short() && self.exit >= self.profile.duration()
-    }
-}
-
-/// A corner and how it is passed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Corner {
-    pub(super) blend: Blend,
-    pub(super) law: Law,
 }
 
 #[derive(Clone, Debug)]
@@ -86,51 +97,40 @@ pub(super) struct Planned {
     pub(super) stops: bool,
     /// Where the corner before it ends, in its curve's unit; 0 without one.
     pub(super) start: f64,
-    pub(super) straight: Law,
-    pub(super) corner: Option<Corner>,
+    pub(super) corner: Option<Blend>,
     /// The next motion goes on as one curve with this one: no corner, no stop.
     pub(super) goes_on: bool,
-}
-
-impl Planned {
-    const fn law(&self, in_blend: bool) -> &Law {
-        match &self.corner {
-            Some(corner) if in_blend => &corner.law,
-            _ => &self.straight,
-        }
-    }
-
-    const fn law_mut(&mut self, in_blend: bool) -> &mut Law {
-        match &mut self.corner {
-            Some(corner) if in_blend => &mut corner.law,
-            _ => &mut self.straight,
-        }
-    }
-
-    pub(super) fn blend(&self) -> Option<Blend> {
-        self.corner.map(|corner| corner.blend)
-    }
 }
 
 /// The motions that are accepted and not yet left behind.
 #[derive(Debug)]
 pub struct Path {
     pub(super) queue: VecDeque<Planned>,
-    pub(super) place: Place,
-    /// The override, 0…1.
+    /// The law of all that is ahead.
+    pieces: VecDeque<Piece>,
+    /// Where the law of one stretch is found; a copy of a path makes room for that when it plans first.
+    law: Option<Box<Law>>,
+    /// Seconds since the start of the first piece.
+    time: f64,
+    /// Where that is.
+    spot: Spot,
+    /// The pieces at the end of the law in which the arm brakes all the time, and when it begins to in the one before.
+    braking: (usize, f64),
+    /// The override, 0…1, and the one in effect, which follows it.
     factor: f64,
+    scale: TimeScale,
     /// The joints at the start of the first motion.
     pub(super) start: Joints,
     pub(super) end: Joints,
-    left_behind: u32,
+    pub(super) left_behind: u32,
 }
 
 impl Clone for Path {
-    /// With room for as many motions, as the first one has: appending must not allocate.
+    /// The copy makes room for its law when it plans first.
     fn clone(&self) -> Self {
-        let mut queue = VecDeque::with_capacity(CAPACITY);
-        queue.extend(self.queue.iter().cloned());
-        Self { queue, ..*self }
+        let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
+        let Self { time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
+        Self { queue, pieces, law: None, time, spot, braking, factor, scale, start, end, left_behind }
     }
 }
 
@@ -140,8 +140,13 @@ impl Path {
     pub fn at_rest(joints: Joints) -> Self {
         Self {
             queue: VecDeque::with_capacity(CAPACITY),
-            place: Place::START,
+            pieces: VecDeque::with_capacity(CELLS),
+            law: Some(Box::default()),
+            time: 0.0,
+            spot: Spot { motion: 0, in_blend: false, way: 0.0 },
+            braking: (0, 0.0),
             factor: 1.0,
+            scale: TimeScale::steady(1.0),
             start: joints,
             end: joints,
             left_behind: 0,
@@ -151,7 +156,10 @@ impl Path {
     /// Forgets all motions; the arm stands at `joints`.
     pub fn clear(&mut self, joints: Joints) {
         self.queue.clear();
-        (self.place, self.left_behind) = (Place::START, 0);
+        self.pieces.clear();
+        (self.time, self.left_behind) = (0.0, 0);
+        self.spot = Spot { motion: 0, in_blend: false, way: 0.0 };
+        self.scale = TimeScale::steady(self.factor);
         (self.start, self.end) = (joints, joints);
     }
 
@@ -173,237 +181,437 @@ impl Path {
         self.queue.front().map(|planned| &planned.segment)
     }
 
+    /// Whether the arm is in the corner after its motion.
+    pub(super) const fn in_blend(&self) -> bool {
+        self.spot.in_blend
+    }
+
+    /// Whether the arm rests where its motion begins.
+    pub(super) fn is_at_start(&self) -> bool {
+        !self.spot.in_blend && self.spot.way == 0.0 && self.rests()
+    }
+
+    /// Whether the law has the arm at rest here.
+    fn rests(&self) -> bool {
+        self.pieces.front().is_none_or(|piece| piece.at(self.time).1.is_rest())
+    }
+
     /// Both motions of the corner that the arm is in; none on a straight part.
     #[must_use]
     pub fn corner(&self) -> Option<[&Segment; 2]> {
         let (first, second) = (self.queue.front()?, self.queue.get(1)?);
-        self.place.in_blend.then_some([&first.segment, &second.segment])
+        self.spot.in_blend.then_some([&first.segment, &second.segment])
     }
 
     /// Motions that are executed since the last [`clear`](Self::clear). With a blend the middle of the corner, the
     /// point nearest to the target, is where a motion ends.
     #[must_use]
     pub fn executed(&self) -> u32 {
-        let corner = self.queue.front().and_then(|front| front.corner).filter(|_| self.place.in_blend);
-        self.left_behind + u32::from(corner.is_some_and(|corner| corner.law.way(self.place.time) >= 0.5))
+        self.left_behind + u32::from(self.spot.in_blend && self.spot.way >= 0.5)
     }
 
     /// Whether the arm stands still on its path, because the override is 0, and stays there until it is not.
     #[must_use]
     pub fn is_held(&self) -> bool {
-        self.queue.front().is_some_and(|front| {
-            let law = front.law(self.place.in_blend);
-            law.stops_short() && self.place.time >= law.duration()
-        })
+        self.scale.is_steadily(0.0) && self.factor == 0.0 && !self.queue.is_empty()
     }
 
     /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the
     /// limits allow.
     pub fn set_override(&mut self, factor: f64) {
-        // In the last moments of a stop no other law may lead on from it. Once the arm stands, one does.
-        let stands = factor > 0.0 && self.is_held();
-        if factor != self.factor || stands {
-            self.factor = factor;
-            self.plan();
+        self.factor = factor;
+        if self.scale.is_steadily(factor) {
+            return;
         }
+        if self.rests() {
+            self.scale = TimeScale::steady(factor);
+        } else if let Some(ramp) = self.quickest_ramp() {
+            self.scale.start(ramp);
+        }
+    }
+
+    /// The quickest ramp to the override that keeps the limits, or toward it. None where none does yet, or where the one that is
+    /// under way is as quick.
+    fn quickest_ramp(&self) -> Option<Ramp> {
+        let (part, spot, pace) = self.here()?;
+        let ((acceleration, jerk), speed) = (part.knot(spot.way, 0.0)?.at_rest(), pace.square.sqrt());
+        let now = self.scale.now();
+        let left_s: f64 = self.scale.ahead().map(|phase| phase.seconds).sum();
+        // Where the ramp that is under way ends, and how far from the override that is.
+        let missing = (self.factor - self.scale.target()).abs();
+        let mut strength = STRONGEST;
+        while strength >= WEAKEST {
+            // A strong ramp that ends early is better than a weak one: it goes on as soon as it may.
+            for nearness in NEARNESSES {
+                let target = now.share + nearness * (self.factor - now.share);
+                // One that must go on for a while, since it is too steep to end at once, does so.
+                let Some(ramp) =
+                    Ramp::new(now, target, strength * acceleration / speed, strength * jerk / speed)
+                else {
+                    continue;
+                };
+                let is_better = self.scale.is_steady()
+                    || (self.factor - target).abs() < missing
+                    || (missing == 0.0 && nearness == 1.0 && ramp.seconds() < QUICKER * left_s);
+                if !is_better {
+                    break;
+                }
+                if self.keeps_limits(ramp.phases().into_iter(), self.pieces.iter().copied(), self.time) {
+                    return Some(ramp);
+                }
+            }
+            strength *= WEAKER;
+        }
+        None
+    }
+
+    /// The part that the arm is in, where it is in that, and how fast by the law.
+    fn here(&self) -> Option<(Part<'_>, Spot, Pace)> {
+        let (spot, pace) = self.pieces.front()?.at(self.time);
+        Some((self.part(&spot)?, spot, pace))
+    }
+
+    /// The part of a place.
+    fn part(&self, spot: &Spot) -> Option<Part<'_>> {
+        let planned = self.queue.get(spot.motion.checked_sub(self.left_behind)? as usize)?;
+        let (nodes, ratings) = match &planned.corner {
+            Some(blend) if spot.in_blend => (&blend.nodes[..], &blend.ratings),
+            _ => (&planned.segment.nodes[..], &planned.segment.ratings),
+        };
+        let Spot { motion, in_blend, way } = *spot;
+        Some(Part { nodes, ratings, from: way, to: way, unit: 1.0, motion, in_blend })
+    }
+
+    /// Whether joints and tool keep their limits while the law's time goes as these phases have it, along these pieces, from `time`
+    /// in the first of them on.
+    fn keeps_limits(
+        &self,
+        phases: impl Iterator<Item = Phase>,
+        mut pieces: impl Iterator<Item = Piece>,
+        time: f64,
+    ) -> bool {
+        let Some(mut piece) = pieces.next() else { return true };
+        let mut begun = time;
+        for phase in phases {
+            let step = (phase.seconds / LEAST_LOOKS).min(LOOK_S).max(phase.seconds / MOST_LOOKS);
+            let (mut now, mut law_now) = (0.0, 0.0);
+            while now < phase.seconds {
+                let next = (now + step).min(phase.seconds);
+                let law_next = phase.at(next).1;
+                if !self.keeps_limits_at(&piece, begun + law_now, &phase.at(now).0) {
+                    return false;
+                }
+                while begun + law_next >= piece.cell.duration {
+                    // It is the most where one piece goes over into the next.
+                    let share = (piece.cell.duration - begun - law_now) / (law_next - law_now);
+                    let border = phase.at(now + share * (next - now)).0;
+                    if !self.keeps_limits_at(&piece, piece.cell.duration, &border) {
+                        return false;
+                    }
+                    // At rest the ramp ends.
+                    let next = if piece.cell.is_to_rest() { None } else { pieces.next() };
+                    begun -= piece.cell.duration;
+                    let Some(next) = next else { return true };
+                    piece = next;
+                }
+                (now, law_now) = (next, law_next);
+            }
+            if !self.keeps_limits_at(&piece, begun + law_now, &phase.at(now).0) {
+                return false;
+            }
+            begun += law_now;
+        }
+        true
+    }
+
+    fn keeps_limits_at(&self, piece: &Piece, time: f64, rate: &Rate) -> bool {
+        let (spot, Pace { square, acceleration }) = piece.at(time);
+        let jerk = piece.unit * piece.cell.jerk(&piece.cell.at(time).1);
+        let Some(knot) = self.part(&spot).and_then(|part| part.knot(spot.way, 0.0)) else { return true };
+        let (speed, Rate { share, change, bend }) = (square.sqrt(), *rate);
+        let scaled = knot.loads(
+            share * share * square,
+            share * share * acceleration + change * speed,
+            share * (share * share * jerk + 3.0 * change * acceleration) + bend * speed,
+        );
+        if scaled[0].max(scaled[1]) <= WHILE_SCALED {
+            return true;
+        }
+        // No more than the law itself takes there.
+        let own = knot.loads(square, acceleration, jerk).map(|load| load.max(WHILE_SCALED));
+        scaled[0] <= own[0] && scaled[1] <= own[1]
     }
 
     /// How far the path is driven `seconds` from now, and what is left of them if it ends before.
     #[must_use]
-    pub fn ahead(&self, mut seconds: f64) -> (Place, f64) {
-        let mut place = self.place;
-        while let Some(planned) = self.queue.get(place.index) {
-            let law = planned.law(place.in_blend);
-            let duration = law.duration();
-            if place.time + seconds < duration {
-                place.time += seconds;
-                return (place, 0.0);
+    pub fn ahead(&self, seconds: f64) -> (Place, f64) {
+        let mut time = self.time + self.scale.law_seconds(seconds);
+        let (mut share, mut settled) = (self.scale.now().share, false);
+        for (cell, piece) in self.pieces.iter().enumerate() {
+            if time < piece.cell.duration {
+                return (Place { cell, time, seconds, settled }, 0.0);
             }
-            if law.stops_short() {
-                place.time = duration;
-                return (place, 0.0);
+            time -= piece.cell.duration;
+            if piece.cell.is_to_rest() && !self.scale.is_steady() && !settled {
+                let target = self.factor;
+                time *= if share > 0.0 { target / share } else { 0.0 };
+                (share, settled) = (target, true);
             }
-            seconds = (place.time + seconds - duration).max(0.0);
-            place = if planned.corner.is_some() && !place.in_blend {
-                Place { in_blend: true, time: 0.0, ..place }
-            } else {
-                Place { index: place.index + 1, in_blend: false, time: 0.0 }
-            };
         }
-        (place, seconds)
+        let left = if share > 0.0 { (time / share).clamp(0.0, seconds) } else { 0.0 };
+        (Place { cell: self.pieces.len(), time: 0.0, seconds, settled }, left)
     }
 
     /// The joints at a place that [`ahead`](Self::ahead) gave; `near` is a point of the path close by.
     pub fn joints(&self, place: Place, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
-        let Some(planned) = self.queue.get(place.index) else { return Ok(self.end) };
-        let way = planned.law(place.in_blend).way(place.time);
-        match (planned.blend(), self.queue.get(place.index + 1)) {
-            (Some(blend), Some(next)) if place.in_blend => {
-                blend.joints(&planned.segment, &next.segment, way, arm, near)
+        let Some(piece) = self.pieces.get(place.cell) else { return Ok(self.end) };
+        let (spot, _) = piece.at(place.time);
+        let index = (spot.motion - self.left_behind) as usize;
+        let Some(planned) = self.queue.get(index) else { return Ok(self.end) };
+        match (&planned.corner, self.queue.get(index + 1)) {
+            (Some(blend), Some(next)) if spot.in_blend => {
+                blend.joints(&planned.segment, &next.segment, spot.way, arm, near)
             }
-            _ => planned.segment.curve.joints(way, arm, near),
+            _ => planned.segment.curve.joints(spot.way, arm, near),
         }
     }
 
     /// Goes to a place that [`ahead`](Self::ahead) gave. Returns the number, counted from 0, of the motion that
     /// thereby has reached its decision point without a successor: its blend is suppressed.
     pub fn go_to(&mut self, place: Place) -> Option<u32> {
-        for _ in 0..place.index {
-            if let Some(left) = self.queue.pop_front() {
-                self.start = left.segment.end;
-            }
-            self.left_behind += 1;
+        self.pieces.drain(..place.cell.min(self.pieces.len()));
+        self.time = place.time;
+        self.scale.advance(place.seconds);
+        if place.settled {
+            self.scale = TimeScale::steady(self.factor);
         }
-        self.place = Place { index: 0, ..place };
+        match self.pieces.front() {
+            Some(piece) => {
+                self.spot = piece.at(place.time).0;
+                let index = self.spot.motion - self.left_behind;
+                (0..index).for_each(|_| self.leave_motion());
+            }
+            None => {
+                while !self.queue.is_empty() {
+                    self.leave_motion();
+                }
+                self.spot = Spot { motion: self.left_behind, in_blend: false, way: 0.0 };
+            }
+        }
         self.decide()
+    }
+
+    fn leave_motion(&mut self) {
+        if let Some(left) = self.queue.pop_front() {
+            self.start = left.segment.end;
+        }
+        self.left_behind += 1;
     }
 
     /// The start of braking or of the zone, whichever is first, is where a motion must know what follows.
     fn decide(&mut self) -> Option<u32> {
-        let time = self.place.time;
-        let [front] = self.queue.make_contiguous() else { return None };
-        if front.stops || self.place.in_blend {
+        if self.queue.len() != 1 {
             return None;
         }
-        let Law { profile, entry, .. } = front.straight;
-        let in_zone = front.straight.way(time) >= front.segment.curve.length() - front.zone;
-        let brakes = !profile.stops_short() && entry + time >= profile.braking_start();
-        if !brakes && !in_zone {
+        let (cells, time) = self.braking;
+        let brakes = self.pieces.len() <= cells || (self.pieces.len() == cells + 1 && self.time >= time);
+        let front = self.queue.front_mut()?;
+        let in_zone = self.spot.way >= front.segment.curve.length() - front.zone;
+        if front.stops || self.spot.in_blend || !(brakes || in_zone) {
             return None;
         }
         front.stops = true;
         Some(self.left_behind)
     }
 
-    /// What is ahead, part by part.
-    fn ahead_of_now(&self) -> Ahead {
-        let mut ahead = Ahead { pace: Pace::REST, parts: ArrayVec::new(), pieces: ArrayVec::new() };
-        let mut goes_on = false;
-        for (index, planned) in self.queue.iter().enumerate() {
-            let in_blend = index == 0 && self.place.in_blend;
-            let (time, Planned { segment, straight, .. }) =
-                (if index == 0 { self.place.time } else { 0.0 }, planned);
-            if index == 0 {
-                ahead.pace = planned.law(in_blend).at(time).1;
-            }
-            let (zone, ratio) = match planned.blend() {
-                Some(blend) => (blend.from_zone, 1.0 / (BORDER_SLOPE * blend.from_zone)),
-                None => (0.0, if planned.goes_on { 1.0 } else { 0.0 }),
-            };
-            if !in_blend {
-                let start = if index == 0 { straight.way(time) } else { planned.start };
-                let (length, limits) = ((segment.curve.length() - zone - start).max(0.0), segment.limits);
-                let part = Part {
-                    length,
-                    limits,
-                    programmed: limits.speed,
-                    ratio,
-                    profile: straight.profile,
-                    time: straight.entry + time,
+    /// Plans the path anew behind a place, where it is another than it was. Returns false, and leaves the law as it is, where the
+    /// arm cannot go on so from what it does now.
+    pub(super) fn plan(&mut self, changed: &Spot) -> bool {
+        let Some(first) = self.first_begin(changed) else { return self.plan_later(0, changed) };
+        let near = self.near_begin(&first, changed);
+        near.is_some_and(|near| self.plan_from(&near))
+            || self.plan_from(&first)
+            || self.plan_later(first.pieces, changed)
+    }
+
+    /// Plans the path anew from one of the next knots: where no law goes on from the present pace, one may from there.
+    fn plan_later(&mut self, from: usize, changed: &Spot) -> bool {
+        (from + 1..=from + LATER)
+            .any(|kept| self.begin_at(kept, changed).is_some_and(|begin| self.plan_from(&begin)))
+    }
+
+    /// A plan that begins with this piece; none where that is behind a place.
+    fn begin_at(&self, piece: usize, changed: &Spot) -> Option<Begin> {
+        let (spot, pace) = self.pieces.get(piece)?.at(0.0);
+        (spot <= *changed).then_some(Begin { pieces: piece, time: self.time, spot, pace })
+    }
+
+    fn plan_from(&mut self, begin: &Begin) -> bool {
+        let mut start = (begin.spot, begin.pace);
+        let mut is_first = true;
+        // Stretch by stretch; the first one may fail.
+        loop {
+            let (parts, next) = parts(&self.queue, self.left_behind, start.0);
+            let mut law = self.law.take().unwrap_or_default();
+            let found = law.find(&parts, start.1);
+            if is_first {
+                let is_possible = found.is_some() || start.1.is_rest();
+                let keeps_limits = self.scale.is_steady() || {
+                    let kept = self.pieces.iter().take(begin.pieces).copied();
+                    self.keeps_limits(self.scale.ahead(), kept.chain(pieces(&law, &parts)), begin.time)
                 };
-                ahead.add(part, start, goes_on);
+                if !is_possible || !keeps_limits {
+                    self.law = Some(law);
+                    return false;
+                }
+                (self.time, is_first) = (begin.time, false);
+                if begin.pieces == 0 {
+                    self.spot = begin.spot;
+                }
+                self.pieces.truncate(begin.pieces);
             }
-            goes_on = planned.goes_on;
-            if let Some(Corner { blend, law }) = &planned.corner {
-                let start = if in_blend { law.way(time) } else { 0.0 };
-                let part = Part {
-                    length: (1.0 - start).max(0.0),
-                    limits: blend.limits,
-                    programmed: blend.programmed_rate,
-                    ratio: BORDER_SLOPE * blend.to_zone,
-                    profile: law.profile,
-                    time: law.entry + if in_blend { time } else { 0.0 },
-                };
-                ahead.add(part, start, false);
+            if found.is_some() {
+                let room = CELLS - self.pieces.len();
+                self.pieces.extend(pieces(&law, &parts).take(room));
             }
-        }
-        ahead
-    }
-
-    /// Plans what is ahead anew if the arm can go on into it; returns false, and changes nothing, if it cannot.
-    pub(super) fn plan_if_feasible(&mut self) -> bool {
-        let ahead = self.ahead_of_now();
-        let is_feasible = plan::is_feasible(&ahead.parts, ahead.pace);
-        if is_feasible {
-            self.take_plan(ahead);
-        }
-        is_feasible
-    }
-
-    /// Plans what is ahead anew, from what the arm does now.
-    pub(super) fn plan(&mut self) {
-        self.take_plan(self.ahead_of_now());
-    }
-
-    fn take_plan(&mut self, Ahead { mut parts, pieces, .. }: Ahead) {
-        let is_new = plan::plan(&mut parts, self.factor);
-        let in_blend = self.place.in_blend;
-        let mut pieces = pieces.iter();
-        let mut take = |law: &mut Law| {
-            let Some(piece) = pieces.next() else { return };
-            if piece.part > 0 || is_new {
-                *law = piece.law(&parts[piece.part]);
-            }
-        };
-        for (index, planned) in self.queue.iter_mut().enumerate() {
-            if !(index == 0 && in_blend) {
-                take(&mut planned.straight);
-            }
-            if planned.corner.is_some() {
-                take(planned.law_mut(true));
+            self.law = Some(law);
+            match next {
+                Some(spot) => start = (spot, Pace::REST),
+                None => break,
             }
         }
-        if is_new {
-            self.place.time = 0.0;
+        self.find_braking();
+        true
+    }
+
+    /// From where on the path is planned at the earliest: from the rest before a place, or from where the arm is. None where what
+    /// the arm does can not be changed at once.
+    fn first_begin(&self, changed: &Spot) -> Option<Begin> {
+        // A stretch that the arm has not come to yet.
+        let mut first = changed.motion;
+        while first > self.left_behind {
+            let before = self.queue.get((first - 1 - self.left_behind) as usize)?;
+            if before.corner.is_none() && !before.goes_on {
+                break;
+            }
+            first -= 1;
+        }
+        if first > self.left_behind {
+            let pieces = self.pieces.iter().take_while(|piece| piece.start.motion < first).count();
+            let spot = Spot { motion: first, in_blend: false, way: 0.0 };
+            if pieces > 0 {
+                return Some(Begin { pieces, time: self.time, spot, pace: Pace::REST });
+            }
+        }
+        let at_rest = Begin { pieces: 0, time: 0.0, spot: self.spot, pace: Pace::REST };
+        let Some(front) = self.pieces.front() else { return Some(at_rest) };
+        if self.time >= front.cell.duration && self.pieces.len() == 1 {
+            return Some(at_rest);
+        }
+        let (spot, pace) = front.at(self.time);
+        if pace.is_rest() {
+            Some(Begin { spot, ..at_rest })
+        } else if front.cell.is_from_rest() {
+            // What begins with a constant jerk ends so: it takes a moment.
+            let (spot, pace) = front.at(front.cell.duration);
+            Some(Begin { pieces: 1, time: self.time, spot, pace })
+        } else if front.cell.is_to_rest() {
+            None
+        } else {
+            Some(Begin { pieces: 0, time: 0.0, spot, pace })
+        }
+    }
+
+    /// From where on the law is another one if the path behind a place is: where it began to slow down for its end. None where that
+    /// is no later than from `first` on.
+    fn near_begin(&self, first: &Begin, changed: &Spot) -> Option<Begin> {
+        let mut piece = self.pieces.len().checked_sub(self.braking.0 + 1)?;
+        while piece > first.pieces {
+            let (start, before) = (self.pieces.get(piece)?, self.pieces.get(piece - 1)?);
+            if start.start <= *changed && !before.falls() {
+                // The last cell before may be shorter than it will be.
+                return if piece > first.pieces + 1 { self.begin_at(piece - 1, changed) } else { None };
+            }
+            piece -= 1;
+        }
+        None
+    }
+
+    fn find_braking(&mut self) {
+        self.braking = (0, f64::INFINITY);
+        for piece in self.pieces.iter().rev() {
+            match piece.cell.brakes_from() {
+                Some(0.0) => self.braking.0 += 1,
+                Some(time) => {
+                    self.braking.1 = time;
+                    return;
+                }
+                None => return,
+            }
         }
     }
 }
 
-/// The path ahead as it is planned.
-struct Ahead {
-    /// How the arm moves now.
+/// The parts from a spot until the next rest, and where the path goes on behind that, if it does.
+fn parts(
+    queue: &VecDeque<Planned>,
+    left_behind: u32,
+    from: Spot,
+) -> (ArrayVec<Part<'_>, PARTS>, Option<Spot>) {
+    let mut parts = ArrayVec::new();
+    let mut unit = 1.0;
+    let first = (from.motion - left_behind) as usize;
+    for (index, planned) in queue.iter().enumerate().skip(first) {
+        let motion = left_behind + index as u32;
+        let here = (index == first).then_some(from);
+        let Segment { curve, nodes, ratings, .. } = &planned.segment;
+        let corner = planned.corner.as_ref();
+        if !here.is_some_and(|spot| spot.in_blend) {
+            let start = here.map_or(planned.start, |spot| spot.way);
+            let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
+            if end - start > 1e-12 * end {
+                let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
+                let _ = parts.try_push(part);
+            }
+        }
+        if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
+            let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
+            // The first part gives the unit.
+            let rate =
+                if here.is_some_and(|spot| spot.in_blend) { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
+            let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
+            let _ = parts.try_push(part);
+            unit = rate * BORDER_SLOPE * to_zone;
+        } else if !planned.goes_on {
+            let is_last = index + 1 == queue.len();
+            let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
+            return (parts, (!is_last).then_some(next));
+        }
+    }
+    (parts, None)
+}
+
+/// Where a plan begins.
+struct Begin {
+    /// Pieces of the law that are kept.
+    pieces: usize,
+    /// Seconds since the start of the first piece.
+    time: f64,
+    /// Where the first new piece begins, and how fast.
+    spot: Spot,
     pace: Pace,
-    parts: ArrayVec<Part, PARTS>,
-    pieces: ArrayVec<Piece, PARTS>,
 }
 
-impl Ahead {
-    /// Adds what is left of a straight part or of a corner from `start` on; to the part before, where it goes on with that.
-    fn add(&mut self, part: Part, start: f64, goes_on: bool) {
-        if self.pieces.is_full() {
-            return;
-        }
-        let mut before = 0.0;
-        match self.parts.last_mut() {
-            Some(last) if goes_on && last.is_like(&part) => {
-                before = last.length;
-                last.go_on(&part);
-            }
-            _ => self.parts.push(part),
-        }
-        self.pieces.push(Piece { part: self.parts.len() - 1, before, start, length: part.length });
-    }
-}
-
-/// A straight part or a corner as a piece of what is planned as one part.
-struct Piece {
-    part: usize,
-    /// How much of that part is before it.
-    before: f64,
-    /// Where it starts, in its own unit.
-    start: f64,
-    length: f64,
-}
-
-impl Piece {
-    /// Its law within that of the part.
-    fn law(&self, part: &Part) -> Law {
-        let Part { profile, time, .. } = *part;
-        let begin = profile.at(time).0;
-        let entry = if self.before == 0.0 { time } else { profile.time_at(begin + self.before) };
-        let is_last = self.before + self.length >= part.length;
-        let exit =
-            if is_last { profile.duration() } else { profile.time_at(begin + self.before + self.length) };
-        Law { from: self.start - self.before - begin, profile, entry, exit }
-    }
+/// The pieces of a law that was found for these parts.
+fn pieces<'l>(law: &'l Law, parts: &'l [Part<'_>]) -> impl Iterator<Item = Piece> + 'l {
+    parts.iter().zip(law.begins()).enumerate().flat_map(move |(index, (part, begin))| {
+        let end = law.begins().get(index + 1).copied().unwrap_or(law.cells());
+        let mut own = part.from;
+        (*begin..end).map(move |knot| {
+            let cell = law.cell(knot);
+            let start = Spot { motion: part.motion, in_blend: part.in_blend, way: own };
+            own += cell.length * part.unit;
+            Piece { cell, start, unit: part.unit }
+        })
+    })
 }

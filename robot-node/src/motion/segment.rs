@@ -2,18 +2,18 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind};
 
-use super::along::{Followed, along};
+use super::along::{AXIS_RESERVE, Followed, Nodes, TOOL_RESERVE, along};
 use super::arc::Arc;
 use super::curve::{AxisLine, Curve, Line};
+use super::derivatives::POINT_SHARES;
 use super::flange::Flange;
-use super::profile::Limits;
+use super::node::{Limits, Node, Ratings};
 use super::spline::Spline;
 use crate::RobotConfig;
 use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
 
-/// How long the way is on which an approximated motion speeds up and slows down, by its own length: it begins or ends in
-/// motion.
-const PASSED: f64 = 3.0;
+/// The same as [`AXIS_RESERVE`] point to point, where all places are alike.
+const STRAIGHT_RESERVE: f64 = 0.985;
 
 /// What a motion is programmed with. Along a path in mm and seconds; point to point as shares of the axes' rated
 /// speeds, accelerations and jerks, 0…1.
@@ -30,12 +30,6 @@ pub struct Programmed {
 }
 
 impl Programmed {
-    /// The lower of acceleration and deceleration, which the motion keeps where it speeds up and where it slows down: the law of
-    /// a part has one limit for both.
-    fn lower(&self) -> f64 {
-        self.acceleration.min(self.deceleration)
-    }
-
     /// Reads and checks what a motion is programmed with.
     fn of(motion: &Motion, config: &RobotConfig) -> Result<Self, Violation> {
         let is_point_to_point = motion.kind.is_point_to_point();
@@ -76,7 +70,7 @@ impl Programmed {
 }
 
 /// One motion, ready to run.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Segment {
     /// Where it goes.
     pub curve: Curve,
@@ -84,18 +78,14 @@ pub struct Segment {
     pub end: Joints,
     /// What it is programmed with.
     pub programmed: Programmed,
-    /// Highest speed, acceleration and jerk along the curve, in the curve's unit.
-    pub limits: Limits,
+    /// What joints and tool are allowed along it.
+    pub(super) ratings: Ratings,
+    /// What the curve asks of them.
+    pub(super) nodes: Nodes,
     /// What corners at its start and at its end may take of it at most, in the curve's unit.
     pub zones: [f64; 2],
     /// How far from its end it may leave its curve, in mm.
     pub approximation_mm: f64,
-    /// The share of the axes' rated accelerations and jerks that it may use, 0…1.
-    pub axis_share: f64,
-    /// The tool's highest acceleration in mm/s²; infinite point to point.
-    pub tool_acceleration: f64,
-    /// The tool's highest jerk in mm/s³; infinite point to point.
-    pub tool_jerk: f64,
     /// The tool in the flange.
     pub tool: Frame,
     /// The root in the base, to show where the tool is.
@@ -144,8 +134,7 @@ impl Segment {
         let approximation_mm = motion.approximation_mm();
         let programmed = Programmed::of(motion, config)?;
         if !motion.kind.is_point_to_point() {
-            let limits =
-                Limits { speed: programmed.speed, acceleration: programmed.lower(), jerk: programmed.jerk };
+            let ratings = along_a_path(&programmed, arm);
             let start = arm.forward(from) * tool;
             let curve = if motion.kind == MotionKind::Circular {
                 let through = base.point(motion.auxiliary.map(f64::from));
@@ -157,39 +146,21 @@ impl Segment {
                 if line.is_a_point() || (is_spline && way_mm < LEAST_WAY_MM) {
                     return Err(Violation::ZeroLength { way_mm });
                 }
-                if is_spline {
-                    Curve::Spline(Spline::new(start, to, flange, limits))
-                } else {
-                    Curve::Line(line)
-                }
+                if is_spline { Curve::Spline(Spline::new(start, to, flange)) } else { Curve::Line(line) }
             };
-            // Where it goes on into another motion, that one's way counts too.
-            let way = |curve: &Curve| curve.length() * if approximation_mm > 0.0 { PASSED } else { 1.0 };
-            let (curve, Followed { end, limits, zones }) = match going_on(before, &curve) {
+            let follow = |curve: &Curve| along(curve, from, &programmed, &ratings, arm);
+            let (curve, Followed { end, nodes, zones }) = match going_on(before, &curve) {
                 // Where the arm cannot follow the bend, the line that it may stop before is what counts.
-                Some(bent) => match along(&bent, from, limits, way(&bent), arm) {
+                Some(bent) => match follow(&bent) {
                     Ok(found) => (bent, found),
-                    Err(_) => (curve, along(&curve, from, limits, way(&curve), arm)?),
+                    Err(_) => (curve, follow(&curve)?),
                 },
-                None => (curve, along(&curve, from, limits, way(&curve), arm)?),
+                None => (curve, follow(&curve)?),
             };
             if let Some(configuration) = motion.configuration {
                 arm.ends_in(&end, configuration)?;
             }
-            let (tool_acceleration, tool_jerk) = (programmed.lower(), programmed.jerk);
-            Ok(Self {
-                curve,
-                end,
-                programmed,
-                limits,
-                zones,
-                approximation_mm,
-                axis_share: 1.0,
-                tool_acceleration,
-                tool_jerk,
-                tool,
-                base_inverse,
-            })
+            Ok(Self { curve, end, programmed, ratings, nodes, zones, approximation_mm, tool, base_inverse })
         } else {
             let end = if motion.kind == MotionKind::PtpJoint {
                 let joints = core::array::from_fn(|axis| if axis < arm.axes() { target[axis] } else { 0.0 });
@@ -206,19 +177,16 @@ impl Segment {
                 }
             };
             let axes = AxisLine::new(*from, end);
-            let limits = point_to_point(&axes.way(), &programmed, arm);
+            let (ratings, nodes) = point_to_point(&axes.way(), &programmed, arm);
             let curve = Curve::Axes(axes);
-            let (tool_acceleration, tool_jerk) = (f64::INFINITY, f64::INFINITY);
             Ok(Self {
                 curve,
                 end,
                 programmed,
-                limits,
+                ratings,
+                nodes,
                 zones: [curve.length() / 2.0; 2],
                 approximation_mm,
-                axis_share: programmed.lower().min(programmed.jerk),
-                tool_acceleration,
-                tool_jerk,
                 tool,
                 base_inverse,
             })
@@ -230,10 +198,29 @@ impl Segment {
     #[must_use]
     pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
         let curve = Curve::Spline(spline);
-        let Followed { end, limits, zones } =
-            along(&curve, from, spline.programmed(), PASSED * curve.length(), arm).ok()?;
+        let Followed { end, nodes, zones } =
+            along(&curve, from, &self.programmed, &self.ratings, arm).ok()?;
         let same_turns = end.iter().zip(&self.end).all(|(one, other)| (one - other).abs() < 1e-3);
-        same_turns.then_some(Self { curve, end, limits, zones, ..*self })
+        same_turns.then(|| Self { curve, end, nodes, zones, ..self.clone() })
+    }
+
+    /// Limits that may all be made use of at once, everywhere along it.
+    #[must_use]
+    pub fn steady_limits(&self) -> Limits {
+        let Programmed { speed, acceleration, jerk, .. } = self.programmed;
+        self.nodes
+            .iter()
+            .fold(Limits { speed, acceleration, jerk }, |limits, node| node.steady(limits, &self.ratings))
+    }
+
+    /// The highest speed that is programmed, in its curve's unit.
+    pub(super) fn programmed_speed(&self) -> f64 {
+        self.nodes.first().map_or(0.0, |node| node.programmed)
+    }
+
+    /// The share of their rated speeds that joints are programmed to have at most.
+    pub(super) fn programmed_share(&self) -> f64 {
+        if matches!(self.curve, Curve::Axes(_)) { self.programmed.speed } else { 1.0 }
     }
 
     /// The tool in the root when the joints are these.
@@ -254,19 +241,26 @@ fn within(value: f64, limit: f64, violation: fn(f64, f64) -> Violation) -> Resul
     if value > 0.0 && value <= limit { Ok(value) } else { Err(violation(value, limit)) }
 }
 
-/// The slowest axis sets the pace of all.
-fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> Limits {
+/// What joints and tool are allowed along a path.
+fn along_a_path(programmed: &Programmed, arm: &Arm) -> Ratings {
+    let Programmed { acceleration, deceleration, jerk, .. } = *programmed;
+    let ratings =
+        Ratings::of_axes(arm.limits(), 1.0, AXIS_RESERVE).with_tool(acceleration, jerk, TOOL_RESERVE);
+    Ratings { tool_deceleration: deceleration / acceleration, ..ratings }
+}
+
+/// What the joints are allowed point to point, and what that asks of them: the slowest axis sets the pace of all.
+fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> (Ratings, Nodes) {
     let rated = arm.limits();
-    let per_way = |limits: &Joints| {
-        let moving = way.iter().zip(limits).filter(|(way, _)| **way != 0.0);
-        moving.fold(f64::INFINITY, |least, (way, limit)| least.min(limit / way.abs()))
+    let ratings = Ratings::of_axes(rated, programmed.acceleration, STRAIGHT_RESERVE);
+    let ratings = Ratings {
+        ramp_s: ratings.ramp_s.map(|ramp_s| ramp_s * programmed.acceleration / programmed.jerk),
+        deceleration: programmed.deceleration / programmed.acceleration,
+        ..ratings
     };
-    if way.iter().all(|way| *way == 0.0) {
-        return Limits { speed: 1.0, acceleration: 1.0, jerk: 1.0 };
-    }
-    Limits {
-        speed: programmed.speed * per_way(&rated.speed),
-        acceleration: programmed.lower() * per_way(&rated.acceleration),
-        jerk: programmed.jerk * per_way(&rated.jerk),
-    }
+    let moving = way.iter().zip(&rated.speed).filter(|(way, _)| **way != 0.0);
+    let speed =
+        programmed.speed * moving.fold(f64::INFINITY, |least, (way, limit)| least.min(limit / way.abs()));
+    let nodes = POINT_SHARES.iter().map(|share| Node::of_axes(*share, speed, way, &ratings)).collect();
+    (ratings, nodes)
 }

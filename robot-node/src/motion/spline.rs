@@ -20,7 +20,6 @@
 //! The orientation goes through the same blend as a quaternion and is normalised, so it is as smooth as the position.
 
 use super::flange::Flange;
-use super::profile::Limits;
 use crate::arm::{Frame, Rotation, distance, dot, length};
 
 /// Parts into which the piece is cut to know its length.
@@ -64,7 +63,6 @@ pub struct Spline {
     /// How τ grows with the way where each part begins, and at the end: its first two derivatives, by mm.
     growth: [[f64; 2]; PARTS + 1],
     flange: Flange,
-    programmed: Limits,
 }
 
 /// About where a share is: within a part from `start` to `end`, which begins after a way in mm.
@@ -77,26 +75,19 @@ struct Guess {
 }
 
 impl Spline {
-    /// A piece without neighbours, a straight line, in mm; `programmed` is kept for when neighbours are known.
+    /// A piece without neighbours, a straight line, in mm.
     #[must_use]
-    pub fn new(from: Frame, to: Frame, flange: Flange, programmed: Limits) -> Self {
-        Self::between(None, from, to, None, flange, programmed)
+    pub fn new(from: Frame, to: Frame, flange: Flange) -> Self {
+        Self::between(None, from, to, None, flange)
     }
 
     /// This piece between the poses before its start and after its end, where they are known.
     #[must_use]
     pub fn with_neighbours(&self, before: Option<Frame>, after: Option<Frame>) -> Self {
-        Self::between(before, self.from, self.to, after, self.flange, self.programmed)
+        Self::between(before, self.from, self.to, after, self.flange)
     }
 
-    fn between(
-        before: Option<Frame>,
-        from: Frame,
-        to: Frame,
-        after: Option<Frame>,
-        flange: Flange,
-        programmed: Limits,
-    ) -> Self {
+    fn between(before: Option<Frame>, from: Frame, to: Frame, after: Option<Frame>, flange: Flange) -> Self {
         let start = pose(&from, None);
         let end = pose(&to, Some(&start));
         let u = distance(from.position, to.position).sqrt();
@@ -126,7 +117,7 @@ impl Spline {
             }
         }
         let (ways, growth) = ([0.0; PARTS], [[0.0; 2]; PARTS + 1]);
-        let mut piece = Self { before, from, to, after, factors, ways, growth, flange, programmed };
+        let mut piece = Self { before, from, to, after, factors, ways, growth, flange };
         if before.is_none() && after.is_none() {
             let way = distance(from.position, to.position);
             piece.ways = core::array::from_fn(|part| way * (part + 1) as f64 * PART);
@@ -170,12 +161,6 @@ impl Spline {
     #[must_use]
     pub const fn flange(&self) -> &Flange {
         &self.flange
-    }
-
-    /// The limits as programmed.
-    #[must_use]
-    pub const fn programmed(&self) -> Limits {
-        self.programmed
     }
 
     /// Whether one curve can go through this piece and then to that one's target: the same tool, and no turn back.
@@ -320,15 +305,13 @@ mod tests {
     use crate::arm::cross;
     use proptest::prelude::*;
 
-    const PROGRAMMED: Limits = Limits { speed: 250.0, acceleration: 5000.0, jerk: 100_000.0 };
-
     fn pieces(targets: &[[f64; 6]]) -> Vec<Spline> {
         let frames: Vec<Frame> = targets.iter().map(|target| Frame::from_mm_deg(*target)).collect();
         let at = |index: usize| frames.get(index).copied();
         (1..frames.len())
             .map(|index| {
                 let flange = Flange::of_tool(&Frame::IDENTITY);
-                Spline::new(frames[index - 1], frames[index], flange, PROGRAMMED)
+                Spline::new(frames[index - 1], frames[index], flange)
                     .with_neighbours(index.checked_sub(2).and_then(at), at(index + 1))
             })
             .collect()

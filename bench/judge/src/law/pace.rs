@@ -1,7 +1,7 @@
 //! How fast the tool goes on lines and circles, and the joints point to point: as programmed, times the override.
 //!
 //! Where the override falls, the arm is faster for a while: it slows down as its limits allow. How fast that is, is the
-//! robot's affair; but a motion that is too fast must not become faster, once the acceleration that it had is taken back.
+//! robot's affair; but it must not become faster than it was until the acceleration that it had is taken back.
 
 use protocol::image::{Command, Control};
 
@@ -32,11 +32,13 @@ pub(super) struct Pace {
     /// The cycle in which the share changed last.
     pub(super) changed_in: u32,
     compliant: u32,
+    /// On which motion that was, and the highest share of its programmed speed as long as it may still rise.
+    highest: Option<(usize, f64)>,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { factor: 1.0, holds: false, slows_from: None, changed_in: 0, compliant: 0 }
+        Self { factor: 1.0, holds: false, slows_from: None, changed_in: 0, compliant: 0, highest: None }
     }
 }
 
@@ -60,7 +62,7 @@ impl Pace {
         if now == before {
             return;
         }
-        (self.changed_in, self.compliant) = (cycle, 0);
+        (self.changed_in, self.compliant, self.highest) = (cycle, 0, None);
         let from = self.slows_from.unwrap_or(0.0).max(before);
         self.slows_from = (now < from).then_some(from);
     }
@@ -180,7 +182,7 @@ impl Law {
         }
     }
 
-    /// A motion that is faster than wanted does not become faster.
+    /// A motion that is faster than wanted does not become faster than it was.
     ///
     /// A LIN force is led by the force as well.
     fn look_at_speed(&mut self, among: Among, step: f64, before: f64, programmed: f64) {
@@ -188,18 +190,19 @@ impl Law {
         if !among.is_one() || programmed <= 0.0 || is_led {
             return;
         }
-        let is_late = self.cycle - self.pace.changed_in > self.settles_in;
-        let was_there = self.among_last(3 + self.settles_in.min(1) as usize) == among;
-        let most = before * (1.0 + BEND) + TOOL_NOISE_MM;
-        if self.pace.slows_from.is_some()
-            && is_late
-            && was_there
-            && step > most.max(self.pace.wanted() * programmed * (1.0 + SHARE))
-        {
+        let share = step / programmed;
+        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + 1;
+        let (on, highest) = self.pace.highest.unwrap_or((among.first, 0.0));
+        if may_rise && on == among.first {
+            self.pace.highest = Some((on, highest.max(share)));
+        }
+        let most = highest.max(self.pace.wanted()) * (1.0 + BEND) + TOOL_NOISE_MM / programmed;
+        let is_known = self.pace.highest.is_some() && on == among.first;
+        if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
             let what = Broken::Figure {
                 of: "while it slows down for the override, the share of the programmed speed",
-                figure: step / programmed,
-                limit: most / programmed,
+                figure: share,
+                limit: most,
                 unit: "",
             };
             self.report(Class::ToolSpeed, what);

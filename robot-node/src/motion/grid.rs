@@ -1,0 +1,229 @@
+//! The knots of a stretch of path from where the arm is, or rests, to the next rest.
+
+use arrayvec::ArrayVec;
+
+use super::law::Pace;
+use super::node::{Knot, Node, Ratings};
+
+/// Parts that a stretch has at most.
+pub(super) const PARTS: usize = 16;
+
+/// Knots that a stretch has at most. A longer one leaves out every other node.
+pub(super) const KNOTS: usize = 512;
+
+/// So many more nodes may be left out.
+const STRIDES: usize = 8;
+
+/// A cell between two knots is this share of the stretch long at most.
+const LONGEST: f64 = 1.0 / 8.0;
+
+/// A straight part or a corner, as far as it belongs to the stretch.
+#[derive(Clone, Copy)]
+pub(super) struct Part<'a> {
+    pub(super) nodes: &'a [Node],
+    pub(super) ratings: &'a Ratings,
+    /// Where the stretch enters and leaves it, in its unit.
+    pub(super) from: f64,
+    pub(super) to: f64,
+    /// What its way grows by for each unit of the stretch.
+    pub(super) unit: f64,
+    /// The number of its motion, and whether it is the corner after that.
+    pub(super) motion: u32,
+    pub(super) in_blend: bool,
+}
+
+impl Part<'_> {
+    /// How long it is in the unit of the stretch.
+    pub(super) fn length(&self) -> f64 {
+        (self.to - self.from).max(0.0) / self.unit
+    }
+
+    /// The knot at a place of its own unit, which is at `way` of the stretch.
+    pub(super) fn knot(&self, own_way: f64, way: f64) -> Option<Knot> {
+        let next = self.nodes.partition_point(|node| node.way <= own_way).clamp(1, self.nodes.len() - 1);
+        let (one, other) = (self.nodes.get(next - 1)?, self.nodes.get(next)?);
+        let share = ((own_way - one.way) / (other.way - one.way)).clamp(0.0, 1.0);
+        Some(Knot::between(one, other, share, self.ratings, way, self.unit))
+    }
+}
+
+/// A cell is at most about so many times as long as the one beside it, so that the speed does not change too much within it.
+const GRADING: f64 = 3.0;
+
+/// The knots, and where each part begins.
+#[derive(Debug, Default)]
+pub(super) struct Grid {
+    pub(super) knots: ArrayVec<Knot, KNOTS>,
+    /// The knots at nodes and borders, before cells are cut.
+    rough: ArrayVec<Knot, KNOTS>,
+    /// The same places as parts have them that end there, for all parts but the first: the third derivative may be another.
+    pub(super) ends: ArrayVec<Knot, PARTS>,
+    /// The knot at which a part begins.
+    pub(super) begins: ArrayVec<usize, PARTS>,
+}
+
+impl Grid {
+    /// Takes the knots of these parts; none where there is no way to go, or too much.
+    pub(super) fn fill(&mut self, parts: &[Part<'_>], pace: &Pace) -> Option<()> {
+        let nodes: usize = parts.iter().map(|part| part.nodes.len() + 2).sum();
+        let stride = nodes.div_ceil(KNOTS - 2 * PARTS - 16);
+        // How many cells are cut is not known before.
+        (stride..stride + STRIDES).find_map(|stride| self.take_nodes(parts, pace, stride))
+    }
+
+    /// Takes every so manieth node; none where they are too many.
+    fn take_nodes(&mut self, parts: &[Part<'_>], pace: &Pace, stride: usize) -> Option<()> {
+        self.rough.clear();
+        self.ends.clear();
+        self.begins.clear();
+        let length: f64 = parts.iter().map(Part::length).sum();
+        let mut begin = 0.0;
+        for part in parts {
+            self.begin_part(part.knot(part.from, begin)?)?;
+            self.take_part(part, begin, length, stride)?;
+            begin += part.length();
+        }
+        if self.rough.len() < 2 {
+            return None;
+        }
+        self.grade(pace.brakes_within())?;
+        self.refine_end();
+        if pace.is_rest() {
+            self.refine_start();
+        }
+        (self.knots.len() > 2).then_some(())
+    }
+
+    fn begin_part(&mut self, first: Knot) -> Option<()> {
+        match self.rough.last_mut() {
+            Some(last) => {
+                self.ends.try_push(*last).ok()?;
+                last.join(first);
+            }
+            None => self.rough.push(first),
+        }
+        self.begins.try_push(self.rough.len() - 1).ok()
+    }
+
+    /// Takes what is behind the first knot of a part that begins at `begin`. No cell is too long for the whole `length`.
+    fn take_part(&mut self, part: &Part<'_>, begin: f64, length: f64, stride: usize) -> Option<()> {
+        let (longest, least) = (LONGEST * length, 1e-9 * length);
+        let end = begin + part.length();
+        let inner = part
+            .nodes
+            .iter()
+            .step_by(stride)
+            .map(|node| (begin + (node.way - part.from) / part.unit, Some(node)));
+        let inner = inner.filter(|(way, _)| *way > begin + least && *way < end - least);
+        for (way, node) in inner.chain(core::iter::once((end, None))) {
+            let before = self.rough.last()?.way;
+            let cells = ((way - before) / longest).ceil().max(1.0);
+            for cell in 1..cells as usize {
+                let between = before + (way - before) * cell as f64 / cells;
+                let own = part.from + (between - begin) * part.unit;
+                self.rough.try_push(part.knot(own, between)?).ok()?;
+            }
+            let knot = match node {
+                Some(node) => Knot::new(node, part.ratings, way, part.unit),
+                None => part.knot(part.from + (way - begin) * part.unit, way)?,
+            };
+            self.rough.try_push(knot).ok()?;
+        }
+        Some(())
+    }
+
+    /// The place where a cell ends as the part has it that ends there too, if one does.
+    fn end_of(&self, cell: usize) -> Option<&Knot> {
+        let part = self.begins.iter().position(|begin| *begin == cell + 1)?;
+        self.ends.get(part.checked_sub(1)?)
+    }
+
+    /// Cuts cells that are much longer than those beside them, which a short corner between long motions has.
+    fn grade(&mut self, first_cell: f64) -> Option<()> {
+        let Self { knots, rough, ends, begins } = self;
+        knots.clear();
+        let length_of = |cell: usize| Some(rough.get(cell + 1)?.way - rough.get(cell)?.way);
+        // The number of the part, counted from 1, that begins next.
+        let mut part = 1;
+        for (index, knot) in rough.iter().enumerate() {
+            let begins_here = index > 0 && begins.get(part) == Some(&index);
+            if begins_here {
+                begins[part] = knots.len();
+                part += 1;
+            }
+            knots.try_push(*knot).ok()?;
+            let (Some(length), Some(next)) = (length_of(index), rough.get(index + 1)) else { break };
+            let is_last_of_part = begins.get(part) == Some(&(index + 1));
+            let next = ends.get(part - 1).filter(|_| is_last_of_part).unwrap_or(next);
+            let least = 1e-6 * length;
+            let before = index.checked_sub(1).and_then(length_of).unwrap_or(first_cell / GRADING).max(least);
+            let after = length_of(index + 1).map_or(f64::INFINITY, |after| after.max(least));
+            let mut cut = |way: f64| knots.try_push(knot.toward(next, way / length)).ok();
+            let (mut step, mut way) = (GRADING * before, GRADING * before);
+            while way < length / 2.0 {
+                cut(way)?;
+                step *= GRADING;
+                way += step;
+            }
+            // From the other end the longest comes first.
+            let (mut step, mut way) = (GRADING * after, GRADING * after);
+            let mut cuts = 0;
+            while way < length / 2.0 {
+                step *= GRADING;
+                way += step;
+                cuts += 1;
+            }
+            for _ in 0..cuts {
+                way -= step;
+                step /= GRADING;
+                cut(length - way)?;
+            }
+        }
+        Some(())
+    }
+
+    /// From rest the jerk alone counts until the acceleration is up: a knot where that is.
+    fn refine_start(&mut self) {
+        let (first, next) = (self.knots[0], self.knots[1]);
+        let Some(ramp) = ramp(&first, next.way - first.way) else { return };
+        let next = self.end_of(0).unwrap_or(&next);
+        let knot = first.toward(next, ramp / (next.way - first.way));
+        self.insert(1, knot);
+        // A knot close behind it makes a cell that is too short beside it.
+        let is_inner = self.knots.len() > 4 && !self.begins.contains(&2);
+        if is_inner && self.knots[2].way - first.way < 1.7 * ramp {
+            self.remove(2);
+        }
+    }
+
+    /// The same before the rest at the end.
+    fn refine_end(&mut self) {
+        let last = self.knots.len() - 1;
+        let (end, before) = (self.knots[last], self.knots[last - 1]);
+        let Some(ramp) = ramp(&end, end.way - before.way) else { return };
+        let knot = before.toward(&end, 1.0 - ramp / (end.way - before.way));
+        self.insert(last, knot);
+        let is_inner = last > 2 && !self.begins.contains(&(last - 1));
+        if is_inner && end.way - self.knots[last - 1].way < 1.7 * ramp {
+            self.remove(last - 1);
+        }
+    }
+
+    fn insert(&mut self, index: usize, knot: Knot) {
+        if self.knots.try_insert(index, knot).is_ok() {
+            self.begins.iter_mut().filter(|begin| **begin >= index).for_each(|begin| *begin += 1);
+        }
+    }
+
+    fn remove(&mut self, index: usize) {
+        self.knots.remove(index);
+        self.begins.iter_mut().filter(|begin| **begin > index).for_each(|begin| *begin -= 1);
+    }
+}
+
+/// How far from a rest the acceleration is up, within a cell of this length. None where that is too near to its end for a knot.
+fn ramp(rest: &Knot, cell: f64) -> Option<f64> {
+    let (acceleration, jerk) = rest.at_rest();
+    let ramp = acceleration * acceleration * acceleration / (6.0 * jerk * jerk);
+    (ramp < 0.6 * cell).then_some(ramp)
+}
