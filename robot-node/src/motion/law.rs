@@ -26,7 +26,7 @@ const EXACT: f64 = 5e-3;
 const SLACK: f64 = 8e-3;
 
 /// So often limits are drawn tighter at most.
-const ROUNDS: usize = 12;
+const ROUNDS: usize = 5;
 
 /// The share of a limit that is left at least where it is drawn tighter.
 const TIGHTEST: f64 = 0.2;
