@@ -267,7 +267,8 @@ fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named()
         |list: &[(&str, &'static str)], name| list.iter().find(|(known, _)| *known == name).unwrap().1;
     let setup = built_in(setup::SETUPS, "A");
     let application = built_in(planning::APPLICATIONS, "pick-and-place");
-    let faster = setup.replace("velocity_percent = { value = 3", "velocity_percent = { value = 4");
+    let faster = setup.replace("velocity_percent = { value = ", "velocity_percent = { value = 1");
+    assert_ne!(faster, setup);
     fs::write(place.join("faster.toml"), faster).unwrap();
     let own = setup.replace("application = \"pick-and-place\"", "application = \"task.toml\"");
     fs::write(place.join("own.toml"), own).unwrap();

@@ -8,7 +8,6 @@ use arrayvec::ArrayVec;
 use super::curve::Curve;
 use super::derivatives::{Derivatives, NODES, POINT_SHARES, POINTS, SHARES, Samples, place_of};
 use super::node::{Node, Ratings};
-use super::segment::Programmed;
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve of what an axis and the tool may do, for what the samples do not show. Where they leave out more, the
@@ -56,7 +55,8 @@ pub(super) struct Followed {
 /// The ways along a curve that were looked at, and the joints there.
 type Trail = ArrayVec<(f64, Joints), { PIECES * NODES }>;
 
-/// Follows a curve that starts at the joints `from`.
+/// Follows a curve that starts at the joints `from`, with a programmed speed and limits of the acceleration and of the jerk along
+/// it, all in the curve's unit.
 ///
 /// # Errors
 ///
@@ -64,7 +64,8 @@ type Trail = ArrayVec<(f64, Joints), { PIECES * NODES }>;
 pub(super) fn along(
     curve: &Curve,
     from: &Joints,
-    programmed: &Programmed,
+    speed: f64,
+    most: [f64; 2],
     ratings: &Ratings,
     arm: &Arm,
 ) -> Result<Followed, Violation> {
@@ -72,7 +73,6 @@ pub(super) fn along(
     let is_line = matches!(curve, Curve::Line(_));
     let is_cut = matches!(curve, Curve::Arc(arc) if arc.opening_deg() > RESOLVED_ARC_DEG);
     let (mut joints, mut start, mut share) = (*from, 0.0, if is_cut { 0.5 } else { 1.0 });
-    let most = [programmed.acceleration, programmed.jerk];
     let mut derivatives = Derivatives::NONE;
     while start < 1.0 {
         let length = curve.length();
@@ -92,13 +92,7 @@ pub(super) fn along(
         let stride = if share < 1.0 { 2 } else { 1 };
         for point in (0..POINTS).step_by(stride).skip(usize::from(first > 0)) {
             let at = (&derivatives, place_of(point), off);
-            nodes.push(Node::new(
-                begin + POINT_SHARES[point] * width,
-                programmed.speed,
-                at,
-                is_line,
-                ratings,
-            ));
+            nodes.push(Node::new(begin + POINT_SHARES[point] * width, speed, at, is_line, ratings));
         }
         if can_cut && !is_resolved(&derivatives, &nodes[first..], most, ratings, arm.axes()) {
             nodes.truncate(first);
@@ -108,7 +102,7 @@ pub(super) fn along(
         derivatives.within_range(width, arm)?;
         for node in &nodes[first..] {
             let (highest, axis) = node.highest_of_joints(ratings);
-            let share = highest.sqrt() / programmed.speed;
+            let share = highest.sqrt() / speed;
             if share < SINGULAR_SHARE {
                 return Err(Violation::Singular { axis, share });
             }

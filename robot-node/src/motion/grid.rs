@@ -2,8 +2,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::law::Pace;
-use super::node::{Knot, Node, Ratings};
+use super::node::{Knot, Node, Pace, Ratings};
 
 /// Parts that a stretch has at most.
 pub(super) const PARTS: usize = 16;

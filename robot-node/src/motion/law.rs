@@ -18,7 +18,7 @@
 use arrayvec::ArrayVec;
 
 use super::grid::{Grid, KNOTS, Part};
-use super::node::Knot;
+use super::node::{Knot, Pace};
 
 /// How much more than is planned with a law may take: of the reserve, nothing to speak of, and where the arm already moves, a
 /// little.
@@ -36,26 +36,6 @@ const SLOWEST: f64 = 1e-6;
 
 /// So many times the highest square of the speed over a cell's length is more than any acceleration.
 const MUCH: f64 = 10.0;
-
-/// How the arm moves at a place: the square of its speed, and its acceleration.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(super) struct Pace {
-    pub(super) square: f64,
-    pub(super) acceleration: f64,
-}
-
-impl Pace {
-    pub(super) const REST: Self = Self { square: 0.0, acceleration: 0.0 };
-
-    pub(super) fn is_rest(&self) -> bool {
-        self.square == 0.0
-    }
-
-    /// How far from here the arm stands if it goes on braking like this; infinite where it does not brake.
-    pub(super) fn brakes_within(&self) -> f64 {
-        if self.acceleration < 0.0 { -self.square / (2.0 * self.acceleration) } else { f64::INFINITY }
-    }
-}
 
 /// How the speed goes within a cell.
 #[derive(Clone, Copy, PartialEq, Debug)]

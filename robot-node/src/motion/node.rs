@@ -86,6 +86,26 @@ pub(super) fn ramp_s(acceleration: f64, jerk: f64) -> f64 {
     if jerk.is_finite() { acceleration / jerk } else { 0.0 }
 }
 
+/// How the arm moves at a place: the square of its speed, and its acceleration.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(super) struct Pace {
+    pub(super) square: f64,
+    pub(super) acceleration: f64,
+}
+
+impl Pace {
+    pub(super) const REST: Self = Self { square: 0.0, acceleration: 0.0 };
+
+    pub(super) fn is_rest(&self) -> bool {
+        self.square == 0.0
+    }
+
+    /// How far from here the arm stands if it goes on braking like this; infinite where it does not brake.
+    pub(super) fn brakes_within(&self) -> f64 {
+        if self.acceleration < 0.0 { -self.square / (2.0 * self.acceleration) } else { f64::INFINITY }
+    }
+}
+
 /// A vector of the tool.
 type Vector<T> = [T; 3];
 

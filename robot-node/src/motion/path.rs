@@ -10,7 +10,8 @@ use arrayvec::ArrayVec;
 
 use super::blend::{BORDER_SLOPE, Blend};
 use super::grid::{PARTS, Part};
-use super::law::{Cell, Law, Pace};
+use super::law::{Cell, Law};
+use super::node::Pace;
 use super::segment::Segment;
 use super::time_scale::{Phase, Ramp, Rate, TimeScale};
 use crate::arm::{Arm, Joints, Violation};

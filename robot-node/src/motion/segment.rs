@@ -148,7 +148,8 @@ impl Segment {
                 }
                 if is_spline { Curve::Spline(Spline::new(start, to, flange)) } else { Curve::Line(line) }
             };
-            let follow = |curve: &Curve| along(curve, from, &programmed, &ratings, arm);
+            let most = [programmed.acceleration, programmed.jerk];
+            let follow = |curve: &Curve| along(curve, from, programmed.speed, most, &ratings, arm);
             let (curve, Followed { end, nodes, zones }) = match going_on(before, &curve) {
                 // Where the arm cannot follow the bend, the line that it may stop before is what counts.
                 Some(bent) => match follow(&bent) {
@@ -198,8 +199,9 @@ impl Segment {
     #[must_use]
     pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
         let curve = Curve::Spline(spline);
+        let Programmed { speed, acceleration, jerk, .. } = self.programmed;
         let Followed { end, nodes, zones } =
-            along(&curve, from, &self.programmed, &self.ratings, arm).ok()?;
+            along(&curve, from, speed, [acceleration, jerk], &self.ratings, arm).ok()?;
         let same_turns = end.iter().zip(&self.end).all(|(one, other)| (one - other).abs() < 1e-3);
         same_turns.then(|| Self { curve, end, nodes, zones, ..self.clone() })
     }
