@@ -267,7 +267,7 @@ fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named()
         |list: &[(&str, &'static str)], name| list.iter().find(|(known, _)| *known == name).unwrap().1;
     let setup = built_in(setup::SETUPS, "A");
     let application = built_in(planning::APPLICATIONS, "pick-and-place");
-    let faster = setup.replace("velocity_percent = { value = ", "velocity_percent = { value = 1");
+    let faster = setup.replace("velocity_percent = { value = 2", "velocity_percent = { value = 4");
     assert_ne!(faster, setup);
     fs::write(place.join("faster.toml"), faster).unwrap();
     let own = setup.replace("application = \"pick-and-place\"", "application = \"task.toml\"");
@@ -282,7 +282,7 @@ fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named()
     let (code, error) = measure("faster", "faster.toml", &[]);
     assert_eq!(code, Some(2), "{error}");
     let told =
-        "the plc-node at 10.77.0.1:7700 runs another cell: in its setup, `motions.velocity_percent` is 3";
+        "the plc-node at 10.77.0.1:7700 runs another cell: in its setup, `motions.velocity_percent` is 2";
     assert!(error.contains(told) && error.contains(", and here 4"), "{error}");
     let (code, error) = measure("cyclic", "own.toml", &["--cyclic", "rt1"]);
     assert_eq!(code, Some(2), "{error}");

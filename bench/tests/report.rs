@@ -111,7 +111,7 @@ fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
 #[test]
 fn a_run_of_a_copy_with_another_speed_has_no_paper_in_table_report_exports_and_comparison() {
     let directory = a_run();
-    let text = setup::SETUPS[0].1.replace("velocity_percent = { value = 3", "velocity_percent = { value = 4");
+    let text = setup::SETUPS[0].1.replace("velocity_percent = { value = 2", "velocity_percent = { value = 4");
     assert_ne!(text, setup::SETUPS[0].1);
     std::fs::write(directory.path().join("copy.toml"), text).unwrap();
     let said = bench(
