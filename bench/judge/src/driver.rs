@@ -132,7 +132,8 @@ impl Driver {
                     self.command.set_slot(0, motion.motion());
                     self.command.written = 1;
                     self.wait(&[], &mut events);
-                    if !self.feedback().status.contains(Status::DONE) || self.law.found().is_some() {
+                    let is_done = self.is_connected && self.feedback().status.contains(Status::DONE);
+                    if !is_done || self.law.found().is_some() {
                         break;
                     }
                 }
@@ -162,6 +163,10 @@ impl Driver {
             let feedback = self.feedback();
             if feedback.number == self.command.number && feedback.status.0 & ended != 0 {
                 break;
+            }
+            if !self.is_connected && feedback.number != self.command.number {
+                // The connection was lost before the call came to the robot.
+                return;
             }
             if waited > PATIENCE + HALTS_WITHIN {
                 self.law.is_stuck();

@@ -19,16 +19,13 @@ pub(super) const TOOL_RESERVE: f64 = 0.965;
 const LEFT_OUT: f64 = 0.85;
 
 /// A piece is at least this share of the curve long.
-const SHORTEST: f64 = 1.0 / 512.0;
+const SHORTEST: f64 = 1.0 / 4096.0;
 
 /// Into so many pieces a curve is cut at most.
-const PIECES: usize = 16;
+const PIECES: usize = 40;
 
 /// Nodes of a curve: of one that is not cut all points, of pieces only the samples.
 pub(super) type Nodes = ArrayVec<Node, { PIECES * (NODES - 1) + 1 }>;
-
-/// So many nodes there are when one piece is left.
-const LAST_PIECE: usize = (PIECES - 1) * (NODES - 1);
 
 /// An arc that goes round farther than this, in degrees, is cut at once: one piece's samples never tell enough of it.
 const RESOLVED_ARC_DEG: f64 = 135.0;
@@ -78,7 +75,8 @@ pub(super) fn along(
         let length = curve.length();
         let (begin, width) = (start * length, share * length);
         let (samples, end, (turned, (axis, turn_deg))) = sampled(curve, &joints, begin, width, arm)?;
-        let can_cut = share > SHORTEST && nodes.len() < LAST_PIECE;
+        let left = PIECES - nodes.len() / (NODES - 1);
+        let can_cut = share > SHORTEST && pieces_to_end(share / 2.0, 1.0 - start) <= left;
         if !can_cut && turn_deg > TURNED_OVER_DEG {
             return Err(Violation::Configuration { axis, turn_deg, way: turned, length });
         }
@@ -109,14 +107,25 @@ pub(super) fn along(
         }
         (0..NODES).for_each(|node| trail.push((begin + SHARES[node] * width, samples.joints(node))));
         (joints, start) = (end, start + share);
-        // The last piece is all that is left.
-        share = if nodes.len() < LAST_PIECE { (2.0 * share).min(1.0 - start) } else { 1.0 - start };
+        share = (2.0 * share).min(1.0 - start);
     }
     let length = curve.length();
     let from_start = unambiguous(from, trail.iter().map(|(way, joints)| (*way, joints)), length / 2.0, arm);
     let from_end = trail.iter().rev().map(|(way, joints)| (length - way, joints));
     let zones = [from_start, unambiguous(&joints, from_end, length / 2.0, arm)];
     Ok(Followed { end: joints, nodes, zones })
+}
+
+/// How many pieces there are to the end of a curve, of which a share is left, if this is the next one and each is twice as long as the
+/// one before.
+fn pieces_to_end(share: f64, left: f64) -> usize {
+    let (mut pieces, mut piece, mut end) = (0, share, 0.0);
+    while end < left {
+        end += piece;
+        piece *= 2.0;
+        pieces += 1;
+    }
+    pieces
 }
 
 /// How far from a corner, at most `half`, no rotary joint turns by more than [`UNAMBIGUOUS_DEG`] from where it is in the

@@ -4,7 +4,8 @@ use protocol::image::Motion;
 
 use super::blend::{self, Blend};
 use super::curve::Curve;
-use super::path::{Path, Planned, Spot};
+use super::path::{Path, Planned};
+use super::piece::Spot;
 use super::segment::Segment;
 use super::spline::Spline;
 use crate::RobotConfig;

@@ -8,7 +8,7 @@ use super::node::{Knot, Node, Pace, Ratings};
 pub(super) const PARTS: usize = 16;
 
 /// Knots that a stretch has at most. A longer one leaves out every other node.
-pub(super) const KNOTS: usize = 512;
+pub(super) const KNOTS: usize = 1024;
 
 /// So many more nodes may be left out.
 const STRIDES: usize = 8;
@@ -50,15 +50,28 @@ impl Part<'_> {
 const GRADING: f64 = 3.0;
 
 /// The knots, and where each part begins.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Grid {
-    pub(super) knots: ArrayVec<Knot, KNOTS>,
+    /// With room for [`KNOTS`], as all that is kept of them, which is too much for a stack.
+    pub(super) knots: Vec<Knot>,
     /// The knots at nodes and borders, before cells are cut.
-    rough: ArrayVec<Knot, KNOTS>,
+    rough: Vec<Knot>,
     /// The same places as parts have them that end there, for all parts but the first: the third derivative may be another.
     pub(super) ends: ArrayVec<Knot, PARTS>,
     /// The knot at which a part begins.
     pub(super) begins: ArrayVec<usize, PARTS>,
+}
+
+impl Default for Grid {
+    fn default() -> Self {
+        let [knots, rough] = [0; 2].map(|_| Vec::with_capacity(KNOTS));
+        Self { knots, rough, ends: ArrayVec::new(), begins: ArrayVec::new() }
+    }
+}
+
+/// Adds a knot; none where there is no room.
+fn push(knots: &mut Vec<Knot>, knot: Knot) -> Option<()> {
+    (knots.len() < KNOTS).then(|| knots.push(knot))
 }
 
 impl Grid {
@@ -120,13 +133,13 @@ impl Grid {
             for cell in 1..cells as usize {
                 let between = before + (way - before) * cell as f64 / cells;
                 let own = part.from + (between - begin) * part.unit;
-                self.rough.try_push(part.knot(own, between)?).ok()?;
+                push(&mut self.rough, part.knot(own, between)?)?;
             }
             let knot = match node {
                 Some(node) => Knot::new(node, part.ratings, way, part.unit),
                 None => part.knot(part.from + (way - begin) * part.unit, way)?,
             };
-            self.rough.try_push(knot).ok()?;
+            push(&mut self.rough, knot)?;
         }
         Some(())
     }
@@ -150,14 +163,14 @@ impl Grid {
                 begins[part] = knots.len();
                 part += 1;
             }
-            knots.try_push(*knot).ok()?;
+            push(knots, *knot)?;
             let (Some(length), Some(next)) = (length_of(index), rough.get(index + 1)) else { break };
             let is_last_of_part = begins.get(part) == Some(&(index + 1));
             let next = ends.get(part - 1).filter(|_| is_last_of_part).unwrap_or(next);
             let least = 1e-6 * length;
             let before = index.checked_sub(1).and_then(length_of).unwrap_or(first_cell / GRADING).max(least);
             let after = length_of(index + 1).map_or(f64::INFINITY, |after| after.max(least));
-            let mut cut = |way: f64| knots.try_push(knot.toward(next, way / length)).ok();
+            let mut cut = |way: f64| push(knots, knot.toward(next, way / length));
             let (mut step, mut way) = (GRADING * before, GRADING * before);
             while way < length / 2.0 {
                 cut(way)?;
@@ -209,7 +222,8 @@ impl Grid {
     }
 
     fn insert(&mut self, index: usize, knot: Knot) {
-        if self.knots.try_insert(index, knot).is_ok() {
+        if self.knots.len() < KNOTS {
+            self.knots.insert(index, knot);
             self.begins.iter_mut().filter(|begin| **begin >= index).for_each(|begin| *begin += 1);
         }
     }

@@ -486,7 +486,11 @@ impl Law {
             let loads = there.0.loads(there.1.square, there.1.acceleration, jerk);
             let at_rest = if from.is_rest() { start } else { end };
             let rest = [0.0, jerk / at_rest.at_rest().1 * at_rest.tightness[1]];
-            return if from.is_rest() { [rest, [0.0; 2], loads] } else { [loads, [0.0; 2], rest] };
+            // Half-way b and a are these shares of what they are there: they go with s^(4/3) and s^(1/3).
+            let (half_square, half) = (libm::cbrt(1.0 / 16.0), libm::cbrt(0.5));
+            let middle =
+                start.loads_between(end, half_square * there.1.square, half * there.1.acceleration, jerk);
+            return if from.is_rest() { [rest, middle, loads] } else { [loads, middle, rest] };
         }
         let change = (to.acceleration - from.acceleration) / length;
         let at =

@@ -10,40 +10,21 @@ use arrayvec::ArrayVec;
 
 use super::blend::{BORDER_SLOPE, Blend};
 use super::grid::{PARTS, Part};
-use super::law::{Cell, Law};
+use super::law::Law;
 use super::node::Pace;
+use super::piece::{Course, Piece, Spot};
 use super::segment::Segment;
-use super::time_scale::{Phase, Ramp, Rate, TimeScale};
+use super::time_scale::TimeScale;
 use crate::arm::{Arm, Joints, Violation};
 
 /// Five motions that wait or run, and those whose corner is still being left.
 const CAPACITY: usize = PARTS / 2;
 
 /// Cells of all stretches, for which room is made.
-const CELLS: usize = 2048;
+const CELLS: usize = 4096;
 
 /// As many knots ahead are tried.
 const LATER: usize = 3;
-
-/// What joints and tool may take while the override changes, of what is planned with: a little of the reserve.
-const WHILE_SCALED: f64 = 1.008;
-
-/// A ramp is at most so many times as steep as the limits allow alone: it may have to take back what the law speeds up with. One
-/// that takes too much is tried so much weaker, down to this share.
-const STRONGEST: f64 = 1.4;
-const WEAKER: f64 = 0.7;
-const WEAKEST: f64 = 0.004;
-
-/// Where no ramp leads to the override, one to such a share of the way is tried.
-const NEARNESSES: [f64; 8] = [1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015, 0.007];
-
-/// A ramp is worth to be replaced by one that takes at most this share of its time.
-const QUICKER: f64 = 0.9;
-
-/// A ramp is looked at where pieces of the law end, and every so many seconds: in each of its phases at least and at most so often.
-const LOOK_S: f64 = 0.004;
-const LEAST_LOOKS: f64 = 8.0;
-const MOST_LOOKS: f64 = 128.0;
 
 /// A place on the path, by time: a cell of its law, and the seconds since its start.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -54,39 +35,6 @@ pub struct Place {
     seconds: f64,
     /// On the way the arm comes to rest, where the override may be another at once.
     settled: bool,
-}
-
-/// A place on the path, by way; one that comes later is greater.
-#[derive(Clone, Copy, PartialEq, PartialOrd, Debug)]
-pub(super) struct Spot {
-    /// The number of the motion.
-    pub(super) motion: u32,
-    /// In the corner after its straight part.
-    pub(super) in_blend: bool,
-    /// In the unit of that part.
-    pub(super) way: f64,
-}
-
-/// A cell of a law, and where it is on the path.
-#[derive(Clone, Copy, Debug)]
-struct Piece {
-    cell: Cell,
-    start: Spot,
-    /// What the way of its part grows by for each unit of the cell.
-    unit: f64,
-}
-
-impl Piece {
-    fn at(&self, time: f64) -> (Spot, Pace) {
-        let (way, Pace { square, acceleration }) = self.cell.at(time);
-        let spot = Spot { way: self.start.way + way * self.unit, ..self.start };
-        (spot, Pace { square: square * self.unit * self.unit, acceleration: acceleration * self.unit })
-    }
-
-    /// Whether the acceleration falls in it, as it does before the arm slows down.
-    fn falls(&self) -> bool {
-        self.cell.is_to_rest() || self.cell.jerk(&self.cell.at(0.0).1) < 0.0
-    }
 }
 
 #[derive(Clone, Debug)]
@@ -108,18 +56,18 @@ pub(super) struct Planned {
 pub struct Path {
     pub(super) queue: VecDeque<Planned>,
     /// The law of all that is ahead.
-    pieces: VecDeque<Piece>,
+    pub(super) pieces: VecDeque<Piece>,
     /// Where the law of one stretch is found; a copy of a path makes room for that when it plans first.
     law: Option<Box<Law>>,
     /// Seconds since the start of the first piece.
-    time: f64,
+    pub(super) time: f64,
     /// Where that is.
     spot: Spot,
     /// The pieces at the end of the law in which the arm brakes all the time, and when it begins to in the one before.
     braking: (usize, f64),
     /// The override, 0…1, and the one in effect, which follows it.
-    factor: f64,
-    scale: TimeScale,
+    pub(super) factor: f64,
+    pub(super) scale: TimeScale,
     /// The joints at the start of the first motion.
     pub(super) start: Joints,
     pub(super) end: Joints,
@@ -193,7 +141,7 @@ impl Path {
     }
 
     /// Whether the law has the arm at rest here.
-    fn rests(&self) -> bool {
+    pub(super) fn rests(&self) -> bool {
         self.pieces.front().is_none_or(|piece| piece.at(self.time).1.is_rest())
     }
 
@@ -217,63 +165,14 @@ impl Path {
         self.scale.is_steadily(0.0) && self.factor == 0.0 && !self.queue.is_empty()
     }
 
-    /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the
-    /// limits allow.
-    pub fn set_override(&mut self, factor: f64) {
-        self.factor = factor;
-        if self.scale.is_steadily(factor) {
-            return;
-        }
-        if self.rests() {
-            self.scale = TimeScale::steady(factor);
-        } else if let Some(ramp) = self.quickest_ramp() {
-            self.scale.start(ramp);
-        }
-    }
-
-    /// The quickest ramp to the override that keeps the limits, or toward it. None where none does yet, or where the one that is
-    /// under way is as quick.
-    fn quickest_ramp(&self) -> Option<Ramp> {
-        let (part, spot, pace) = self.here()?;
-        let ((acceleration, jerk), speed) = (part.knot(spot.way, 0.0)?.at_rest(), pace.square.sqrt());
-        let now = self.scale.now();
-        let left_s: f64 = self.scale.ahead().map(|phase| phase.seconds).sum();
-        // Where the ramp that is under way ends, and how far from the override that is.
-        let missing = (self.factor - self.scale.target()).abs();
-        let mut strength = STRONGEST;
-        while strength >= WEAKEST {
-            // A strong ramp that ends early is better than a weak one: it goes on as soon as it may.
-            for nearness in NEARNESSES {
-                let target = now.share + nearness * (self.factor - now.share);
-                // One that must go on for a while, since it is too steep to end at once, does so.
-                let Some(ramp) =
-                    Ramp::new(now, target, strength * acceleration / speed, strength * jerk / speed)
-                else {
-                    continue;
-                };
-                let is_better = self.scale.is_steady()
-                    || (self.factor - target).abs() < missing
-                    || (missing == 0.0 && nearness == 1.0 && ramp.seconds() < QUICKER * left_s);
-                if !is_better {
-                    break;
-                }
-                if self.keeps_limits(ramp.phases().into_iter(), self.pieces.iter().copied(), self.time) {
-                    return Some(ramp);
-                }
-            }
-            strength *= WEAKER;
-        }
-        None
-    }
-
     /// The part that the arm is in, where it is in that, and how fast by the law.
-    fn here(&self) -> Option<(Part<'_>, Spot, Pace)> {
+    pub(super) fn here(&self) -> Option<(Part<'_>, Spot, Pace)> {
         let (spot, pace) = self.pieces.front()?.at(self.time);
         Some((self.part(&spot)?, spot, pace))
     }
 
     /// The part of a place.
-    fn part(&self, spot: &Spot) -> Option<Part<'_>> {
+    pub(super) fn part(&self, spot: &Spot) -> Option<Part<'_>> {
         let planned = self.queue.get(spot.motion.checked_sub(self.left_behind)? as usize)?;
         let (nodes, ratings) = match &planned.corner {
             Some(blend) if spot.in_blend => (&blend.nodes[..], &blend.ratings),
@@ -283,84 +182,26 @@ impl Path {
         Some(Part { nodes, ratings, from: way, to: way, unit: 1.0, motion, in_blend })
     }
 
-    /// Whether joints and tool keep their limits while the law's time goes as these phases have it, along these pieces, from `time`
-    /// in the first of them on.
-    fn keeps_limits(
-        &self,
-        phases: impl Iterator<Item = Phase>,
-        mut pieces: impl Iterator<Item = Piece>,
-        time: f64,
-    ) -> bool {
-        let Some(mut piece) = pieces.next() else { return true };
-        let mut begun = time;
-        for phase in phases {
-            let step = (phase.seconds / LEAST_LOOKS).min(LOOK_S).max(phase.seconds / MOST_LOOKS);
-            let (mut now, mut law_now) = (0.0, 0.0);
-            while now < phase.seconds {
-                let next = (now + step).min(phase.seconds);
-                let law_next = phase.at(next).1;
-                if !self.keeps_limits_at(&piece, begun + law_now, &phase.at(now).0) {
-                    return false;
-                }
-                while begun + law_next >= piece.cell.duration {
-                    // It is the most where one piece goes over into the next.
-                    let share = (piece.cell.duration - begun - law_now) / (law_next - law_now);
-                    let border = phase.at(now + share * (next - now)).0;
-                    if !self.keeps_limits_at(&piece, piece.cell.duration, &border) {
-                        return false;
-                    }
-                    // At rest the ramp ends.
-                    let next = if piece.cell.is_to_rest() { None } else { pieces.next() };
-                    begun -= piece.cell.duration;
-                    let Some(next) = next else { return true };
-                    piece = next;
-                }
-                (now, law_now) = (next, law_next);
-            }
-            if !self.keeps_limits_at(&piece, begun + law_now, &phase.at(now).0) {
-                return false;
-            }
-            begun += law_now;
-        }
-        true
-    }
-
-    fn keeps_limits_at(&self, piece: &Piece, time: f64, rate: &Rate) -> bool {
-        let (spot, Pace { square, acceleration }) = piece.at(time);
-        let jerk = piece.unit * piece.cell.jerk(&piece.cell.at(time).1);
-        let Some(knot) = self.part(&spot).and_then(|part| part.knot(spot.way, 0.0)) else { return true };
-        let (speed, Rate { share, change, bend }) = (square.sqrt(), *rate);
-        let scaled = knot.loads(
-            share * share * square,
-            share * share * acceleration + change * speed,
-            share * (share * share * jerk + 3.0 * change * acceleration) + bend * speed,
-        );
-        if scaled[0].max(scaled[1]) <= WHILE_SCALED {
-            return true;
-        }
-        // No more than the law itself takes there.
-        let own = knot.loads(square, acceleration, jerk).map(|load| load.max(WHILE_SCALED));
-        scaled[0] <= own[0] && scaled[1] <= own[1]
-    }
-
     /// How far the path is driven `seconds` from now, and what is left of them if it ends before.
     #[must_use]
     pub fn ahead(&self, seconds: f64) -> (Place, f64) {
         let mut time = self.time + self.scale.law_seconds(seconds);
-        let (mut share, mut settled) = (self.scale.now().share, false);
+        let (mut left, mut settled) = (None, false);
         for (cell, piece) in self.pieces.iter().enumerate() {
             if time < piece.cell.duration {
                 return (Place { cell, time, seconds, settled }, 0.0);
             }
             time -= piece.cell.duration;
             if piece.cell.is_to_rest() && !self.scale.is_steady() && !settled {
-                let target = self.factor;
-                time *= if share > 0.0 { target / share } else { 0.0 };
-                (share, settled) = (target, true);
+                // From the rest on the override is in effect.
+                let rest = self.scale.seconds_until(self.scale.law_seconds(seconds) - time, seconds);
+                time = (seconds - rest) * self.factor;
+                (left, settled) = (Some(seconds - rest), true);
             }
         }
-        let left = if share > 0.0 { (time / share).clamp(0.0, seconds) } else { 0.0 };
-        (Place { cell: self.pieces.len(), time: 0.0, seconds, settled }, left)
+        let share = self.scale.target();
+        let left = left.unwrap_or(if share > 0.0 { time / share } else { 0.0 });
+        (Place { cell: self.pieces.len(), time: 0.0, seconds, settled }, left.clamp(0.0, seconds))
     }
 
     /// The joints at a place that [`ahead`](Self::ahead) gave; `near` is a point of the path close by.
@@ -428,7 +269,8 @@ impl Path {
     /// Plans the path anew behind a place, where it is another than it was. Returns false, and leaves the law as it is, where the
     /// arm cannot go on so from what it does now.
     pub(super) fn plan(&mut self, changed: &Spot) -> bool {
-        let Some(first) = self.first_begin(changed) else { return self.plan_later(0, changed) };
+        let first = self.first_begin(changed).filter(|first| first.spot <= *changed);
+        let Some(first) = first else { return self.plan_later(0, changed) };
         let near = self.near_begin(&first, changed);
         near.is_some_and(|near| self.plan_from(&near))
             || self.plan_from(&first)
@@ -457,9 +299,11 @@ impl Path {
             let found = law.find(&parts, start.1);
             if is_first {
                 let is_possible = found.is_some() || start.1.is_rest();
-                let keeps_limits = self.scale.is_steady() || {
+                // At rest a ramp is over.
+                let keeps_limits = start.1.is_rest() || self.scale.is_steady() || {
                     let kept = self.pieces.iter().take(begin.pieces).copied();
-                    self.keeps_limits(self.scale.ahead(), kept.chain(pieces(&law, &parts)), begin.time)
+                    let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
+                    self.keeps_limits(self.scale.ahead(), &mut course)
                 };
                 if !is_possible || !keeps_limits {
                     self.law = Some(law);

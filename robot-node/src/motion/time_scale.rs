@@ -7,12 +7,12 @@
 //! speed: σ·v        acceleration: σ²·a + σ'·v        jerk: σ³·j + 3·σ·σ'·a + σ''·v
 //! ```
 //!
-//! At a steady override f the speeds are the share f of those at 100 %, as the PLC expects. To another override σ goes on a
-//! [`Ramp`] whose second derivative is constant in each of three phases.
+//! At a steady override f the speeds are the share f of those at 100 %, as the PLC expects. To another override the rate goes on a
+//! [`Ramp`], whose phases have constant second derivatives.
 
 /// A ramp is at most this steep, per s, and its steepness changes by at most this, per s²: from 1 to 0 in about five cycles.
 const STEEPEST: f64 = 50.0;
-const MOST_BENT: f64 = 5_000.0;
+pub(super) const MOST_BENT: f64 = 5_000.0;
 
 /// How the rate goes, at a time.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -32,7 +32,7 @@ impl Rate {
     }
 
     /// After some time within a phase, and the law's time until then.
-    fn after(&self, seconds: f64) -> (Self, f64) {
+    pub(super) fn after(&self, seconds: f64) -> (Self, f64) {
         let Self { share, change, bend } = *self;
         let law_s = seconds * (share + seconds * (change / 2.0 + seconds * bend / 6.0));
         let share = share + seconds * (change + seconds * bend / 2.0);
@@ -52,48 +52,106 @@ impl Phase {
     pub(super) fn at(&self, seconds: f64) -> (Rate, f64) {
         self.start.after(seconds)
     }
+
+    /// Where the rate turns, or its start where it does not.
+    fn turn(&self) -> Rate {
+        let Rate { change, bend, .. } = self.start;
+        let seconds = if change * bend < 0.0 { (-change / bend).min(self.seconds) } else { 0.0 };
+        self.at(seconds).0
+    }
 }
 
-/// From one rate to a steady one.
+/// How many times a step of a ramp bends.
+pub(super) const BENDS: usize = 4;
+
+/// A ramp: a step, and what levels it out.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Ramp {
-    phases: [Phase; 3],
+    phases: [Phase; BENDS + 2],
     target: f64,
 }
 
 impl Ramp {
     /// One that is over.
     const fn steady(share: f64) -> Self {
-        Self { phases: [Phase { start: Rate::steady(share), seconds: 0.0 }; 3], target: share }
+        Self { phases: [Phase { start: Rate::steady(share), seconds: 0.0 }; BENDS + 2], target: share }
     }
 
-    /// The quickest one from a rate to a share, no steeper than `steepest`, per s, and no more bent than `bend`, per s². None where
-    /// it would leave 0…1 on the way.
-    pub(super) fn new(from: Rate, target: f64, steepest: f64, bend: f64) -> Option<Self> {
-        let (steepest, bend) = (steepest.min(STEEPEST), bend.min(MOST_BENT));
-        // Where it would come to if its steepness were taken back at once.
-        let at_least = from.share + from.change * from.change.abs() / (2.0 * bend);
-        if !(-1e-9..=1.0 + 1e-9).contains(&at_least) {
-            return None;
-        }
-        let sign = 1.0_f64.copysign(target - at_least);
-        let (missing, change) = (sign * (target - from.share), sign * from.change);
-        let peak = (bend * missing + change * change / 2.0).max(0.0).sqrt().min(steepest).max(change);
-        let evenly = missing - (peak * peak - change * change / 2.0) / bend;
-        let evenly_s = if peak > 0.0 { (evenly / peak).max(0.0) } else { 0.0 };
-        let seconds = [(peak - change) / bend, evenly_s, peak / bend];
+    /// A step of so many seconds, bent so in its parts, after which the rate changes on evenly for some seconds and then levels out
+    /// with `level`, per s². None where that leads beyond a share, or leaves 0…1 on the way.
+    pub(super) fn stepping(
+        from: Rate,
+        bends: [f64; BENDS],
+        seconds: f64,
+        [hold, level]: [f64; 2],
+        share: f64,
+    ) -> Option<Self> {
+        let mut ramp = Self::steady(share);
         let mut start = from;
-        let phases = core::array::from_fn(|index| {
-            start.bend = [sign * bend, 0.0, -sign * bend][index];
-            let phase = Phase { start, seconds: seconds[index] };
-            start = phase.at(phase.seconds).0;
-            phase
-        });
-        Some(Self { phases, target })
+        let each = seconds / BENDS as f64;
+        for (phase, bend) in ramp.phases.iter_mut().zip(bends) {
+            *phase = Phase { start: Rate { bend, ..start }, seconds: each };
+            start = phase.at(each).0;
+        }
+        let end = ramp.level_out(start, hold, level)?;
+        let is_there = (end - share).abs() < 1e-9;
+        ramp.target = if is_there { share } else { end.clamp(0.0, 1.0) };
+        let is_beyond = !is_there && (share - from.share) * (share - end) <= 0.0;
+        (!is_beyond && start.change.abs() <= STEEPEST).then_some(ramp)
     }
 
-    pub(super) const fn phases(&self) -> [Phase; 3] {
+    /// A step of so many seconds after which levelling out with `level`, per s², leads to a share. None where it would leave 0…1 on
+    /// the way.
+    pub(super) fn landing(from: Rate, seconds: f64, level: f64, share: f64) -> Option<Self> {
+        let mut ramp = Self::steady(share);
+        let level = level.min(MOST_BENT);
+        let missing = share - from.share - from.change * seconds / 2.0;
+        let width = level * seconds;
+        let root = (width * width + 8.0 * level * missing.abs()).sqrt();
+        let change = 0.5 * (root - width).copysign(missing);
+        let bend = (change - from.change) / seconds;
+        ramp.phases[0] = Phase { start: Rate { bend, ..from }, seconds };
+        let start = ramp.phases[0].at(seconds).0;
+        ramp.level_out(start, 0.0, level)?;
+        (change.abs() <= STEEPEST && bend.abs() <= MOST_BENT).then_some(ramp)
+    }
+
+    /// What follows the step. Returns where it comes to; none where that is not within 0…1, or a rate before is not.
+    fn level_out(&mut self, start: Rate, hold: f64, level: f64) -> Option<f64> {
+        let level = level.min(MOST_BENT);
+        let [.., holding, leveling] = &mut self.phases;
+        *holding = Phase { start: Rate { bend: 0.0, ..start }, seconds: hold };
+        let start = holding.at(hold).0;
+        let bend = -level.copysign(start.change);
+        *leveling = Phase { start: Rate { bend, ..start }, seconds: start.change.abs() / level };
+        let end = leveling.at(leveling.seconds).0.share;
+        let within = |share: f64| (-1e-9..=1.0 + 1e-9).contains(&share);
+        let turns = self.phases.iter().all(|phase| within(phase.turn().share));
+        (within(end) && turns).then_some(end)
+    }
+
+    /// The rate at which a change that goes the other way turns.
+    pub(super) fn turn(&self) -> f64 {
+        let sign = 1.0_f64.copysign(self.phases[0].start.change);
+        self.phases.iter().map(|phase| sign * phase.turn().share).fold(f64::NEG_INFINITY, f64::max) * sign
+    }
+
+    /// How the rate changes at the end of the step.
+    pub(super) const fn change(&self) -> f64 {
+        self.phases[BENDS].start.change
+    }
+
+    pub(super) const fn phases(&self) -> [Phase; BENDS + 2] {
         self.phases
+    }
+
+    pub(super) fn step(&self) -> [Phase; BENDS] {
+        core::array::from_fn(|index| self.phases[index])
+    }
+
+    /// What follows the step.
+    pub(super) const fn leveling(&self) -> [Phase; 2] {
+        [self.phases[BENDS], self.phases[BENDS + 1]]
     }
 
     pub(super) fn seconds(&self) -> f64 {
@@ -157,6 +215,29 @@ impl TimeScale {
         law_s + left * self.ramp.target
     }
 
+    /// How many of the next seconds it takes until the law's time has gone on by some.
+    pub(super) fn seconds_until(&self, law_seconds: f64, most: f64) -> f64 {
+        let (mut low, mut high) = (0.0, most);
+        // To less than a picosecond of a cycle.
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if self.law_seconds(middle) < law_seconds { low = middle } else { high = middle }
+        }
+        high
+    }
+
+    /// The rate after some seconds.
+    pub(super) fn after(&self, seconds: f64) -> Rate {
+        let mut left = seconds;
+        for phase in self.ahead() {
+            if left < phase.seconds {
+                return phase.at(left).0;
+            }
+            left -= phase.seconds;
+        }
+        Rate::steady(self.ramp.target)
+    }
+
     pub(super) fn advance(&mut self, seconds: f64) {
         self.time += seconds;
         if self.is_steady() {
@@ -170,29 +251,52 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn rates() -> impl Strategy<Value = Rate> {
+        (0.0..1.0_f64, -30.0..30.0_f64).prop_map(|(share, change)| Rate { share, change, bend: 0.0 })
+    }
+
+    /// Drives a ramp in a hundred parts: the rate stays between 0 and 1, and the law's time adds up.
+    fn drives(ramp: Ramp) -> Result<TimeScale, TestCaseError> {
+        let mut scale = TimeScale::steady(1.0);
+        scale.start(ramp);
+        let (end, whole) = (ramp.seconds(), scale.law_seconds(ramp.seconds()));
+        let mut sum = 0.0;
+        for _ in 0..100 {
+            prop_assert!((-1e-9..=1.0 + 1e-9).contains(&scale.now().share), "{:?}", scale.now());
+            let gone = scale.law_seconds(end / 100.0);
+            let seconds = scale.seconds_until(gone / 2.0, end / 100.0);
+            prop_assert!((scale.law_seconds(seconds) - gone / 2.0).abs() < 1e-9, "{seconds}");
+            sum += gone;
+            scale.advance(end / 100.0);
+        }
+        prop_assert!((sum - whole).abs() < 1e-9 * (1.0 + whole), "{sum} {whole}");
+        let Rate { share, change, .. } = ramp.phases()[BENDS + 1].at(ramp.phases()[BENDS + 1].seconds).0;
+        prop_assert!((share - ramp.target).abs() < 1e-8 && change.abs() < 1e-8, "{share} {change}");
+        Ok(scale)
+    }
+
     proptest! {
         #[test]
-        fn a_ramp_ends_steadily_at_its_target_and_stays_between_0_and_1(
-            share in 0.0..1.0_f64,
-            target in prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64],
-            change in -10.0..10.0_f64,
-            steepest in 0.1..60.0_f64,
-            bend in 1.0..6_000.0_f64,
+        fn a_ramp_that_lands_ends_steadily_at_the_share(
+            from in rates(),
+            share in prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64],
+            level in 1.0..6_000.0_f64,
         ) {
-            let from = Rate { share, change, bend: 0.0 };
-            let Some(ramp) = Ramp::new(from, target, steepest, bend) else { return Ok(()) };
-            let mut scale = TimeScale::steady(share);
-            scale.start(ramp);
-            let (end, whole) = (ramp.seconds(), scale.law_seconds(ramp.seconds()));
-            let last = ramp.phases[2].at(ramp.phases[2].seconds).0;
-            prop_assert!((last.share - target).abs() < 1e-9 && last.change.abs() < 1e-9, "{last:?}");
-            let mut sum = 0.0;
-            for _ in 0..100 {
-                prop_assert!((-1e-9..=1.0 + 1e-9).contains(&scale.now().share), "{:?}", scale.now());
-                sum += scale.law_seconds(end / 100.0);
-                scale.advance(end / 100.0);
-            }
-            prop_assert!((sum - whole).abs() < 1e-9 * (1.0 + whole), "{sum} {whole}");
+            let Some(ramp) = Ramp::landing(from, 0.004, level, share) else { return Ok(()) };
+            prop_assert!(drives(ramp)?.target() == share);
+        }
+
+        #[test]
+        fn a_step_never_leads_beyond_the_share(
+            from in rates(),
+            share in 0.0..1.0_f64,
+            bends in prop::array::uniform4(-5_000.0..5_000.0_f64),
+            hold in prop_oneof![Just(0.0), 0.0..0.1_f64],
+            level in 1.0..6_000.0_f64,
+        ) {
+            let Some(ramp) = Ramp::stepping(from, bends, 0.004, [hold, level], share) else { return Ok(()) };
+            drives(ramp)?;
+            prop_assert!((share - from.share) * (share - ramp.target) >= 0.0, "{}", ramp.target);
         }
     }
 

@@ -54,7 +54,9 @@ impl Law {
         let [now, before, ..] = self.tools(&way.tool);
         let step = length(difference(before, now));
         let among = Among { first: index, last: (index + 1).min(self.ways.len() - 1) };
-        let near = self.near_stop_mm(among);
+        // Another tool may lead the next motion: this one is then held by the joints alone.
+        let is_one_tool = self.ways_among(among).iter().all(|next| next.tool == way.tool);
+        let near = if is_one_tool { self.near_stop_mm(among) } else { self.near_stop_by_joints_mm() };
         let goes_on =
             self.ways.get(index + 1).is_some_and(|next| next.kind == Kind::Spline && kind == Kind::Spline);
         let (off, limit) = if goes_on {

@@ -320,12 +320,16 @@ impl Law {
     /// How far a tool is within a cycle from a stop at most, in mm, by these motions.
     fn near_stop_mm(&self, among: Among) -> f64 {
         let ways = self.ways_among(among);
-        let acceleration = if ways.is_empty() || ways.iter().any(|way| way.kind.is_point_to_point()) {
-            self.tool_acceleration_by_joints
-        } else {
-            ways.iter().fold(0.0, |most, way| way.acceleration.max(most))
-        };
+        if ways.is_empty() || ways.iter().any(|way| way.kind.is_point_to_point()) {
+            return self.near_stop_by_joints_mm();
+        }
+        let acceleration = ways.iter().fold(0.0, |most, way| way.acceleration.max(most));
         acceleration * self.cycle_s * self.cycle_s / 2.0 + PLACE_MM
+    }
+
+    /// The same where the joints alone hold the tool.
+    fn near_stop_by_joints_mm(&self) -> f64 {
+        self.tool_acceleration_by_joints * self.cycle_s * self.cycle_s / 2.0 + PLACE_MM
     }
 
     /// Whether any joint moved in the last cycle.

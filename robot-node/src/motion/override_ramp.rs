@@ -1,0 +1,195 @@
+//! How the override changes while the arm moves: as fast as joints and tool allow, on the path.
+//!
+//! Each cycle the rate of the law's time is bent for one step, such that the arm has the jerk that it may have, and what follows
+//! the step is known before: the rate levels out. Only a step from which that keeps the limits is begun, so that there is always a
+//! way on; the next cycle mostly takes another step instead. The last one levels out at the override.
+
+use super::node::Pace;
+use super::path::Path;
+use super::piece::{Course, Piece};
+use super::time_scale::{BENDS, MOST_BENT, Phase, Ramp, Rate, TimeScale};
+
+/// A step takes so many seconds.
+const STEP_S: f64 = 0.004;
+
+/// The shares of the most jerk with which a step is tried: toward the override, and away from it where what the arm does has to be
+/// taken back first.
+const PULLS: [f64; 12] = [1.0, 0.93, 0.86, 0.78, 0.65, 0.5, 0.3, 0.15, 0.05, -0.15, -0.3, -0.6];
+
+/// How the rate may level out after a step: the seconds it first goes on evenly, and the share of the most jerk that then bends it.
+/// While the law itself takes all of the jerk, only a weak one or a late one is possible.
+const LEVELS: [[f64; 2]; 10] = [
+    [0.0, 0.9],
+    [0.0, 0.6],
+    [0.0, 0.3],
+    [0.0, 0.2],
+    [0.0, 0.12],
+    [0.0, 0.07],
+    [0.0, 0.04],
+    [0.012, 0.6],
+    [0.036, 0.6],
+    [0.1, 0.6],
+];
+
+/// The first ones are strong enough to end a ramp.
+const LANDINGS: usize = 3;
+
+/// The share of the most acceleration that steps come up to.
+const STEEP: f64 = 0.99;
+
+/// A ramp is worth to be replaced by one that changes the rate within a step by so much more, of what levelling out could.
+const WORTH: f64 = 1e-3;
+
+/// What joints and tool may take while the override changes, of what is planned with: a little of the reserve.
+const WHILE_SCALED: f64 = 1.008;
+
+/// A ramp is looked at where pieces of the law end, and every so many seconds: in each of its phases at least and at most so often.
+const LOOK_S: f64 = 0.0005;
+const LEAST_LOOKS: f64 = 2.0;
+const MOST_LOOKS: f64 = 128.0;
+
+impl Path {
+    /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the limits allow.
+    pub fn set_override(&mut self, factor: f64) {
+        self.factor = factor;
+        if self.scale.is_steadily(factor) {
+            return;
+        }
+        if self.rests() {
+            self.scale = TimeScale::steady(factor);
+        } else if let Some(ramp) = self.quickest_ramp() {
+            self.scale.start(ramp);
+        }
+    }
+
+    /// The ramp toward the override that changes the rate the most within a step and keeps the limits. None where the one under
+    /// way changes it as much.
+    fn quickest_ramp(&self) -> Option<Ramp> {
+        let (part, spot, Pace { square, acceleration }) = self.here()?;
+        let (most, most_jerk) = part.knot(spot.way, 0.0)?.at_rest();
+        let (now, speed) = (self.scale.now(), square.sqrt());
+        let sign = 1.0_f64.copysign(self.factor - now.share);
+        let under_way = self.scale.after(STEP_S).change;
+        let accelerates = now.share * now.share * acceleration + now.change * speed;
+        let room = (STEEP * most - sign * accelerates) / STEP_S;
+        let course = self.course();
+        let worth = if self.scale.is_steady() { 0.0 } else { WORTH * STEP_S * most_jerk / speed };
+        let is_better = |ramp: &Ramp| {
+            // A rate that goes the other way yet goes no farther than it would have.
+            let turns = sign * now.change >= 0.0 || sign * (ramp.turn() - self.scale.target()) >= 0.0;
+            turns && sign * (ramp.change() - under_way) > worth
+        };
+        let mut has_landed = [false; LANDINGS];
+        for pull in PULLS {
+            let jerk = if pull > 0.0 { pull * most_jerk.min(room) } else { room.min(pull * most_jerk) };
+            let bends = self.bends(sign * jerk);
+            let mut behind = None;
+            for (index, [hold, level]) in LEVELS.into_iter().enumerate() {
+                let level = level * most_jerk / speed;
+                if let Some(ramp) = Ramp::stepping(now, bends, STEP_S, [hold, level], self.factor) {
+                    if !is_better(&ramp) {
+                        continue;
+                    }
+                    // The step is the same for all.
+                    let behind = behind.get_or_insert_with(|| {
+                        let mut course = course.clone();
+                        self.keeps_limits(ramp.step(), &mut course).then_some(course)
+                    });
+                    let Some(behind) = behind else { break };
+                    if self.keeps_limits(ramp.leveling(), &mut behind.clone()) {
+                        return Some(ramp);
+                    }
+                } else if has_landed.get(index) == Some(&false) {
+                    has_landed[index] = true;
+                    let ramp = Ramp::landing(now, STEP_S, level, self.factor).filter(is_better);
+                    if ramp.is_some_and(|ramp| self.keeps_limits(ramp.phases(), &mut course.clone())) {
+                        return ramp;
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    /// How the law goes on from here.
+    fn course(&self) -> Course<impl Iterator<Item = Piece> + Clone> {
+        Course::new(self.pieces.iter().copied(), self.time)
+    }
+
+    /// How the rate bends in the parts of the next step where the arm has this jerk.
+    fn bends(&self, jerk: f64) -> [f64; BENDS] {
+        let (mut rate, mut course) = (self.scale.now(), self.course());
+        rate.bend = 0.0;
+        let each = STEP_S / BENDS as f64;
+        core::array::from_fn(|_| {
+            let (Rate { share, change, .. }, to_middle) = rate.after(each / 2.0);
+            course.advance(to_middle);
+            let Some(piece) = course.piece else { return 0.0 };
+            let (_, Pace { square, acceleration }) = piece.at(course.time);
+            let own = share * (share * share * piece.jerk(course.time) + 3.0 * change * acceleration);
+            rate.bend = ((jerk - own) / square.sqrt()).clamp(-MOST_BENT, MOST_BENT);
+            let (end, to_end) = rate.after(each);
+            course.advance(to_end - to_middle);
+            rate = end;
+            rate.bend
+        })
+    }
+
+    /// Whether joints and tool keep their limits while the law's time goes as these phases have it, along a course, which then goes
+    /// on behind them.
+    pub(super) fn keeps_limits<I: Iterator<Item = Piece>>(
+        &self,
+        phases: impl IntoIterator<Item = Phase>,
+        course: &mut Course<I>,
+    ) -> bool {
+        for phase in phases.into_iter().filter(|phase| phase.seconds > 0.0) {
+            let step = (phase.seconds / LEAST_LOOKS).min(LOOK_S).max(phase.seconds / MOST_LOOKS);
+            let (mut now, mut law_now) = (0.0, 0.0);
+            while now < phase.seconds {
+                let Some(mut piece) = course.piece else { return true };
+                let next = (now + step).min(phase.seconds);
+                let law_next = phase.at(next).1;
+                if !self.keeps_limits_at(&piece, course.time, &phase.at(now).0) {
+                    return false;
+                }
+                let (mut gone, end) = (-course.time, law_next - law_now);
+                course.time += end;
+                while course.time >= piece.cell.duration {
+                    // It is the most where one piece goes over into the next.
+                    gone += piece.cell.duration;
+                    let border = phase.at(now + gone / end * (next - now)).0;
+                    if !self.keeps_limits_at(&piece, piece.cell.duration, &border) {
+                        return false;
+                    }
+                    course.leave(&piece);
+                    let Some(next_piece) = course.piece else { return true };
+                    piece = next_piece;
+                }
+                (now, law_now) = (next, law_next);
+            }
+            let Some(piece) = course.piece else { return true };
+            if !self.keeps_limits_at(&piece, course.time, &phase.at(phase.seconds).0) {
+                return false;
+            }
+        }
+        true
+    }
+
+    fn keeps_limits_at(&self, piece: &Piece, time: f64, rate: &Rate) -> bool {
+        let (spot, Pace { square, acceleration }) = piece.at(time);
+        let jerk = piece.jerk(time);
+        let Some(knot) = self.part(&spot).and_then(|part| part.knot(spot.way, 0.0)) else { return true };
+        let (speed, Rate { share, change, bend }) = (square.sqrt(), *rate);
+        let scaled = knot.loads(
+            share * share * square,
+            share * share * acceleration + change * speed,
+            share * (share * share * jerk + 3.0 * change * acceleration) + bend * speed,
+        );
+        if scaled[0].max(scaled[1]) <= WHILE_SCALED {
+            return true;
+        }
+        // No more than the law itself takes there.
+        let own = knot.loads(square, acceleration, jerk).map(|load| load.max(WHILE_SCALED));
+        scaled[0] <= own[0] && scaled[1] <= own[1]
+    }
+}

@@ -1,0 +1,74 @@
+//! The law of a path as a row of pieces.
+
+use super::law::Cell;
+use super::node::Pace;
+
+/// A place on the path, by way; one that comes later is greater.
+#[derive(Clone, Copy, PartialEq, PartialOrd, Debug)]
+pub(super) struct Spot {
+    /// The number of the motion.
+    pub(super) motion: u32,
+    /// In the corner after its straight part.
+    pub(super) in_blend: bool,
+    /// In the unit of that part.
+    pub(super) way: f64,
+}
+
+/// A cell of a law, and where it is on the path.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    pub(super) cell: Cell,
+    pub(super) start: Spot,
+    /// What the way of its part grows by for each unit of the cell.
+    pub(super) unit: f64,
+}
+
+impl Piece {
+    pub(super) fn at(&self, time: f64) -> (Spot, Pace) {
+        let (way, Pace { square, acceleration }) = self.cell.at(time);
+        let spot = Spot { way: self.start.way + way * self.unit, ..self.start };
+        (spot, Pace { square: square * self.unit * self.unit, acceleration: acceleration * self.unit })
+    }
+
+    /// The jerk after some time, in s.
+    pub(super) fn jerk(&self, time: f64) -> f64 {
+        self.unit * self.cell.jerk(&self.cell.at(time).1)
+    }
+
+    /// Whether the acceleration falls in it, as it does before the arm slows down.
+    pub(super) fn falls(&self) -> bool {
+        self.cell.is_to_rest() || self.cell.jerk(&self.cell.at(0.0).1) < 0.0
+    }
+}
+
+/// How the law goes on from a place.
+#[derive(Clone, Debug)]
+pub(super) struct Course<I> {
+    pieces: I,
+    /// None behind a rest, where a ramp ends.
+    pub(super) piece: Option<Piece>,
+    /// Seconds since its start.
+    pub(super) time: f64,
+}
+
+impl<I: Iterator<Item = Piece>> Course<I> {
+    /// Along these pieces, from a time in the first of them.
+    pub(super) fn new(mut pieces: I, time: f64) -> Self {
+        let piece = pieces.next();
+        Self { pieces, piece, time }
+    }
+
+    /// Goes on to the next piece.
+    pub(super) fn leave(&mut self, piece: &Piece) {
+        self.time -= piece.cell.duration;
+        self.piece = if piece.cell.is_to_rest() { None } else { self.pieces.next() };
+    }
+
+    /// Goes on by some of the law's seconds.
+    pub(super) fn advance(&mut self, seconds: f64) {
+        self.time += seconds;
+        while let Some(piece) = self.piece.filter(|piece| self.time >= piece.cell.duration) {
+            self.leave(&piece);
+        }
+    }
+}
