@@ -5,6 +5,7 @@ use clap::{Parser, Subcommand};
 use crate::verbs::buses::BusesOptions;
 use crate::verbs::calibrate::CalibrateOptions;
 use crate::verbs::doctor::DoctorOptions;
+use crate::verbs::explore::ExploreOptions;
 use crate::verbs::gate::GateOptions;
 use crate::verbs::history::HistoryOptions;
 use crate::verbs::install::{CompletionsOptions, ManOptions};
@@ -84,6 +85,8 @@ pub enum Command {
     Sweep(SweepOptions),
     /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
     Sensitivity(SensitivityOptions),
+    /// Lose, double and hold back every single frame of a short run in virtual time, and class how the runs end.
+    Explore(ExploreOptions),
     /// Run random motion lists on the robot and hold each of its cycles against laws and kinematics that are not its own.
     Judge(JudgeOptions),
     /// Print completions for a shell: `bench completions bash >~/.local/share/bash-completion/completions/bench`.

@@ -9,7 +9,7 @@ use bench::output::errln;
 use bench::output::exit::Failure;
 use bench::stands::rig;
 use bench::verbs::{
-    buses, calibrate, doctor, gate, history, install, judge, long, measure, new, overhead, report,
+    buses, calibrate, doctor, explore, gate, history, install, judge, long, measure, new, overhead, report,
     sensitivity, sweep, timing,
 };
 use clap::{CommandFactory, Parser};
@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Some(Command::Sweep(options)) => sweep::run(options),
         Some(Command::Sensitivity(options)) => sensitivity::run(options),
         Some(Command::Judge(options)) => judge::run(options),
+        Some(Command::Explore(options)) => explore::run(options),
         Some(Command::Completions(options)) => install::completions(options, Cli::command()),
         Some(Command::Man(options)) => install::man(options, Cli::command()),
     };

@@ -7,7 +7,7 @@ use std::time::Duration;
 use node::role::NodeRole;
 use protocol_linux::impaired::ImpairmentPlan;
 use serde::{Deserialize, Serialize};
-use virtual_time::{Impairment, LinkCounters, Side};
+use virtual_time::{Impairment, LinkCounters, Side, Strike};
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]
@@ -28,6 +28,7 @@ enum Kind {
     Reorder(u32, Duration),
     Corrupt(u32),
     CorruptOnWire(u32),
+    Strike(u64, Strike),
     Cut(Duration, Duration),
     Kill(NodeRole, Duration),
 }
@@ -38,7 +39,8 @@ pub enum FaultError {
     /// It has none of the forms of a fault.
     #[error(
         "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001@memory, corrupt=0.001@wire, reorder=0.01@2ms, \
-         delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as to-robot:loss=0.001"
+         delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as \
+         to-robot:loss=0.001; and of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms"
     )]
     Form(String),
     /// It is not a share of the frames.
@@ -47,6 +49,9 @@ pub enum FaultError {
     /// It is not a time.
     #[error("`{0}` is no time; write a number with its unit, such as 100us, 2.5ms or 2s")]
     Time(String),
+    /// It is not the number of a frame.
+    #[error("`{0}` is no number of a frame; write 1 for the first one in that direction")]
+    Frame(String),
     /// A cut ends before it begins.
     #[error("`{0}` ends before it begins")]
     Backwards(String),
@@ -85,6 +90,12 @@ impl FromStr for Fault {
                 let (part, by) = value.split_once('@').ok_or_else(form)?;
                 Kind::Reorder(share(part)?, time(by)?)
             }
+            "lose-frame" if from.is_some() => Kind::Strike(frame(value)?, Strike::Lose),
+            "double-frame" if from.is_some() => Kind::Strike(frame(value)?, Strike::Double),
+            "hold-frame" if from.is_some() => {
+                let (number, by) = value.split_once('@').ok_or_else(form)?;
+                Kind::Strike(frame(number)?, Strike::Hold(time(by)?))
+            }
             "cut-at" if from.is_none() => {
                 let (start, end) = value.split_once("..").ok_or_else(form)?;
                 let (start, end) = (time(start)?, time(end)?);
@@ -107,6 +118,11 @@ fn share(text: &str) -> Result<u32, FaultError> {
     let share = number.trim().parse::<f64>().ok().map(|share| share * scale);
     let ppm = share.filter(|ppm| (0.0..=1e6).contains(ppm));
     ppm.map(|ppm| ppm.round() as u32).ok_or_else(|| FaultError::Share(text.to_owned()))
+}
+
+/// Parses the number of a frame among those of its sender, counted from 1.
+fn frame(text: &str) -> Result<u64, FaultError> {
+    text.parse().ok().filter(|number| *number > 0).ok_or_else(|| FaultError::Frame(text.to_owned()))
 }
 
 fn time(text: &str) -> Result<Duration, FaultError> {
@@ -138,6 +154,7 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
                     Kind::Duplicate(ppm) => link.duplicate_ppm = ppm,
                     Kind::Corrupt(ppm) => link.corrupt_ppm = ppm,
                     Kind::CorruptOnWire(ppm) => link.corrupt_on_wire_ppm = ppm,
+                    Kind::Strike(frame, strike) => link.strike = Some((frame, strike)),
                     Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
                     Kind::Cut(..) | Kind::Kill(..) => {}
                 }
@@ -178,7 +195,11 @@ const LONGEST_HOLD: Duration = Duration::from_secs(1);
 ///
 /// They hold frames for longer than it can.
 pub fn check_real(faults: &[Fault]) -> Result<(), HeldTooLong> {
-    let hold = |link: &Impairment| link.delay + link.jitter + link.reorder_by;
+    let struck = |link: &Impairment| match link.strike {
+        Some((_, Strike::Hold(by))) => by,
+        _ => Duration::ZERO,
+    };
+    let hold = |link: &Impairment| link.delay + link.jitter + link.reorder_by.max(struck(link));
     let longest = links(faults, Impairment::default()).iter().map(hold).max().unwrap_or_default();
     if longest > LONGEST_HOLD { Err(HeldTooLong { longest }) } else { Ok(()) }
 }
@@ -297,6 +318,8 @@ mod tests {
         let by = Duration::from_millis(2);
         assert_eq!(to_plc, Impairment { reorder_ppm: 500_000, reorder_by: by, ..lossy });
         let [corrupt, _] = links(&faults(&["corrupt=0.1@memory", "to-robot:corrupt=0.2@wire"]), cable);
+        let [_, struck] = links(&faults(&["to-plc:hold-frame=17@2ms"]), cable);
+        assert_eq!(struck.strike, Some((17, Strike::Hold(Duration::from_millis(2)))));
         assert_eq!((corrupt.corrupt_ppm, corrupt.corrupt_on_wire_ppm), (100_000, 200_000));
     }
 

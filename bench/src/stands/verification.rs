@@ -68,7 +68,7 @@ impl Planned {
 }
 
 /// What every repetition of a run is compared with.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Verification {
     planned: Planned,
     sent: Sum,

@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod doctor;
 mod each_bus;
 mod event_loop;
+pub mod explore;
 pub mod gate;
 pub mod history;
 pub mod install;

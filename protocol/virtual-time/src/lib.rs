@@ -13,7 +13,7 @@ mod stream;
 mod tap;
 
 pub use clock::Clock;
-pub use link::{Fate, Impairment, Link, LinkCounters};
+pub use link::{Fate, Impairment, Link, LinkCounters, Strike};
 pub use network::{Network, StationId};
 pub use tap::{Carrier, Segment, Tapped};
 

@@ -27,6 +27,19 @@ pub struct Impairment {
     pub corrupt_ppm: u32,
     /// Frames in which one bit flips on the wire: the frame's checksum finds it, so that the frame is lost.
     pub corrupt_on_wire_ppm: u32,
+    /// What happens to one frame, by its number among those that were put in, counted from 1.
+    pub strike: Option<(u64, Strike)>,
+}
+
+/// What happens to one frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Strike {
+    /// It is lost; of a TCP stream, a segment is lost once and sent again.
+    Lose,
+    /// It arrives twice. TCP drops the second one.
+    Double,
+    /// It is held back, so that later ones may overtake it.
+    Hold(Duration),
 }
 
 /// What a cable did to the frames of one direction.
@@ -181,9 +194,11 @@ impl Link {
             reorder_by,
             corrupt_ppm,
             corrupt_on_wire_ppm,
+            strike: _,
         } = self.impairment;
+        let struck = self.struck();
         let mut fate = Fate { cut: self.cut, ..Fate::default() };
-        fate.lost = !fate.cut && self.chance(loss_ppm);
+        fate.lost = !fate.cut && (self.chance(loss_ppm) || struck == Some(Strike::Lose));
         fate.failed_checksum = !fate.cut && !fate.lost && self.chance(corrupt_on_wire_ppm);
         self.counters.corrupted_on_wire += u64::from(fate.failed_checksum);
         if fate.cut || fate.lost || fate.failed_checksum {
@@ -191,15 +206,19 @@ impl Link {
             return (fate, None);
         }
         let mut arrival = now + delay + self.up_to(jitter);
-        if self.chance(reorder_ppm) {
+        let held = match struck {
+            Some(Strike::Hold(by)) => Some(by),
+            _ => self.chance(reorder_ppm).then_some(reorder_by),
+        };
+        if let Some(by) = held {
             self.counters.reordered += 1;
-            fate.held_back = Some(reorder_by);
-            arrival += reorder_by;
+            fate.held_back = Some(by);
+            arrival += by;
         } else {
             arrival = arrival.max(self.last_arrival);
             self.last_arrival = arrival;
         }
-        fate.duplicated = self.chance(duplicate_ppm);
+        fate.duplicated = self.chance(duplicate_ppm) || struck == Some(Strike::Double);
         self.counters.duplicated += u64::from(fate.duplicated);
         if self.chance(corrupt_ppm) && (1..=FRAME_CAPACITY).contains(&len) {
             self.counters.corrupted += 1;
@@ -217,12 +236,27 @@ impl Link {
         }
         let mut arrival = now + self.impairment.delay + self.up_to(self.impairment.jitter);
         let mut losses = 0;
+        match self.struck() {
+            Some(Strike::Lose) => {
+                self.counters.lost += 1;
+                losses = 1;
+                arrival += retransmission;
+            }
+            Some(Strike::Hold(by)) => arrival += by,
+            Some(Strike::Double) | None => {}
+        }
         while self.chance(self.impairment.loss_ppm.min(900_000)) {
             self.counters.lost += 1;
             losses += 1;
             arrival += retransmission;
         }
         Some((arrival, losses))
+    }
+
+    /// Returns what happens to the frame that was counted last.
+    fn struck(&self) -> Option<Strike> {
+        let (number, strike) = self.impairment.strike?;
+        (number == self.counters.sent).then_some(strike)
     }
 
     /// Draws no random number if the rate is zero, so that switching on one fault does not shift the others.

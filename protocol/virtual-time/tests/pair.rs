@@ -8,7 +8,7 @@ use machine::{
     Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
-use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side};
+use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side, Strike};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
@@ -101,6 +101,7 @@ fn the_same_seed_gives_the_same_nanoseconds_under_every_fault() {
         reorder_by: Duration::from_millis(2),
         corrupt_ppm: 200_000,
         corrupt_on_wire_ppm: 200_000,
+        strike: None,
     };
     assert_eq!(transcript(7, link), transcript(7, link));
     assert_ne!(transcript(7, link), transcript(8, link));
@@ -125,6 +126,26 @@ fn a_bit_that_flips_on_the_wire_loses_the_frame_and_one_behind_the_checksum_arri
             (arrived, arrived, 9 - arrived)
         );
         assert_eq!(counters.lost, 9 - arrived);
+    }
+}
+
+#[test]
+fn a_strike_hits_the_frame_of_its_number_and_no_other() {
+    let by = Duration::from_millis(2);
+    for (strike, copies, latest_ms) in
+        [(Strike::Lose, [1, 1, 0, 1], 0), (Strike::Double, [1, 1, 2, 1], 0), (Strike::Hold(by), [1; 4], 2)]
+    {
+        let impairment = Impairment { strike: Some((3, strike)), ..Impairment::default() };
+        let mut link = Link::new(impairment, 1, 0);
+        let mut latest = Instant::ZERO;
+        let arrivals = [0; 4].map(|_: u8| {
+            let mut copies = 0;
+            link.pass(Instant::ZERO, &[0; 8], |at, _, _| {
+                (copies, latest) = (copies + 1, latest.max(at));
+            });
+            copies
+        });
+        assert_eq!((arrivals, latest), (copies, Instant::from_millis(latest_ms)), "{strike:?}");
     }
 }
 

@@ -58,6 +58,7 @@ pub(super) trait Cell {
     fn digests(&self) -> [Digest; 2];
     fn health(&self) -> Health;
     fn now(&self) -> Instant;
+    fn frames_sent(&self) -> [u64; 2];
 }
 
 /// Connects both nodes by a cable.
@@ -310,6 +311,10 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
 
     fn now(&self) -> Instant {
         self.pair.now()
+    }
+
+    fn frames_sent(&self) -> [u64; 2] {
+        [Side::A, Side::B].map(|side| self.pair.link_counters(side).sent)
     }
 }
 

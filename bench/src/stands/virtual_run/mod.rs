@@ -213,6 +213,16 @@ impl VirtualRun {
         self.cell.digests()
     }
 
+    /// Returns how many frames were put into the cable towards the robot, and towards the PLC.
+    pub(crate) fn frames_sent(&self) -> [u64; 2] {
+        self.cell.frames_sent()
+    }
+
+    /// Executes one step of a schedule without a recording.
+    pub(crate) fn execute_unrecorded(&mut self, step: Step) -> anyhow::Result<Measured> {
+        self.cell.execute(step, None)
+    }
+
     /// Returns the true time since the nodes were switched on: what a plant would have taken.
     #[must_use]
     pub fn plant_time(&self) -> Duration {

@@ -23,6 +23,7 @@ const CABLE: Impairment = Impairment {
     reorder_by: Duration::ZERO,
     corrupt_ppm: 0,
     corrupt_on_wire_ppm: 0,
+    strike: None,
 };
 
 /// What either side reports.
