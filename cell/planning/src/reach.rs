@@ -267,6 +267,6 @@ mod tests {
         let near = [0.0, 10.0, 10.0, 0.0, 60.0, 0.0];
         let from = walk.motion(1, &ptp, &near).unwrap();
         let refused = walk.motion(2, &Motion { name: "LIN".to_owned(), ..line }, &from).unwrap_err();
-        insta::assert_snapshot!(refused, @"motion 2 `LIN`, after 149.9 of its 300.0 mm: the path passes a singular position: joint 1 would limit it to 0.0076 of the programmed velocity; change its frame, or base 0 in the setup");
+        insta::assert_snapshot!(refused, @"motion 2 `LIN`, after 149.9 of its 300.0 mm: the path passes a singular position: joint 1 would limit it to 0.0077 of the programmed velocity; change its frame, or base 0 in the setup");
     }
 }
