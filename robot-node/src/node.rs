@@ -1,12 +1,8 @@
 //! The robot as a machine: a bus endpoint and a controller that meet every robot cycle.
 
-use core::net::Ipv4Addr;
 use std::collections::VecDeque;
 
-use machine::{
-    Cycle, Duration, Instant, Lateness, Machine, Port, PortRequest, Source, StreamChange, StreamId,
-    StreamRequest, Transmit,
-};
+use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{
     Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, State, Verdict,
@@ -233,6 +229,8 @@ impl<B: Fieldbus> RobotNode<B> {
 impl<B: Fieldbus> Machine for RobotNode<B> {
     type Event = RobotEvent;
 
+    machine::forward_ports!(bus);
+
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
         self.take_link_events();
@@ -246,26 +244,6 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.take_link_events();
-    }
-
-    fn ports(&self) -> &[PortRequest] {
-        self.bus.ports()
-    }
-
-    fn listen_port(&self) -> Option<u16> {
-        self.bus.listen_port()
-    }
-
-    fn poll_stream(&mut self) -> Option<StreamRequest> {
-        self.bus.poll_stream()
-    }
-
-    fn dscp(&self, port: Port) -> u8 {
-        self.bus.dscp(port)
-    }
-
-    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
-        self.bus.group(port, index)
     }
 
     fn handle_timeout(&mut self, now: Instant) {

@@ -1,8 +1,6 @@
 //! The PLC as a machine: program and bus by time and frames.
 
-use core::net::Ipv4Addr;
-
-use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::{Instant, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::Fieldbus;
 
 use super::PlcNode;
@@ -10,6 +8,8 @@ use crate::PlcEvent;
 
 impl<B: Fieldbus> Machine for PlcNode<B> {
     type Event = PlcEvent;
+
+    machine::forward_ports!(bus);
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
@@ -24,26 +24,6 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.drain_bus();
-    }
-
-    fn ports(&self) -> &[PortRequest] {
-        self.bus.ports()
-    }
-
-    fn listen_port(&self) -> Option<u16> {
-        self.bus.listen_port()
-    }
-
-    fn poll_stream(&mut self) -> Option<StreamRequest> {
-        self.bus.poll_stream()
-    }
-
-    fn dscp(&self, port: Port) -> u8 {
-        self.bus.dscp(port)
-    }
-
-    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
-        self.bus.group(port, index)
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

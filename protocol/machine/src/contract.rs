@@ -156,3 +156,66 @@ pub trait Machine {
     /// Returns when to call [`handle_timeout`](Self::handle_timeout) next.
     fn poll_timeout(&self) -> Option<Instant>;
 }
+
+/// Implements what a [`Machine`] asks the driver for, ports, connections, DSCP and groups, as a field of it has it. For a machine
+/// around another one:
+///
+/// ```
+/// use machine::{Instant, Machine, Source, Transmit};
+///
+/// struct Counting<M> {
+///     inner: M,
+///     frames: u64,
+/// }
+///
+/// impl<M: Machine> Machine for Counting<M> {
+///     type Event = M::Event;
+///
+///     machine::forward_ports!(inner);
+///
+///     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+///         self.frames += 1;
+///         self.inner.handle_frame(now, from, frame);
+///     }
+///
+///     fn handle_timeout(&mut self, now: Instant) {
+///         self.inner.handle_timeout(now);
+///     }
+///
+///     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+///         self.inner.poll_transmit(now, buf)
+///     }
+///
+///     fn poll_event(&mut self) -> Option<Self::Event> {
+///         self.inner.poll_event()
+///     }
+///
+///     fn poll_timeout(&self) -> Option<Instant> {
+///         self.inner.poll_timeout()
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! forward_ports {
+    ($inner:ident) => {
+        fn ports(&self) -> &[$crate::PortRequest] {
+            $crate::Machine::ports(&self.$inner)
+        }
+
+        fn listen_port(&self) -> Option<u16> {
+            $crate::Machine::listen_port(&self.$inner)
+        }
+
+        fn poll_stream(&mut self) -> Option<$crate::StreamRequest> {
+            $crate::Machine::poll_stream(&mut self.$inner)
+        }
+
+        fn dscp(&self, port: $crate::Port) -> u8 {
+            $crate::Machine::dscp(&self.$inner, port)
+        }
+
+        fn group(&self, port: $crate::Port, index: usize) -> Option<core::net::Ipv4Addr> {
+            $crate::Machine::group(&self.$inner, port, index)
+        }
+    };
+}

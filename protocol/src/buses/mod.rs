@@ -16,9 +16,7 @@ macro_rules! machine_with_one_connection {
         impl machine::Machine for $endpoint {
             type Event = machine::LinkEvent;
 
-            fn ports(&self) -> &[machine::PortRequest] {
-                self.$machine.ports()
-            }
+            machine::forward_ports!($machine);
 
             fn handle_frame(&mut self, now: machine::Instant, from: machine::Source, frame: &[u8]) {
                 self.$machine.handle_frame(now, from, frame);
@@ -35,22 +33,6 @@ macro_rules! machine_with_one_connection {
                 change: machine::StreamChange,
             ) {
                 self.$machine.handle_stream(now, stream, change);
-            }
-
-            fn listen_port(&self) -> Option<u16> {
-                self.$machine.listen_port()
-            }
-
-            fn poll_stream(&mut self) -> Option<machine::StreamRequest> {
-                self.$machine.poll_stream()
-            }
-
-            fn dscp(&self, port: machine::Port) -> u8 {
-                self.$machine.dscp(port)
-            }
-
-            fn group(&self, port: machine::Port, index: usize) -> Option<core::net::Ipv4Addr> {
-                self.$machine.group(port, index)
             }
 
             fn handle_timeout(&mut self, now: machine::Instant) {

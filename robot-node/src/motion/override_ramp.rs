@@ -125,8 +125,8 @@ impl Path {
             let (Rate { share, change, .. }, to_middle) = rate.after(each / 2.0);
             course.advance(to_middle);
             let Some(piece) = course.piece else { return 0.0 };
-            let (_, Pace { square, acceleration }) = piece.at(course.time);
-            let own = share * (share * share * piece.jerk(course.time) + 3.0 * change * acceleration);
+            let (_, Pace { square, acceleration }, law_jerk) = piece.at_with_jerk(course.time);
+            let own = share * (share * share * law_jerk + 3.0 * change * acceleration);
             rate.bend = ((jerk - own) / square.sqrt()).clamp(-MOST_BENT, MOST_BENT);
             let (end, to_end) = rate.after(each);
             course.advance(to_end - to_middle);
@@ -176,8 +176,7 @@ impl Path {
     }
 
     fn keeps_limits_at(&self, piece: &Piece, time: f64, rate: &Rate) -> bool {
-        let (spot, Pace { square, acceleration }) = piece.at(time);
-        let jerk = piece.jerk(time);
+        let (spot, Pace { square, acceleration }, jerk) = piece.at_with_jerk(time);
         let Some(knot) = self.part(&spot).and_then(|part| part.knot(spot.way, 0.0)) else { return true };
         let (speed, Rate { share, change, bend }) = (square.sqrt(), *rate);
         let scaled = knot.loads(

@@ -25,14 +25,18 @@ pub(super) struct Piece {
 
 impl Piece {
     pub(super) fn at(&self, time: f64) -> (Spot, Pace) {
-        let (way, Pace { square, acceleration }) = self.cell.at(time);
-        let spot = Spot { way: self.start.way + way * self.unit, ..self.start };
-        (spot, Pace { square: square * self.unit * self.unit, acceleration: acceleration * self.unit })
+        let (spot, pace, _) = self.at_with_jerk(time);
+        (spot, pace)
     }
 
-    /// The jerk after some time, in s.
-    pub(super) fn jerk(&self, time: f64) -> f64 {
-        self.unit * self.cell.jerk(&self.cell.at(time).1)
+    /// Place, pace and jerk after some time, in s.
+    pub(super) fn at_with_jerk(&self, time: f64) -> (Spot, Pace, f64) {
+        let (way, pace) = self.cell.at(time);
+        let Pace { square, acceleration } = pace;
+        let spot = Spot { way: self.start.way + way * self.unit, ..self.start };
+        let pace_here =
+            Pace { square: square * self.unit * self.unit, acceleration: acceleration * self.unit };
+        (spot, pace_here, self.unit * self.cell.jerk(&pace))
     }
 
     /// Whether the acceleration falls in it, as it does before the arm slows down.

@@ -1,14 +1,10 @@
 //! Reaction time of a bus: from the PLC's scan that writes a number to the scan that reads it back from the robot, which
 //! copies it in its own cycle. There is no program and no skill, so that the cycles and the cable alone count.
 
-use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use anyhow::bail;
-use machine::{
-    Cycle, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
-};
+use machine::{Cycle, Instant, LinkEvent, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{IMAGE_LEN, Image};
 use setup::Setup;
@@ -139,6 +135,8 @@ struct Periodic<B, T> {
 impl<B: Fieldbus, T: Task> Machine for Periodic<B, T> {
     type Event = LinkEvent;
 
+    machine::forward_ports!(bus);
+
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
     }
@@ -149,26 +147,6 @@ impl<B: Fieldbus, T: Task> Machine for Periodic<B, T> {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
-    }
-
-    fn ports(&self) -> &[PortRequest] {
-        self.bus.ports()
-    }
-
-    fn listen_port(&self) -> Option<u16> {
-        self.bus.listen_port()
-    }
-
-    fn poll_stream(&mut self) -> Option<StreamRequest> {
-        self.bus.poll_stream()
-    }
-
-    fn dscp(&self, port: Port) -> u8 {
-        self.bus.dscp(port)
-    }
-
-    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
-        self.bus.group(port, index)
     }
 
     fn handle_timeout(&mut self, now: Instant) {

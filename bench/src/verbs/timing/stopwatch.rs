@@ -6,14 +6,11 @@
 //! on how the cycles lie to each other, not on the program; so the time on the way is the time of the frame that
 //! brought the number there and of the frame that brought it back.
 
-use std::net::Ipv4Addr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use machine::{
-    Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
-};
+use machine::{Instant, LinkEvent, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{IMAGE_LEN, Image};
 use protocol_linux::clock;
@@ -135,6 +132,8 @@ impl<B: Fieldbus> Stopwatch<B> {
 impl<B: Fieldbus> Machine for Stopwatch<B> {
     type Event = LinkEvent;
 
+    machine::forward_ports!(bus);
+
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
         self.look();
@@ -146,26 +145,6 @@ impl<B: Fieldbus> Machine for Stopwatch<B> {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
-    }
-
-    fn ports(&self) -> &[PortRequest] {
-        self.bus.ports()
-    }
-
-    fn listen_port(&self) -> Option<u16> {
-        self.bus.listen_port()
-    }
-
-    fn poll_stream(&mut self) -> Option<StreamRequest> {
-        self.bus.poll_stream()
-    }
-
-    fn dscp(&self, port: Port) -> u8 {
-        self.bus.dscp(port)
-    }
-
-    fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
-        self.bus.group(port, index)
     }
 
     fn handle_timeout(&mut self, now: Instant) {
