@@ -18,6 +18,9 @@ pub struct Numbering {
     pub cycle: Duration,
 }
 
+/// A frame that comes late moves the instant at which the next one is due by at most this share of a cycle.
+const LATE_SHARE: u32 = 64;
+
 /// The receiver's place.
 #[derive(Clone, Copy, Debug)]
 pub struct Sequence {
@@ -30,6 +33,24 @@ pub struct Sequence {
 struct Last {
     number: u32,
     at: Instant,
+    /// When it was due, by the frames before it.
+    due: Instant,
+    /// It did not come before it was due: the sender is not behind it.
+    is_timely: bool,
+}
+
+impl Last {
+    /// Returns the place after an accepted frame that is so far ahead.
+    fn next(&self, numbering: &Numbering, now: Instant, ahead: u32) -> Self {
+        let Numbering { mask, step, cycle, .. } = *numbering;
+        // Nearly always it is the next one, and a division takes as long as all the rest here.
+        let cycles = if ahead == step { 1 } else { ahead.div_ceil(step.max(1)) };
+        let due = self.due + cycle.saturating_mul(cycles);
+        let is_timely = due.since(now).saturating_mul(2) <= cycle;
+        // One late frame says little about those behind it; a sender that is slower or stood still shifts all of them.
+        let due = if now < due { now } else { due + now.since(due).min(cycle / LATE_SHARE) };
+        Self { number: self.number.wrapping_add(ahead) & mask, at: now, due, is_timely }
+    }
 }
 
 /// Frames that follow each other, but not the last accepted one.
@@ -56,23 +77,29 @@ impl Sequence {
     ///
     /// A frame is accepted if it is newer, and not further ahead than time since the last frame allows. Frames at another
     /// place are refused, until they follow each other there for a cycle without one at the old place between them: then
-    /// the sender is there. This is in time for the shortest watchdogs of the buses, three and four cycles. Old frames that
-    /// were held up on the way come in a shorter time.
+    /// the sender is there. This is in time for the shortest watchdogs of the buses, three and four cycles.
+    ///
+    /// Frames a little older than the last one never are such a place, if that one came when its number was due: they were
+    /// held up on the way, even if several of them come in their order. If it came early, its number may be wrong.
     pub fn accept(&mut self, now: Instant, number: u32) -> Option<u32> {
-        let Numbering { mask, newer, step, .. } = self.numbering;
+        let Numbering { mask, newer, slack, step, .. } = self.numbering;
         let Some(last) = &mut self.last else {
-            self.last = Some(Last { number, at: now });
+            self.last = Some(Last { number, at: now, due: now, is_timely: false });
             return Some(step);
         };
         let ahead = number.wrapping_sub(last.number) & mask;
         let is_newer = (1..=newer).contains(&ahead);
         if ahead == step || is_newer && is_plausible(&self.numbering, ahead, now.since(last.at)) {
-            *last = Last { number, at: now };
+            *last = last.next(&self.numbering, now, ahead);
             self.elsewhere = None;
             return Some(ahead);
         }
-        if ahead != 0 && self.is_place(now, number) {
-            self.last = Some(Last { number, at: now });
+        let behind = last.number.wrapping_sub(number) & mask;
+        if behind <= slack && !is_newer && (last.is_timely || behind == 0) {
+            return None;
+        }
+        if self.is_place(now, number) {
+            self.last = Some(Last { number, at: now, due: now, is_timely: true });
             self.elsewhere = None;
             return Some(step);
         }
@@ -161,6 +188,29 @@ mod tests {
             assert_eq!(sequence.accept(at(20), held), None);
         }
         assert_eq!(sequence.accept(at(20), 20), Some(1));
+    }
+
+    #[test]
+    fn whichever_frames_are_held_back_no_frame_is_accepted_behind_a_newer_one() {
+        const FRAMES: u64 = 14;
+        for held_ms in 1..6 {
+            for held in 0..1_u32 << FRAMES {
+                let mut arrivals: Vec<_> = (0..FRAMES)
+                    .map(|frame| if held >> frame & 1 == 1 { (frame + held_ms, frame) } else { (frame, frame) })
+                    .collect();
+                // In one instant, the frame that was held back comes first.
+                arrivals.sort_unstable();
+                let mut sequence = sequence();
+                // The connection has been up for some frames.
+                (0..3).for_each(|millis| _ = sequence.accept(at(millis), millis as u32));
+                let accepted: Vec<_> = arrivals
+                    .into_iter()
+                    .filter(|(millis, frame)| sequence.accept(at(3 + millis), 3 + *frame as u32).is_some())
+                    .map(|(_, frame)| frame)
+                    .collect();
+                assert!(accepted.is_sorted(), "{held:b} held back for {held_ms} ms: {accepted:?}");
+            }
+        }
     }
 
     #[test]
