@@ -186,6 +186,25 @@ fn the_report_of_an_incomplete_run_says_so_and_shows_its_results() {
 }
 
 #[test]
+fn a_run_whose_records_are_incomplete_says_so_in_its_report_on_its_race_and_beside_another() {
+    let lacking = "The recording of CM lacks 5 scans of the PLC and 2 cycles of the robot.";
+    let directory = a_run();
+    let run = directory.path().join("run");
+    let compared = || {
+        let said = bench(directory.path(), &["compare", "run", "run", "--html", "both.html"]).stdout;
+        said.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let page = || std::fs::read_to_string(directory.path().join("both.html")).unwrap();
+    assert!(!report(directory.path()).contains("lacks"));
+    assert!(!compared().contains("incomplete") && !page().contains("incomplete"));
+    let html = redrawn(directory.path(), |results| results.incomplete.push(lacking.to_owned()));
+    assert!(html.contains(lacking));
+    assert!(std::fs::read_to_string(run.join("race.html")).unwrap().contains(lacking));
+    assert_eq!(compared().matches(", records incomplete").count(), 2);
+    assert_eq!(page().matches(", records incomplete").count(), 2);
+}
+
+#[test]
 fn the_report_names_files_that_are_missing_in_the_run_directory() {
     let directory = a_run();
     let run = directory.path().join("run");

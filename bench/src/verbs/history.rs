@@ -318,6 +318,24 @@ mod tests {
     }
 
     #[test]
+    fn a_run_whose_records_are_incomplete_says_so_beside_how_it_ended() {
+        let place = tempfile::tempdir().unwrap();
+        for (name, micros) in [("a", 3_722_460), ("b", 4_723_500)] {
+            keep(place.path(), name, Mode::Virtual, "2026-11-01T08:00:00Z", micros);
+            let path = place.path().join(name);
+            let mut results = run_directory::results(&path).unwrap();
+            results.incomplete.push("The captures are incomplete: no space left.".to_owned());
+            let text = results.to_json().unwrap();
+            std::fs::write(path.join("results.json"), text).unwrap();
+        }
+        let history = History::load(place.path()).unwrap();
+        let table = history.table();
+        let ended: Vec<_> =
+            table.lines().skip(2).filter_map(|line| Some(line.rsplit_once("  ")?.1.trim())).collect();
+        assert_eq!(ended, ["complete, records incomplete", "interrupted, records incomplete"]);
+    }
+
+    #[test]
     fn a_trend_of_zero_has_a_positive_sign() {
         assert_eq!(
             (signed(-0.04), signed(-3.06), signed(0.1)),

@@ -196,7 +196,11 @@ mod tests {
         for held_ms in 1..6 {
             for held in 0..1_u32 << FRAMES {
                 let mut arrivals: Vec<_> = (0..FRAMES)
-                    .map(|frame| if held >> frame & 1 == 1 { (frame + held_ms, frame) } else { (frame, frame) })
+                    .map(
+                        |frame| {
+                            if held >> frame & 1 == 1 { (frame + held_ms, frame) } else { (frame, frame) }
+                        },
+                    )
                     .collect();
                 // In one instant, the frame that was held back comes first.
                 arrivals.sort_unstable();

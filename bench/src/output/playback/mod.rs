@@ -11,7 +11,10 @@
 //! /rc/path              nav_msgs/Path              once, the whole way of the tool, which Foxglove draws
 //! /rc/path_points       sensor_msgs/PointCloud2    once, the same with the speed there, which Rerun draws too
 //! /sm/…, /cm/…
+//! /log                  rcl_interfaces/Log         once, a warning, only where the recordings lack something
 //! ```
+//!
+//! The metadata record `skillbench` has `setup`, and `complete` (`yes` or `no`) with what is `lacking`.
 
 mod programmed;
 mod ros2;
@@ -20,7 +23,7 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::time::Duration;
 
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapResult, WriteOptions, Writer};
 use planning::Plan;
 use plc_node::ExecutionType;
@@ -36,6 +39,9 @@ pub const FILE: &str = "motion.mcap";
 /// Frame of the poses: the base in which the motions are programmed.
 const FRAME: &str = "base";
 
+/// Name of the file's metadata record.
+const METADATA: &str = "skillbench";
+
 /// Encodes a trace as an MCAP file.
 ///
 /// # Errors
@@ -47,6 +53,7 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
         .profile("ros2")
         .library(concat!("skillbench ", env!("CARGO_PKG_VERSION")));
     let mut file = File { writer: options.create(Cursor::new(Vec::new()))?, sequences: BTreeMap::new() };
+    file.say_what_is_lacking(trace, setup)?;
     let arm = Arm::of(setup);
     let motions = plan.wire_motions(setup);
     let mut moments = Vec::new();
@@ -174,6 +181,19 @@ struct File {
 }
 
 impl File {
+    /// Writes the metadata, and the warning if the recordings are not complete.
+    fn say_what_is_lacking(&mut self, trace: &Trace, setup: &Setup) -> McapResult<()> {
+        let lacking = trace.incomplete();
+        let complete = if lacking.is_none() { "yes" } else { "no" };
+        let mut metadata = BTreeMap::from([("setup", setup.name.as_str()), ("complete", complete)]);
+        metadata.extend(lacking.as_deref().map(|lacking| ("lacking", lacking)));
+        let metadata = metadata.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+        self.writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
+        let Some(lacking) = lacking else { return Ok(()) };
+        let log = self.open("/log", ros2::LOG)?;
+        self.write(log, Duration::ZERO, &Message::warning(&lacking))
+    }
+
     fn open(&mut self, topic: &str, schema: ros2::Schema) -> McapResult<u16> {
         let schema = self.writer.add_schema(schema.name, "ros2msg", schema.definition.as_bytes())?;
         self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
@@ -185,5 +205,51 @@ impl File {
         let header = MessageHeader { channel_id, sequence: *next, log_time, publish_time: log_time };
         *next += 1;
         self.writer.write_to_known_channel(&header, message.as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::records::results::PerType;
+    use crate::records::trace::{PlcScan, Recording};
+
+    /// What a file says of its recordings: its metadata, and the bytes of its warnings.
+    fn said(scans: impl Iterator<Item = u64>) -> (BTreeMap<String, String>, Vec<Vec<u8>>) {
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let mut recording = Recording::default();
+        scans.for_each(|scan| {
+            let at_us = scan as i64 * 1_000;
+            recording.plc(PlcScan { at_us, scan, command: 0, total: 0, written: 0, in_slots: 0, altered: 0 });
+        });
+        let trace = Trace { types: PerType { cm: Some(recording), ..PerType::default() } };
+        let bytes = bytes(&trace, &setup, &found.plan(&setup).unwrap()).unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        let [index] = &summary.metadata_indexes[..] else { panic!("one metadata record") };
+        let metadata = mcap::read::metadata(&bytes, index).unwrap().metadata;
+        let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+        let of_log = messages.filter(|message| message.channel.topic == "/log");
+        (metadata, of_log.map(|message| message.data.into_owned()).collect())
+    }
+
+    #[test]
+    fn a_file_of_incomplete_recordings_says_so_in_its_metadata_and_in_a_warning() {
+        let (metadata, warnings) = said((0..90).filter(|scan| !(20..25).contains(scan)));
+        let said = "The recording of CM lacks 5 scans of the PLC and 0 cycles of the robot.";
+        let wanted = [("complete", "no"), ("lacking", said), ("setup", "A")];
+        assert!(
+            metadata.iter().map(|(key, value)| (key.as_str(), value.as_str())).eq(wanted),
+            "{metadata:?}"
+        );
+        let [warning] = &warnings[..] else { panic!("one warning") };
+        let lacking = metadata["lacking"].as_bytes();
+        assert!(warning.windows(lacking.len()).any(|part| part == lacking), "{warning:02x?}");
+    }
+
+    #[test]
+    fn a_file_of_complete_recordings_says_that_and_warns_of_nothing() {
+        let (metadata, warnings) = said(0..90);
+        assert_eq!((metadata["complete"].as_str(), metadata.get("lacking")), ("yes", None));
+        assert_eq!(warnings, Vec::<Vec<u8>>::new());
     }
 }

@@ -69,6 +69,14 @@ pub(super) const POINT_CLOUD: Schema = Schema {
 
 pub(super) const FLOAT: Schema = Schema { name: "std_msgs/msg/Float64", definition: "float64 data\n" };
 
+pub(super) const LOG: Schema = Schema {
+    name: "rcl_interfaces/msg/Log",
+    definition: definition!(
+        "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\nuint32 line\n",
+        "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n"
+    ),
+};
+
 /// Pose of the tool.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose {
@@ -153,6 +161,17 @@ impl Message {
         message
     }
 
+    /// Encodes a [`LOG`]: a warning at time zero.
+    pub(super) fn warning(text: &str) -> Self {
+        const WARN: u8 = 30;
+        let mut message = Self::new();
+        [0, 0].into_iter().for_each(|value| message.u32(value));
+        message.u8(WARN);
+        ["skillbench", text, "", ""].into_iter().for_each(|text| message.string(text));
+        message.u32(0);
+        message
+    }
+
     pub(super) fn as_bytes(&self) -> &[u8] {
         &self.0
     }
@@ -215,6 +234,12 @@ mod tests {
         let message = Message::joint_state(Duration::new(3, 7), "base", &names, &joints);
         // The words: header; stamp; frame with its length and padding; names; positions; speeds; efforts.
         insta::assert_snapshot!(words(&message), @"00010000 03000000 07000000 05000000 62617365 00000000 02000000 03000000 6a310000 03000000 6a320000 02000000 00000000 00000000 0000f03f 00000000 0000e0bf 02000000 00000000 00000000 00000040 00000000 00000000 00000000");
+    }
+
+    #[test]
+    fn a_warning_has_its_text_behind_time_level_and_name() {
+        // Header; time; level with padding; name, text, file and function, each with its length and padding; line.
+        insta::assert_snapshot!(words(&Message::warning("gap")), @"00010000 00000000 00000000 1e000000 0b000000 736b696c 6c62656e 63680000 04000000 67617000 01000000 00000000 01000000 00000000 00000000");
     }
 
     #[test]
