@@ -69,7 +69,7 @@ impl Cell {
         let flipped = run.health().faults.map_or(0, |faults| faults.corrupted);
         let verified = measured.and_then(|measured| verification.check(&measured));
         let ticks = run.trace().types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
-        let mut way: Way = ticks.iter().map(|tick| tick.joints).collect();
+        let mut way: Way = ticks.iter().map(|tick| tick.sample.joints).collect();
         way.dedup();
         (verified.map(|()| way), flipped)
     }

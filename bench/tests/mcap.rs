@@ -9,6 +9,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use assert_cmd::Command;
+use bench::records::trace::{RobotTick, Trace};
 
 fn main() -> ExitCode {
     networked_tests::run_beside(
@@ -61,11 +62,12 @@ fn run(directory: &Path, mode: &str, setup: &str, types: &str) -> BTreeMap<Strin
     topics
 }
 
-/// The rows of the robot's table that are of this type, from the start edge on.
-fn rows(directory: &Path, execution_type: &str) -> Vec<Vec<String>> {
-    let table = fs::read_to_string(directory.join("run/trace-robot.csv")).unwrap();
-    let rows = table.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
-    rows.filter(|row| row[0] == execution_type && !row[1].starts_with('-')).collect()
+/// The robot's cycles of this type in the run's table, from the start edge on.
+fn cycles(directory: &Path, execution_type: &str) -> Vec<RobotTick> {
+    let read = |name: &str| fs::read_to_string(directory.join("run").join(name)).unwrap();
+    let trace = Trace::from_csv(&read("trace-robot.csv"), &read("trace-plc.csv")).unwrap();
+    let recording = trace.types.get(execution_type.parse().unwrap()).unwrap();
+    recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0).copied().collect()
 }
 
 fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
@@ -78,8 +80,8 @@ fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
     assert_eq!(topics.keys().cloned().collect::<Vec<_>>(), wanted);
     for execution_type in types {
         let topic = |name: &str| &topics[&format!("/{execution_type}/{name}")];
-        let rows = rows(directory, execution_type);
-        assert!(rows.len() > 200, "{} cycles of {execution_type}", rows.len());
+        let cycles = cycles(directory, execution_type);
+        assert!(cycles.len() > 200, "{} cycles of {execution_type}", cycles.len());
         for (name, schema) in [
             ("joint_states", "sensor_msgs/msg/JointState"),
             ("tool", "geometry_msgs/msg/PoseStamped"),
@@ -87,10 +89,9 @@ fn check(directory: &Path, topics: &BTreeMap<String, Topic>, types: &[&str]) {
             ("programmed_speed", "std_msgs/msg/Float64"),
         ] {
             let Topic { schema: found, heard } = topic(name);
-            assert_eq!((found.as_str(), heard.len()), (schema, rows.len()), "/{execution_type}/{name}");
+            assert_eq!((found.as_str(), heard.len()), (schema, cycles.len()), "/{execution_type}/{name}");
             assert!(heard.iter().enumerate().all(|(index, heard)| heard.sequence as usize == index));
-            for (heard, row) in heard.iter().zip(&rows) {
-                let at_ms: f64 = row[1].parse().unwrap();
+            for (heard, RobotTick { at_ms, .. }) in heard.iter().zip(&cycles) {
                 assert!(
                     (heard.at_ns as f64 / 1e6 - at_ms).abs() < 0.001,
                     "/{execution_type}/{name} at {at_ms} ms"
@@ -126,10 +127,10 @@ fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
         let directory = tempfile::tempdir().unwrap();
         let topics = run(directory.path(), "virtual", setup, "rc,sm,cm");
         check(directory.path(), &topics, &["rc", "sm", "cm"]);
-        for (row, heard) in rows(directory.path(), "cm").iter().zip(&topics["/cm/joint_states"].heard) {
+        for (tick, heard) in cycles(directory.path(), "cm").iter().zip(&topics["/cm/joint_states"].heard) {
             let [positions, _] = positions_and_speeds(&heard.data, joints);
             for (axis, found) in positions.into_iter().enumerate() {
-                let value: f64 = row[15 + axis].parse().unwrap();
+                let value = f64::from(tick.sample.joints[axis]);
                 let wanted = if linear == Some(axis) { value / 1e3 } else { value.to_radians() };
                 assert!((found - wanted).abs() < 1e-5, "joint {} is {found}, not {wanted}", axis + 1);
             }

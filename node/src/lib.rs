@@ -7,7 +7,8 @@
 //! ├─ inbox    waits for instructions, signals and news at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
-//! node        a node on its cyclic thread; trace_file records its cycles, short_text is text without allocation
+//! node        a node on its cyclic thread; short_text is text without allocation
+//! trace_row   a cycle as a line of text, written and read; trace_file records a node's cycles
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
 //! list        options with several values
 //! ```
@@ -29,6 +30,7 @@ mod short_text;
 pub mod supervise;
 pub mod token;
 mod trace_file;
+pub mod trace_row;
 mod version;
 
 pub use control::{ControlError, ControlPort};

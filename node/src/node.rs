@@ -12,6 +12,7 @@ use protocol::image::Checks;
 use rustix::io::Errno;
 
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
+use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, Inbox, Input, ShortText};
 use protocol_linux::{
     CyclicThread, Driver, DriverError, Interface, InterfaceError, Notifier, Outbox, PortError, RingFull,
@@ -28,7 +29,7 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// The node's answers to orders.
     type Answer: Send + Debug + 'static;
     /// What the node did in one cycle, for records.
-    type Sample: Copy + Send + Debug + 'static;
+    type Sample: TraceSample;
 
     /// Returns the link event that an event contains, if any.
     fn link_event(event: &Self::Event) -> Option<LinkEvent>;
@@ -59,11 +60,8 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// Returns a number that changes with each cycle.
     fn cycle_number(&self) -> u64;
 
-    /// Returns what the node did in its last cycle, at `now` or before.
-    fn sample(&self, now: Instant) -> Self::Sample;
-
-    /// Appends a sample as one line: the time in ns of this clock, then the columns of a trace from the third on.
-    fn write_sample(sample: &Self::Sample, line: &mut String);
+    /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it.
+    fn sample(&self, now: Instant) -> (Instant, Self::Sample);
 }
 
 /// Commands of the process to the cyclic thread.
@@ -321,7 +319,7 @@ impl<N: Node> NodeProcess<N> {
     ) -> Result<Self, NodeError> {
         let (ring, trace) = match trace {
             Some(path) => {
-                let (ring, writer) = trace_file::start(path, N::write_sample)?;
+                let (ring, writer) = trace_file::start(path)?;
                 (Some(ring), Some(writer))
             }
             None => (None, None),

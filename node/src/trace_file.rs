@@ -6,6 +6,10 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use machine::Instant;
+
+use crate::trace_row::{TraceSample, write_row};
+
 /// Samples that the ring holds: four seconds at a cycle of 1 ms.
 const RING_CAPACITY: usize = 4_096;
 
@@ -23,7 +27,7 @@ pub struct TraceError {
 /// The cyclic thread's end of the ring.
 #[derive(Debug)]
 pub(crate) struct TraceRing<S> {
-    samples: rtrb::Producer<S>,
+    samples: rtrb::Producer<(Instant, S)>,
     recording: bool,
     last: Option<u64>,
 }
@@ -34,7 +38,7 @@ impl<S> TraceRing<S> {
     }
 
     /// Sends a sample if there was a cycle since the last one. If the ring is full, the sample is dropped.
-    pub(crate) fn look(&mut self, cycle: u64, sample: impl FnOnce() -> S) {
+    pub(crate) fn look(&mut self, cycle: u64, sample: impl FnOnce() -> (Instant, S)) {
         if self.recording && self.last != Some(cycle) {
             self.last = Some(cycle);
             let _ = self.samples.push(sample());
@@ -55,17 +59,14 @@ impl TraceWriter {
     }
 }
 
-/// Starts a writer; `write` turns each sample into a line of the new file `path`.
-pub(crate) fn start<S: Send + 'static>(
-    path: &Path,
-    write: fn(&S, &mut String),
-) -> Result<(TraceRing<S>, TraceWriter), TraceError> {
+/// Starts a writer, which makes the file `path` and writes each sample into it as a row.
+pub(crate) fn start<S: TraceSample>(path: &Path) -> Result<(TraceRing<S>, TraceWriter), TraceError> {
     let broken = |path: &Path| {
         let path = path.to_owned();
         move |reason| TraceError { path, reason }
     };
     let mut file = BufWriter::new(File::create(path).map_err(broken(path))?);
-    let (samples, mut waiting) = rtrb::RingBuffer::new(RING_CAPACITY);
+    let (samples, mut waiting) = rtrb::RingBuffer::<(Instant, S)>::new(RING_CAPACITY);
     let path = path.to_owned();
     let of_thread = path.clone();
     let body = move || {
@@ -73,9 +74,9 @@ pub(crate) fn start<S: Send + 'static>(
         loop {
             // Read before the ring is emptied: samples from before the end are still in the ring then.
             let last = waiting.is_abandoned();
-            while let Ok(sample) = waiting.pop() {
+            while let Ok((at, sample)) = waiting.pop() {
                 line.clear();
-                write(&sample, &mut line);
+                write_row(at, &sample, &mut line);
                 line.push('\n');
                 file.write_all(line.as_bytes()).map_err(broken(&of_thread))?;
             }
@@ -94,22 +95,35 @@ pub(crate) fn start<S: Send + 'static>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace_row::Fields;
     use std::fmt::Write as _;
+
+    #[derive(Clone, Copy, Debug)]
+    struct Cycle(u64);
+
+    impl TraceSample for Cycle {
+        const COLUMNS: &'static str = "cycle";
+
+        fn write(&self, line: &mut String) {
+            let _ = write!(line, "{}", self.0);
+        }
+
+        fn read(fields: &mut Fields<'_>) -> Option<Self> {
+            fields.value().map(Self)
+        }
+    }
 
     #[test]
     fn each_cycle_is_a_line_once_while_it_is_recorded() {
         let path = std::env::temp_dir().join(format!("trace-file-{}", std::process::id()));
-        let (mut ring, writer) = start::<u64>(&path, |sample, line| {
-            let _ = write!(line, "{sample}");
-        })
-        .unwrap();
+        let (mut ring, writer) = start(&path).unwrap();
         for (cycle, on) in [(1, false), (2, true), (2, true), (3, true), (4, false)] {
             ring.record(on);
-            ring.look(cycle, || cycle * 10);
+            ring.look(cycle, || (Instant::from_nanos(cycle * 10), Cycle(cycle)));
         }
         drop(ring);
         writer.finish().unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "20\n30\n");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "20,2\n30,3\n");
         std::fs::remove_file(&path).unwrap();
     }
 }

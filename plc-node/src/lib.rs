@@ -26,6 +26,7 @@ mod node;
 mod plan_command;
 pub mod process;
 mod readiness;
+mod sample;
 mod scan;
 mod sequence;
 mod speed_override;
@@ -38,6 +39,7 @@ pub use event::{
     Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,
 };
 pub use motion_source::{MotionList, MotionSource};
-pub use node::{PlcNode, Sample};
+pub use node::PlcNode;
+pub use sample::Sample;
 pub use scan::Scan;
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};

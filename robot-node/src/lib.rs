@@ -21,10 +21,12 @@ mod node;
 pub mod process;
 pub mod quality;
 pub mod rehearsal;
+mod sample;
 
 pub use arm::ConfigError;
 pub use cell::StartOutOfReach;
 pub use config::{ForceControl, RobotConfig};
 pub use controller::{Account, Controller, Ending, Program, RobotEvent};
-pub use node::{RobotNode, Sample};
+pub use node::RobotNode;
 pub use quality::Quality;
+pub use sample::Sample;

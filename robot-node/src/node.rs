@@ -4,11 +4,9 @@ use std::collections::VecDeque;
 
 use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::Fieldbus;
-use protocol::image::{
-    Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, State, Verdict,
-};
+use protocol::image::{Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, Verdict};
 
-use crate::{Controller, Program, RobotConfig, RobotEvent};
+use crate::{Controller, Program, RobotConfig, RobotEvent, Sample};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
@@ -18,37 +16,6 @@ const ALTERED_FOR: Duration = Duration::from_millis(100);
 
 /// News of the connection that wait for the owner.
 const LINK_EVENTS: usize = 16;
-
-/// What the robot does at one instant, for records.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Sample {
-    /// The tick that it was taken at.
-    pub at: Instant,
-    /// Joint values in degrees, mm on a linear axis.
-    pub joints: [f32; 6],
-    /// Tool in base: x, y, z in mm; a, b, c in degrees.
-    pub pose: [f32; 6],
-    /// Speed of the tool along its path in mm/s.
-    pub path_speed_mm_s: f32,
-    /// State of the skill execution.
-    pub state: State,
-    /// The last command number that was taken up or refused.
-    pub number: u16,
-    /// Motions of the skill that are executed.
-    pub executed: u32,
-    /// Motions of the skill that are accepted.
-    pub accepted: u32,
-    /// Motions in the queue: accepted and not executed.
-    pub queued: u32,
-    /// Motions of the skill that ended in a stop because the next was not there in time.
-    pub blends_suppressed: u16,
-    /// What the tool presses on surfaces with, in N.
-    pub contact_force_n: f32,
-    /// The robot's digital outputs.
-    pub outputs: u16,
-    /// Command images that were refused so far, because a byte was altered.
-    pub altered: u64,
-}
 
 /// The robot on its bus.
 #[derive(Debug)]
@@ -137,23 +104,25 @@ impl<B: Fieldbus> RobotNode<B> {
         self.cycle.next()
     }
 
-    /// What the robot does, as of its last cycle.
+    /// Returns when the last cycle ran.
+    #[must_use]
+    pub const fn ticked_at(&self) -> Instant {
+        self.ticked_at
+    }
+
+    /// Returns what the robot did in its last cycle.
     #[must_use]
     pub const fn sample(&self) -> Sample {
         let feedback = self.controller.feedback();
         Sample {
-            at: self.ticked_at,
-            joints: feedback.joints,
-            pose: feedback.pose,
-            path_speed_mm_s: feedback.path_speed,
             state: feedback.state,
-            number: feedback.number,
+            command: feedback.number,
             executed: feedback.executed,
             accepted: feedback.accepted,
-            queued: feedback.accepted.saturating_sub(feedback.executed),
             blends_suppressed: feedback.blends_suppressed,
-            contact_force_n: feedback.contact_force,
-            outputs: feedback.inputs,
+            path_speed_mm_s: feedback.path_speed,
+            pose: feedback.pose,
+            joints: feedback.joints,
             altered: self.checker.checks().altered,
         }
     }

@@ -181,26 +181,11 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     }
 
     fn cycle_number(&self) -> u64 {
-        Self::sample(self).at.as_nanos()
+        self.ticked_at().as_nanos()
     }
 
-    fn sample(&self, _now: Instant) -> Sample {
-        Self::sample(self)
-    }
-
-    fn write_sample(sample: &Sample, line: &mut String) {
-        use fmt::Write as _;
-        let Sample { at, state, number, executed, accepted, queued, blends_suppressed, .. } = sample;
-        let _ = write!(
-            line,
-            "{},{state:?},{number},{executed},{accepted},{queued},{blends_suppressed},{:.3}",
-            at.as_nanos(),
-            sample.path_speed_mm_s
-        );
-        for value in sample.pose.iter().chain(&sample.joints) {
-            let _ = write!(line, ",{value:.4}");
-        }
-        let _ = write!(line, ",{}", sample.altered);
+    fn sample(&self, _now: Instant) -> (Instant, Sample) {
+        (self.ticked_at(), Self::sample(self))
     }
 }
 

@@ -167,16 +167,17 @@ fn plc(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64
     let scans = recording.plc_scans();
     for scan in scans {
         let at = start + scan.at_us as f64;
-        let mut cycle = TraceEvent::new("i", "scan", (PLC, CYCLES), at).with("scan", scan.scan);
+        let mut cycle = TraceEvent::new("i", "scan", (PLC, CYCLES), at).with("scan", scan.sample.scan);
         cycle.s = Some("t");
         events.push(cycle);
     }
-    let commands = scans.iter().map(|scan| (start + scan.at_us as f64, format!("command {}", scan.command)));
+    let commands =
+        scans.iter().map(|scan| (start + scan.at_us as f64, format!("command {}", scan.sample.command)));
     spans(events, (PLC, COMMAND), commands, end);
-    refused(events, PLC, scans.iter().map(|scan| (start + scan.at_us as f64, scan.altered)));
-    let fill = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.in_slots)));
+    refused(events, PLC, scans.iter().map(|scan| (start + scan.at_us as f64, scan.sample.altered)));
+    let fill = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.sample.in_slots)));
     counter(events, (PLC, "motions in the slots"), fill);
-    let written = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.written)));
+    let written = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.sample.written)));
     counter(events, (PLC, "motions written"), written);
 }
 
@@ -186,18 +187,23 @@ fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f
     let at = move |at_ms: f64| start + at_ms * 1e3;
     for tick in ticks() {
         let mut cycle = TraceEvent::new("i", "tick", (ROBOT, CYCLES), at(tick.at_ms))
-            .with("executed", tick.executed)
-            .with("accepted", tick.accepted);
+            .with("executed", tick.sample.executed)
+            .with("accepted", tick.sample.accepted);
         cycle.s = Some("t");
         events.push(cycle);
     }
-    let commands = ticks().map(|tick| (at(tick.at_ms), format!("command {}", tick.command)));
+    let commands = ticks().map(|tick| (at(tick.at_ms), format!("command {}", tick.sample.command)));
     spans(events, (ROBOT, COMMAND), commands, end);
-    refused(events, ROBOT, ticks().map(|tick| (at(tick.at_ms), tick.altered)));
-    spans(events, (ROBOT, STATE), ticks().map(|tick| (at(tick.at_ms), format!("{:?}", tick.state))), end);
-    let speed = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.path_speed_mm_s)));
+    refused(events, ROBOT, ticks().map(|tick| (at(tick.at_ms), tick.sample.altered)));
+    spans(
+        events,
+        (ROBOT, STATE),
+        ticks().map(|tick| (at(tick.at_ms), format!("{:?}", tick.sample.state))),
+        end,
+    );
+    let speed = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.sample.path_speed_mm_s)));
     counter(events, (ROBOT, "path speed in mm/s"), speed);
-    let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.queued())));
+    let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.sample.queued())));
     counter(events, (ROBOT, "motions in the queue"), queue);
 }
 
@@ -224,7 +230,7 @@ fn executed(events: &mut Vec<TraceEvent>, recording: &Recording, motions: &[&str
         }
     };
     for tick in recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0) {
-        let index = place.follow(tick);
+        let index = place.follow(&tick.sample);
         if index == open.as_ref().map(|(open, _)| *open) {
             continue;
         }
@@ -290,27 +296,24 @@ mod tests {
             let mut recording = Recording::default();
             for number in 0..40_u16 {
                 let state = if number < 4 { State::Ready } else { State::Running };
-                recording.robot(RobotTick {
-                    at_ms: f64::from(number) * 4.0 - 1.5,
+                let sample = robot_node::Sample {
                     state,
                     command: number / 20,
-                    executed: 0,
                     accepted: 3,
-                    blends_suppressed: 0,
                     path_speed_mm_s: f32::from(number),
-                    pose: [0.0; 6],
-                    joints: [0.0; 6],
                     altered: u64::from(number >= 20),
-                });
-                recording.plc(PlcScan {
-                    at_us: i64::from(number) * 1_000,
+                    ..robot_node::Sample::default()
+                };
+                recording.robot(RobotTick { at_ms: f64::from(number) * 4.0 - 1.5, sample });
+                let sample = plc_node::Sample {
                     scan: number.into(),
                     command: number / 20,
                     total: 13,
                     written: 5,
                     in_slots: 5,
                     altered: 0,
-                });
+                };
+                recording.plc(PlcScan { at_us: i64::from(number) * 1_000, sample });
             }
             *trace.types.entry(execution_type) = Some(recording);
         }

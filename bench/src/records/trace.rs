@@ -9,7 +9,6 @@ use std::time::Duration;
 
 use machine::Instant;
 use plc_node::ExecutionType;
-use protocol::image::State;
 use virtual_time::Side;
 
 use crate::records::results::PerType;
@@ -51,49 +50,8 @@ const PLC_ROOM: usize = 60_000;
 pub struct RobotTick {
     /// Time since the start edge, in ms.
     pub at_ms: f64,
-    /// State of the skill execution.
-    pub state: State,
-    /// The last command number that the robot received.
-    pub command: u16,
-    /// Motions of the skill that the robot has executed.
-    pub executed: u32,
-    /// Motions of the skill that the robot has accepted.
-    pub accepted: u32,
-    /// Motions of the skill that ended in a stop because the next motion did not arrive in time.
-    pub blends_suppressed: u16,
-    /// Speed of the tool along its path in mm/s.
-    pub path_speed_mm_s: f32,
-    /// Pose of the tool in the base frame: x, y, z in mm; a, b, c in degrees.
-    pub pose: [f32; 6],
-    /// Joint values in degrees; in mm for a linear axis.
-    pub joints: [f32; 6],
-    /// Images of the PLC that the robot refused so far, because a byte was altered.
-    pub altered: u64,
-}
-
-impl RobotTick {
-    /// Converts a sample of the robot node, taken `at_ms` after the start edge.
-    #[must_use]
-    pub const fn new(at_ms: f64, sample: &robot_node::Sample) -> Self {
-        Self {
-            at_ms,
-            state: sample.state,
-            command: sample.number,
-            executed: sample.executed,
-            accepted: sample.accepted,
-            blends_suppressed: sample.blends_suppressed,
-            path_speed_mm_s: sample.path_speed_mm_s,
-            pose: sample.pose,
-            joints: sample.joints,
-            altered: sample.altered,
-        }
-    }
-
-    /// Returns the motions that wait in the robot or are being executed.
-    #[must_use]
-    pub const fn queued(&self) -> u32 {
-        self.accepted.saturating_sub(self.executed)
-    }
+    /// What the robot did.
+    pub sample: robot_node::Sample,
 }
 
 /// One scan of the PLC.
@@ -101,34 +59,8 @@ impl RobotTick {
 pub struct PlcScan {
     /// Time since the scan with the start edge, in µs.
     pub at_us: i64,
-    /// Scans since the node started.
-    pub scan: u64,
-    /// Number of the last command.
-    pub command: u16,
-    /// Total motions of the skill: `totalNo`.
-    pub total: u32,
-    /// Motions of the skill written into the slots so far.
-    pub written: u32,
-    /// Motions in the slots that the robot has not executed yet.
-    pub in_slots: u32,
-    /// Images of the robot that the PLC refused so far, because a byte was altered.
-    pub altered: u64,
-}
-
-impl PlcScan {
-    /// Converts a sample of the PLC node, taken `at_us` after the start edge.
-    #[must_use]
-    pub const fn new(at_us: i64, sample: &plc_node::Sample) -> Self {
-        Self {
-            at_us,
-            scan: sample.scans,
-            command: sample.number,
-            total: sample.total,
-            written: sample.written,
-            in_slots: sample.queue_fill,
-            altered: sample.altered,
-        }
-    }
+    /// What the PLC did.
+    pub sample: plc_node::Sample,
 }
 
 /// A frame at one end of the cable.
@@ -197,7 +129,7 @@ impl Recording {
     #[must_use]
     pub fn gaps(&self) -> [u64; 2] {
         let pairs = self.plc.windows(2).map(|pair| match pair {
-            [one, next] => next.scan.saturating_sub(one.scan).saturating_sub(1),
+            [scan, next] => next.sample.scan.saturating_sub(scan.sample.scan).saturating_sub(1),
             _ => 0,
         });
         let steps =
@@ -291,22 +223,11 @@ mod tests {
     use super::*;
 
     fn tick(at_ms: f64) -> RobotTick {
-        RobotTick {
-            at_ms,
-            state: State::Running,
-            command: 1,
-            executed: 0,
-            accepted: 0,
-            blends_suppressed: 0,
-            path_speed_mm_s: 0.0,
-            pose: [0.0; 6],
-            joints: [0.0; 6],
-            altered: 0,
-        }
+        RobotTick { at_ms, sample: robot_node::Sample::default() }
     }
 
-    fn scan(at_us: i64) -> PlcScan {
-        PlcScan { at_us, scan: 0, command: 0, total: 0, written: 0, in_slots: 0, altered: 0 }
+    fn scan(at_us: i64, scan: u64) -> PlcScan {
+        PlcScan { at_us, sample: plc_node::Sample { scan, ..plc_node::Sample::default() } }
     }
 
     #[test]
@@ -315,7 +236,7 @@ mod tests {
         for (of, length_s) in [(ExecutionType::Rc, 119), (ExecutionType::Sm, 3_600), (ExecutionType::Cm, 121)]
         {
             let recording = trace.types.entry(of).insert(Recording::default());
-            (0..length_s * 1_000).for_each(|millis| recording.plc(scan(millis * 1_000)));
+            (0..length_s * 1_000).for_each(|millis| recording.plc(scan(millis * 1_000, 0)));
         }
         let seconds = |of| trace.types.get(of).unwrap().plc_scans().last().unwrap().at_us as f64 / 1e6;
         assert_eq!(ExecutionType::ALL.map(seconds), [118.999, 120.0, 120.0]);
@@ -332,7 +253,7 @@ mod tests {
     fn a_recording_without_some_of_its_rows_says_how_many() {
         let mut recording = Recording::default();
         for number in (0..90).filter(|number| !(20..25).contains(number)) {
-            recording.plc(PlcScan { scan: number, ..scan(number as i64 * 1_000) });
+            recording.plc(scan(number as i64 * 1_000, number));
             if number % 4 == 0 {
                 recording.robot(tick(number as f64));
             }

@@ -13,9 +13,7 @@ use std::collections::VecDeque;
 use machine::{Instant, Lateness};
 use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{
-    Checks, CommandSealer, Control, Digest, Feedback, FeedbackChecker, IMAGE_LEN, Image, Skill, Verdict,
-};
+use protocol::image::{Checks, Command, CommandSealer, Digest, FeedbackChecker, IMAGE_LEN, Image, Verdict};
 
 use crate::motion_source::Digested;
 use crate::readiness::Readiness;
@@ -23,7 +21,7 @@ use crate::sequence::Sequence;
 use crate::start_position::StartPosition;
 use crate::{
     AxesGroup, ExecutionType, FailureCause, MotionSource, Override, OverrideSchedule, PlcConfig, PlcEvent,
-    Scan, StartError,
+    Sample, Scan, StartError,
 };
 
 /// Scans without a change of the robot's image that are more than any robot cycle.
@@ -100,31 +98,6 @@ struct Run {
     started_at: Instant,
     started_in_scan: u64,
     frames_before: Counters,
-}
-
-/// What goes over the image at an instant, for traces.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Sample {
-    /// Scans since the node started.
-    pub scans: u64,
-    /// Number of the last command.
-    pub number: u16,
-    /// Skill of the last command.
-    pub skill: Skill,
-    /// What the PLC wants.
-    pub control: Control,
-    /// Motions of the skill in all: `totalNo`.
-    pub total: u32,
-    /// Motions written into the slots so far.
-    pub written: u32,
-    /// The override, in %.
-    pub override_percent: u8,
-    /// Motions in the slots that the robot has not executed yet, 0..=5.
-    pub queue_fill: u32,
-    /// The robot's image of the last scan; none without a connection.
-    pub feedback: Option<Feedback>,
-    /// Images of the robot that were refused so far, because a byte was altered.
-    pub altered: u64,
 }
 
 impl<B: Fieldbus> PlcNode<B> {
@@ -253,23 +226,30 @@ impl<B: Fieldbus> PlcNode<B> {
         &mut self.bus
     }
 
-    /// What goes over the image as of the last scan.
+    /// Returns the command to the robot as of the last scan.
+    #[must_use]
+    pub const fn command(&self) -> &Command {
+        self.group.command()
+    }
+
+    /// Returns how many scans have run.
+    #[must_use]
+    pub const fn scans(&self) -> u64 {
+        self.scans
+    }
+
+    /// Returns what the PLC did in its last scan.
     #[must_use]
     pub fn sample(&self) -> Sample {
-        let command = self.group.command();
-        let feedback = self.group.feedback().copied();
-        let executed = feedback.filter(|feedback| feedback.number == command.number);
-        let executed = executed.map_or(0, |feedback| feedback.executed);
+        let command = self.command();
+        let feedback = self.group.feedback().filter(|feedback| feedback.number == command.number);
+        let executed = feedback.map_or(0, |feedback| feedback.executed);
         Sample {
-            scans: self.scans,
-            number: command.number,
-            skill: command.skill,
-            control: command.control,
+            scan: self.scans,
+            command: command.number,
             total: command.total,
             written: command.written,
-            override_percent: command.override_percent,
-            queue_fill: command.written.saturating_sub(executed),
-            feedback,
+            in_slots: command.written.saturating_sub(executed),
             altered: self.checker.checks().altered,
         }
     }

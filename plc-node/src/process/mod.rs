@@ -132,7 +132,7 @@ impl Run {
 impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     type Order = PlcOrder;
     type Answer = PlcRefusal;
-    type Sample = (Instant, Sample);
+    type Sample = Sample;
 
     fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
         match event {
@@ -189,16 +189,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     }
 
     fn cycle_number(&self) -> u64 {
-        Self::sample(self).scans
+        self.scans()
     }
 
-    fn sample(&self, now: Instant) -> Self::Sample {
+    fn sample(&self, now: Instant) -> (Instant, Sample) {
         (now, Self::sample(self))
-    }
-
-    fn write_sample((at, sample): &Self::Sample, line: &mut String) {
-        use fmt::Write as _;
-        let Sample { scans, number, total, written, queue_fill, altered, .. } = sample;
-        let _ = write!(line, "{},{scans},{number},{total},{written},{queue_fill},{altered}", at.as_nanos());
     }
 }

@@ -89,7 +89,7 @@ proptest! {
         book.act(&mut cell, Action::Break(Fault::None));
         book.go_on(&mut cell, Duration::from_secs(1));
         prop_assert_eq!(book.accepted, book.ended);
-        prop_assert!(cell.a().is_ready(), "{:?}", cell.a().sample());
+        prop_assert!(cell.a().is_ready(), "{:?}", cell.a().command());
         for execution_type in ExecutionType::ALL {
             prop_assert_eq!(run(&mut cell, execution_type).motions, 6);
         }

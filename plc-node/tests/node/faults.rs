@@ -212,7 +212,7 @@ fn a_disconnect_fails_the_run_and_leaves_nothing_to_execute_on_the_bus() {
     pause(&mut cell, Duration::from_millis(100));
     cell.command_a(|plc, now| plc.disconnect(now));
     assert_eq!(wait_for_failure(&mut cell).cause, FailureCause::Aborted);
-    assert!(!cell.a().sample().control.contains(Control::EXECUTE));
+    assert!(!cell.a().command().control.contains(Control::EXECUTE));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use plc_node::{OverrideSchedule, PlcEvent};
 use crate::scripted::{Cell, cell, pause, start, until_ready, wait_for};
 
 fn override_of(cell: &Cell) -> u8 {
-    cell.a().sample().override_percent
+    cell.a().command().override_percent
 }
 
 /// When the override changed to what since the start edge, in ms of the PLC's scans, until the run finishes.

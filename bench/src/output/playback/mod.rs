@@ -64,12 +64,12 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
         }
         let channels = Channels::open(&mut file, execution_type)?;
         // Before its first motion, the robot reports its pose in an undefined base.
-        let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.path_speed_mm_s == 0.0).collect();
+        let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.sample.path_speed_mm_s == 0.0).collect();
         let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, pose(tick))).collect();
         file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
         let points: Vec<_> = moved.iter().map(|(_, tick)| point(tick)).collect();
         file.write(channels.points, Duration::ZERO, &Message::points(FRAME, &points))?;
-        let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| *tick), &motions);
+        let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| &tick.sample), &motions);
         let joints = arm.joint_states(&ticks);
         let of_ticks = ticks.into_iter().zip(joints).zip(speeds);
         moments.extend(of_ticks.map(|(((at, tick), joints), speed)| (at, channels, tick, joints, speed)));
@@ -79,7 +79,7 @@ pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
     for (at, channels, tick, joints, programmed_mm_s) in moments {
         file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.names, &joints))?;
         file.write(channels.tool, at, &Message::pose(at, FRAME, &pose(tick)))?;
-        file.write(channels.speed, at, &Message::float(f64::from(tick.path_speed_mm_s) / 1e3))?;
+        file.write(channels.speed, at, &Message::float(f64::from(tick.sample.path_speed_mm_s) / 1e3))?;
         file.write(channels.programmed, at, &Message::float(programmed_mm_s / 1e3))?;
     }
     file.writer.finish()?;
@@ -95,7 +95,7 @@ fn ticks(trace: &Trace, execution_type: ExecutionType) -> Vec<(Duration, &RobotT
 }
 
 fn pose(tick: &RobotTick) -> Pose {
-    let [x, y, z, a, b, c] = tick.pose.map(f64::from);
+    let [x, y, z, a, b, c] = tick.sample.pose.map(f64::from);
     Pose {
         position_m: [x, y, z].map(|mm| mm / 1e3),
         orientation: Rotation::from_angles([a, b, c]).quaternion(),
@@ -104,8 +104,8 @@ fn pose(tick: &RobotTick) -> Pose {
 
 /// Returns the tool's position x, y, z in m and its speed in m/s.
 fn point(tick: &RobotTick) -> [f32; 4] {
-    let [x, y, z, ..] = tick.pose;
-    [x, y, z, tick.path_speed_mm_s].map(|value| value / 1e3)
+    let [x, y, z, ..] = tick.sample.pose;
+    [x, y, z, tick.sample.path_speed_mm_s].map(|value| value / 1e3)
 }
 
 /// The joints of the arm.
@@ -144,7 +144,7 @@ impl Arm {
 
     /// Returns the value of a joint in rad or m.
     fn value(&self, tick: &RobotTick, axis: usize) -> f64 {
-        let value = f64::from(tick.joints.get(axis).copied().unwrap_or_default());
+        let value = f64::from(tick.sample.joints.get(axis).copied().unwrap_or_default());
         if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() }
     }
 }
@@ -220,7 +220,8 @@ mod tests {
         let mut recording = Recording::default();
         scans.for_each(|scan| {
             let at_us = scan as i64 * 1_000;
-            recording.plc(PlcScan { at_us, scan, command: 0, total: 0, written: 0, in_slots: 0, altered: 0 });
+            let sample = plc_node::Sample { scan, ..plc_node::Sample::default() };
+            recording.plc(PlcScan { at_us, sample });
         });
         let trace = Trace { types: PerType { cm: Some(recording), ..PerType::default() } };
         let bytes = bytes(&trace, &setup, &found.plan(&setup).unwrap()).unwrap();

@@ -59,8 +59,8 @@ pub(super) fn draw(
         ticks
             .iter()
             // Before its first motion, the robot reports its pose in an undefined base.
-            .skip_while(|tick| tick.path_speed_mm_s == 0.0)
-            .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.pose.get(axis).copied().unwrap_or(0.0))))
+            .skip_while(|tick| tick.sample.path_speed_mm_s == 0.0)
+            .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.sample.pose.get(axis).copied().unwrap_or(0.0))))
             .collect()
     };
     let paths: Vec<_> = [ExecutionType::Sm, ExecutionType::Rc, ExecutionType::Cm]

@@ -25,7 +25,7 @@ pub(super) fn data(trace: &Trace) -> Data {
     };
     let share = |recording: &Recording, count: u32| {
         let scans = recording.plc_scans();
-        let with = scans.iter().filter(|scan| scan.in_slots == count).count();
+        let with = scans.iter().filter(|scan| scan.sample.in_slots == count).count();
         format!("{:.1}", with as f64 / scans.len().max(1) as f64 * 100.0)
     };
     let row = |count: u32| {
@@ -67,7 +67,8 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
             write: (&chart::short, &chart::whole),
         };
         let mut chart = axes.draw(format, &panel.area)?;
-        let slots = steps(recording.plc_scans().iter().map(|scan| (scan.at_us as f64 / 1e6, scan.in_slots)));
+        let slots =
+            steps(recording.plc_scans().iter().map(|scan| (scan.at_us as f64 / 1e6, scan.sample.in_slots)));
         let (first, last) = (slots.first().map(|at| (at.0, 0.0)), slots.last().map(|at| (at.0, 0.0)));
         let under: Vec<_> = first.into_iter().chain(slots.iter().copied()).chain(last).collect();
         chart.draw_series([Polygon::new(under, colour(*execution_type).mix(0.16))])?;
@@ -80,7 +81,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
 
 /// Returns the motions that the robot has accepted and not executed yet.
 fn held(recording: &Recording) -> Vec<(f64, f64)> {
-    steps(recording.robot_ticks().iter().map(|tick| (tick.at_ms / 1e3, tick.queued())))
+    steps(recording.robot_ticks().iter().map(|tick| (tick.at_ms / 1e3, tick.sample.queued())))
 }
 
 /// Returns a count over time as a line with steps.

@@ -43,7 +43,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         .collect();
     let ticks = || panels.iter().flat_map(|(_, recording)| recording.robot_ticks());
     let longest_s = ticks().map(|tick| tick.at_ms / 1e3).fold(0.0, f64::max);
-    let fastest = ticks().map(|tick| f64::from(tick.path_speed_mm_s)).fold(0.0, f64::max);
+    let fastest = ticks().map(|tick| f64::from(tick.sample.path_speed_mm_s)).fold(0.0, f64::max);
     if longest_s <= 0.0 {
         return Ok(None);
     }
@@ -66,7 +66,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
             chart.plotting_area().draw(&PathElement::new(line, MUTED.mix(0.35).stroke_width(stroke(0.7))))?;
         }
         let curve: Vec<_> =
-            ticks.iter().map(|tick| (tick.at_ms / 1e3, f64::from(tick.path_speed_mm_s))).collect();
+            ticks.iter().map(|tick| (tick.at_ms / 1e3, f64::from(tick.sample.path_speed_mm_s))).collect();
         let first = curve.first().map(|(x, _)| (*x, 0.0));
         let last = curve.last().map(|(x, _)| (*x, 0.0));
         let under: Vec<_> = first.into_iter().chain(curve.iter().copied()).chain(last).collect();
@@ -102,9 +102,9 @@ fn title(
 
 /// Returns when each motion was done, in ms.
 pub(super) fn ends(ticks: &[RobotTick]) -> impl Iterator<Item = f64> {
-    let count = |tick: &RobotTick| (tick.command, tick.executed);
+    let count = |tick: &RobotTick| (tick.sample.command, tick.sample.executed);
     ticks.windows(2).filter_map(move |pair| match pair {
-        [before, after] if after.executed > 0 && count(after) != count(before) => Some(after.at_ms),
+        [before, after] if after.sample.executed > 0 && count(after) != count(before) => Some(after.at_ms),
         _ => None,
     })
 }

@@ -1,8 +1,7 @@
-//! Which motion of the sequence the robot executes at each of its ticks.
+//! Which motion of the sequence the robot executes in each of its cycles.
 
 use protocol::image::State;
-
-use super::RobotTick;
+use robot_node::Sample;
 
 /// Position in the sequence: a program or a MoveContinuousSkill has all motions or many, a single skill has one.
 #[derive(Clone, Copy, Default, Debug)]
@@ -15,15 +14,15 @@ pub struct Place {
 }
 
 impl Place {
-    /// Follows the robot to its next tick. Returns the index of the motion that the robot executes in this cycle, while it runs.
-    pub fn follow(&mut self, tick: &RobotTick) -> Option<usize> {
-        if tick.state != State::Running {
+    /// Follows the robot to its next cycle. Returns the index of the motion that the robot executes in this cycle, while it runs.
+    pub fn follow(&mut self, sample: &Sample) -> Option<usize> {
+        if sample.state != State::Running {
             return None;
         }
-        if self.command.replace(tick.command) != Some(tick.command) {
+        if self.command.replace(sample.command) != Some(sample.command) {
             self.before += std::mem::take(&mut self.accepted);
         }
-        self.accepted = self.accepted.max(tick.accepted);
-        usize::try_from(self.before + tick.executed).ok()
+        self.accepted = self.accepted.max(sample.accepted);
+        usize::try_from(self.before + sample.executed).ok()
     }
 }

@@ -10,8 +10,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
+use machine::Instant;
+use node::trace_row::{Fields, TraceSample, read_rows};
 use plc_node::ExecutionType;
-use protocol::image::State;
 
 use super::{PlcScan, Recording, RobotTick, Trace, Window};
 use crate::records::run_directory::{Durability, replace};
@@ -26,9 +27,17 @@ pub const ROBOT_ROWS: &str = "trace-robot.rows";
 /// File that the PLC's node writes its rows to.
 pub const PLC_ROWS: &str = "trace-plc.rows";
 
-const ROBOT_HEADER: &str = "type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
-x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered";
-const PLC_HEADER: &str = "type,t_ms,scan,command,total,written,in_slots,altered";
+/// Header of a table: the columns of a sample stand behind the execution type and the time since its start edge.
+fn header<S: TraceSample>() -> String {
+    format!("type,t_ms,{}\n", S::COLUMNS)
+}
+
+/// Appends a row of a table.
+fn write_row<S: TraceSample>(table: &mut String, execution_type: ExecutionType, at_ms: f64, sample: &S) {
+    let _ = write!(table, "{execution_type},{at_ms:.3},");
+    sample.write(table);
+    table.push('\n');
+}
 
 impl Trace {
     /// Writes both tables into a run directory.
@@ -45,49 +54,52 @@ impl Trace {
     /// Returns the robot's table and the PLC's.
     #[must_use]
     pub fn to_csv(&self) -> (String, String) {
-        let (mut robot, mut plc) = (format!("{ROBOT_HEADER}\n"), format!("{PLC_HEADER}\n"));
+        let (mut robot, mut plc) = (header::<robot_node::Sample>(), header::<plc_node::Sample>());
         for execution_type in ExecutionType::ALL {
             let Some(recording) = self.types.get(execution_type) else { continue };
-            for tick in &recording.robot {
-                let RobotTick { at_ms, state, command, executed, accepted, .. } = tick;
-                let _ = write!(
-                    robot,
-                    "{execution_type},{at_ms:.3},{state:?},{command},{executed},{accepted},{},{},{:.3}",
-                    tick.queued(),
-                    tick.blends_suppressed,
-                    tick.path_speed_mm_s
-                );
-                for value in tick.pose.iter().chain(&tick.joints) {
-                    let _ = write!(robot, ",{value:.4}");
-                }
-                let _ = writeln!(robot, ",{}", tick.altered);
+            for RobotTick { at_ms, sample } in &recording.robot {
+                write_row(&mut robot, execution_type, *at_ms, sample);
             }
-            for PlcScan { at_us, scan, command, total, written, in_slots, altered } in &recording.plc {
-                let at_ms = *at_us as f64 / 1e3;
-                let _ = writeln!(
-                    plc,
-                    "{execution_type},{at_ms:.3},{scan},{command},{total},{written},{in_slots},{altered}"
-                );
+            for PlcScan { at_us, sample } in &recording.plc {
+                write_row(&mut plc, execution_type, *at_us as f64 / 1e3, sample);
             }
         }
         (robot, plc)
     }
 
-    /// Sorts the rows that the nodes of a real run wrote into `directory` into the tables, and removes their files.
+    /// Sorts the rows that the nodes of a real run wrote into `directory` by run, and removes their files. Rows between two
+    /// runs are left out.
     ///
     /// # Errors
     ///
     /// They cannot be read, or contain something else.
     pub fn collect(directory: &Path, windows: &[Window]) -> anyhow::Result<Self> {
-        let read = |path: &Path| {
-            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
-        };
         let paths = [ROBOT_ROWS, PLC_ROWS].map(|name| directory.join(name));
-        let [robot, plc] = paths.each_ref().map(|path| read(path));
-        let trace =
-            Self::from_csv(&table(ROBOT_HEADER, &robot?, windows), &table(PLC_HEADER, &plc?, windows))?;
+        let [robot, plc] = paths.each_ref().map(|path| {
+            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+        });
+        let trace = Self::from_rows(&robot?, &plc?, windows)?;
         for path in &paths {
             std::fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+        Ok(trace)
+    }
+
+    fn from_rows(robot: &str, plc: &str, windows: &[Window]) -> Result<Self, TraceError> {
+        let mut trace = Self::default();
+        for (at, sample) in read_rows(robot).map_err(|line| TraceError::Row { file: ROBOT_ROWS, line })? {
+            if let Some((execution_type, since_ns)) = run_of(at, windows) {
+                trace
+                    .recording(execution_type)
+                    .robot
+                    .push(RobotTick { at_ms: since_ns as f64 / 1e6, sample });
+            }
+        }
+        for (at, sample) in read_rows(plc).map_err(|line| TraceError::Row { file: PLC_ROWS, line })? {
+            if let Some((execution_type, since_ns)) = run_of(at, windows) {
+                let at_us = (since_ns as f64 / 1e3).round() as i64;
+                trace.recording(execution_type).plc.push(PlcScan { at_us, sample });
+            }
         }
         Ok(trace)
     }
@@ -99,35 +111,30 @@ impl Trace {
     /// A line does not have the columns of this version, or contains a wrong value.
     pub fn from_csv(robot: &str, plc: &str) -> Result<Self, TraceError> {
         let mut trace = Self::default();
-        for row in rows(ROBOT_FILE, ROBOT_HEADER, robot)? {
-            let (execution_type, tick) =
-                row.robot_tick().ok_or(TraceError::Row { file: ROBOT_FILE, line: row.line })?;
-            trace.types.entry(execution_type).get_or_insert_with(Recording::empty).robot.push(tick);
+        for row in rows(ROBOT_FILE, robot)? {
+            let (execution_type, at_ms, sample) = row?;
+            trace.recording(execution_type).robot.push(RobotTick { at_ms, sample });
         }
-        for row in rows(PLC_FILE, PLC_HEADER, plc)? {
-            let (execution_type, scan) =
-                row.plc_scan().ok_or(TraceError::Row { file: PLC_FILE, line: row.line })?;
-            trace.types.entry(execution_type).get_or_insert_with(Recording::empty).plc.push(scan);
+        for row in rows(PLC_FILE, plc)? {
+            let (execution_type, at_ms, sample) = row?;
+            let at_us = (at_ms * 1e3).round() as i64;
+            trace.recording(execution_type).plc.push(PlcScan { at_us, sample });
         }
         Ok(trace)
     }
+
+    /// Returns the recording of a type, to add what was read.
+    fn recording(&mut self, execution_type: ExecutionType) -> &mut Recording {
+        self.types.entry(execution_type).get_or_insert_with(Recording::empty)
+    }
 }
 
-/// Builds a table from the rows of each run: execution type and time since its start edge replace the clock's time. A
-/// line that a killed node did not finish is left out.
-fn table(header: &str, rows: &str, windows: &[Window]) -> String {
-    let mut table = format!("{header}\n");
-    for row in rows.lines() {
-        let Some((at, rest)) = row.split_once(',') else { continue };
-        let Ok(at_ns) = at.parse::<u64>() else { continue };
-        let whole = row.matches(',').count() + 1 == header.matches(',').count();
-        // The last one that matches: a failed run has no end.
-        if let Some(window) = windows.iter().rev().find(|window| window.has(at_ns)).filter(|_| whole) {
-            let at_ms = (at_ns - window.start_ns) as f64 / 1e6;
-            let _ = writeln!(table, "{},{at_ms:.3},{rest}", window.execution_type);
-        }
-    }
-    table
+/// Returns the run in which a node's cycle was, and the time since its start edge in ns.
+fn run_of(at: Instant, windows: &[Window]) -> Option<(ExecutionType, u64)> {
+    let at_ns = at.as_nanos();
+    // The last one that matches: a failed run has no end.
+    let window = windows.iter().rev().find(|window| window.has(at_ns))?;
+    Some((window.execution_type, at_ns - window.start_ns))
 }
 
 /// Why a table cannot be read.
@@ -149,88 +156,29 @@ pub enum TraceError {
     },
 }
 
-/// The fields of one line.
-struct Row<'a> {
-    line: usize,
-    text: &'a str,
-}
-
-fn rows<'a>(
+/// Reads the rows of a table: execution type, time since its start edge in ms, and the sample.
+fn rows<S: TraceSample>(
     file: &'static str,
-    header: &str,
-    text: &'a str,
-) -> Result<impl Iterator<Item = Row<'a>>, TraceError> {
-    let mut lines = text.lines();
-    if lines.next() != Some(header) {
-        return Err(TraceError::Columns { file });
-    }
-    Ok(lines.enumerate().map(|(index, text)| Row { line: index + 2, text }))
-}
-
-/// Parses the next field.
-fn next<'a, T: std::str::FromStr>(fields: &mut impl Iterator<Item = &'a str>) -> Option<T> {
-    fields.next()?.parse().ok()
-}
-
-impl Row<'_> {
-    fn robot_tick(&self) -> Option<(ExecutionType, RobotTick)> {
-        let mut fields = self.text.split(',');
-        let execution_type = next(&mut fields)?;
-        let at_ms = next(&mut fields)?;
-        let state = match fields.next()? {
-            "Halted" => State::Halted,
-            "Ready" => State::Ready,
-            "Running" => State::Running,
-            "Suspended" => State::Suspended,
-            _ => return None,
-        };
-        let (command, executed, accepted) = (next(&mut fields)?, next(&mut fields)?, next(&mut fields)?);
-        let _queued: u32 = next(&mut fields)?;
-        let mut tick = RobotTick {
-            at_ms,
-            state,
-            command,
-            executed,
-            accepted,
-            blends_suppressed: next(&mut fields)?,
-            path_speed_mm_s: next(&mut fields)?,
-            pose: [0.0; 6],
-            joints: [0.0; 6],
-            altered: 0,
-        };
-        for value in tick.pose.iter_mut().chain(&mut tick.joints) {
-            *value = next(&mut fields)?;
-        }
-        tick.altered = next(&mut fields)?;
-        fields.next().is_none().then_some((execution_type, tick))
-    }
-
-    fn plc_scan(&self) -> Option<(ExecutionType, PlcScan)> {
-        let mut fields = self.text.split(',');
-        let execution_type = next(&mut fields)?;
-        let at_ms: f64 = next(&mut fields)?;
-        let scan = PlcScan {
-            at_us: (at_ms * 1e3).round() as i64,
-            scan: next(&mut fields)?,
-            command: next(&mut fields)?,
-            total: next(&mut fields)?,
-            written: next(&mut fields)?,
-            in_slots: next(&mut fields)?,
-            altered: next(&mut fields)?,
-        };
-        fields.next().is_none().then_some((execution_type, scan))
-    }
+    text: &str,
+) -> Result<impl Iterator<Item = Result<(ExecutionType, f64, S), TraceError>>, TraceError> {
+    let rows = text.strip_prefix(&header::<S>()).ok_or(TraceError::Columns { file })?;
+    let row = |line| {
+        let mut fields = Fields::of(line);
+        Some((fields.value()?, fields.value()?, fields.sample()?))
+    };
+    // The header is line 1.
+    Ok(rows.lines().zip(2..).map(move |(text, line)| row(text).ok_or(TraceError::Row { file, line })))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::records::results::PerType;
+    use protocol::image::State;
 
     fn trace() -> Trace {
         let mut recording = Recording::default();
-        recording.robot(RobotTick {
-            at_ms: 12.5,
+        let sample = robot_node::Sample {
             state: State::Running,
             command: 3,
             executed: 1,
@@ -240,16 +188,11 @@ mod tests {
             pose: [1.0, -2.5, 3.0, 0.0, 0.0, 180.0],
             joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
             altered: 1,
-        });
-        recording.plc(PlcScan {
-            at_us: 13_000,
-            scan: 812,
-            command: 3,
-            total: 13,
-            written: 6,
-            in_slots: 5,
-            altered: 2,
-        });
+        };
+        recording.robot(RobotTick { at_ms: 12.5, sample });
+        let sample =
+            plc_node::Sample { scan: 812, command: 3, total: 13, written: 6, in_slots: 5, altered: 2 };
+        recording.plc(PlcScan { at_us: 13_000, sample });
         Trace { types: PerType { cm: Some(recording), ..PerType::default() } }
     }
 
@@ -273,11 +216,14 @@ mod tests {
         ];
         let rows =
             "900000,1,2,3,4,5,0\n1500000,2,2,3,4,5,0\n5000000,3,2,3,4,5,0\n9250000,4,2,3,4,5,0\n9300000,5,2";
-        insta::assert_snapshot!(table(PLC_HEADER, rows, &windows), @"
+        let trace = Trace::from_rows("", rows, &windows).unwrap();
+        insta::assert_snapshot!(trace.to_csv().1, @"
         type,t_ms,scan,command,total,written,in_slots,altered
         rc,0.500,2,2,3,4,5,0
         sm,0.250,4,2,3,4,5,0
         ");
+        let broken = Trace::from_rows("", "900000,1,2,3,4,5,0\n9300000,5,2\n", &windows).unwrap_err();
+        assert_eq!(broken.to_string(), "trace-plc.rows:2 is not a row of the table");
     }
 
     #[test]

@@ -76,17 +76,16 @@ impl<'a> Watch<'a> {
                 }
             }
         }
-        let scan = pair.a().sample();
-        if scan.scans != self.last_scan {
-            self.last_scan = scan.scans;
+        let (plc, robot) = (pair.a(), pair.b());
+        if plc.scans() != self.last_scan {
+            self.last_scan = plc.scans();
             let at_us = (since(pair.now()) / 1e3).round() as i64;
-            self.recording.plc(PlcScan::new(at_us, &scan));
+            self.recording.plc(PlcScan { at_us, sample: plc.sample() });
         }
-        let tick = pair.b().sample();
-        if self.last_tick != Some(tick.at) {
-            self.last_tick = Some(tick.at);
-            let at_ms = since(true_time(pair, Side::B, tick.at)) / 1e6;
-            self.recording.robot(RobotTick::new(at_ms, &tick));
+        if self.last_tick != Some(robot.ticked_at()) {
+            self.last_tick = Some(robot.ticked_at());
+            let at_ms = since(true_time(pair, Side::B, robot.ticked_at())) / 1e6;
+            self.recording.robot(RobotTick { at_ms, sample: robot.sample() });
         }
     }
 }

@@ -72,7 +72,7 @@ impl Lane {
         let column =
             |value: &dyn Fn(&RobotTick) -> f64, unit| differences(shown.iter().map(|tick| value(tick)), unit);
         let joint = |axis: usize| {
-            column(&|tick| f64::from(tick.joints.get(axis).copied().unwrap_or_default()), JOINT)
+            column(&|tick| f64::from(tick.sample.joints.get(axis).copied().unwrap_or_default()), JOINT)
         };
         Some(Self {
             key: execution_type.to_string(),
@@ -90,8 +90,8 @@ impl Lane {
             slots: slots(scans),
             times: column(&|tick| tick.at_ms, TIME_MS),
             joints: (0..axes).map(joint).collect(),
-            speeds: column(&|tick| f64::from(tick.path_speed_mm_s), SPEED_MM_S),
-            fastest_mm_s: ticks.iter().map(|tick| tick.path_speed_mm_s).fold(0.0, f32::max),
+            speeds: column(&|tick| f64::from(tick.sample.path_speed_mm_s), SPEED_MM_S),
+            fastest_mm_s: ticks.iter().map(|tick| tick.sample.path_speed_mm_s).fold(0.0, f32::max),
         })
     }
 
@@ -114,7 +114,7 @@ fn differences(values: impl Iterator<Item = f64>, unit: f64) -> Vec<i64> {
 
 /// Returns the stretches in which the tool stands still, from its first movement to its last.
 fn still(ticks: &[&RobotTick]) -> Vec<[f64; 2]> {
-    let is_still = |tick: &&&RobotTick| tick.path_speed_mm_s < STILL_MM_S;
+    let is_still = |tick: &&&RobotTick| tick.sample.path_speed_mm_s < STILL_MM_S;
     let moves = |tick: &&RobotTick| !is_still(&tick);
     let (Some(first), Some(last)) = (ticks.iter().position(moves), ticks.iter().rposition(moves)) else {
         return Vec::new();
@@ -150,12 +150,12 @@ impl Numbering {
 
 /// Returns the motions done over time. Until the robot has noticed the first command it reports the one before.
 fn done(ticks: &[&RobotTick], scans: &[PlcScan]) -> Vec<(f64, u32)> {
-    let is_of_run = |tick: &&&RobotTick| scans.iter().any(|scan| scan.command == tick.command);
+    let is_of_run = |tick: &&&RobotTick| scans.iter().any(|scan| scan.sample.command == tick.sample.command);
     let mut numbering = Numbering::default();
     let mut changes: Vec<(f64, u32)> = vec![(0.0, 0)];
     let of_run = ticks.iter().skip_while(|tick| !is_of_run(tick));
     for tick in of_run {
-        let done = numbering.before(tick.command, tick.executed) + tick.executed;
+        let done = numbering.before(tick.sample.command, tick.sample.executed) + tick.sample.executed;
         if changes.last().is_none_or(|(_, before)| done > *before) {
             changes.push((tick.at_ms, done));
         }
@@ -168,9 +168,9 @@ fn slots(scans: &[PlcScan]) -> Vec<(f64, [u32; SLOTS])> {
     let mut numbering = Numbering::default();
     let mut changes: Vec<(f64, [u32; SLOTS])> = Vec::new();
     for scan in scans {
-        let before = numbering.before(scan.command, scan.written);
+        let before = numbering.before(scan.sample.command, scan.sample.written);
         let mut slots = [0; SLOTS];
-        for motion in scan.written.saturating_sub(scan.in_slots)..scan.written {
+        for motion in scan.sample.written.saturating_sub(scan.sample.in_slots)..scan.sample.written {
             if let Some(slot) = slots.get_mut(motion as usize % SLOTS) {
                 *slot = before + motion + 1;
             }
@@ -188,22 +188,22 @@ mod tests {
     use protocol::image::State;
 
     fn tick(at_ms: f64, command: u16, executed: u32, path_speed_mm_s: f32) -> RobotTick {
-        RobotTick {
-            at_ms,
+        let joints = [at_ms as f32, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let sample = robot_node::Sample {
             state: State::Running,
             command,
             executed,
-            accepted: 0,
-            blends_suppressed: 0,
             path_speed_mm_s,
-            pose: [0.0; 6],
-            joints: [at_ms as f32, 0.0, 0.0, 0.0, 0.0, 0.0],
-            altered: 0,
-        }
+            joints,
+            ..robot_node::Sample::default()
+        };
+        RobotTick { at_ms, sample }
     }
 
     fn scan(at_us: i64, command: u16, written: u32, in_slots: u32) -> PlcScan {
-        PlcScan { at_us, scan: 0, command, total: written, written, in_slots, altered: 0 }
+        let sample =
+            plc_node::Sample { command, total: written, written, in_slots, ..plc_node::Sample::default() };
+        PlcScan { at_us, sample }
     }
 
     #[test]

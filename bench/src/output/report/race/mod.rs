@@ -116,7 +116,7 @@ impl Race {
         }
         let joints = recordings.iter().map(|(_, recording)| {
             let ticks = recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0);
-            ticks.map(|tick| (tick.at_ms, tick.joints)).collect::<Vec<_>>()
+            ticks.map(|tick| (tick.at_ms, tick.sample.joints)).collect::<Vec<_>>()
         });
         Ok(Self {
             arm: Chain::of(setup, &tool),
