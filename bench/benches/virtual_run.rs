@@ -1,10 +1,9 @@
-//! Whole virtual runs, planned too: every PLC scan, robot cycle and frame of both nodes. Whether the paper's figures stand beside
-//! them is not counted.
+//! Whole virtual runs, planned too: every PLC scan, robot cycle and frame of both nodes.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
 use bench::records::schedule::Schedule;
-use bench::stands::virtual_run::whole_of;
+use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType;
 
 fn main() {
@@ -17,14 +16,12 @@ fn main() {
                     format!("one {execution_type}, Setup {setup}"),
                     input,
                     move |(setup, found)| {
-                        let plan = found.plan(&setup).unwrap();
-                        whole_of(&setup, &plan, &Schedule::new(&[execution_type], 1, 1)).unwrap()
+                        whole(&setup, &found.application, &Schedule::new(&[execution_type], 1, 1)).unwrap()
                     },
                 );
             }
             paths.add_timed("virtual run", format!("all 75 runs, Setup {setup}"), input, |(setup, found)| {
-                let plan = found.plan(&setup).unwrap();
-                whole_of(&setup, &plan, &Schedule::new(&ExecutionType::ALL, 25, 1)).unwrap()
+                whole(&setup, &found.application, &Schedule::new(&ExecutionType::ALL, 25, 1)).unwrap()
             });
         }
     });

@@ -4,16 +4,15 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use plc_node::ExecutionType;
-
 use crate::output::figures::{self, CALIBRATED, Figures, rounded};
 use crate::output::progress::label;
 use crate::output::table;
 use crate::records::calibrated;
-use crate::records::results::{Results, Status, TypeResult};
+use crate::records::figures::TypeFigures;
+use crate::records::results::{Results, Status};
 use crate::records::run_directory::{Durability, replace};
 use crate::records::schedule::repetitions;
+use clap::Args;
 
 /// Which files to write besides the run directory.
 #[derive(Args, Clone, Debug, Default)]
@@ -78,13 +77,6 @@ impl Exports {
     }
 }
 
-/// Returns the requested types, in the paper's order.
-fn types(results: &Results) -> impl Iterator<Item = (ExecutionType, &TypeResult)> {
-    ExecutionType::ALL
-        .into_iter()
-        .filter_map(|execution_type| Some((execution_type, results.results.get(execution_type)?)))
-}
-
 const CSV_HEADER: &str = "setup,application,mode,seed,type,runs,failed,aet_ms,mad_ms,min_ms,max_ms,blends_suppressed,\
     paper_aet_ms,paper_mad_ms,aet_minus_paper_ms,aet_calibrated,mad_calibrated,h0_aet_ms,h0_mad_ms,aeti,h0_aeti\n";
 
@@ -93,34 +85,31 @@ const CSV_HEADER: &str = "setup,application,mode,seed,type,runs,failed,aet_ms,ma
 fn csv(results: &Results) -> String {
     let mut text = String::from(CSV_HEADER);
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| rounded(value, 3).to_string());
-    for (of, result) in types(results) {
-        let paper = results.paper.as_ref().and_then(|paper| paper.get(of));
-        let without = results.without_skill_overhead.as_ref();
-        let without_figure = without.and_then(|without| without.results.get(of));
-        let samples = || result.samples_ms.iter().copied();
-        let mad_ms = results.mad_ms(of);
+    let improvement = results.improvement();
+    for figures in results.figures() {
+        let samples = || figures.result.samples_ms.iter().copied();
         let fields = [
             quoted(&results.setup),
             quoted(&results.application),
             results.mode.clone(),
             results.seed.to_string(),
-            of.to_string(),
-            result.samples_ms.len().to_string(),
-            result.failed.len().to_string(),
-            number(result.aet_ms),
-            number(mad_ms),
+            figures.execution_type.to_string(),
+            figures.count().to_string(),
+            figures.result.failed.len().to_string(),
+            number(figures.aet_ms),
+            number(figures.mad_ms),
             number(samples().reduce(f64::min)),
             number(samples().reduce(f64::max)),
-            result.blends_suppressed.iter().sum::<u32>().to_string(),
-            number(paper.map(|paper| paper.aet_ms)),
-            number(paper.map(|paper| paper.mad_ms)),
-            number(result.aet_ms.zip(paper).map(|(aet_ms, paper)| aet_ms - paper.aet_ms)),
-            results.is_aet_calibrated(of).to_string(),
-            results.is_mad_calibrated(of).to_string(),
-            number(without_figure.map(|figure| figure.aet_ms)),
-            number(without_figure.filter(|_| mad_ms.is_some()).map(|figure| figure.mad_ms)),
-            number(results.aet_improvement),
-            number(without.and_then(|without| without.aet_improvement)),
+            figures.blends_suppressed().to_string(),
+            number(figures.paper.map(|paper| paper.aet_ms)),
+            number(figures.paper.map(|paper| paper.mad_ms)),
+            number(figures.aet_minus_paper_ms()),
+            figures.is_aet_calibrated.to_string(),
+            figures.is_mad_calibrated.to_string(),
+            number(figures.h0_aet_ms),
+            number(figures.h0_mad_ms),
+            number(improvement.own),
+            number(improvement.h0),
         ];
         text += &fields.join(",");
         text.push('\n');
@@ -151,12 +140,13 @@ fn markdown(results: &Results) -> String {
         ),
         String::new(),
     ];
-    let Figures { header, rows } = Figures::of(results);
+    let figures = Figures::of(results);
+    let header = figures.header();
     lines.push(markdown_row(&header));
     let alignments: Vec<_> =
         header.iter().enumerate().map(|(at, _)| if at == 0 { "---" } else { "---:" }).collect();
     lines.push(markdown_row(&alignments));
-    lines.extend(rows.iter().map(|row| markdown_row(row)));
+    lines.extend(figures.plain_rows().iter().map(|row| markdown_row(row)));
     let calibrated: Vec<_> = figures::marked(results)
         .map(|calibrated| {
             let met = calibrated::figure(&calibrated.key, &results.calibrated);
@@ -203,17 +193,18 @@ fn junit(results: &Results, started: Option<&str>) -> String {
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let (mut tests, mut failures, mut seconds) = (0, 0, 0.0);
     let mut suites = String::new();
-    for (execution_type, result) in types(results) {
+    for figures in results.figures() {
+        let result = figures.result;
         let in_suite = result.samples_ms.len() + result.failed.len();
         let time = result.samples_ms.iter().fold(0.0, |sum, sample| sum + sample) / 1e3;
-        let name = format!("skillbench.{}.{}", results.setup, label(execution_type));
+        let name = format!("skillbench.{}.{}", results.setup, label(figures.execution_type));
         let _ = writeln!(
             suites,
             r#"  <testsuite name="{}" tests="{in_suite}" failures="{}" errors="0" skipped="0" time="{time:.6}"{timestamp}>"#,
             escaped(&name),
             result.failed.len()
         );
-        suites += &properties(results, execution_type);
+        suites += &properties(results, &figures);
         // Samples are not numbered: they take the numbers that no failure has.
         let failed =
             |repetition: usize| result.failed.iter().find(|failed| failed.repetition as usize == repetition);
@@ -247,20 +238,19 @@ fn junit(results: &Results, started: Option<&str>) -> String {
 }
 
 /// Formats what was run and its figures, which a CI server shows beside a suite.
-fn properties(results: &Results, of: ExecutionType) -> String {
+fn properties(results: &Results, figures: &TypeFigures<'_>) -> String {
     let millis = |value: Option<f64>| value.map(|value| rounded(value, 3).to_string());
-    let paper = results.paper.as_ref().and_then(|paper| paper.get(of));
     let properties = [
         ("setup", Some(results.setup.clone())),
         ("application", Some(results.application.clone())),
         ("mode", Some(results.mode.clone())),
         ("seed", Some(results.seed.to_string())),
-        ("aet_ms", millis(results.figure(of).map(|figure| figure.aet_ms))),
-        ("mad_ms", millis(results.mad_ms(of))),
-        ("paper_aet_ms", millis(paper.map(|paper| paper.aet_ms))),
-        ("paper_mad_ms", millis(paper.map(|paper| paper.mad_ms))),
-        ("aet_calibrated", Some(results.is_aet_calibrated(of).to_string())),
-        ("mad_calibrated", Some(results.is_mad_calibrated(of).to_string())),
+        ("aet_ms", millis(figures.aet_ms)),
+        ("mad_ms", millis(figures.mad_ms)),
+        ("paper_aet_ms", millis(figures.paper.map(|paper| paper.aet_ms))),
+        ("paper_mad_ms", millis(figures.paper.map(|paper| paper.mad_ms))),
+        ("aet_calibrated", Some(figures.is_aet_calibrated.to_string())),
+        ("mad_calibrated", Some(figures.is_mad_calibrated.to_string())),
     ];
     let mut text = String::from("    <properties>\n");
     for (name, value) in properties {
@@ -291,6 +281,8 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plc_node::ExecutionType;
+
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
     use crate::records::paper::Standing;

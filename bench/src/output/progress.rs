@@ -59,9 +59,10 @@ impl Progress {
     /// Shows a finished repetition.
     pub fn finished(&mut self, execution_type: ExecutionType, repetition: u32, results: &Results) {
         self.done += 1;
-        let aet = results.figure(execution_type);
-        let mut figure = aet.map_or_else(String::new, |figure| format!("AET {:8.1} ms", figure.aet_ms));
-        if let Some(mad_ms) = results.mad_ms(execution_type) {
+        let figures = results.type_figures(execution_type);
+        let aet_ms = figures.and_then(|figures| figures.aet_ms);
+        let mut figure = aet_ms.map_or_else(String::new, |aet_ms| format!("AET {aet_ms:8.1} ms"));
+        if let Some(mad_ms) = figures.and_then(|figures| figures.mad_ms) {
             figure += &format!(" ± {mad_ms:5.1} ms");
         }
         let left = self.time_left();

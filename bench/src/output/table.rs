@@ -38,10 +38,10 @@ pub fn render(results: &Results) -> String {
 }
 
 fn figures(results: &Results) -> String {
-    let Figures { header, rows } = Figures::of(results);
+    let figures = Figures::of(results);
     let mut table = screen::ruled();
-    table.set_header(header);
-    table.add_rows(rows);
+    table.set_header(figures.header());
+    table.add_rows(figures.plain_rows());
     screen::drawn(&screen::numbers_right(table))
 }
 
@@ -85,11 +85,7 @@ pub(super) fn sentences(results: &Results) -> Vec<String> {
 /// Returns how the nodes, the host and the bus did.
 fn conditions(results: &Results) -> Vec<String> {
     let mut sentences = Vec::new();
-    let suppressed: u32 = ExecutionType::ALL
-        .iter()
-        .filter_map(|execution_type| results.results.get(*execution_type))
-        .flat_map(|result| &result.blends_suppressed)
-        .sum();
+    let suppressed = results.blends_suppressed();
     if suppressed > 0 {
         sentences.push(format!(
             "{suppressed} blends became stops, because the next motion was not there in time."

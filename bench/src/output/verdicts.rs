@@ -4,10 +4,11 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use crate::records::arms::Arms;
 use crate::records::calibrated::START_CYCLES;
 use crate::records::distance::{Distance, Estimate, REPRODUCED_WITHIN, distances};
 use crate::records::quality::MotionQuality;
-use crate::records::results::{Arms, Results};
+use crate::records::results::Results;
 
 /// Returns the distances in sentences: first what the model does not reproduce, then the rest.
 #[must_use]

@@ -6,9 +6,10 @@
 
 use plc_node::ExecutionType;
 
-use crate::records::results::{PaperFigure, Results};
+use crate::records::figures::TypeFigures;
+use crate::records::results::Results;
 use crate::records::schedule::REPETITIONS;
-use crate::records::statistics::{error_of_mad, error_of_mean};
+use crate::records::statistics::{AetMad, error_of_mad, error_of_mean};
 
 /// Beyond so many standard errors a figure counts as not reproduced: one of twenty is there by chance.
 pub const REPRODUCED_WITHIN: f64 = 2.0;
@@ -65,11 +66,10 @@ impl Distance {
 /// the paper's figures do not stand beside the run; a type of fewer than five repetitions, or without scatter, is left out.
 #[must_use]
 pub fn distances(results: &Results) -> Vec<Distance> {
-    let of_types: Vec<OfType> =
-        ExecutionType::ALL.into_iter().filter_map(|of| OfType::new(results, of)).collect();
+    let of_types: Vec<OfType> = results.figures().iter().filter_map(OfType::new).collect();
     let aets = of_types.iter().map(OfType::aet);
     let mads = of_types.iter().filter_map(OfType::mad);
-    let find = |wanted| of_types.iter().find(|of_type| of_type.of == wanted);
+    let find = |wanted| of_types.iter().find(|of_type| of_type.execution_type == wanted);
     let cm_and_rc = find(ExecutionType::Cm).zip(find(ExecutionType::Rc));
     let difference = cm_and_rc.map(|(cm, rc)| Distance {
         figure: "CM − RC".to_owned(),
@@ -82,10 +82,10 @@ pub fn distances(results: &Results) -> Vec<Distance> {
 
 /// One type of a run and of the paper.
 struct OfType {
-    of: ExecutionType,
+    execution_type: ExecutionType,
     count: u32,
-    paper: PaperFigure,
-    run: PaperFigure,
+    paper: AetMad,
+    run: AetMad,
     paper_aet: Estimate,
     run_aet: Estimate,
     is_aet_calibrated: bool,
@@ -93,29 +93,29 @@ struct OfType {
 }
 
 impl OfType {
-    fn new(results: &Results, of: ExecutionType) -> Option<Self> {
-        let paper = *results.paper.as_ref()?.get(of)?;
-        let run = results.figure(of).filter(|figure| figure.mad_ms > 0.0)?;
-        let samples = results.results.get(of)?.samples_ms.len();
-        let count = u32::try_from(samples).ok().filter(|_| samples >= FEWEST)?;
-        let estimate = |figure: PaperFigure, count| {
-            Some(Estimate { ms: figure.aet_ms, error_ms: error_of_mean(figure.mad_ms, count)? })
+    fn new(figures: &TypeFigures<'_>) -> Option<Self> {
+        let paper = figures.paper?;
+        let mad_ms = figures.mad_ms.filter(|mad_ms| *mad_ms > 0.0)?;
+        let run = AetMad { aet_ms: figures.aet_ms?, mad_ms };
+        let count = u32::try_from(figures.count()).ok().filter(|_| figures.count() >= FEWEST)?;
+        let estimate = |AetMad { aet_ms, mad_ms }, count| {
+            Some(Estimate { ms: aet_ms, error_ms: error_of_mean(mad_ms, count)? })
         };
         Some(Self {
-            of,
+            execution_type: figures.execution_type,
             count,
             paper,
             run,
             paper_aet: estimate(paper, REPETITIONS)?,
             run_aet: estimate(run, count)?,
-            is_aet_calibrated: results.is_aet_calibrated(of),
-            is_mad_calibrated: results.is_mad_calibrated(of),
+            is_aet_calibrated: figures.is_aet_calibrated,
+            is_mad_calibrated: figures.is_mad_calibrated,
         })
     }
 
     fn aet(&self) -> Distance {
         Distance {
-            figure: format!("{} AET", self.of.to_string().to_uppercase()),
+            figure: format!("{} AET", self.execution_type.to_string().to_uppercase()),
             paper: self.paper_aet,
             run: self.run_aet,
             is_calibrated: self.is_aet_calibrated,
@@ -127,7 +127,7 @@ impl OfType {
     fn mad(&self) -> Option<Distance> {
         let error = |count| error_of_mad(self.run.mad_ms, self.count, count);
         Some(Distance {
-            figure: format!("{} MAD", self.of.to_string().to_uppercase()),
+            figure: format!("{} MAD", self.execution_type.to_string().to_uppercase()),
             paper: Estimate { ms: self.paper.mad_ms, error_ms: error(REPETITIONS)? },
             run: Estimate { ms: self.run.mad_ms, error_ms: error(self.count)? },
             is_calibrated: self.is_mad_calibrated,

@@ -5,10 +5,10 @@
 //! mode           real or virtual time
 //! lateness       lateness of a cyclic task
 //! conditions     the result of one run, and the conditions of the measurement
-//! results        the results of a measurement, as in results.json; statistics has the formulas, quality the arm's
-//! motion
+//! results        the results of a measurement, as in results.json; figures derives what tables show of them, statistics has
+//!                the formulas, quality the arm's motion
 //! paper          when the paper's figures stand beside a run; calibrated: the numbers chosen to meet them
-//! distance       how far a run is from the paper, in standard errors
+//! distance       how far a run is from the paper, in standard errors; arms: RC's time on the paper's two arms
 //! trace          both nodes tick by tick
 //! ratio          the ratio of two means of a real run, with its confidence interval
 //! interval       means with their confidence intervals
@@ -20,12 +20,14 @@
 //! run_directory  the files of a measurement
 //! ```
 
+pub mod arms;
 pub mod attached;
 pub mod calibrated;
 pub mod conditions;
 pub mod distance;
 pub mod disturbances;
 pub mod faults;
+pub mod figures;
 pub mod host;
 pub mod interval;
 pub mod lateness;

@@ -9,7 +9,8 @@ use setup::{Difference, Setup};
 
 use crate::records::calibrated;
 use crate::records::faults::Fault;
-use crate::records::results::{PaperFigure, PerType, Results};
+use crate::records::results::{PerType, Results};
+use crate::records::statistics::AetMad;
 
 /// The paper's application (section 6.1), by its built-in name.
 const APPLICATION: &str = "pick-and-place";
@@ -32,7 +33,7 @@ const FREE: [&str; 9] = [
 #[derive(Clone, PartialEq, Debug)]
 pub enum Standing {
     /// It is the paper's cell, whose figures are these.
-    Paper(PerType<PaperFigure>),
+    Paper(PerType<AetMad>),
     /// Its setup has figures of the paper, but the run is of something else, for this reason.
     Other(String),
     /// Its setup has no figures of the paper.

@@ -8,8 +8,9 @@ use robot_node::quality::RatingExceeded;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
 
+use crate::records::arms::Arms;
 use crate::records::attached::Attached;
-use crate::records::calibrated::{self, Calibrated};
+use crate::records::calibrated::Calibrated;
 use crate::records::conditions::{Health, Measured};
 use crate::records::disturbances::{Images, MissedCycles};
 use crate::records::faults::FaultReport;
@@ -17,7 +18,7 @@ use crate::records::lateness::CycleLateness;
 use crate::records::mode::Mode;
 use crate::records::quality::MotionQuality;
 use crate::records::schedule::Schedule;
-use crate::records::statistics::{Figure, aet_improvement};
+use crate::records::statistics::{AetMad, aet_improvement};
 
 /// Version of the format.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -55,7 +56,7 @@ pub struct Results {
     /// The same in virtual time without the calibrated skill overhead; null if it was not run.
     pub without_skill_overhead: Option<WithoutOverhead>,
     /// The paper's figures; null unless the run is of the paper's cell.
-    pub paper: Option<PerType<PaperFigure>>,
+    pub paper: Option<PerType<AetMad>>,
     /// Why the paper's figures do not stand beside a run whose setup has them; absent where they do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub no_paper: Option<String>,
@@ -184,55 +185,9 @@ pub struct FailedRepetition {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WithoutOverhead {
     /// AET and MAD.
-    pub results: PerType<PaperFigure>,
+    pub results: PerType<AetMad>,
     /// AETi, 0…1; null if SM or CM is missing.
     pub aet_improvement: Option<f64>,
-}
-
-/// AET and MAD in ms.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct PaperFigure {
-    /// Average execution time.
-    pub aet_ms: f64,
-    /// Mean absolute deviation from it.
-    pub mad_ms: f64,
-}
-
-/// AET of RC on the paper's two arms, in virtual time, and on each with the motions as they are programmed on the other.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Arms {
-    /// Setup A, in ms.
-    pub a_ms: f64,
-    /// Setup B, in ms.
-    pub b_ms: f64,
-    /// Setup B's arm with Setup A's programmed motions, in ms.
-    pub b_as_a_ms: f64,
-    /// Setup A's arm with Setup B's programmed motions, in ms.
-    pub a_as_b_ms: f64,
-}
-
-impl Arms {
-    /// Returns the shares of the difference between the setups that are left where both arms run one setup's programmed
-    /// motions: those of A, and those of B.
-    #[must_use]
-    pub fn shares(&self) -> [f64; 2] {
-        let difference_ms = self.b_ms - self.a_ms;
-        [(self.b_as_a_ms - self.a_ms) / difference_ms, (self.b_ms - self.a_as_b_ms) / difference_ms]
-    }
-}
-
-impl From<Figure> for PaperFigure {
-    fn from(Figure { aet_ms, mad_ms }: Figure) -> Self {
-        Self { aet_ms, mad_ms }
-    }
-}
-
-impl From<setup::Figure> for PaperFigure {
-    fn from(setup::Figure { aet_ms, mad_ms }: setup::Figure) -> Self {
-        Self { aet_ms, mad_ms }
-    }
 }
 
 /// Lateness of the cycles. In virtual mode nothing is late.
@@ -326,8 +281,8 @@ impl Results {
         result.robot_samples_ms.push(millis(measured.execution.robot_execution_ns));
         result.blends_suppressed.push(measured.execution.blends_suppressed);
         result.missed_cycles.push(MissedCycles::of(&measured.interference));
-        if let Some(figure) = figure(&result.samples_ms) {
-            (result.aet_ms, result.mad_ms) = (Some(figure.aet_ms), Some(figure.mad_ms));
+        if let Some(AetMad { aet_ms, mad_ms }) = aet_mad(&result.samples_ms) {
+            (result.aet_ms, result.mad_ms) = (Some(aet_ms), Some(mad_ms));
         }
         let aet = |execution_type| self.results.get(execution_type).and_then(|result| result.aet_ms);
         self.aet_improvement =
@@ -365,29 +320,9 @@ impl Results {
     pub fn as_without_overhead(&self) -> WithoutOverhead {
         let mut results = PerType::default();
         for execution_type in ExecutionType::ALL {
-            let figure = self.results.get(execution_type).and_then(|result| result.aet_ms.zip(result.mad_ms));
-            *results.entry(execution_type) = figure.map(|(aet_ms, mad_ms)| PaperFigure { aet_ms, mad_ms });
+            *results.entry(execution_type) = self.figure(execution_type);
         }
         WithoutOverhead { results, aet_improvement: self.aet_improvement }
-    }
-
-    /// Returns AET and MAD of a type so far.
-    #[must_use]
-    pub fn figure(&self, execution_type: ExecutionType) -> Option<PaperFigure> {
-        let result = self.results.get(execution_type)?;
-        result.aet_ms.zip(result.mad_ms).map(|(aet_ms, mad_ms)| PaperFigure { aet_ms, mad_ms })
-    }
-
-    /// Returns whether a number of the setup was chosen to reproduce a published figure.
-    #[must_use]
-    pub fn is_calibrated(&self, key: &str) -> bool {
-        self.calibrated.iter().any(|calibrated| calibrated.key == key)
-    }
-
-    /// Returns whether a number of the setup was chosen to meet the AET of this type.
-    #[must_use]
-    pub fn is_aet_calibrated(&self, of: ExecutionType) -> bool {
-        self.is_calibrated(calibrated::of_aet(of))
     }
 
     /// Returns how many repetitions have a result, and how many were asked for.
@@ -395,19 +330,6 @@ impl Results {
     pub fn saved_of_all(&self) -> (usize, usize) {
         let types = || ExecutionType::ALL.into_iter().filter_map(|of| self.results.get(of));
         (types().map(|result| result.samples_ms.len()).sum(), types().count() * self.reps as usize)
-    }
-
-    /// Returns the MAD of a type; `None` with fewer than two samples, which deviate from nothing.
-    #[must_use]
-    pub fn mad_ms(&self, of: ExecutionType) -> Option<f64> {
-        let result = self.results.get(of)?;
-        result.mad_ms.filter(|_| result.samples_ms.len() > 1)
-    }
-
-    /// Returns whether a number of the setup was chosen to meet the MAD of this type.
-    #[must_use]
-    pub fn is_mad_calibrated(&self, of: ExecutionType) -> bool {
-        self.mad_ms(of).is_some() && calibrated::of_mad(of).iter().any(|key| self.is_calibrated(key))
     }
 
     /// Returns the seed and, if there is one, the override: the end of the line that describes the run.
@@ -424,9 +346,9 @@ impl Results {
 }
 
 /// Samples are whole nanoseconds, and a number in milliseconds represents them exactly up to hours.
-fn figure(samples_ms: &[f64]) -> Option<Figure> {
+fn aet_mad(samples_ms: &[f64]) -> Option<AetMad> {
     let nanos = |millis: &f64| std::time::Duration::from_nanos((millis * 1e6).round() as u64);
-    Figure::of(samples_ms.iter().map(nanos))
+    AetMad::of(samples_ms.iter().map(nanos))
 }
 
 #[cfg(test)]

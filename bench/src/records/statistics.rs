@@ -3,9 +3,12 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 /// Average execution time and mean absolute deviation of one execution type.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Figure {
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct AetMad {
     /// AET: the mean, in ms.
     pub aet_ms: f64,
     /// MAD: the mean absolute deviation from the mean, in ms. It is not the median absolute deviation, which many
@@ -13,8 +16,14 @@ pub struct Figure {
     pub mad_ms: f64,
 }
 
-impl Figure {
-    /// Computes the figure of these execution times; `None` without times.
+impl From<setup::Figure> for AetMad {
+    fn from(setup::Figure { aet_ms, mad_ms }: setup::Figure) -> Self {
+        Self { aet_ms, mad_ms }
+    }
+}
+
+impl AetMad {
+    /// Computes AET and MAD of these execution times; `None` without times.
     ///
     /// The mean is computed from integer nanoseconds, so that it does not depend on the order.
     #[must_use]
@@ -72,19 +81,19 @@ mod tests {
     use rand_core::{Rng, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    fn millis(times: &[u64]) -> Option<Figure> {
-        Figure::of(times.iter().map(|time| Duration::from_millis(*time)))
+    fn millis(times: &[u64]) -> Option<AetMad> {
+        AetMad::of(times.iter().map(|time| Duration::from_millis(*time)))
     }
 
     #[test]
     fn mad_is_the_mean_absolute_deviation_from_the_mean_and_not_from_the_median() {
         // Mean 4; deviations 3, 2, 1, 6. The median is 2.5, and the median deviation from it 1.
-        assert_eq!(millis(&[1, 2, 3, 10]), Some(Figure { aet_ms: 4.0, mad_ms: 3.0 }));
+        assert_eq!(millis(&[1, 2, 3, 10]), Some(AetMad { aet_ms: 4.0, mad_ms: 3.0 }));
     }
 
     #[test]
     fn one_time_has_no_deviation_and_no_times_have_no_figure() {
-        assert_eq!(millis(&[3725]), Some(Figure { aet_ms: 3725.0, mad_ms: 0.0 }));
+        assert_eq!(millis(&[3725]), Some(AetMad { aet_ms: 3725.0, mad_ms: 0.0 }));
         assert_eq!(millis(&[]), None);
     }
 

@@ -3,12 +3,14 @@
 //! ```text
 //! rig          two processes on a real network, or nodes that already run
 //! virtual_run  both nodes in virtual time
+//! planned_cell the robot in its cell and the motions of an application
 //! verification compares each repetition with the plan; reaction_limits tells what the cycles alone take
 //! capture      what passes a virtual cable, as the packets of a network; frame_name tells what they are
 //! ```
 
 pub mod capture;
 mod frame_name;
+pub mod planned_cell;
 pub mod reaction_limits;
 pub mod rig;
 pub mod verification;

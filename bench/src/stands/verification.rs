@@ -6,18 +6,18 @@ mod times;
 use std::fmt;
 
 use anyhow::Context as _;
-use planning::{Stop, ToStart};
 use plc_node::ExecutionType;
-use protocol::image::{Digest, Motion, Sum};
+use protocol::image::{Digest, Sum};
+use robot_node::Account;
 use robot_node::arm::{Joints, distance};
 use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
-use robot_node::{Account, RobotConfig};
 use setup::Setup;
 
 use crate::records::conditions::Measured;
 use crate::records::faults::Fault;
 use crate::records::mode::Mode;
 use crate::records::results::PerType;
+use crate::stands::planned_cell::PlannedCell;
 use times::Times;
 
 /// Largest difference of a joint from where it should be, in degrees (mm). The PLC takes a start within 0.001 for the
@@ -32,45 +32,10 @@ const START_TOLERANCE_MM: f64 = 0.1;
 const LENGTH_TOLERANCE_MM: f64 = 0.1;
 const LENGTH_TOLERANCE: f64 = 1e-3;
 
-/// What a verification needs of a cell.
-#[derive(Clone, Debug)]
-pub(crate) struct Planned {
-    /// The robot in its cell.
-    pub(crate) robot: RobotConfig,
-    /// The motions of all types.
-    pub(crate) motions: Vec<Motion>,
-    /// Where their continuous motions end.
-    pub(crate) stops: Vec<Stop>,
-    /// How the arm gets to their start.
-    pub(crate) to_start: ToStart<Motion>,
-}
-
-impl Planned {
-    /// Plans an application on a setup.
-    ///
-    /// # Errors
-    ///
-    /// The application cannot be planned, or the setup describes no robot.
-    pub(crate) fn of(setup: &Setup, application: &planning::Application) -> anyhow::Result<Self> {
-        let planned = Self::of_plan(setup, &planning::plan(application, setup)?)?;
-        Ok(Self { robot: planned.robot.in_cell_of(application, &planned.to_start)?, ..planned })
-    }
-
-    /// A plan without an application has no surfaces to press on.
-    pub(crate) fn of_plan(setup: &Setup, plan: &planning::Plan) -> anyhow::Result<Self> {
-        Ok(Self {
-            robot: RobotConfig::from_setup(setup)?,
-            motions: plan.wire_motions(setup),
-            stops: plan.stops(),
-            to_start: plan.wire_to_start(setup),
-        })
-    }
-}
-
 /// What every repetition of a run is compared with.
 #[derive(Clone, Debug)]
 pub struct Verification {
-    planned: Planned,
+    planned: PlannedCell,
     sent: Sum,
     /// Where the tool is at the start; `None` where the application names no start.
     start_mm: Option<[f64; 3]>,
@@ -191,13 +156,19 @@ impl Verification {
         mode: Mode,
         faults: &[Fault],
     ) -> anyhow::Result<Self> {
-        Self::of(setup, Planned::of(setup, application)?, mode, faults)
+        Self::of(setup, PlannedCell::of(setup, application)?, mode, faults)
     }
 
-    pub(crate) fn of(setup: &Setup, planned: Planned, mode: Mode, faults: &[Fault]) -> anyhow::Result<Self> {
+    /// Prepares the verification of the runs of an application that is planned already.
+    pub(crate) fn of(
+        setup: &Setup,
+        planned: PlannedCell,
+        mode: Mode,
+        faults: &[Fault],
+    ) -> anyhow::Result<Self> {
         let mut sent = Digest::default();
         planned.motions.iter().for_each(|motion| sent.add(motion));
-        let Planned { robot, to_start, .. } = &planned;
+        let PlannedCell { robot, to_start, .. } = &planned;
         let way: Vec<_> = to_start.from_anywhere.into_iter().collect();
         let start_mm = match way.is_empty() {
             true => None,
@@ -278,7 +249,7 @@ impl Verification {
         if let Some(known) = known.filter(|known| farthest(&known.account.start, start).1 < JOINT_TOLERANCE) {
             return Ok(known);
         }
-        let Planned { robot, motions, stops, .. } = &self.planned;
+        let PlannedCell { robot, motions, stops, .. } = &self.planned;
         let calls = match of {
             ExecutionType::Rc => Calls::Program,
             ExecutionType::Sm => Calls::Singles,

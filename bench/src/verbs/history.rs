@@ -15,8 +15,9 @@ use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::progress::label;
 use crate::records::mode::Mode;
-use crate::records::results::{PaperFigure, PerType, Results, Status};
+use crate::records::results::{PerType, Results, Status};
 use crate::records::run_directory;
+use crate::records::statistics::AetMad;
 
 /// Options of the list of runs.
 #[derive(Args, Debug)]
@@ -57,7 +58,7 @@ pub struct Entry {
     /// Its traces or captures lack something.
     pub is_incomplete: bool,
     /// AET and MAD so far.
-    pub figures: PerType<PaperFigure>,
+    pub figures: PerType<AetMad>,
     /// Successful repetitions so far. The MAD of one is 0 and says nothing.
     pub repetitions: PerType<usize>,
     /// AETi, 0…1; null if SM or CM is missing.
@@ -167,7 +168,7 @@ impl History {
             let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
             let figure = |execution_type| {
                 let deviates = entry.repetitions.get(execution_type).is_some_and(|number| *number > 1);
-                let text = |figure: &PaperFigure| match deviates {
+                let text = |figure: &AetMad| match deviates {
                     true => format!("{:.1} ± {:.1}", figure.aet_ms, figure.mad_ms),
                     false => format!("{:.1} ±   –", figure.aet_ms),
                 };

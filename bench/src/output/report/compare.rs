@@ -87,13 +87,14 @@ fn columns(runs: &[Run]) -> Vec<Column> {
         let millis = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
         let mut cells = Vec::new();
         for execution_type in ExecutionType::ALL {
-            let figure = run.results.figure(execution_type);
+            let figures = run.results.type_figures(execution_type);
+            let aet_ms = figures.and_then(|figures| figures.aet_ms);
             let first = runs.first().and_then(|first| first.results.figure(execution_type));
-            let difference = figure.zip(first).filter(|_| index > 0);
-            cells.push(millis(figure.map(|figure| figure.aet_ms)));
-            cells.push(millis(figure.map(|figure| figure.mad_ms)));
-            cells.push(difference.map_or_else(String::new, |(figure, first)| {
-                format!("{:+.1}", figure.aet_ms - first.aet_ms).replace('-', "−")
+            let difference = aet_ms.zip(first).filter(|_| index > 0);
+            cells.push(millis(aet_ms));
+            cells.push(millis(figures.and_then(|figures| figures.mad_ms)));
+            cells.push(difference.map_or_else(String::new, |(aet_ms, first)| {
+                format!("{:+.1}", aet_ms - first.aet_ms).replace('-', "−")
             }));
         }
         let share = run.results.aet_improvement;

@@ -7,8 +7,9 @@ use serde::Serialize;
 use crate::output::html::chart::{Format, short};
 use crate::output::progress::label;
 use crate::records::interval::Mean;
-use crate::records::results::{PaperFigure, Results};
+use crate::records::results::Results;
 use crate::records::schedule::REPETITIONS;
+use crate::records::statistics::AetMad;
 
 /// The picture in both widths, and the same as a table.
 #[derive(Serialize)]
@@ -84,7 +85,7 @@ impl Shown {
     }
 
     fn of_paper(results: &Results, of: ExecutionType) -> Option<Self> {
-        let PaperFigure { aet_ms, mad_ms } = *results.paper.as_ref()?.get(of)?;
+        let AetMad { aet_ms, mad_ms } = *results.paper.as_ref()?.get(of)?;
         Some(Self { ms: aet_ms, mean: Mean::published(aet_ms, mad_ms, REPETITIONS) })
     }
 

@@ -7,16 +7,17 @@ use super::first_look::FirstLook;
 use super::race::{self, Race};
 use super::run::Run;
 use super::{RaceIs, lateness, numbers, path, queue, result, samples, speed};
+use crate::output::figures::Figures;
 use crate::output::html::chart::{colour, short};
 use crate::output::html::document::fill_with;
 use crate::output::html::figure::Figure;
 use crate::output::progress::label;
 use crate::output::quality;
 use crate::output::verdicts;
-use crate::records::calibrated::{self, SKILL_OVERHEAD};
+use crate::records::calibrated;
 use crate::records::ratio::Ratio;
-use crate::records::results::{PaperFigure, Results, Status};
-use crate::records::statistics::aet_improvement;
+use crate::records::results::{Results, Status};
+use crate::records::statistics::AetMad;
 use crate::records::trace::Trace;
 
 const TEMPLATE: &str = include_str!("page.html");
@@ -32,11 +33,8 @@ struct Page {
     banner: Option<Banner>,
     summary: Option<String>,
     first_look: Option<FirstLook>,
-    has_without: bool,
-    has_paper: bool,
     is_virtual: bool,
-    rows: Vec<Row>,
-    improvement: Improvement,
+    figures: Figures,
     calibrated: Vec<[String; 3]>,
     no_paper: Option<String>,
     attached: Option<String>,
@@ -75,29 +73,6 @@ struct Page {
 struct Banner {
     title: &'static str,
     text: String,
-}
-
-/// A type's row of the table.
-#[derive(Serialize)]
-struct Row {
-    name: String,
-    how: &'static str,
-    aet: String,
-    is_aet_calibrated: bool,
-    mad: String,
-    is_mad_calibrated: bool,
-    count: usize,
-    without: [String; 2],
-    paper: [String; 2],
-    difference: String,
-}
-
-#[derive(Serialize)]
-struct Improvement {
-    own: String,
-    is_calibrated: bool,
-    without: String,
-    paper: String,
 }
 
 /// Quality of the arm's motion in the runs of a type.
@@ -150,14 +125,8 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         banner: banner(results),
         summary: result::sentences(results),
         first_look: FirstLook::of(results),
-        has_without: results.without_skill_overhead.is_some(),
-        has_paper: results.paper.is_some(),
         is_virtual: results.mode == "virtual",
-        rows: ExecutionType::ALL
-            .into_iter()
-            .filter_map(|execution_type| row(results, execution_type))
-            .collect(),
-        improvement: improvement(results),
+        figures: Figures::of(results),
         calibrated: calibrated(results),
         no_paper: results.no_paper.clone(),
         attached: results.attached.as_ref().map(ToString::to_string),
@@ -166,11 +135,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         distances: verdicts::distance_rows(results),
         claims: verdicts::claims(results),
         ratio: ratio(results),
-        suppressed: ExecutionType::ALL
-            .iter()
-            .filter_map(|execution_type| results.results.get(*execution_type))
-            .flat_map(|result| &result.blends_suppressed)
-            .sum(),
+        suppressed: results.blends_suppressed(),
         frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
         repeated: results.repeated,
         quality: qualities(results),
@@ -257,73 +222,12 @@ fn ratio(results: &Results) -> Option<String> {
     ))
 }
 
-fn millis(value: f64) -> String {
-    format!("{value:.1}")
-}
-
-fn pair(figure: Option<PaperFigure>) -> [String; 2] {
-    figure.map_or_else(
-        || [NONE.to_owned(), NONE.to_owned()],
-        |figure| [millis(figure.aet_ms), millis(figure.mad_ms)],
-    )
-}
-
-fn row(results: &Results, execution_type: ExecutionType) -> Option<Row> {
-    let result = results.results.get(execution_type)?;
-    let found = results.figure(execution_type);
-    let paper = results.paper.as_ref().and_then(|paper| paper.get(execution_type)).copied();
-    let without = results
-        .without_skill_overhead
-        .as_ref()
-        .and_then(|without| without.results.get(execution_type))
-        .copied();
-    let [aet, mad] = pair(found);
-    Some(Row {
-        name: label(execution_type),
-        how: match execution_type {
-            ExecutionType::Rc => "robot program",
-            ExecutionType::Sm => "single skills",
-            ExecutionType::Cm => "MoveContinuousSkill",
-        },
-        aet,
-        is_aet_calibrated: found.is_some() && results.is_aet_calibrated(execution_type),
-        mad,
-        is_mad_calibrated: found.is_some() && results.is_mad_calibrated(execution_type),
-        count: result.samples_ms.len(),
-        without: pair(without),
-        paper: paper.map_or_else(
-            || [NONE.to_owned(), NONE.to_owned()],
-            |paper| [format!("{:.0}", paper.aet_ms), millis(paper.mad_ms)],
-        ),
-        difference: found.zip(paper).map_or_else(
-            || NONE.to_owned(),
-            |(found, paper)| format!("{:+.1}", found.aet_ms - paper.aet_ms).replace('-', "−"),
-        ),
-    })
-}
-
 fn qualities(results: &Results) -> Vec<QualityRow> {
     let row = |execution_type: ExecutionType| {
         let quality = results.results.get(execution_type)?.quality?;
         Some(QualityRow { name: label(execution_type), cells: quality::cells(&quality) })
     };
     ExecutionType::ALL.into_iter().filter_map(row).collect()
-}
-
-fn improvement(results: &Results) -> Improvement {
-    let percent = |share: Option<f64>, digits: usize| {
-        share.map_or_else(|| NONE.to_owned(), |share| format!("{:.*} %", digits, share * 100.0))
-    };
-    let paper = results.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm));
-    Improvement {
-        own: percent(results.aet_improvement, 1),
-        is_calibrated: results.aet_improvement.is_some() && results.is_calibrated(SKILL_OVERHEAD),
-        without: percent(
-            results.without_skill_overhead.as_ref().and_then(|without| without.aet_improvement),
-            1,
-        ),
-        paper: percent(paper.map(|(sm, cm)| aet_improvement(sm.aet_ms, cm.aet_ms)), 0),
-    }
 }
 
 fn calibrated(results: &Results) -> Vec<[String; 3]> {
@@ -337,7 +241,7 @@ fn calibrated(results: &Results) -> Vec<[String; 3]> {
 fn sample_rows(results: &Results) -> Vec<samples::Row> {
     let row = |execution_type: ExecutionType| {
         let result = results.results.get(execution_type)?;
-        let PaperFigure { aet_ms, mad_ms } = results.figure(execution_type)?;
+        let AetMad { aet_ms, mad_ms } = results.figure(execution_type)?;
         Some(samples::Row {
             name: label(execution_type),
             about: format!("{aet_ms:.1} ms, MAD {mad_ms:.1} ms, n = {}", result.samples_ms.len()),

@@ -7,7 +7,6 @@ use crate::records::interval::{FEWEST, Mean};
 use crate::records::ratio::Ratio;
 use crate::records::results::Results;
 use crate::records::schedule::repetitions;
-use crate::records::statistics::aet_improvement;
 
 /// Means of the three types, in ms.
 #[derive(Clone, Copy)]
@@ -27,8 +26,7 @@ pub(super) fn sentences(results: &Results) -> Option<String> {
     if fewest < FEWEST {
         return Some(without_intervals(means, fewest));
     }
-    let paper = results.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm));
-    let published = paper.map(|(sm, cm)| aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0);
+    let published = results.improvement().paper.map(|share| share * 100.0);
     let ratio = Ratio::of(samples(ExecutionType::Cm), samples(ExecutionType::Sm), results.seed)?;
     let (_, difference) = *differences(results).first()?;
     Some(format!("{} {}", against_single_skills(ratio, published), against_program(difference, means.rc)))

@@ -41,12 +41,12 @@ use crate::output::exit::{Exit, Failure};
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
-use crate::records::paper::Standing;
 use crate::records::results::{Results, Status};
 use crate::records::schedule::{Schedule, Step};
 use crate::records::trace::{Recording, Trace};
 use crate::stands::capture::{CableConfig, VirtualCapture};
-use crate::stands::verification::{Planned, Verification};
+use crate::stands::planned_cell::PlannedCell;
+use crate::stands::verification::Verification;
 use crate::stands::{Finished, Stand, StandConfig};
 use watch::SharedFrames;
 
@@ -84,7 +84,7 @@ pub(crate) struct Work {
 }
 
 impl Work {
-    fn of(Planned { robot, motions, stops, to_start }: Planned) -> Self {
+    fn of(PlannedCell { robot, motions, stops, to_start, .. }: PlannedCell) -> Self {
         let source = Box::new(MotionList::from(motions.clone()));
         Self { source, program: motions, stops, to_start, robot }
     }
@@ -138,7 +138,7 @@ impl VirtualRun {
         bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
-        Self::start_on(setup, Work::of(Planned::of(setup, application)?), seed, bus, extras)
+        Self::start_on(setup, Work::of(PlannedCell::of(setup, application)?), seed, bus, extras)
     }
 
     /// Starts a run like [`VirtualRun::start_with`], of motions that were planned elsewhere.
@@ -230,30 +230,25 @@ impl VirtualRun {
     }
 }
 
-/// Executes a whole schedule without progress output, run directory or interrupts.
+/// Plans an application and executes a whole schedule of it without progress output, run directory or interrupts. The paper's
+/// figures do not stand beside the results.
+///
+/// # Errors
+///
+/// The application cannot be planned, the nodes do not connect, or a repetition fails.
+pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> anyhow::Result<Results> {
+    whole_planned(setup, PlannedCell::of(setup, application)?, schedule)
+}
+
+/// Executes a whole schedule like [`whole`], of an application that is planned already.
 ///
 /// # Errors
 ///
 /// The nodes do not connect, or a repetition fails.
-pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> anyhow::Result<Results> {
-    let results = run_whole(setup, &application.name, Planned::of(setup, application)?, schedule)?;
-    let standing = Standing::of(setup, application, schedule.overrides.as_ref(), &[]);
-    Ok(results.beside_the_paper(setup, standing))
-}
-
-/// Executes a whole schedule like [`whole`], of a planned application; the paper's figures do not stand beside it.
-///
-/// # Errors
-///
-/// The same as for [`whole`].
-pub fn whole_of(setup: &Setup, planned: &planning::Plan, schedule: &Schedule) -> anyhow::Result<Results> {
-    run_whole(setup, &planned.name, Planned::of_plan(setup, planned)?, schedule)
-}
-
-fn run_whole(setup: &Setup, name: &str, planned: Planned, schedule: &Schedule) -> anyhow::Result<Results> {
+pub fn whole_planned(setup: &Setup, planned: PlannedCell, schedule: &Schedule) -> anyhow::Result<Results> {
     let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
+    let mut results = Results::new(setup, &planned.name, Mode::Virtual, schedule);
     let work = Work::of(planned);
-    let mut results = Results::new(setup, name, Mode::Virtual, schedule);
     let mut run = VirtualRun::start_on(setup, work, schedule.seed, VirtualBus::OfSetup, &Extras::default())?;
     for step in schedule.steps() {
         let measured = run.cell.execute(step, None)?;

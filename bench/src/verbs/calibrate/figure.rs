@@ -7,6 +7,7 @@ use setup::{Paper, Setup};
 use crate::records::distance::Estimate;
 use crate::records::schedule::{REPETITIONS, Schedule};
 use crate::records::statistics::{error_of_mad, error_of_mean};
+use crate::stands::planned_cell::PlannedCell;
 use crate::stands::virtual_run;
 use crate::verbs::jobs;
 
@@ -111,9 +112,10 @@ impl Seeds<'_> {
         let types: Vec<_> = figures.iter().flat_map(|figure| figure.types()).copied().collect();
         let seeds: Vec<u64> =
             (0..u64::from(self.count)).map(|index| self.first.wrapping_add(index)).collect();
-        let planned = planning::plan(self.application, setup)?;
+        let planned = PlannedCell::of(setup, self.application)?;
         let runs = jobs::run("seeds", true, &seeds, |seed| {
-            let results = virtual_run::whole_of(setup, &planned, &Schedule::new(&types, reps, *seed))?;
+            let schedule = Schedule::new(&types, reps, *seed);
+            let results = virtual_run::whole_planned(setup, planned.clone(), &schedule)?;
             let value = |figure: &Figure| {
                 let of = |of| results.figure(of);
                 match *figure {

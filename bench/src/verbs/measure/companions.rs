@@ -7,7 +7,8 @@ use planning::Application;
 use plc_node::ExecutionType;
 use setup::Setup;
 
-use crate::records::results::{Arms, Results, WithoutOverhead};
+use crate::records::arms::Arms;
+use crate::records::results::{Results, WithoutOverhead};
 use crate::records::schedule::{SEED, Schedule};
 use crate::stands::virtual_run;
 

@@ -62,6 +62,13 @@ pub struct Case {
     pub times: f64,
 }
 
+/// What is run for a case.
+pub(super) struct Job {
+    pub(super) setup: Setup,
+    pub(super) application: Application,
+    pub(super) plan: Plan,
+}
+
 impl Case {
     /// Returns the unchanged setup, then every number with every multiplier except 1. Numbers that a setup does not
     /// have are left out.
@@ -83,12 +90,12 @@ impl Case {
             .collect()
     }
 
-    /// Returns the setup and the plan of this case.
+    /// Makes the setup, the application and the plan of this case.
     ///
     /// # Errors
     ///
     /// Why there is none, as text.
-    pub fn make(&self, setup: &Setup, application: &Application) -> Result<(Setup, Plan), String> {
+    pub(super) fn make(&self, setup: &Setup, application: &Application) -> Result<Job, String> {
         let Self { factor, times } = *self;
         let mut setup = setup.clone();
         let mut application = application.clone();
@@ -117,7 +124,7 @@ impl Case {
             Some(Factor::Motions) => plan.divided(times.round() as u32, approximation_mm),
             _ => plan,
         };
-        Ok((setup, plan))
+        Ok(Job { setup, application, plan })
     }
 
     /// Formats the number's value in this case, with its unit.
@@ -126,12 +133,14 @@ impl Case {
         let made = self.make(setup, application).ok();
         let motions = &setup.motions;
         match self.factor {
-            None => made.map_or_else(String::new, |(_, plan)| format!("{} motions", plan.motions.len())),
+            None => {
+                made.map_or_else(String::new, |Job { plan, .. }| format!("{} motions", plan.motions.len()))
+            }
             Some(Factor::Motions) => {
-                made.map_or_else(String::new, |(_, plan)| plan.motions.len().to_string())
+                made.map_or_else(String::new, |Job { plan, .. }| plan.motions.len().to_string())
             }
             Some(Factor::Length) => {
-                made.map_or_else(String::new, |(_, plan)| format!("{:.0} mm", plan.length_mm()))
+                made.map_or_else(String::new, |Job { plan, .. }| format!("{:.0} mm", plan.length_mm()))
             }
             Some(Factor::Acceleration) => {
                 let share = motions.acceleration_percent.value / 100.0 * self.times;

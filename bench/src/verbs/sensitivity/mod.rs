@@ -15,19 +15,22 @@ use std::time::SystemTime;
 
 use clap::Args;
 use node::list::{List, flat, list};
-use planning::{Application, Plan as Planned};
+use planning::Application;
 use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
 
+use factor::Job;
 pub use factor::{Case, Factor};
 pub use table::{csv, render};
 
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::paper::Standing;
-use crate::records::results::{PaperFigure, PerType};
+use crate::records::results::PerType;
 use crate::records::schedule::Schedule;
+use crate::records::statistics::AetMad;
+use crate::stands::planned_cell::PlannedCell;
 use crate::stands::virtual_run;
 use crate::verbs::jobs;
 use crate::verbs::study::{Found, StudyOptions};
@@ -81,7 +84,7 @@ pub struct Sensitivity {
     /// Seed of clocks, phases and pauses.
     pub seed: u64,
     /// The published figures, if this is the paper's cell.
-    pub paper: Option<PerType<PaperFigure>>,
+    pub paper: Option<PerType<AetMad>>,
     /// The cases; the first one is the unchanged setup.
     pub rows: Vec<Row>,
 }
@@ -126,12 +129,6 @@ enum Variant {
     Uncalibrated,
 }
 
-/// One variant of a case, planned.
-struct Job {
-    setup: Setup,
-    planned: Planned,
-}
-
 /// Runs the study, prints its table and saves it.
 ///
 /// # Errors
@@ -165,10 +162,7 @@ fn study(
     let mut jobs = Vec::new();
     for case in &cases {
         for variant in [Variant::Calibrated, Variant::WithoutOverhead, Variant::Uncalibrated] {
-            jobs.push(
-                case.make(&variant.of(setup.clone()), application)
-                    .map(|(setup, planned)| Job { setup, planned }),
-            );
+            jobs.push(case.make(&variant.of(setup.clone()), application));
         }
     }
     // A refusal by the robot is a result, too: the case is out of its reach.
@@ -220,7 +214,9 @@ impl Variant {
 }
 
 fn figures(job: &Job, schedule: &Schedule) -> anyhow::Result<Figures> {
-    let results = virtual_run::whole_of(&job.setup, &job.planned, schedule)?;
+    let Job { setup, application, plan } = job;
+    let planned = PlannedCell::of_plan(setup, application, plan)?;
+    let results = virtual_run::whole_planned(setup, planned, schedule)?;
     let aet = |of| results.figure(of).map(|figure| figure.aet_ms);
     Ok(Figures {
         rc_ms: aet(ExecutionType::Rc),

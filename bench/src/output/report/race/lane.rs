@@ -8,6 +8,7 @@ use plc_node::ExecutionType;
 use protocol::image::SLOTS;
 use serde::Serialize;
 
+use crate::output::figures::how;
 use crate::output::progress::label;
 use crate::records::trace::{PlcScan, Recording, RobotTick};
 
@@ -77,11 +78,7 @@ impl Lane {
         Some(Self {
             key: execution_type.to_string(),
             name: label(execution_type),
-            how: match execution_type {
-                ExecutionType::Rc => "robot program",
-                ExecutionType::Sm => "single skills",
-                ExecutionType::Cm => "MoveContinuousSkill",
-            },
+            how: how(execution_type),
             end_ms,
             is_cut_off: recording.is_cut_off(),
             is_program: execution_type == ExecutionType::Rc,
