@@ -263,7 +263,7 @@ impl ControlPort {
     }
 }
 
-/// Longest time without anything from a client.
+/// Returns the longest time without anything from a client.
 const fn limit(client: &Client) -> Duration {
     if client.has_sent_line { SILENCE } else { FIRST_LINE }
 }

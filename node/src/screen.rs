@@ -106,7 +106,7 @@ pub fn wrapped(text: &str, indent: usize, hanging: usize) -> String {
     wrapped_within(text, indent, hanging, text_width())
 }
 
-/// Like [`wrapped`], for a file, in lines of at most `width` characters.
+/// Breaks text like [`wrapped`], for a file, into lines of at most `width` characters.
 #[must_use]
 pub fn wrapped_within(text: &str, indent: usize, hanging: usize, width: usize) -> String {
     let mut lines = Vec::new();

@@ -48,7 +48,7 @@ impl ControlToken {
         text.map(|text| Self::new(text.lines().next().unwrap_or_default())).transpose()
     }
 
-    /// A token with this text.
+    /// Creates a token with this text.
     ///
     /// # Errors
     ///

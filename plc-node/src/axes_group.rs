@@ -40,7 +40,7 @@ pub struct AxesGroup {
 }
 
 impl AxesGroup {
-    /// A robot of which nothing is known yet.
+    /// Creates an axes group that knows nothing of its robot yet.
     #[must_use]
     pub fn new(patience: Patience) -> Self {
         Self {
@@ -72,37 +72,37 @@ impl AxesGroup {
         self.still_scans = if self.feedback.is_some() { self.still_scans.saturating_add(1) } else { 0 };
     }
 
-    /// The robot's image of this scan; none without a connection.
+    /// Returns the robot's image of this scan; none without a connection.
     #[must_use]
     pub const fn feedback(&self) -> Option<&Feedback> {
         self.feedback.as_ref()
     }
 
-    /// The image that the program gives to the robot.
+    /// Returns the command image of this scan.
     #[must_use]
     pub const fn command(&self) -> &Command {
         &self.command
     }
 
-    /// Whether the robot's life counter has stood still for longer than it may.
+    /// Returns whether the robot's life counter has stood still for longer than it may.
     #[must_use]
     pub const fn is_silent(&self) -> bool {
         self.still_scans >= self.patience.silent_scans
     }
 
-    /// Scans since the robot's life counter changed.
+    /// Returns the number of scans since the robot's life counter changed.
     #[must_use]
     pub const fn still_scans(&self) -> u32 {
         self.still_scans
     }
 
-    /// How long the robot may take to echo a command, in scans.
+    /// Returns the number of scans that the robot may take to echo a command.
     #[must_use]
     pub const fn answer_scans(&self) -> u32 {
         self.patience.answer_scans
     }
 
-    /// Whether the robot has seen the image in which the PLC's life counter was `life`, or a later one.
+    /// Returns whether the robot has seen the image in which the PLC's life counter was `life`, or a later one.
     #[must_use]
     pub fn has_seen(&self, life: u16) -> bool {
         self.feedback.as_ref().is_some_and(|feedback| feedback.life_echo.wrapping_sub(life) < 0x8000)
@@ -136,7 +136,7 @@ impl AxesGroup {
         self.command.override_percent = to.percent();
     }
 
-    /// The PLC's digital outputs.
+    /// Returns the PLC's digital outputs.
     pub(crate) const fn outputs(&self) -> u16 {
         self.command.outputs
     }

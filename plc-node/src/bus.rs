@@ -111,7 +111,7 @@ fn profinet_controller(
     Ok(ProfinetController::new(config, device, start)?)
 }
 
-/// A device of a setup, for a controller that expects it.
+/// Returns the description of a setup's device, for a controller that expects it.
 ///
 /// A description lives as long as the program, since the usual one is compiled in. One out of a setup is read once a
 /// start, so leaking its few hundred bytes costs less than counting references to them.
@@ -163,7 +163,7 @@ fn ethernet_ip_scanner(
     Ok(EthernetIpScanner::new(config, connection, start))
 }
 
-/// The same with an adapter of the setup in the place of our robot.
+/// Returns the configuration for an adapter of the setup that takes the place of our robot.
 fn of_adapter(adapter: &EthernetIpAdapter, config: ConnectionConfig) -> ConnectionConfig {
     ConnectionConfig {
         route: adapter.route.clone(),

@@ -40,7 +40,7 @@ pub struct PlcConfig {
 }
 
 impl PlcConfig {
-    /// The PLC of a setup, with the motions for SM and CM and the program for RC.
+    /// Creates the configuration of a setup's PLC, with the motions for SM and CM and the program for RC.
     ///
     /// The scan has its modelled cost; in real mode set [`scan_cost`](Self::scan_cost) to zero.
     #[must_use]
@@ -63,8 +63,8 @@ impl PlcConfig {
         }
     }
 
-    /// The timeouts in scans, which is how the program counts. A life counter of 16 bits tells before from after over
-    /// half its range, so a robot is waited for no longer than that.
+    /// Returns the timeouts in scans, the unit in which the program counts. A life counter of 16 bits tells earlier from
+    /// later over half its range, so no timeout is longer than that.
     pub(crate) fn patience(&self) -> Patience {
         let scans = |timeout: Duration| {
             let scans = timeout.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));

@@ -199,7 +199,7 @@ pub enum FailureCause {
     },
 }
 
-/// What a robot says that ended a skill.
+/// Formats a robot's error number and findings as text.
 fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String {
     if number == ErrorNumber::None {
         return format!(

@@ -10,10 +10,10 @@ use protocol::image::{Digest, Motion};
 /// first one. A source that reads from a file therefore needs a window only. It must not block: what it cannot give
 /// at once it has to have read ahead.
 pub trait MotionSource: Debug + Send {
-    /// How many motions the sequence has: the paper's `totalNo`.
+    /// Returns the number of motions of the sequence: the paper's `totalNo`.
     fn total(&self) -> u32;
 
-    /// Motion `index`, counted from 0; none past the end or where the source failed.
+    /// Returns motion `index`, counted from 0; `None` past the end or if the source failed.
     fn get(&mut self, index: u32) -> Option<Motion>;
 }
 
@@ -78,7 +78,7 @@ impl Digested {
         Self { source, given: Digest::default() }
     }
 
-    /// A run begins: it asks for the motions from the first one on.
+    /// Starts a run, which asks for the motions from the first one on.
     pub(crate) fn restart(&mut self) {
         self.given = Digest::default();
     }

@@ -23,13 +23,13 @@ impl Readiness {
         Self { must_stop: true, ..Self::default() }
     }
 
-    /// Whether a robot that was ready still is.
+    /// Returns whether a robot that was ready still is.
     pub(crate) fn holds(group: &AxesGroup) -> bool {
         group.feedback().is_some_and(is_ready) && !group.is_silent()
     }
 
-    /// One scan: keeps the robot enabled, stops a skill that no sequence knows, and resets the robot. Returns whether
-    /// it has become ready.
+    /// Runs one scan: keeps the robot enabled, stops a skill that does not belong to a sequence, and resets the robot.
+    /// Returns whether it has become ready.
     pub(crate) fn scan(&mut self, group: &mut AxesGroup) -> bool {
         let Some(executing) = group.feedback().map(is_executing) else { return false };
         group.set_control(Control::ENABLE, true);

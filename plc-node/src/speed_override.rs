@@ -25,7 +25,7 @@ impl Override {
     /// The arm stops on its path.
     pub const STOP: Self = Self(0);
 
-    /// An override of so many percent, rounded to whole ones, and to 1 % where it would round to 0 without being 0:
+    /// Creates an override in percent, rounded to whole ones; a value above 0 that would round to 0 becomes 1 %, because
     /// only 0 stops the arm.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl Override {
         Ok(Self(percent.round().max(least) as u8))
     }
 
-    /// In percent, as the image carries it.
+    /// Returns the override in percent, as the image carries it.
     #[must_use]
     pub const fn percent(self) -> u8 {
         self.0
@@ -64,7 +64,7 @@ impl OverrideStep {
     /// As a run without a schedule starts.
     const START: Self = Self { after_us: 0, to: Override::FULL };
 
-    /// Time since the start edge of the run.
+    /// Returns the time since the start edge of the run.
     #[must_use]
     pub const fn after(&self) -> Duration {
         Duration::from_micros(self.after_us as u64)
@@ -115,7 +115,7 @@ pub enum ScheduleError {
 }
 
 impl OverrideSchedule {
-    /// The steps in the order of their times. The first one is that of the start edge.
+    /// Returns the steps in the order of their times. The first one is that of the start edge.
     #[must_use]
     pub fn steps(&self) -> &[OverrideStep] {
         self.steps.get(..self.len).unwrap_or_default()

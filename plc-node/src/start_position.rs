@@ -40,7 +40,7 @@ impl StartPosition {
         }
     }
 
-    /// Whether the arm stands there, or no start is known.
+    /// Returns whether the arm is at the start, or no start is known.
     pub(crate) fn is_reached(&self, feedback: Option<&Feedback>) -> bool {
         if self.from_anywhere.is_empty() {
             return true;
@@ -58,7 +58,7 @@ impl StartPosition {
         self.is_from_end = is_at_end && !self.from_end.is_empty();
     }
 
-    /// One scan on the way.
+    /// Runs one scan while the arm moves to the start.
     pub(crate) fn scan(&mut self, now: Instant, group: &mut AxesGroup) -> Progress {
         let motions = if self.is_from_end { &mut self.from_end } else { &mut self.from_anywhere };
         let progress = self.under_way.scan(now, motions, &[], group);

@@ -75,7 +75,7 @@ impl Cable {
         self.discover_by(Command::new(env!("CARGO_BIN_EXE_plc-node")), arguments)
     }
 
-    /// The same as somebody who may open no raw socket.
+    /// Runs `discover` as a user who may not open raw sockets.
     fn discover_without_privilege(&self, arguments: &[&str]) -> Said {
         let mut command = Command::new("setpriv");
         command.args(["--bounding-set", "-net_raw", "--inh-caps", "-net_raw"]);

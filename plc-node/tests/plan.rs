@@ -30,7 +30,7 @@ fn plan(arguments: &[&str]) -> Said {
     plan_in(Path::new("."), arguments)
 }
 
-/// A directory with the shipped pick and place, as `my.toml`, with one passage replaced.
+/// Creates a directory with the shipped pick and place, as `my.toml`, in which one passage is replaced.
 fn with_change(from: &str, to: &str) -> TempDir {
     let directory = tempfile::tempdir().unwrap();
     let (_, text) = planning::APPLICATIONS[0];
@@ -39,7 +39,7 @@ fn with_change(from: &str, to: &str) -> TempDir {
     directory
 }
 
-/// What is said about it.
+/// Plans the changed application and returns the output.
 fn changed(from: &str, to: &str) -> Said {
     plan_in(with_change(from, to).path(), &["my.toml", "--setup", "A"])
 }

@@ -25,8 +25,8 @@ pub struct StartOutOfReach {
 }
 
 impl RobotConfig {
-    /// The same robot in the cell of an application: with its surfaces around. `to_start` is how the PLC moves the arm to
-    /// where the application starts.
+    /// Places the robot in the cell of an application, with the surfaces there. `to_start` is how the PLC moves the arm
+    /// to where the application starts.
     ///
     /// # Errors
     ///

@@ -38,8 +38,8 @@ pub struct RobotNode<B: Fieldbus> {
 }
 
 impl<B: Fieldbus> RobotNode<B> {
-    /// A robot with its programs by number. Its cycles start at `start`, which fixes their phase; `seed` feeds the
-    /// interpreter's random phase.
+    /// Creates a robot with its programs by number. Its cycles start at `start`, which fixes their phase; `seed` feeds
+    /// the interpreter's random phase.
     #[must_use]
     pub fn new(
         config: RobotConfig,
@@ -69,36 +69,36 @@ impl<B: Fieldbus> RobotNode<B> {
         node
     }
 
-    /// The bus endpoint.
+    /// Returns the bus endpoint.
     #[must_use]
     pub const fn bus(&self) -> &B {
         &self.bus
     }
 
-    /// The bus endpoint, for commands to it.
+    /// Returns the bus endpoint, for commands to it.
     pub const fn bus_mut(&mut self) -> &mut B {
         &mut self.bus
     }
 
-    /// The controller.
+    /// Returns the controller.
     #[must_use]
     pub const fn controller(&self) -> &Controller {
         &self.controller
     }
 
-    /// How late the robot's cycles ran.
+    /// Returns the lateness of the robot's cycles.
     #[must_use]
     pub const fn lateness(&self) -> &Lateness {
         &self.lateness
     }
 
-    /// What the checks of the received images said.
+    /// Returns the numbers of images by the results of their checks.
     #[must_use]
     pub const fn checks(&self) -> Checks {
         self.checker.checks()
     }
 
-    /// When the robot's next cycle is due.
+    /// Returns the instant of the robot's next cycle.
     #[must_use]
     pub const fn next_tick(&self) -> Instant {
         self.cycle.next()

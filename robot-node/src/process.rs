@@ -102,7 +102,7 @@ pub fn command_line() -> clap::Command {
     Cli::command()
 }
 
-/// The process: parses `args`, with the program's name first, and runs until it is ended.
+/// Runs the process: parses `args`, with the program's name first, and runs until it is ended.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let Subcommand::Run(run) = cli.command;

@@ -90,7 +90,7 @@ impl Load {
 }
 
 impl Quality {
-    /// This and then the other.
+    /// Combines this quality with that of the motion after it.
     #[must_use]
     pub fn then(self, other: Self) -> Self {
         Self {
@@ -107,7 +107,7 @@ impl Quality {
         }
     }
 
-    /// How often the arm stopped on its way: the last rest is the end and no stop.
+    /// Returns how often the arm stopped on its path: the last rest is the end and does not count.
     #[must_use]
     pub const fn stops(&self) -> u32 {
         self.rests.saturating_sub(1)
@@ -131,7 +131,7 @@ impl Quality {
         }
     }
 
-    /// Root mean square of one of its loads over the time in which the arm moved; 0 if it never did.
+    /// Returns the root mean square of one of its loads over the time in which the arm moved; 0 if it never moved.
     #[must_use]
     pub fn rms(&self, load: Load) -> f64 {
         if self.moving_s > 0.0 { (load.square_s / self.moving_s).sqrt() } else { 0.0 }
@@ -154,7 +154,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Of an arm that stands at `joints` and is looked at every `tick_s` seconds.
+    /// Starts with an arm that stands at `joints` and is observed every `tick_s` seconds.
     #[must_use]
     pub fn at_rest(arm: &Arm, joints: &Joints, tick_s: f64) -> Self {
         Self {
@@ -167,13 +167,13 @@ impl Observer {
         }
     }
 
-    /// What it found since the last [`end`](Self::end).
+    /// Returns the quality since the last [`end`](Self::end).
     #[must_use]
     pub const fn quality(&self) -> &Quality {
         &self.quality
     }
 
-    /// One robot cycle.
+    /// Observes one robot cycle.
     pub fn look(&mut self, arm: &Arm, interpolator: &Interpolator) {
         let path = interpolator.path();
         if let Some(segment) = path.current()
@@ -193,7 +193,7 @@ impl Observer {
         }
     }
 
-    /// The skill is over and the arm stands where it is: what it was like. The next skill starts from nothing.
+    /// Ends a skill, after which the arm stands where it is, and returns its quality. The next skill starts from zero.
     pub fn end(&mut self, arm: &Arm) -> Quality {
         // The skill ends in the cycle in which the arm arrives; that it then stands still belongs to it.
         let (joints, tool) = (self.joints[0], self.tool[0]);
@@ -246,7 +246,7 @@ impl Observer {
     }
 }
 
-/// How far the tool is from a motion's curve, in mm; `way` is a place on it close by.
+/// Returns the distance of the tool from a motion's curve, in mm; `way` is a place on the curve close by.
 fn off_curve(segment: &Segment, way: f64, tool: [f64; 3], arm: &Arm) -> f64 {
     let whole = segment.curve.length();
     let place = |way: f64| match &segment.curve {

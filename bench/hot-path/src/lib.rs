@@ -123,7 +123,7 @@ impl Steps {
     }
 }
 
-/// Main function of a bench program: times all paths, or does what [`LIST`] or [`RUN`] asks for.
+/// Runs a bench program: times all paths, or does what [`LIST`] or [`RUN`] asks for.
 pub fn main(register: impl FnOnce(&mut HotPaths)) {
     let mut paths = HotPaths::default();
     register(&mut paths);

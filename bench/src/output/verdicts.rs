@@ -203,7 +203,7 @@ mod tests {
     use crate::records::schedule::Schedule;
     use std::time::Duration;
 
-    /// A run of Setup B in which the samples of each type scatter by its MAD about its AET, in µs.
+    /// Returns a run of Setup B in which the samples of each type scatter by its MAD about its AET, in µs.
     fn run(figures: [(u64, u64); 3], repetitions: u32) -> Results {
         let (mut setup, found) = planning::setup_with_application("B").unwrap();
         let standing = Standing::of(&setup, &found.application, None, &[]);

@@ -122,8 +122,8 @@ impl OfType {
         }
     }
 
-    /// A MAD's error is a share of the MAD itself. The run's is taken for both: it is what the paper's repetitions would
-    /// have if they were the model's.
+    /// Returns the distance of the MAD. The standard error of a MAD is proportional to the MAD; both errors are computed
+    /// from the run's MAD, which the paper's repetitions would have if they came from the model.
     fn mad(&self) -> Option<Distance> {
         let error = |count| error_of_mad(self.run.mad_ms, self.count, count);
         Some(Distance {

@@ -48,7 +48,7 @@ fn of_process(process: &Path) -> Vec<Listening> {
     tcp.chain(udp).chain(raw).map(|socket| Listening { program: program.clone(), socket }).collect()
 }
 
-/// What a port of ours is for.
+/// Returns the purpose of one of our ports.
 const fn purpose(at: SocketAddrV4, is_tcp: bool) -> &'static str {
     match (at.port(), is_tcp) {
         (44_818, _) => " (EtherNet/IP)",
@@ -61,7 +61,7 @@ const fn purpose(at: SocketAddrV4, is_tcp: bool) -> &'static str {
     }
 }
 
-/// The sockets among the open files of a process.
+/// Returns the sockets among the open files of a process.
 fn inodes(files: &Path) -> BTreeSet<u64> {
     let Ok(files) = fs::read_dir(files) else { return BTreeSet::new() };
     let inode = |link: &Path| {
@@ -75,7 +75,7 @@ struct Row<'a> {
     state: &'a str,
 }
 
-/// The local addresses in a table of /proc/net, of the wanted rows with one of these inodes.
+/// Returns the local addresses in a table of /proc/net, of the wanted rows that have one of these inodes.
 fn rows(table: &str, inodes: &BTreeSet<u64>, wanted: impl Fn(&Row<'_>) -> bool) -> Vec<SocketAddrV4> {
     let row = |line: &str| {
         let fields: Vec<_> = line.split_whitespace().collect();
@@ -90,7 +90,7 @@ fn rows(table: &str, inodes: &BTreeSet<u64>, wanted: impl Fn(&Row<'_>) -> bool) 
     table.lines().skip(1).filter_map(row).collect()
 }
 
-/// The EtherTypes in /proc/net/packet of sockets with one of these inodes.
+/// Returns the EtherTypes in /proc/net/packet of sockets with one of these inodes.
 fn ether_types(table: &str, inodes: &BTreeSet<u64>) -> Vec<u16> {
     let row = |line: &str| {
         let fields: Vec<_> = line.split_whitespace().collect();

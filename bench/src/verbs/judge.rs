@@ -129,7 +129,8 @@ fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result
     Ok(if tally.found.is_empty() { Exit::Pass } else { Exit::RunFailed })
 }
 
-/// A flag that the first Ctrl-C or SIGTERM sets. Lists that run end; what was found so far is told.
+/// Returns a flag that the first Ctrl-C or SIGTERM sets. Lists that are running are finished, and the results so far are
+/// printed.
 fn watch_for_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     let runtime = event_loop()?;
     let signalled = runtime.block_on(async { interrupt() })?;

@@ -45,7 +45,7 @@ const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
 /// Angles up to this are taken as they are, in degrees; of larger ones the full turns are taken away first.
 const MANY_TURNS: f64 = 1e9;
 
-/// The sines and cosines of angles in degrees, to some 10⁻¹⁶; exactly 0 and ±1 on the axes.
+/// Returns the sines and cosines of angles in degrees, to some 10⁻¹⁶; exactly 0 and ±1 on the axes.
 pub(super) fn sin_cos<const N: usize>(mut degrees: [f64; N]) -> ([f64; N], [f64; N]) {
     if degrees.iter().any(|angle| angle.abs() > MANY_TURNS) {
         degrees = degrees.map(|angle| angle % 360.0);
@@ -72,7 +72,7 @@ pub(super) fn sin_cos<const N: usize>(mut degrees: [f64; N]) -> ([f64; N], [f64;
     (sines, cosines)
 }
 
-/// The values of one polynomial at several places: its highest coefficient, and then two at a time.
+/// Evaluates one polynomial at several places; its coefficients are the highest one, and then two at a time.
 fn polynomials<const N: usize>(highest: f64, pairs: &[[f64; 2]], at: &[f64; N]) -> [f64; N] {
     let mut sum = [highest; N];
     for [odd, even] in pairs {

@@ -74,7 +74,7 @@ impl Arm {
         (0..=bits).filter(move |status| status & !bits == 0)
     }
 
-    /// The axes that turn.
+    /// Returns the rotary axes.
     fn turning(&self) -> impl Iterator<Item = usize> {
         let rotary = self.rotary;
         (0..self.axes).filter(move |axis| rotary[*axis])
@@ -93,7 +93,8 @@ impl Arm {
         }
     }
 
-    /// The joint of this value, or one that differs by whole turns, with this sign and within its range, next to `near`.
+    /// Returns the value of a joint, changed by whole turns so that it has this sign and is within its range; of several
+    /// such values the one nearest to `near`.
     fn turned(&self, axis: usize, value: f64, is_negative: bool, near: f64) -> Result<f64, Violation> {
         let (lower, upper) = (self.limits.lower[axis], self.limits.upper[axis]);
         let first = value - 360.0 * (value / 360.0).floor();

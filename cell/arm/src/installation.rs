@@ -126,7 +126,7 @@ fn limits(listed: &setup::Axes, axes: usize) -> Result<AxisLimits, ConfigError> 
     Ok(limits)
 }
 
-/// One value for each joint that the arm has; the others keep `rest`.
+/// Reads one value for each joint that the arm has; the other joints keep `rest`.
 fn joints(key: &str, values: &[f64], axes: usize, rest: Joints) -> Result<Joints, ConfigError> {
     if values.len() != axes {
         return error(key, format!("{} values, but this arm has {axes} joints", values.len()));

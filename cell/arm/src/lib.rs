@@ -183,7 +183,7 @@ impl Arm {
         Ok(joints)
     }
 
-    /// The same joints by other numbers of turns: each the shortest turn from `near` that is within its range.
+    /// Changes each rotary joint by whole turns to the value nearest to `near` that is within its range.
     fn turned_least(&self, joints: &Joints, near: &Joints) -> Joints {
         let mut joints = *joints;
         let range = self.limits.lower.iter().zip(&self.limits.upper);

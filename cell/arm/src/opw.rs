@@ -96,7 +96,7 @@ impl Branch {
 }
 
 impl Opw {
-    /// An arm of these numbers: all finite, c2 and c3 above 0, offsets within ±360°.
+    /// Creates an arm of these numbers: all finite, c2 and c3 above 0, offsets within ±360°.
     #[must_use]
     pub fn new(parameters: OpwParameters) -> Self {
         let OpwParameters { a2, c2, c3, .. } = parameters;
@@ -111,7 +111,7 @@ impl Opw {
         }
     }
 
-    /// The model's angles, in degrees.
+    /// Converts joints to the model's angles, in degrees.
     fn model(&self, joints: &Joints) -> Joints {
         let OpwParameters { offsets, signs, .. } = &self.parameters;
         core::array::from_fn(|axis| joints[axis] * f64::from(signs[axis]) - offsets[axis])
@@ -140,8 +140,8 @@ impl Opw {
         }
     }
 
-    /// Axes 1 and 2 of the model that bring the wrist centre there, the forearm's angle against the upper arm, which is
-    /// axis 3 and ψ, and how the forearm is turned then, as a quaternion of any length.
+    /// Returns axes 1 and 2 of the model that bring the wrist centre to this point, the angle between forearm and upper
+    /// arm (axis 3 and ψ), and the orientation of the forearm there as a quaternion of any length.
     fn arm(&self, [x, y, z]: [f64; 3], branch: Branch) -> Result<([Direction; 3], Rotation), Violation> {
         let OpwParameters { a1, b, c1, c2, .. } = self.parameters;
         let forearm = self.forearm;
@@ -198,7 +198,7 @@ impl Opw {
     }
 }
 
-/// Whether the sine of an angle in degrees is not below 0.
+/// Returns whether the sine of an angle in degrees is not below 0.
 fn is_within_the_first_half_turn(degrees: f64) -> bool {
     if degrees.abs() < 360.0 {
         return (0.0..=180.0).contains(&degrees) || degrees <= -180.0;
@@ -216,7 +216,7 @@ struct Direction {
 }
 
 impl Direction {
-    /// That of a vector of this length; 0 where it has none.
+    /// Returns the angle of a vector with this length; 0 for a vector of length 0.
     const fn of(cos: f64, sin: f64, length: f64) -> Self {
         if length > 0.0 { Self { cos, sin, length } } else { Self { cos: 1.0, sin: 0.0, length: 1.0 } }
     }
@@ -225,7 +225,7 @@ impl Direction {
         Self { sin: -self.sin, ..self }
     }
 
-    /// The sum of two angles.
+    /// Returns the sum of two angles.
     const fn and(self, other: Self) -> Self {
         Self {
             cos: self.cos * other.cos - self.sin * other.sin,
@@ -234,7 +234,7 @@ impl Direction {
         }
     }
 
-    /// Cosine and sine, times some length, of half of the angle, which counts from −180° to 180°.
+    /// Returns cosine and sine of half of the angle, which counts from −180° to 180°, times some length.
     fn half(self) -> (f64, f64) {
         // Of both ways to say it the one that subtracts nothing, and so loses no digits.
         if self.cos >= 0.0 {
@@ -323,7 +323,7 @@ mod tests {
         Arm::new(Arc::new(Opw::new(IRB_1100)), limits)
     }
 
-    /// An arm with every parameter: nothing cancels.
+    /// Returns an arm in which no parameter is 0, so that a wrong term cannot cancel out.
     fn odd() -> OpwParameters {
         OpwParameters {
             a1: 25.0,
@@ -338,7 +338,7 @@ mod tests {
         }
     }
 
-    /// The same arm in the crate `rs-opw-kinematics`, which takes radians.
+    /// Returns the same arm in the crate `rs-opw-kinematics`, which takes radians.
     fn reference(parameters: OpwParameters) -> OPWKinematics {
         let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
         let offsets = offsets.map(f64::to_radians);
@@ -350,7 +350,8 @@ mod tests {
             .prop_map(|(q1, q2, q3, q4, q5, q6): (f64, f64, f64, f64, f64, f64)| [q1, q2, q3, q4, q5, q6])
     }
 
-    /// Away from where two configurations meet: there, rounding chooses.
+    /// Returns whether the joints are away from the places where two configurations meet; there, rounding decides between
+    /// them.
     fn is_regular(opw: &Opw, joints: &Joints) -> bool {
         let model = opw.model(joints);
         let elbow = model[2] + opw.lean;

@@ -35,7 +35,7 @@ impl Arm {
         best
     }
 
-    /// How far the joint next to an end of its range is from the middle of that: 1 is the end.
+    /// Returns how far the joint closest to an end of its range is from the middle of the range: 1 is the end.
     fn used_range(&self, joints: &Joints) -> f64 {
         let (lower, upper, middle) = (self.limits().lower, self.limits().upper, self.middle());
         let share =

@@ -16,7 +16,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// What it pushes the tool with, in N along the root's axes; nothing where the tool is free.
+    /// Returns the force of the surface on the tool in N, along the root's axes; 0 if the tool does not touch it.
     #[must_use]
     pub fn force_on(&self, tool: [f64; 3]) -> [f64; 3] {
         let offset: [f64; 3] = core::array::from_fn(|i| tool[i] - self.point[i]);
@@ -29,7 +29,7 @@ impl Surface {
     }
 }
 
-/// What all surfaces together push the tool with, in N along the root's axes.
+/// Returns the force of all surfaces on the tool in N, along the root's axes.
 #[must_use]
 pub fn contact_force(surfaces: &[Surface], tool: [f64; 3]) -> [f64; 3] {
     surfaces.iter().fold([0.0; 3], |sum, surface| {

@@ -81,13 +81,13 @@ impl Branch {
 }
 
 impl ThreeParallel {
-    /// An arm of these numbers: all finite, a2 and a3 not 0 and of one sign, offsets within ±360°.
+    /// Creates an arm of these numbers: all finite, a2 and a3 not 0 and of one sign, offsets within ±360°.
     #[must_use]
     pub const fn new(parameters: ThreeParallelParameters) -> Self {
         Self(parameters)
     }
 
-    /// The model's angles, in degrees.
+    /// Converts joints to the model's angles, in degrees.
     fn model(&self, joints: &Joints) -> Joints {
         core::array::from_fn(|axis| joints[axis] * f64::from(self.0.signs[axis]) - self.0.offsets[axis])
     }
@@ -96,7 +96,7 @@ impl ThreeParallel {
         core::array::from_fn(|axis| (model[axis] + self.0.offsets[axis]) * f64::from(self.0.signs[axis]))
     }
 
-    /// 1 where the arm points along x at zero, −1 where against it.
+    /// Returns 1 if the arm points along x at zero, −1 if it points against it.
     const fn forward_sign(&self) -> f64 {
         if self.0.a2 < 0.0 { -1.0 } else { 1.0 }
     }
@@ -382,7 +382,7 @@ mod tests {
         },
     ];
 
-    /// An arm whose joints turn and begin otherwise.
+    /// Returns an arm whose joints have other signs and other zeros than the model.
     fn odd() -> ThreeParallelParameters {
         ThreeParallelParameters {
             a2: 380.0,
@@ -398,7 +398,8 @@ mod tests {
         prop::array::uniform6(-360.0..360.0_f64)
     }
 
-    /// Away from where two configurations meet: there, rounding chooses.
+    /// Returns whether the joints are away from the places where two configurations meet; there, rounding decides between
+    /// them.
     fn is_regular(arm: &ThreeParallel, joints: &Joints) -> bool {
         let model = arm.model(joints);
         let ([elbow, wrist], _) = sin_cos([model[2], model[4]]);

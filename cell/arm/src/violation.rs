@@ -296,7 +296,7 @@ pub enum Violation {
 }
 
 impl Violation {
-    /// The number that the feedback image carries for it.
+    /// Returns the number that the feedback image carries for it.
     #[must_use]
     pub const fn number(&self) -> ErrorNumber {
         match self {
@@ -333,8 +333,8 @@ impl Violation {
         }
     }
 
-    /// How much of the arm's reach or of a joint's range is missing, and the unit of that; none where nothing of a kind that
-    /// could be longer is.
+    /// Returns how much of the arm's reach or of a joint's range is missing, with its unit; `None` for a violation of
+    /// another kind.
     #[must_use]
     pub fn missing(&self) -> Option<(f64, &'static str)> {
         let beyond = |value: f64, lower: f64, upper: f64| (lower - value).max(value - upper);
@@ -351,7 +351,7 @@ impl Violation {
         })
     }
 
-    /// The figures that the feedback image carries for it.
+    /// Returns the figures that the feedback image carries for it.
     #[must_use]
     pub fn finding(&self) -> Finding {
         let of = |index: u8, value: f64, lower: f64, upper: f64| {

@@ -34,13 +34,13 @@ pub struct Application {
 }
 
 impl Application {
-    /// How often the steps run in one pass: once for each cell of the grids, or once without a grid.
+    /// Returns how often the steps run in one pass: once for each cell of the grids, or once without a grid.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.grids.first().map_or(1, Grid::cells)
     }
 
-    /// Where a place is in a cell, counted from 0.
+    /// Returns the pose of a place in a cell, which is counted from 0.
     #[must_use]
     pub fn pose(&self, place: &Place, cell: usize) -> Pose {
         match place.grid.and_then(|grid| self.grids.get(grid)) {
@@ -88,13 +88,14 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// How many cells it has.
+    /// Returns the number of cells.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.count.iter().map(|&count| count as usize).product()
     }
 
-    /// From the first cell to that of this number, counted from 0; past the last it begins again.
+    /// Returns the displacement from the first cell to the cell with this number, counted from 0; after the last cell the
+    /// count starts again.
     #[must_use]
     pub fn offset(&self, cell: usize) -> Point {
         let mut rest = cell;

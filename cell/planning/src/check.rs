@@ -47,8 +47,8 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// Within which distance of its start and of its target, in mm, a blend may cut a motion's corner. Nothing is cut where
-    /// a pre- or post-movement goes straight on.
+    /// Returns the distances from a motion's start and from its target, in mm, within which blends may cut its corners.
+    /// Where a pre- or post-movement goes straight on, nothing is cut.
     fn blends_mm(&self, motion: &Motion) -> [f64; 2] {
         let zone_mm = self.sizes.approximation_mm;
         match motion.role {
@@ -98,7 +98,8 @@ impl Planner<'_> {
     }
 }
 
-/// How much of a path, in mm, is nearer to the box than `distance_mm`; within the zones at its ends, than half a zone more.
+/// Returns how much of a path, in mm, is nearer to the box than `distance_mm`. Within the zones at the ends of the path
+/// the limit is half a zone more.
 fn nearer_mm(legs: &[Leg], space: &Cuboid, distance_mm: f64, zones_mm: [f64; 2]) -> f64 {
     let lengths = || legs.iter().map(|leg| (leg.to - leg.from).length());
     let whole_mm: f64 = lengths().sum();

@@ -16,8 +16,8 @@ pub(crate) struct Leg {
 }
 
 impl Leg {
-    /// The part of the leg, within `shares` of it, on which the course may come nearer to the box than `distance_mm`:
-    /// where that begins and ends. One that only touches that distance is not nearer.
+    /// Returns the part of the leg, within `shares` of it, on which the course may come nearer to the box than
+    /// `distance_mm`: its beginning and its end. A leg that only touches that distance is not nearer.
     pub(crate) fn nearer(
         &self,
         space: &Cuboid,
@@ -38,7 +38,7 @@ impl Leg {
         (enters < leaves).then_some((enters, leaves))
     }
 
-    /// Whether the course may come nearer to the box than `distance_mm`, and within `cut_mm` of either end than
+    /// Returns whether the course may come nearer to the box than `distance_mm`, and within `cut_mm` of either end than
     /// `distance_at_ends_mm`, which is more.
     pub(crate) fn is_too_near(
         &self,
@@ -58,7 +58,7 @@ impl Leg {
     }
 }
 
-/// Where a·s² + b·s + c is below zero, for an `a` that is not: an open interval, if any.
+/// Returns the open interval of s in which a·s² + b·s + c is below zero, if there is one; `a` must not be negative.
 fn below_zero([a, b, c]: [f64; 3]) -> Option<(f64, f64)> {
     if a == 0.0 {
         return if b > 0.0 {

@@ -30,7 +30,7 @@ const SPLINE_LEGS: u32 = 64;
 const TURNS_BACK_DEG: f64 = 160.0;
 
 impl Motion {
-    /// Points of the path from start to target, as the robot node follows it in a continuous motion.
+    /// Returns points of the path from start to target, as the robot node follows it in a continuous motion.
     #[must_use]
     pub fn course(&self) -> Vec<Point> {
         let legs = self.legs();
@@ -38,7 +38,7 @@ impl Motion {
         start.into_iter().chain(legs.iter().map(|leg| leg.to)).collect()
     }
 
-    /// The path of a continuous motion as legs.
+    /// Returns the path of a continuous motion as legs.
     pub(crate) fn legs(&self) -> Vec<Leg> {
         match self.kind {
             MotionKind::Circular => self.legs_of_circle().unwrap_or_else(|| vec![self.chord()]),
@@ -47,7 +47,7 @@ impl Motion {
         }
     }
 
-    /// The straight way from start to target.
+    /// Returns the straight line from start to target.
     pub(crate) const fn chord(&self) -> Leg {
         Leg { from: self.start.point, to: self.target.point, bow_mm: [0.0; 3] }
     }

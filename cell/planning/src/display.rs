@@ -47,7 +47,7 @@ impl fmt::Display for Plan {
 }
 
 impl Plan {
-    /// The motions of each cycle.
+    /// Returns the range of motions of each cycle.
     fn ranges(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let ends = self.cycles.iter().skip(1).copied().chain([self.motions.len()]);
         self.cycles.iter().copied().zip(ends).map(|(begin, end)| begin..end)
@@ -111,7 +111,7 @@ impl Plan {
         Ok(())
     }
 
-    /// What comes before the next repetition, where that does not begin where this one ends.
+    /// Writes what comes before the next repetition, if it does not begin where this one ends.
     fn show_way_back(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let motions = &self.to_start.from_end;
         if motions.is_empty() {
@@ -167,7 +167,7 @@ impl Plan {
         reasons.try_for_each(|reason| writeln!(f, "{:indent$}{}", "", reason.why))
     }
 
-    /// The same below each other, for screens on which the table does not fit.
+    /// Writes a motion over several lines, for screens on which the table does not fit.
     fn show_narrow_motion(&self, f: &mut fmt::Formatter<'_>, index: usize, motion: &Motion) -> fmt::Result {
         let [x, y, z, a, b, c] = motion.target.mm_deg().map(no_minus_zero);
         let step = motion.role.step();
@@ -181,7 +181,7 @@ impl Plan {
         self.reasons_of(index).try_for_each(|reason| show_wrapped(f, "        ", &reason.why.to_string()))
     }
 
-    /// What the process asks of a motion.
+    /// Returns the labels of a motion as text.
     fn label(&self, index: usize, motion: &Motion) -> String {
         let zone = self.reasons_of(index).next().map(|reason| &reason.why);
         let stops = matches!(zone, Some(Why::AccurateStop { .. } | Why::LastGood));
@@ -191,19 +191,19 @@ impl Plan {
         Labels { accurate_path: motion.accurate_path, accurate_stop: stops }.to_string()
     }
 
-    /// The reasons of one motion; they are ordered by motion, that of the zone first.
+    /// Returns the reasons of one motion; they are ordered by motion, that of the zone first.
     fn reasons_of(&self, motion: usize) -> impl Iterator<Item = &Reason> {
         let begin = self.reasons.partition_point(|reason| reason.motion < motion);
         self.reasons.iter().skip(begin).take_while(move |reason| reason.motion == motion)
     }
 }
 
-/// Columns before the reasons of a table whose longest name of a motion has this width.
+/// Returns the width in characters left of the reasons, if the longest name of a motion has this width.
 const fn table_width(name: usize) -> usize {
     2 + 4 + 2 + 4 + 2 + name + 2 + 23 + 2 + 20 + 2 + 9 + 2 + LABEL + 2 + 7 + 2
 }
 
-/// Whether the table leaves no room for reasons on a screen of the formatter's width, if that is given.
+/// Returns whether the table leaves no room for reasons on a screen of the formatter's width, if that is given.
 fn is_narrow(f: &fmt::Formatter<'_>, name: usize) -> bool {
     f.width().is_some_and(|width| width < table_width(name) + LEAST_REASON)
 }
@@ -234,7 +234,7 @@ fn speed(motion: &Motion) -> String {
     }
 }
 
-/// What a motion has besides its target, each a line.
+/// Returns what a motion has besides its target, one line each.
 fn details(motion: &Motion) -> impl Iterator<Item = String> {
     let [x, y, z] = motion.auxiliary.map(no_minus_zero);
     let auxiliary = match kind_name(motion.kind) {
@@ -256,7 +256,7 @@ fn counted(number: usize, thing: &str) -> String {
     if number == 1 { format!("1 {thing}") } else { format!("{number} {thing}s") }
 }
 
-/// What prints as -0.0 is 0.0 to a person.
+/// Returns 0.0 for a value that would be printed as -0.0, and any other value as it is.
 fn no_minus_zero(value: f64) -> f64 {
     if value.abs() < 0.05 { 0.0 } else { value }
 }

@@ -237,7 +237,7 @@ impl Error {
     }
 }
 
-/// The line, from 1, that a place in a text is on.
+/// Returns the line that contains a place in a text, counted from 1.
 pub(crate) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
 }

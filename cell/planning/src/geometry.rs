@@ -14,25 +14,25 @@ pub struct Point {
 }
 
 impl Point {
-    /// The point of three coordinates in mm.
+    /// Creates a point from three coordinates in mm.
     #[must_use]
     pub const fn new(x: f64, y: f64, z: f64) -> Self {
         Self { x, y, z }
     }
 
-    /// Its coordinates x, y, z in mm.
+    /// Returns its coordinates x, y, z in mm.
     #[must_use]
     pub const fn coordinates(self) -> [f64; 3] {
         [self.x, self.y, self.z]
     }
 
-    /// Sum of the products of the coordinates.
+    /// Returns the dot product.
     #[must_use]
     pub fn dot(self, other: Self) -> f64 {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
-    /// The vector at right angles to both, as long as the area that they span.
+    /// Returns the cross product.
     #[must_use]
     pub fn cross(self, other: Self) -> Self {
         Self::new(
@@ -42,26 +42,26 @@ impl Point {
         )
     }
 
-    /// Distance from the origin, in mm.
+    /// Returns the distance from the origin, in mm.
     #[must_use]
     pub fn length(self) -> f64 {
         self.dot(self).sqrt()
     }
 
-    /// The direction of length 1, or none of a vector that has no length.
+    /// Returns the direction as a vector of length 1; `None` for a vector without length.
     #[must_use]
     pub fn direction(self) -> Option<Self> {
         let length = self.length();
         (length > 1e-9).then(|| self * (1.0 / length))
     }
 
-    /// The point at `share` of the way to `other`: 0.0 is here, 1.0 is there.
+    /// Returns the point at `share` of the line to `other`: 0.0 is this point, 1.0 is `other`.
     #[must_use]
     pub fn toward(self, other: Self, share: f64) -> Self {
         self + (other - self) * share
     }
 
-    /// The angle between two directions, in degrees.
+    /// Returns the angle between two directions, in degrees.
     #[must_use]
     pub fn angle_deg(self, other: Self) -> f64 {
         libm::atan2(self.cross(other).length(), self.dot(other)).to_degrees()
@@ -105,26 +105,26 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The pose of x, y, z in mm and a, b, c in degrees.
+    /// Creates a pose from x, y, z in mm and a, b, c in degrees.
     #[must_use]
     pub const fn new([x, y, z, a, b, c]: [f64; 6]) -> Self {
         Self { point: Point::new(x, y, z), abc_deg: [a, b, c] }
     }
 
-    /// x, y, z in mm and a, b, c in degrees.
+    /// Returns x, y, z in mm and a, b, c in degrees.
     #[must_use]
     pub const fn mm_deg(self) -> [f64; 6] {
         let [a, b, c] = self.abc_deg;
         [self.point.x, self.point.y, self.point.z, a, b, c]
     }
 
-    /// The same orientation at another point.
+    /// Returns a pose with the same orientation at another point.
     #[must_use]
     pub const fn at(self, point: Point) -> Self {
         Self { point, abc_deg: self.abc_deg }
     }
 
-    /// How far the tool turns from this orientation to that of `other`, in degrees, 0..=180.
+    /// Returns the angle in degrees, 0..=180, by which the tool turns from this orientation to that of `other`.
     #[must_use]
     pub fn turn_deg(self, other: Self) -> f64 {
         if self.abc_deg == other.abc_deg {
@@ -135,7 +135,7 @@ impl Pose {
         libm::acos(((trace - 1.0) / 2.0).clamp(-1.0, 1.0)).to_degrees()
     }
 
-    /// Where the tip of tool `new` is when that of tool `old` is here; both are given from the flange.
+    /// Returns where the tip of tool `new` is while the tip of tool `old` is here; both tools are given from the flange.
     #[must_use]
     pub fn change_tool(self, old: Self, new: Self) -> Self {
         // flange = here · old⁻¹, tip = flange · new
@@ -162,7 +162,7 @@ impl Pose {
     }
 }
 
-/// The directions of a frame's x, y and z axes, turned by a, b, c degrees about z, y', x''.
+/// Returns the directions of the x, y and z axes of a frame that is turned by a, b, c degrees about z, y', x''.
 fn axes(abc_deg: [f64; 3]) -> [Point; 3] {
     let [(sa, ca), (sb, cb), (sc, cc)] = abc_deg.map(|angle| libm::sincos(angle.to_radians()));
     [
@@ -182,14 +182,15 @@ pub struct Cuboid {
 }
 
 impl Cuboid {
-    /// The same box with every face moved outwards by `margin` mm.
+    /// Returns the same box with every face moved outwards by `margin` mm.
     #[must_use]
     pub fn grown(self, margin: f64) -> Self {
         let by = Point::new(margin, margin, margin);
         Self { lower: self.lower - by, upper: self.upper + by }
     }
 
-    /// How deep inside the box a point is, in mm to the nearest face; not positive for a point outside or on a face.
+    /// Returns how deep inside the box a point is: the distance to the nearest face in mm; not positive for a point
+    /// outside or on a face.
     #[must_use]
     pub fn depth_mm(self, point: Point) -> f64 {
         let (lower, upper, point) = (self.lower.coordinates(), self.upper.coordinates(), point.coordinates());
@@ -197,8 +198,8 @@ impl Cuboid {
         sides.map(|((lower, upper), point)| (point - lower).min(upper - point)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Which part of the straight line lies inside the box: the shares of its length at which it enters and leaves.
-    /// A line that only touches a face is not inside.
+    /// Returns which part of the straight line lies inside the box: the shares of its length at which it enters and
+    /// leaves. A line that only touches a face is not inside.
     #[must_use]
     pub fn inside(self, from: Point, to: Point) -> Option<(f64, f64)> {
         let way = (to - from).coordinates();

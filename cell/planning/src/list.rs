@@ -82,7 +82,7 @@ pub struct MotionLines<R> {
 }
 
 impl<R: BufRead> MotionLines<R> {
-    /// A list that messages call `origin`.
+    /// Creates a reader of a list, which messages call `origin`.
     pub fn new(reader: R, origin: impl Into<String>) -> Self {
         let origin = origin.into();
         Self { reader, origin, line: 0, text: String::new(), header: String::new(), ended: false }

@@ -80,8 +80,8 @@ pub fn setup_with_application(name: &str) -> Result<(Setup, Found), Error> {
     Ok((setup, found))
 }
 
-/// Like [`setup_with_application`], with another application in place of the setup's if one is named: a built-in one, or
-/// a file by its path from the current directory.
+/// Finds a setup and its application like [`setup_with_application`]; `instead` replaces the setup's application: a
+/// built-in one, or the path of a file relative to the current directory.
 ///
 /// # Errors
 /// Those of [`setup_with_application`].

@@ -24,7 +24,8 @@ pub enum Role {
 }
 
 impl Role {
-    /// The step of the paper's section 4 that makes such motions; empty of what is no part of the sequence.
+    /// Returns the step of the paper's section 4 that makes such motions; empty for a motion that is not part of the
+    /// sequence.
     #[must_use]
     pub const fn step(self) -> &'static str {
         match self {
@@ -35,7 +36,7 @@ impl Role {
         }
     }
 
-    /// Whether it is a secondary motion, which may take any way that is free.
+    /// Returns whether it is a secondary motion, which may take any free path.
     #[must_use]
     pub const fn is_secondary(self) -> bool {
         matches!(self, Self::Way | Self::Crossing | Self::ToStart)
@@ -101,7 +102,7 @@ impl From<&Place> for Arrival {
 }
 
 impl Motion {
-    /// A motion along the straight line, of any kind that has no circle in it.
+    /// Creates a motion along a straight line, of any kind but a circle.
     pub(crate) fn straight(role: Role, kind: MotionKind, start: Pose, target: Pose) -> Self {
         let way = target.point - start.point;
         let known = matches!(kind, MotionKind::LinCartesian | MotionKind::LinForceCartesian);
@@ -130,14 +131,14 @@ impl Motion {
         }
     }
 
-    /// A PTP; by its joints where the frame names them.
+    /// Creates a PTP; to the joints of the target's frame, if the frame has them.
     pub(crate) fn point_to_point(role: Role, start: Pose, target: Pose, arrival: Arrival) -> Self {
         let Arrival { joints_deg, configuration } = arrival;
         let kind = if joints_deg.is_some() { MotionKind::PtpJoint } else { MotionKind::PtpCartesian };
         Self { joints_deg, configuration, ..Self::straight(role, kind, start, target) }
     }
 
-    /// The circle from the start through a point to the target.
+    /// Creates a circle from the start through a point to the target.
     pub(crate) fn circle(role: Role, start: Pose, through: Point, target: Pose) -> Result<Self, Refusal> {
         let (to_end, to_through) = (target.point - start.point, through - start.point);
         let area = to_through.cross(to_end);
@@ -167,18 +168,18 @@ impl Motion {
         })
     }
 
-    /// Whether the tool goes straight without turning, so that a blend with another such motion in the same direction
-    /// leaves neither path.
+    /// Returns whether the tool goes straight without turning, so that a blend with another such motion in the same
+    /// direction leaves neither path.
     pub(crate) fn keeps_straight(&self) -> bool {
         matches!(self.kind, MotionKind::LinCartesian | MotionKind::LinForceCartesian) && self.turn_deg < 1e-6
     }
 
-    /// The direction in which a pre-movement enters this path.
+    /// Returns the direction in which a pre-movement enters this path.
     pub(crate) fn first_direction(&self) -> Option<Point> {
         self.leaves.or_else(|| (self.target.point - self.start.point).direction())
     }
 
-    /// The direction in which a post-movement goes on from this path.
+    /// Returns the direction in which a post-movement goes on from this path.
     pub(crate) fn last_direction(&self) -> Option<Point> {
         self.arrives.or_else(|| (self.target.point - self.start.point).direction())
     }

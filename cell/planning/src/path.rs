@@ -16,7 +16,7 @@ pub(crate) struct Path {
 }
 
 impl Path {
-    /// Step I: the motions of the segments, in this cell of the grids.
+    /// Plans step I: the motions of the segments, in this cell of the grids.
     pub(crate) fn plan(
         application: &Application,
         step: &Step,
@@ -41,7 +41,7 @@ impl Path {
         Self { motions, refusal }
     }
 
-    /// Step II: straight into the path's first direction; none of no length.
+    /// Plans step II: the pre-movement straight into the path's first direction; `None` if its length is 0.
     pub(crate) fn pre_movement(&self, length_mm: f64) -> Result<Option<Motion>, Refusal> {
         let Some(first) = self.motions.first().filter(|_| length_mm > 0.0) else {
             return self.refusal.clone().filter(|_| length_mm > 0.0).map_or(Ok(None), Err);
@@ -51,7 +51,8 @@ impl Path {
         Ok(Some(Motion::straight(Role::PreMovement, MotionKind::LinCartesian, start, first.start)))
     }
 
-    /// Step II: straight on in the path's last direction; after a force, whose line ends in contact, straight back.
+    /// Plans step II: the post-movement straight on in the path's last direction; after a force, whose line ends in
+    /// contact, straight back.
     pub(crate) fn post_movement(&self, length_mm: f64) -> Result<Option<Motion>, Refusal> {
         let Some(last) = self.motions.last().filter(|_| length_mm > 0.0) else {
             return Ok(None);

@@ -78,7 +78,7 @@ pub struct Reason {
 }
 
 impl Plan {
-    /// A plan of nothing yet, with the labels at process level.
+    /// Creates a plan without motions, with the labels at process level.
     pub(crate) fn empty(application: &Application, setup: &Setup) -> Self {
         let labels = application.steps.iter().map(|step| StepLabels {
             step: step.name.clone(),
@@ -102,7 +102,7 @@ impl Plan {
         self.cycles.clear();
     }
 
-    /// What a person should look at, as sentences that name the motions concerned.
+    /// Returns the warnings of the plan as sentences that name the motions concerned.
     pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
         self.reasons.iter().filter(|reason| reason.why.is_warning()).map(|reason| self.warning(reason))
     }

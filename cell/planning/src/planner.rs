@@ -52,7 +52,7 @@ impl<'a> Planner<'a> {
         Self { application, setup, sizes, here, crossings: Vec::new(), planned: 0 }
     }
 
-    /// Motions planned so far, over all cycles.
+    /// Returns the number of motions planned so far, over all cycles.
     pub(crate) const fn planned(&self) -> u64 {
         self.planned
     }
@@ -81,7 +81,8 @@ impl<'a> Planner<'a> {
         result
     }
 
-    /// Step IV: sizes the zones of the motions from `first`, and weaves the reasons of the ways into those of the zones.
+    /// Plans step IV: sizes the zones of the motions from `first` on, and merges the reasons of the zones with those of
+    /// the paths over obstacles.
     fn size_zones(&self, first: usize, plan: &mut Plan, refused: bool, ways: Vec<Reason>) {
         let mut ways = ways.into_iter().peekable();
         let end = plan.motions.len();
@@ -173,7 +174,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// The motions to the start, from anywhere and from where the tool is now.
+    /// Plans the motions to the start, from anywhere and from where the tool is now.
     pub(crate) fn way_to_start(&mut self) -> Result<ToStart, Error> {
         let (place, tool) = &self.application.start;
         let step = Step {
@@ -204,7 +205,7 @@ impl<'a> Planner<'a> {
         Ok(ToStart { from_anywhere: Some(from_anywhere), from_end })
     }
 
-    /// The tool and the base must be the robot's; with another tool, its tip is elsewhere.
+    /// Changes to a tool, whose tip is elsewhere; refuses a tool or a base that the robot does not have.
     fn take_tool(&mut self, step: &Step, tool: &'a Tool) -> Result<(), Error> {
         let robot = &self.setup.robot;
         let frame = |number: u8, frames: &[setup::Frame]| match number {
@@ -230,7 +231,7 @@ impl<'a> Planner<'a> {
         Ok(())
     }
 
-    /// Step III: a secondary motion, by intermediate positions where an obstacle stands in its way.
+    /// Plans step III: a secondary motion, over intermediate positions if an obstacle is in the way.
     fn way(
         &mut self,
         target: Pose,
@@ -277,7 +278,8 @@ impl<'a> Planner<'a> {
         self.push(motion, &format!("PTP {word}{}", into.step.name), into)
     }
 
-    /// Whether the vertical of the base is an axis of the arm by itself.
+    /// Returns whether a single axis of the arm moves the tool along the vertical of the base, so that a PTP bows
+    /// sideways only.
     fn bows_sideways(&self) -> bool {
         let robot = &self.setup.robot;
         let mut bases = robot.bases.iter().filter(|base| base.number == self.application.base);
@@ -314,7 +316,7 @@ impl<'a> Planner<'a> {
         Ok(())
     }
 
-    /// The motion that would have come next, or `later` ones after it, is refused.
+    /// Returns the error for the motion that would have come next, or `later` motions after it.
     fn refused(&self, step: &Step, later: u64, refusal: Refusal) -> Error {
         Error::Refused { step: step.name.clone(), motion: self.planned + 1 + later, refusal }
     }
@@ -330,7 +332,7 @@ struct Destination<'p> {
 }
 
 impl Destination<'_> {
-    /// The last motion, if the next one of another step is blended with it.
+    /// Returns the last motion if it belongs to another step and is blended with the next one.
     fn last_if_blended(&mut self, next: &Motion) -> Option<&mut Motion> {
         let end = self.plan.motions.len();
         let stops = self.plan.continuous.last().is_some_and(|it| it.motions.end == end);
@@ -339,12 +341,12 @@ impl Destination<'_> {
     }
 }
 
-/// Whether it takes a motion from one pose to the other.
+/// Returns whether two poses differ so much that a motion is needed between them.
 fn differ(one: Pose, other: Pose) -> bool {
     (other.point - one.point).length() >= LEAST_MM || one.turn_deg(other) >= LEAST_TURN_DEG
 }
 
-/// What a person calls a kind of motion.
+/// Returns the name of a kind of motion, for people.
 pub(crate) const fn kind_name(kind: MotionKind) -> &'static str {
     match kind {
         MotionKind::LinCartesian => "LIN",

@@ -65,7 +65,7 @@ impl Walk<'_> {
         &self.installation.arm
     }
 
-    /// The joints at the start: as near as possible to home, if the setup names that.
+    /// Returns the joints at the start: as near as possible to home, if the setup has a home.
     fn start(&self, plan: &Plan) -> Result<Joints, OutOfReach> {
         let Some(start) = &plan.to_start.from_anywhere else {
             return Ok(self.installation.home_or_middle());
@@ -81,7 +81,7 @@ impl Walk<'_> {
         found.map_err(|violation| OutOfReach::Start { violation, base: start.base })
     }
 
-    /// The joints at the end of a motion that begins in these.
+    /// Follows a motion from these joints; returns the joints at its end.
     fn motion(&self, number: usize, motion: &Motion, from: &Joints) -> Result<Joints, OutOfReach> {
         let refused = |(violation, way_mm)| OutOfReach::Motion {
             number,
@@ -100,7 +100,7 @@ impl Walk<'_> {
         self.path(motion, &motion.course(), from).map_err(refused)
     }
 
-    /// The joints at the target of a point-to-point motion.
+    /// Returns the joints at the target of a point-to-point motion.
     fn target(&self, motion: &Motion, near: &Joints) -> Result<Joints, Violation> {
         let arm = self.arm();
         if let Some(joints) = motion.joints_deg {
@@ -117,7 +117,8 @@ impl Walk<'_> {
         }
     }
 
-    /// The joints at the end of a path through these points, or why not and after which way, in mm.
+    /// Follows a path through these points; returns the joints at its end, or the reason why not and the length in mm
+    /// that was followed.
     fn path(
         &self,
         motion: &Motion,
@@ -181,8 +182,8 @@ impl Walk<'_> {
         Ok((to, next))
     }
 
-    /// Of this violation and those of its kind that follow on the path, the one of which most is missing: where the path
-    /// leaves the arm's reach, nothing is missing yet.
+    /// Returns the violation of this kind of which most is missing on the rest of the path: at the place where the path
+    /// leaves the arm's reach nothing is missing yet.
     fn worst(&self, motion: &Motion, track: &Track, from: f64, first: Violation, near: &Joints) -> Violation {
         let missing = |violation: &Violation| violation.missing().map_or(f64::NEG_INFINITY, |it| it.0);
         let rest = (1..=100_u32).map(|step| from + (1.0 - from) * f64::from(step) / 100.0);
@@ -197,7 +198,7 @@ impl Walk<'_> {
         share * self.setup.robot.path_velocity_mm_s.value
     }
 
-    /// The flange when the tool of a motion is at a pose of its base.
+    /// Returns the pose of the flange while the tool of a motion is at this pose in its base.
     fn flange(&self, motion: &Motion, tool: Pose) -> Result<Frame, Violation> {
         let frame = |frames: &arm::Frames, number: u8| frames.get(usize::from(number)).copied().flatten();
         let Installation { tools, bases, .. } = self.installation;
@@ -232,7 +233,7 @@ impl Track {
         Self { points, length_mm, from, axis, angle_deg }
     }
 
-    /// The tool at a share of the path.
+    /// Returns the pose of the tool at a share of the path.
     fn tool(&self, share: f64) -> Pose {
         let way = share * self.length_mm;
         let next = self.points.partition_point(|(at, _)| *at < way).max(1);

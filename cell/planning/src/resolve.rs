@@ -385,7 +385,7 @@ impl Resolver<'_> {
         Err(self.wrong(at, at_key, format!("frame `{}` stands on itself", name.get_ref())))
     }
 
-    /// A frame that a circle or a press needs: their motions have no room for a configuration.
+    /// Resolves a frame of a circle or a press, whose motions have no room for a configuration.
     fn unconfigured(&self, name: &Name, key: &str) -> Result<Place, Error> {
         let place = self.place(name, key)?;
         let Some(configuration) = place.configuration else { return Ok(place) };

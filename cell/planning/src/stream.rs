@@ -58,8 +58,8 @@ pub fn stream<'a>(application: &'a Application, setup: &'a Setup, passes: u64) -
     }
 }
 
-/// How many motions `passes` repetitions have: what a MoveContinuousSkill must know before it starts. Plans two passes,
-/// for the second and all later ones begin where the one before ended.
+/// Counts the motions of `passes` repetitions, which a MoveContinuousSkill must know before it starts. It plans two
+/// passes: the second and all later ones begin where the one before ended.
 ///
 /// # Errors
 /// [`Error::Refused`] names the first motion that cannot be planned.
@@ -79,7 +79,7 @@ pub fn count(application: &Application, setup: &Setup, passes: u64) -> Result<u6
     Ok(first + later * passes.saturating_sub(1))
 }
 
-/// The motion to where the first pass starts, from wherever the arm is.
+/// Returns the motion to where the first pass starts, from wherever the arm is.
 ///
 /// # Errors
 /// [`Error::Refused`]: the robot has no such tool or base.

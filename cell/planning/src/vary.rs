@@ -10,8 +10,8 @@ use crate::motion::{Motion, Role};
 use crate::plan::{Continuous, Plan};
 
 impl Application {
-    /// The same application with every way `factor` times as long. Where the tool stands at the start stays; all else
-    /// comes nearer to it or goes away from it. Orientations, joints and the clearance of ways stay as they are.
+    /// Returns the same application with every path `factor` times as long. The place of the tool at the start does not
+    /// move; all other places move towards it or away from it. Orientations, joints and clearances stay as they are.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let start = self.start.0.pose.point;
@@ -52,15 +52,16 @@ impl Application {
 }
 
 impl Plan {
-    /// Length of all motions in mm; of a PTP and a spline the straight line.
+    /// Returns the length of all motions in mm; of a PTP and a spline the straight line counts.
     #[must_use]
     pub fn length_mm(&self) -> f64 {
         self.motions.iter().map(|motion| motion.length_mm).sum()
     }
 
-    /// The same way in more motions: every straight one in `pieces` of one length, with a zone between them of at most
-    /// `approximation_mm` and half a piece. A LIN in pieces goes where it went; a PTP passes its chord. Circles, splines
-    /// and motions to named joints stay whole. The reasons of the plan are those of its own motions and stay behind.
+    /// Returns the same path in more motions: every straight motion becomes `pieces` motions of equal length, with zones
+    /// between them of at most `approximation_mm` and half a piece. A LIN keeps its course; a PTP then follows its chord.
+    /// Circles, splines and motions to named joints stay whole. The plan's reasons are left out, since they belong to the
+    /// original motions.
     #[must_use]
     pub fn divided(&self, pieces: u32, approximation_mm: f64) -> Self {
         self.with_motions(|motion, into| {
@@ -95,8 +96,8 @@ impl Plan {
         })
     }
 
-    /// The same way in fewer motions: a pre-movement and the line that goes on from it are one, and so are a line and its
-    /// post-movement. The reasons of the plan are those of its own motions and stay behind.
+    /// Returns the same path in fewer motions: a pre-movement and the line after it become one motion, and so do a line
+    /// and its post-movement. The plan's reasons are left out, since they belong to the original motions.
     #[must_use]
     pub fn joined(&self) -> Self {
         self.with_motions(|motion, into| {
@@ -122,7 +123,7 @@ impl Plan {
         })
     }
 
-    /// Each motion replaced, each continuous motion still of the same way.
+    /// Replaces each motion by those that `replace` appends; each continuous motion still covers the same path.
     fn with_motions(&self, mut replace: impl FnMut(&Motion, &mut Vec<Motion>)) -> Self {
         let mut plan =
             Self { motions: Vec::new(), continuous: Vec::new(), reasons: Vec::new(), ..self.clone() };

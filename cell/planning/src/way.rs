@@ -57,12 +57,12 @@ pub(crate) struct Space<'a> {
 }
 
 impl Space<'_> {
-    /// What the ends of a way keep from an obstacle, in mm.
+    /// Returns the distance in mm that the ends of a way keep from an obstacle.
     pub(crate) fn distance_mm(&self) -> f64 {
         self.ways.clearance_mm + self.approximation_mm / 2.0
     }
 
-    /// The way from one point to another; `crossings` are the intermediate positions that the cycle has so far.
+    /// Finds the way from one point to another; `crossings` are the intermediate positions that the cycle has so far.
     pub(crate) fn way(&self, from: Point, to: Point, crossings: &[Point]) -> Result<Way, Refusal> {
         let Some(obstacle) = self.blocks(from, to) else {
             return Ok(Way::Direct);
@@ -88,7 +88,7 @@ impl Space<'_> {
         }
     }
 
-    /// Which obstacle leaves no way, and by how much.
+    /// Returns the refusal that names the obstacle which leaves no way, and how much is missing.
     fn no_way(&self, from: Point, to: Point, middle: Point, first: usize) -> Refusal {
         let ceiling_mm = self.ways.ceiling_mm;
         let needs_mm = self
@@ -113,7 +113,7 @@ impl Space<'_> {
         }
     }
 
-    /// The first obstacle that the straight way comes too near to.
+    /// Returns the first obstacle to which the straight way comes too near.
     fn blocks(&self, from: Point, to: Point) -> Option<usize> {
         self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, from, to))
     }
@@ -128,13 +128,13 @@ impl Space<'_> {
         )
     }
 
-    /// The straight way, and how far a PTP may leave it.
+    /// Returns the straight way with the deviation that a PTP may have from it.
     fn leg(&self, from: Point, to: Point) -> Leg {
         let bow = self.bow_mm(from, to);
         Leg { from, to, bow_mm: [bow, bow, if self.bows_sideways { 0.0 } else { bow }] }
     }
 
-    /// How far a PTP may bow off the straight way in its middle, in mm.
+    /// Returns how far a PTP may deviate from the straight way in its middle, in mm.
     fn bow_mm(&self, from: Point, to: Point) -> f64 {
         let mut chord = to - from;
         if self.bows_sideways {
@@ -143,7 +143,8 @@ impl Space<'_> {
         chord.dot(chord) / (8.0 * self.ways.ptp_radius_mm)
     }
 
-    /// Whether all legs are free. What was in the way of the way tried before is looked at first: mostly it still is.
+    /// Returns whether all legs are free. It first tests the obstacle that blocked the previous candidate, because this
+    /// one mostly blocks the next candidate too.
     fn is_free(&self, points: &[Point], before: &Cell<usize>) -> bool {
         points.iter().zip(points.iter().skip(1)).all(|(&from, &to)| {
             if self.obstacles.get(before.get()).is_some_and(|obstacle| self.is_too_near(obstacle, from, to)) {
@@ -155,7 +156,7 @@ impl Space<'_> {
         })
     }
 
-    /// Where neither end of a way may be, no intermediate position helps.
+    /// Checks that both ends of the way are allowed; otherwise no intermediate position helps.
     fn ends_are_free(&self, from: Point, to: Point) -> Result<(), Refusal> {
         for (target, point) in [("the start of the way", from), ("the end of the way", to)] {
             for obstacle in self.obstacles {
@@ -173,7 +174,8 @@ impl Space<'_> {
         Ok(())
     }
 
-    /// The middle of what is blocked of the straight way, on whole millimetres that a person can read and teach.
+    /// Returns the middle of the blocked part of the straight way, rounded to whole millimetres so that a person can read
+    /// and teach it.
     fn middle(&self, from: Point, to: Point) -> Point {
         let most = self.distance_mm() + self.bow_mm(from, to);
         let inside = self.obstacles.iter().filter_map(|obstacle| obstacle.space.grown(most).inside(from, to));
@@ -184,7 +186,7 @@ impl Space<'_> {
         Point::new(middle.x.round(), middle.y.round(), middle.z)
     }
 
-    /// The fewest intermediate positions at the lowest height that make a free way.
+    /// Returns the free way with the fewest intermediate positions at the lowest height.
     fn lowest(&self, from: Point, to: Point, middle: Point, ceiling: f64) -> Option<[Option<Point>; 2]> {
         let step = self.ways.height_step_mm;
         let floor = from.z.min(to.z);
@@ -212,7 +214,7 @@ impl Space<'_> {
     }
 }
 
-/// Whether every leg of a way is at least this long, in mm.
+/// Returns whether every leg of a way is at least this long, in mm.
 fn longer(points: &[Point], shortest: f64) -> bool {
     points.iter().zip(points.iter().skip(1)).all(|(from, to)| (*to - *from).length() >= shortest)
 }

@@ -32,7 +32,7 @@ pub struct Switch {
 }
 
 impl Switch {
-    /// The outputs after it, when they were `outputs` before.
+    /// Applies the change to `outputs` and returns the result.
     #[must_use]
     pub const fn applied_to(self, outputs: u16) -> u16 {
         let bit = match 1_u16.checked_shl(self.output as u32) {
@@ -44,7 +44,7 @@ impl Switch {
 }
 
 impl Plan {
-    /// Where its continuous motions end, in order.
+    /// Returns the stops at which the plan's continuous motions end, in order.
     #[must_use]
     pub fn stops(&self) -> Vec<Stop> {
         let stop = |continuous: &Continuous| Stop {
@@ -58,13 +58,13 @@ impl Plan {
         self.continuous.iter().map(stop).collect()
     }
 
-    /// The motions as this setup programs them.
+    /// Returns the motions in the units of the wire, as this setup programs them.
     #[must_use]
     pub fn wire_motions(&self, setup: &Setup) -> Vec<image::Motion> {
         self.motions.iter().map(|motion| motion.wire(setup)).collect()
     }
 
-    /// The motions to the start as this setup programs them.
+    /// Returns the motions to the start in the units of the wire, as this setup programs them.
     #[must_use]
     pub fn wire_to_start(&self, setup: &Setup) -> ToStart<image::Motion> {
         let ToStart { from_anywhere, from_end } = &self.to_start;
@@ -76,7 +76,7 @@ impl Plan {
 }
 
 impl Motion {
-    /// The motion as this setup programs it; see [`image::Motion`] for the units.
+    /// Returns the motion in the units of the wire, as this setup programs it; see [`image::Motion`] for the units.
     ///
     /// Velocity and acceleration are the setup's shares of the rated values, a path's speed at most what its step
     /// allows.
@@ -107,7 +107,7 @@ impl Motion {
     }
 }
 
-/// The nearest number that the wire can carry.
+/// Returns the nearest number that the wire can carry.
 fn wire(value: f64) -> u16 {
     value.round().clamp(0.0, f64::from(u16::MAX)) as u16
 }

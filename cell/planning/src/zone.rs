@@ -88,7 +88,7 @@ pub enum Why {
 }
 
 impl Why {
-    /// Whether a person should look at it.
+    /// Returns whether a person should look at it.
     #[must_use]
     pub const fn is_warning(&self) -> bool {
         matches!(
@@ -97,7 +97,7 @@ impl Why {
         )
     }
 
-    /// Whether it is the reason of a zone's size; every motion has one such.
+    /// Returns whether it is the reason for the size of a zone; every motion has exactly one such reason.
     #[must_use]
     pub const fn is_of_zone(&self) -> bool {
         !matches!(self, Self::Over { .. } | Self::SwallowsPoint { .. } | Self::Slower { .. })
@@ -158,7 +158,7 @@ impl fmt::Display for Why {
     }
 }
 
-/// Which circle of a junction, the motion number `index` or the next one, has its intermediate point within the zone.
+/// Returns the circle whose intermediate point lies within the zone at a junction: motion number `index` or the next one.
 pub(crate) fn swallowed_point(index: usize, motion: &Motion, next: &Motion, zone_mm: f64) -> Option<Why> {
     [(index, motion), (index + 1, next)].into_iter().find_map(|(circle, of)| {
         let corner = motion.target.point;
@@ -178,7 +178,7 @@ pub(crate) struct Sizes {
 }
 
 impl Sizes {
-    /// The zone in mm between motion number `index` and the next one of its continuous motion, and the reason.
+    /// Returns the zone in mm between motion number `index` and the next one of its continuous motion, with the reason.
     pub(crate) fn zone(&self, index: usize, motion: &Motion, next: &Motion) -> (f64, Why) {
         if motion.kind == MotionKind::LinForceCartesian {
             return (0.0, Why::Contact);
@@ -221,7 +221,7 @@ impl Sizes {
         (0.0, if within_a_path { Why::PathCorner { corner_deg } } else { Why::PathEnd { corner_deg } })
     }
 
-    /// The approximation distance, but at most half of either motion.
+    /// Returns the approximation distance, but at most half of either motion.
     fn blend(&self, index: usize, motion: &Motion, next: &Motion) -> (f64, Why) {
         let wanted_mm = self.approximation_mm;
         if wanted_mm < LEAST_ZONE_MM {

@@ -120,7 +120,8 @@ fn on_setup_a(application: &Application) -> Result<Plan, Error> {
     plan(application, &setup)
 }
 
-/// Between obstacles, only reaching makes enough plans that are not refused.
+/// Generates applications whose frames the arm reaches; among obstacles, other generators give too few plans that are not
+/// refused.
 fn reaching() -> impl Strategy<Value = Application> {
     let reach = point(0.0..300.0).prop_map(|at| Course::Reach(place("reach", at, 0.0)));
     let step = (step(), reach).prop_map(|(step, course)| Step {
@@ -131,7 +132,7 @@ fn reaching() -> impl Strategy<Value = Application> {
     application(prop::collection::vec(step, 1..5), 1..6)
 }
 
-/// The farthest, in mm, that a blend of a zone can get from both paths at a junction.
+/// Returns the farthest, in mm, that a blend of a zone can get from both paths at a junction.
 fn rounding_mm(motion: &Motion, next: &Motion) -> f64 {
     match (motion.arrives, next.leaves) {
         (Some(arrives), Some(leaves))

@@ -9,7 +9,7 @@ fn application(name: &str) -> Application {
     planning::application(name, None).unwrap().application
 }
 
-/// The plan of pick and place, followed by the arm of a setup that was changed.
+/// Plans pick and place on a changed setup and follows the plan with its arm.
 fn changed(name: &str, change: impl Fn(&mut Setup)) -> Result<Reached, OutOfReach> {
     let mut setup = setup(name).unwrap();
     change(&mut setup);

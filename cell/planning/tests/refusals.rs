@@ -11,7 +11,7 @@ fn text(name: &str) -> &'static str {
     APPLICATIONS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text).expect("shipped")
 }
 
-/// A shipped application with one passage replaced, read and planned.
+/// Reads and plans a shipped application in which one passage is replaced.
 fn refusal_on(setup: &Setup, name: &str, old: &str, new: &str) -> String {
     let text = text(name);
     assert!(text.contains(old), "{name} no longer has {old:?}");
@@ -24,7 +24,7 @@ fn refusal_on(setup: &Setup, name: &str, old: &str, new: &str) -> String {
     }
 }
 
-/// Setup A with speeds and blends of its own, so that a new calibration changes no message.
+/// Returns Setup A with fixed speeds and blends, so that a new calibration does not change the messages.
 fn setup_a() -> Setup {
     let mut setup = setup::setup("A").expect("built in");
     setup.motions.velocity_percent.value = 25.0;

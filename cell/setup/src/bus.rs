@@ -57,7 +57,7 @@ pub struct Addresses {
 }
 
 impl Bus {
-    /// How long a side bears no frame before it gives the connection up.
+    /// Returns the time without a frame after which a side gives the connection up.
     #[must_use]
     pub fn watchdog(&self) -> Duration {
         Duration::from_micros(self.cycle_us.value.into()) * self.watchdog_cycles.value
@@ -230,7 +230,8 @@ pub struct EthernetIpKey {
 }
 
 impl EthernetIp {
-    /// Packet intervals without a frame that the connection must bear at least, on a bus with this watchdog.
+    /// Returns the number of packet intervals without a frame that the connection must tolerate at least, on a bus with
+    /// this watchdog.
     #[must_use]
     pub fn timeout_intervals(&self, watchdog_cycles: &Sourced<u32>) -> u32 {
         self.timeout_multiplier.as_ref().unwrap_or(watchdog_cycles).value

@@ -75,7 +75,7 @@ impl AxesGroup {
         self.waiting = None;
     }
 
-    /// The skill under way has ended.
+    /// Notes that the skill under way has ended.
     pub(super) const fn end_skill(&mut self, is_done: bool) {
         if let Some(Waiting { aborts: false, .. }) = self.waiting
             && !is_done

@@ -14,7 +14,7 @@ use setup::{Bus, Ethercat};
 pub struct EthercatMainDevice(MainDevice);
 
 impl EthercatMainDevice {
-    /// The MainDevice of a setup. It looks for the robot from `start` on.
+    /// Creates the MainDevice of a setup. It looks for the robot from `start` on.
     pub(super) fn new(bus: &Bus, ethercat: &Ethercat, start: Instant) -> Self {
         let device = match &ethercat.device {
             Some(device) => ExpectedDevice {

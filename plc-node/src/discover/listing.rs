@@ -270,13 +270,13 @@ impl From<&FoundDevice> for Device {
     }
 }
 
-/// DeviceRole of DCP (IEC 61158-6-10, 4.3.1.4).
+/// Names the bits of DCP's DeviceRole (IEC 61158-6-10, 4.3.1.4).
 fn roles(bits: u8) -> Vec<&'static str> {
     let names = ["IO-Device", "IO-Controller", "IO-Multidevice", "IO-Supervisor"];
     names.into_iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| name).collect()
 }
 
-/// State of the Identity object (volume 1, 5-2.2.1).
+/// Names the state of the Identity object (volume 1, 5-2.2.1).
 fn state(code: u8) -> String {
     match code {
         0 => "nonexistent".to_owned(),

@@ -200,7 +200,8 @@ impl fmt::Debug for Real {
 }
 
 impl BlockError {
-    /// PLCopen's `ErrorID`, never 0: the robot's own number, or 0x8000 and up for what the block found.
+    /// Returns PLCopen's `ErrorID`, never 0: the robot's own error number, or 0x8000 and above for an error that the
+    /// block found.
     #[must_use]
     pub fn error_id(self) -> u16 {
         match self {

@@ -94,17 +94,17 @@ impl Face {
         matches!(self.phase, Phase::Busy(_))
     }
 
-    /// Whether the robot has taken the command up.
+    /// Returns whether the robot has accepted the command.
     pub(super) const fn is_taken_up(&self) -> bool {
         matches!(self.phase, Phase::Busy(Progress::Active | Progress::Interrupted))
     }
 
-    /// The block waits for the skill of another one to end.
+    /// Notes that the block waits until the skill of another block ends.
     pub(super) const fn wait(&mut self) {
         self.phase = Phase::Busy(Progress::Waiting);
     }
 
-    /// The command stands in the image.
+    /// Notes that the command is in the image.
     pub(super) const fn sent(&mut self) {
         self.phase = Phase::Busy(Progress::Called);
     }

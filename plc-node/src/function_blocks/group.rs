@@ -35,8 +35,8 @@ pub(super) struct GroupCommand {
 }
 
 impl GroupCommand {
-    /// `before` must hold at the start; `reached` ends the block, once the robot has seen the bit; `ask` sets the bits as
-    /// long as the block is busy, and takes them back.
+    /// Runs one scan. `before` must hold at the start; `reached` ends the block once the robot has seen the bit; `ask`
+    /// sets the bits while the block is busy, and clears them at its end.
     fn call(
         &mut self,
         execute: bool,
@@ -82,12 +82,12 @@ macro_rules! group_blocks {
         }
 
         impl $name {
-            /// One scan.
+            /// Runs one scan.
             pub fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs {
                 self.inner.call(execute, group, $before, $reached, $ask)
             }
 
-            /// What `ErrorID` stands for; none without an error.
+            /// Returns the error behind `ErrorID`; `None` without an error.
             #[must_use]
             pub const fn error(&self) -> Option<BlockError> {
                 self.inner.face.error()
@@ -157,24 +157,24 @@ const fn give_up(group: &mut AxesGroup, bit: Control, is_busy: bool) {
     group.set_control(bit, is_busy);
 }
 
-/// Whether the robot would take up a skill.
+/// Returns whether the robot would accept a skill.
 pub(crate) fn is_ready(feedback: &Feedback) -> bool {
     feedback.state == State::Ready
         && feedback.status.contains(Status::ENABLED)
         && !feedback.status.contains(Status::ERROR)
 }
 
-/// Whether a skill is under way on the robot.
+/// Returns whether a skill is under way on the robot.
 pub(crate) const fn is_executing(feedback: &Feedback) -> bool {
     matches!(feedback.state, State::Running | State::Suspended)
 }
 
-/// Whether no skill is under way and the arm stands.
+/// Returns whether no skill is under way and the arm stands.
 pub(crate) const fn is_at_rest(feedback: &Feedback) -> bool {
     !is_executing(feedback) && feedback.status.contains(Status::AT_REST)
 }
 
-/// Whether a reset acknowledges no error.
+/// Returns whether a reset acknowledges no error.
 const fn may_be_reset(feedback: &Feedback) -> bool {
     matches!(feedback.state, State::Halted)
         && feedback.status.contains(Status::ENABLED)

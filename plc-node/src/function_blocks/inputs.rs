@@ -130,7 +130,7 @@ impl From<&Motion> for MotionInputs {
     }
 }
 
-/// The image's number for an input. What is above 0 does not become 0, which may mean something else.
+/// Converts an input to the image's number. A value above 0 does not become 0, which may have another meaning.
 fn number(name: &'static str, value: f64, step: f64) -> Result<u16, BlockError> {
     let upper = f64::from(u16::MAX) * step;
     let steps = (value / step).round();

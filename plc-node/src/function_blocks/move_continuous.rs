@@ -19,22 +19,22 @@ pub struct MoveContinuous {
 }
 
 impl Default for MoveContinuous {
-    /// With all slots in use.
+    /// Creates a block that uses all slots.
     fn default() -> Self {
         Self::with_depth(SLOTS as u32)
     }
 }
 
 impl MoveContinuous {
-    /// A block that writes at most `depth` motions, 1 to 5, ahead of those that the robot has executed: the paper's
-    /// `cntFC`. Fewer than the image has slots for are of use only to see what the slots are good for.
+    /// Creates a block that writes at most `depth` motions, 1 to 5, ahead of the executed ones: the paper's `cntFC`.
+    /// Fewer than the image's five slots are only useful to measure what the slots are worth.
     #[must_use]
     pub fn with_depth(depth: u32) -> Self {
         Self { call: SkillCall::default(), depth: depth.clamp(1, SLOTS as u32) }
     }
 
-    /// One scan. `mode` and the number of motions count at the rising edge of `execute`; the motions are asked for as slots
-    /// become free, the first ones when the skill starts.
+    /// Runs one scan. `mode` and the number of motions are read at the rising edge of `execute`; the motions are read
+    /// from the source when slots become free, the first ones when the skill starts.
     pub fn call(
         &mut self,
         execute: bool,
@@ -59,19 +59,19 @@ impl MoveContinuous {
         self.call.outputs()
     }
 
-    /// What `ErrorID` stands for; none without an error.
+    /// Returns the error behind `ErrorID`; `None` without an error.
     #[must_use]
     pub const fn error(&self) -> Option<BlockError> {
         self.call.face.error()
     }
 
-    /// Where the skill stands.
+    /// Returns the state of the skill.
     #[must_use]
     pub const fn state(&self) -> SkillState {
         self.call.state()
     }
 
-    /// Motions of the skill that are executed: the paper's `curExec`. Stays until the next start.
+    /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next start.
     #[must_use]
     pub const fn executed(&self) -> u32 {
         self.call.tally.executed

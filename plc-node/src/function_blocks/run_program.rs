@@ -13,7 +13,7 @@ pub struct RunProgram {
 }
 
 impl RunProgram {
-    /// One scan. `program` and `mode` count at the rising edge of `execute`.
+    /// Runs one scan. `program` and `mode` are read at the rising edge of `execute`.
     pub fn call(&mut self, execute: bool, program: u16, mode: BufferMode, group: &mut AxesGroup) -> Outputs {
         self.call.call(
             execute,
@@ -31,19 +31,19 @@ impl RunProgram {
         self.call.outputs()
     }
 
-    /// What `ErrorID` stands for; none without an error.
+    /// Returns the error behind `ErrorID`; `None` without an error.
     #[must_use]
     pub const fn error(&self) -> Option<BlockError> {
         self.call.face.error()
     }
 
-    /// Where the skill stands.
+    /// Returns the state of the skill.
     #[must_use]
     pub const fn state(&self) -> SkillState {
         self.call.state()
     }
 
-    /// Motions of the skill that are executed: the paper's `curExec`. Stays until the next start.
+    /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next start.
     #[must_use]
     pub const fn executed(&self) -> u32 {
         self.call.tally.executed

@@ -15,7 +15,7 @@ pub struct OverrideFactors {
 }
 
 impl Default for OverrideFactors {
-    /// As programmed.
+    /// Creates the factors that leave the programmed motion unchanged.
     fn default() -> Self {
         Self { velocity: 1.0, acceleration: 1.0, jerk: 1.0 }
     }
@@ -60,7 +60,7 @@ pub(super) enum Phase {
 }
 
 impl GroupSetOverride {
-    /// One scan.
+    /// Runs one scan.
     pub fn call(&mut self, enable: bool, factors: &OverrideFactors, group: &mut AxesGroup) -> EnableOutputs {
         self.phase = match self.phase {
             _ if !enable => Phase::Off,
@@ -80,7 +80,7 @@ impl GroupSetOverride {
         }
     }
 
-    /// What `ErrorID` stands for; none without an error.
+    /// Returns the error behind `ErrorID`; `None` without an error.
     #[must_use]
     pub const fn error(&self) -> Option<BlockError> {
         match self.phase {

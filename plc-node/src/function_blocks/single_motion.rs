@@ -77,7 +77,7 @@ macro_rules! single_motion_blocks {
         }
 
         impl $name {
-            /// One scan. `inputs` and `mode` count at the rising edge of `execute`.
+            /// Runs one scan. `inputs` and `mode` are read at the rising edge of `execute`.
             pub fn call(
                 &mut self,
                 execute: bool,
@@ -88,19 +88,20 @@ macro_rules! single_motion_blocks {
                 self.inner.call(execute, (Skill::$skill, MotionKind::$kind), inputs, mode, group)
             }
 
-            /// What `ErrorID` stands for; none without an error.
+            /// Returns the error behind `ErrorID`; `None` without an error.
             #[must_use]
             pub const fn error(&self) -> Option<BlockError> {
                 self.inner.call.face.error()
             }
 
-            /// Where the skill stands.
+            /// Returns the state of the skill.
             #[must_use]
             pub const fn state(&self) -> SkillState {
                 self.inner.call.state()
             }
 
-            /// Motions of the skill that are executed: the paper's `curExec`. Stays until the next start.
+            /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next
+            /// start.
             #[must_use]
             pub const fn executed(&self) -> u32 {
                 self.inner.call.tally.executed

@@ -56,8 +56,8 @@ impl<P> Default for SkillCall<P> {
 }
 
 impl<P: Copy> SkillCall<P> {
-    /// One call of the block. On a rising edge `read` checks the parameters. `write` puts skill and parameters into the
-    /// command, in the same scan or once the skill of another block has ended.
+    /// Runs one call of the block. On a rising edge `read` checks the parameters. `write` writes skill and parameters
+    /// into the command, in the same scan or once the skill of another block has ended.
     ///
     /// `write` returns whether the robot counts motions that it got from the PLC (and not from a program of its own).
     pub(super) fn call(
@@ -85,7 +85,7 @@ impl<P: Copy> SkillCall<P> {
         }
     }
 
-    /// Whether the command stands in the image.
+    /// Returns whether the command is in the image.
     pub(super) const fn is_sent(&self) -> bool {
         self.face.is_busy() && self.waiting.is_none()
     }
@@ -103,7 +103,7 @@ impl<P: Copy> SkillCall<P> {
         self.end(group, End::Error(error));
     }
 
-    /// Nothing is written before the block's turn: the image belongs to the skill that is under way.
+    /// Waits for the block's turn. Nothing is written before: the image belongs to the skill under way.
     fn wait_for_turn(
         &mut self,
         ticket: Ticket,
@@ -120,7 +120,7 @@ impl<P: Copy> SkillCall<P> {
         }
     }
 
-    /// A robot that does not give up the skill under way is stopped.
+    /// Waits until the robot has given up the skill under way, and stops a robot that does not.
     fn wait_for_cancel(&mut self, group: &mut AxesGroup) {
         self.face.wait();
         self.waited = self.waited.saturating_add(1);
@@ -178,7 +178,7 @@ impl<P: Copy> SkillCall<P> {
         }
     }
 
-    /// What the robot's image says about this call: how it ended, if it did.
+    /// Returns how the call ended according to the robot's image; `None` if it has not ended.
     fn judge(
         &mut self,
         feedback: &Feedback,
@@ -254,7 +254,7 @@ impl<P: Copy> SkillCall<P> {
     }
 }
 
-/// Whether a block of this mode gives up the skill under way.
+/// Returns whether a block of this mode gives up the skill under way.
 const fn aborts(mode: BufferMode) -> Result<bool, BlockError> {
     match mode {
         BufferMode::Aborting => Ok(true),
@@ -263,7 +263,7 @@ const fn aborts(mode: BufferMode) -> Result<bool, BlockError> {
     }
 }
 
-/// Whether the robot says that the command of this number has ended.
+/// Returns whether the robot reports that the command with this number has ended.
 fn has_ended(feedback: &Feedback, number: u16) -> bool {
     let ends = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
     feedback.number == number && feedback.status.0 & ends != 0 && !is_executing(feedback)

@@ -101,7 +101,7 @@ struct Run {
 }
 
 impl<B: Fieldbus> PlcNode<B> {
-    /// A PLC whose first scan is at `start`.
+    /// Creates a PLC whose first scan is at `start`.
     #[must_use]
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
         let patience = config.patience();
@@ -190,38 +190,38 @@ impl<B: Fieldbus> PlcNode<B> {
         self.disarm();
     }
 
-    /// Whether a run may start.
+    /// Returns whether a run may start.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.mode == Mode::Idle
     }
 
-    /// How late scans started.
+    /// Returns the lateness of the scans.
     #[must_use]
     pub const fn lateness(&self) -> &Lateness {
         self.scan.lateness()
     }
 
-    /// What the checks of the robot's images said.
+    /// Returns the numbers of images by the results of their checks.
     #[must_use]
     pub const fn checks(&self) -> Checks {
         self.checker.checks()
     }
 
-    /// The motions that this run, or the last one, took from their source, in that order: with SM and CM those that it
-    /// sent. RC takes none.
+    /// Returns the digest of the motions that this run, or the last one, took from their source: with SM and CM those
+    /// that it sent. RC takes none.
     #[must_use]
     pub const fn sent(&self) -> &Digest {
         self.motions.given()
     }
 
-    /// The bus endpoint.
+    /// Returns the bus endpoint.
     #[must_use]
     pub const fn bus(&self) -> &B {
         &self.bus
     }
 
-    /// The bus endpoint, for commands of its own; poll the node afterwards.
+    /// Returns the bus endpoint, for commands of its own; poll the node afterwards.
     pub const fn bus_mut(&mut self) -> &mut B {
         &mut self.bus
     }
@@ -254,7 +254,7 @@ impl<B: Fieldbus> PlcNode<B> {
         }
     }
 
-    /// One scan: inputs, program, outputs.
+    /// Runs one scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
         self.read_inputs();
@@ -314,7 +314,8 @@ impl<B: Fieldbus> PlcNode<B> {
         }
     }
 
-    /// The slots take most of the time, and they change only with a new command or with motions written.
+    /// Computes the output image. The slots take most of the time, and they change only with a new command or with
+    /// motions written.
     fn emit(&mut self) {
         let command = self.group.command();
         let slots = Some((command.number, command.written));
@@ -328,7 +329,7 @@ impl<B: Fieldbus> PlcNode<B> {
         self.sealer.seal(order, &mut self.outputs);
     }
 
-    /// What makes every run impossible, whatever its blocks find.
+    /// Returns the trouble that makes every run impossible, whatever its blocks find.
     fn trouble(&self) -> Option<FailureCause> {
         if self.group.feedback().is_none() {
             return Some(FailureCause::NoImage);
@@ -362,7 +363,7 @@ impl<B: Fieldbus> PlcNode<B> {
         }
     }
 
-    /// The bus repeats its last image on the next connection: it must not hold a command then.
+    /// Removes every command from the image, because the bus repeats its last image on the next connection.
     fn disarm(&mut self) {
         self.connected = false;
         self.mode = Mode::Preparing;
@@ -374,7 +375,8 @@ impl<B: Fieldbus> PlcNode<B> {
         self.bus.set_output(&self.outputs);
     }
 
-    /// Never beyond the capacity that was taken at the start; the owner drains events after each handler.
+    /// Adds an event. The capacity taken at the start is never exceeded, because the owner drains events after each
+    /// handler.
     fn push(&mut self, event: PlcEvent) {
         if self.events.len() < EVENTS {
             self.events.push_back(event);

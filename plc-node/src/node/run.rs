@@ -126,7 +126,7 @@ impl<B: Fieldbus> PlcNode<B> {
         self.start_not_reached = start_not_reached;
     }
 
-    /// What the program does while no sequence runs.
+    /// Does the work of a scan while no sequence runs.
     pub(super) fn prepare(&mut self) {
         if self.mode == Mode::Idle && Readiness::holds(&self.group) {
             return;

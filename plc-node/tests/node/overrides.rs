@@ -12,7 +12,8 @@ fn override_of(cell: &Cell) -> u8 {
     cell.a().command().override_percent
 }
 
-/// When the override changed to what since the start edge, in ms of the PLC's scans, until the run finishes.
+/// Returns the changes of the override and their times since the start edge, in ms of the PLC's scans, until the run
+/// finishes.
 fn changes(cell: &mut Cell, execution_type: ExecutionType) -> Vec<(u64, u8)> {
     start(cell, execution_type);
     let started: Instant = wait_for(cell, |event| match event {

@@ -92,13 +92,13 @@ impl ScriptedRobot {
         }
     }
 
-    /// Its program starts anew while the bus goes on: it knows no command any more.
+    /// Restarts its program while the bus goes on: it knows no command any more.
     pub(crate) fn restart(&mut self) {
         self.feedback = Feedback { life: self.feedback.life, ..Feedback::default() };
         self.seen = 0;
     }
 
-    /// Somebody moved the arm by hand.
+    /// Places the arm elsewhere, as if somebody had moved it by hand.
     pub(crate) fn place_at(&mut self, joints: [f32; 6]) {
         self.feedback.joints = joints;
     }
@@ -262,7 +262,7 @@ pub(crate) const WATCHDOG: Duration = Duration::from_millis(20);
 
 pub(crate) type Cell = Pair<PlcNode<Direct>, ScriptedRobot>;
 
-/// Motions that can be told apart.
+/// Returns motions that differ from each other.
 pub(crate) fn motions(count: u16) -> Vec<Motion> {
     let motion = |index: u16| Motion {
         kind: if index.is_multiple_of(3) { MotionKind::PtpCartesian } else { MotionKind::LinCartesian },

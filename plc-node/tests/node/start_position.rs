@@ -31,7 +31,7 @@ fn cell_that_ends_at(end: [f32; 6], way_back: &[[f32; 6]]) -> Cell {
     cell
 }
 
-/// What moved the arm outside of runs.
+/// Returns the motions of the arm outside of runs.
 fn moves(cell: &Cell) -> Vec<(MotionKind, [f32; 6])> {
     let moves = cell.b().taken.iter().filter(|motion| motion.acceleration == ACCELERATION);
     moves.map(|motion| (motion.kind, motion.target)).collect()

@@ -23,7 +23,7 @@ impl Motor {
         Self { position: position as f64, speed: 0.0, max_speed, blocked: false, limited: false }
     }
 
-    /// Position to the nearest increment.
+    /// Returns the position, rounded to the nearest increment.
     pub(crate) fn position(&self) -> i32 {
         // `as` saturates; half is added because it cuts off.
         let half = if self.position < 0.0 { -0.5 } else { 0.5 };
@@ -54,7 +54,7 @@ impl Motor {
         self.advance(time);
     }
 
-    /// Stands still at once: the brake holds the shaft.
+    /// Stops at once: the brake holds the shaft.
     pub(crate) const fn hold(&mut self) {
         self.speed = 0.0;
         self.limited = false;

@@ -124,7 +124,7 @@ fn run(cell: &mut Cell, time: Duration) -> Vec<LinkEvent> {
     events
 }
 
-/// Six drives that are on.
+/// Returns six drives that are on.
 fn running() -> Cell {
     let mut cell = cell();
     assert_eq!(run(&mut cell, MS * 500), [LinkEvent::Up]);

@@ -27,7 +27,7 @@ impl Told {
         Self { drive: Drive::new(0, MAX_SPEED, MS), outputs, parameters: parameters() }
     }
 
-    /// In operation enabled.
+    /// Returns a drive in the state Operation enabled.
     fn running() -> Self {
         let mut told = Self::new();
         for word in [0, control::SHUTDOWN, control::SWITCH_ON, control::ENABLE_OPERATION] {

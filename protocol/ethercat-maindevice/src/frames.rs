@@ -41,7 +41,7 @@ struct Frame {
 }
 
 impl Frames {
-    /// Without room: what is in a thread's place while no machine runs.
+    /// Creates a store without room: a thread has this one while no machine runs.
     const fn none() -> Self {
         Self { received: Vec::new(), ring: Vec::new(), first: 0, waiting: 0, refused: 0 }
     }

@@ -220,7 +220,8 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// Not ethercrab's `all_op`: that is true as well if a device does not answer for its state.
+    /// Returns whether all devices reported Operational. It does not use ethercrab's `all_op`, which is also true if a
+    /// device does not report its state.
     fn is_good(&self, response: &Response) -> bool {
         response.working_counter == self.working_counter
             && response.subdevice_states.len() == self.config.devices.len()

@@ -43,7 +43,7 @@ pub(crate) struct Process {
 }
 
 impl Process {
-    /// Without room: what is in a thread's place while no machine runs.
+    /// Creates a store without room: a thread has this one while no machine runs.
     const fn none() -> Self {
         Self {
             outputs: Vec::new(),

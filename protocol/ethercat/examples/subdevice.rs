@@ -78,7 +78,7 @@ static ECHO: Description = Description {
 struct Echo;
 
 impl Owner<Segment> for Echo {
-    /// Called whenever everything that was due is done: copies the outputs to the inputs.
+    /// Copies the outputs to the inputs. The driver calls it after it has done everything that was due.
     fn wake(&mut self, _: Instant, segment: &mut Segment, _: &Statistics) -> ControlFlow<()> {
         for id in (0..segment.len()).map(DeviceId) {
             let outputs = segment.outputs(id).and_then(|data| <[u8; 8]>::try_from(data).ok());

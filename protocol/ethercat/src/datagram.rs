@@ -173,7 +173,7 @@ impl<'a> Iterator for Datagrams<'a> {
 mod tests {
     use super::*;
 
-    /// Two datagrams as SOEM sends them in its search for devices: BRD of the type, and APRD of the AL status.
+    /// Returns two datagrams as SOEM sends them in its search for devices: BRD of the type, and APRD of the AL status.
     fn payload() -> Vec<u8> {
         let mut payload = vec![0x1C, 0x10];
         payload.extend([0x07, 0x01, 0, 0, 0, 0, 0x02, 0x80, 0, 0, 0, 0, 0, 0]);

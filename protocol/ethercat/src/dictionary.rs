@@ -52,7 +52,7 @@ impl DictionaryEntry {
         (matches!(self.value, Value::Input { .. }), matches!(self.value, Value::Output { .. }))
     }
 
-    /// Length in bytes of its longest value.
+    /// Returns the length in bytes of its longest value.
     pub(crate) const fn capacity(&self) -> usize {
         self.bits.div_ceil(8)
     }

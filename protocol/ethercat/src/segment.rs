@@ -202,7 +202,7 @@ impl Segment {
         self.update_links();
     }
 
-    /// Changes the time that a device's application takes for an answer: to let it hang, or be slow.
+    /// Changes the time that a device's application takes for an answer, to make it hang or answer slowly.
     pub fn set_answer_delay(&mut self, id: DeviceId, delay: Duration) {
         if let Some(device) = self.devices.get_mut(id.0) {
             device.set_answer_delay(delay);

@@ -22,7 +22,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 const BRIDGE_ID: DeviceId = DeviceId(0);
 
-/// A bridge in OP, its 512 bytes mapped to logical address 0, with a SYNC0 signal each millisecond.
+/// Returns a bridge in OP, its 512 bytes mapped to logical address 0, with a SYNC0 signal each millisecond.
 fn operating() -> Hand {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&BRIDGE));

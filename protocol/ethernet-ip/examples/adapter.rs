@@ -20,7 +20,7 @@ use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
 struct Echo;
 
 impl Owner<Adapter> for Echo {
-    /// Called whenever everything that was due is done: copies the outputs to the inputs.
+    /// Copies the outputs to the inputs. The driver calls it after it has done everything that was due.
     fn wake(&mut self, _: Instant, adapter: &mut Adapter, _: &Statistics) -> ControlFlow<()> {
         let outputs = adapter.consumed(OUTPUTS).and_then(|data| <[u8; 8]>::try_from(data).ok());
         if let Some(Err(error)) = outputs.map(|data| adapter.set_produced(INPUTS, &data)) {
@@ -29,7 +29,7 @@ impl Owner<Adapter> for Echo {
         ControlFlow::Continue(())
     }
 
-    /// A scanner took the outputs, or is gone.
+    /// Prints that a scanner owns the outputs, or is gone.
     fn event(&mut self, _: Instant, _: &mut Adapter, event: LinkEvent) -> ControlFlow<()> {
         match event {
             LinkEvent::Down(down) => println!("down: {down}"),

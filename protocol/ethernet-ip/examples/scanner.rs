@@ -21,7 +21,7 @@ struct Counting {
 }
 
 impl Owner<Scanner> for Counting {
-    /// Called whenever everything that was due is done: sends the next number once the last one came back.
+    /// Sends the next number once the last one came back. The driver calls it after it has done everything that was due.
     fn wake(&mut self, now: Instant, scanner: &mut Scanner, _: &Statistics) -> ControlFlow<()> {
         let Some(connection) = scanner.connection_mut(self.connection) else { return ControlFlow::Break(()) };
         if connection.input() == Some(&self.sent.to_le_bytes()[..]) {

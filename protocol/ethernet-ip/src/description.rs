@@ -21,7 +21,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// What it is for, in words.
+    /// Returns its purpose in words.
     #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
@@ -48,7 +48,7 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// The size of a connection to it in bytes: with the sequence count, and the run/idle header O→T.
+    /// Returns the size of a connection to it in bytes: with the sequence count, and the run/idle header O→T.
     #[must_use]
     pub const fn connection_size(&self) -> u16 {
         match self.role {
@@ -92,19 +92,19 @@ pub struct Description {
 }
 
 impl Description {
-    /// The assembly of this instance.
+    /// Returns the assembly with this instance number.
     #[must_use]
     pub fn assembly(&self, instance: u32) -> Option<&'static Assembly> {
         self.assemblies.iter().find(|assembly| assembly.instance == instance)
     }
 
-    /// The first assembly of this role.
+    /// Returns the first assembly of this role.
     #[must_use]
     pub fn role(&self, role: Role) -> Option<&'static Assembly> {
         self.assemblies.iter().find(|assembly| assembly.role == role)
     }
 
-    /// The key that fits this device and no other.
+    /// Returns the key that matches this device and no other.
     #[must_use]
     pub const fn key(&self) -> ElectronicKey {
         ElectronicKey {

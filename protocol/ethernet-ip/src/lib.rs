@@ -50,7 +50,7 @@ macro_rules! codes {
         }
 
         impl $name {
-            /// What the code says.
+            /// Returns the meaning of the code in words.
             #[must_use]
             pub const fn words(self) -> &'static str {
                 match self {

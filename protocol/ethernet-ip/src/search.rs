@@ -26,8 +26,8 @@ pub struct SearchConfig {
 }
 
 impl SearchConfig {
-    /// A search by the broadcast of the own subnet and by the limited one, 255.255.255.255: some devices listen to one of
-    /// them only, and one whose mask is wrong would not hear the first.
+    /// Creates a search by the broadcast of the own subnet and by the limited broadcast, 255.255.255.255: some devices
+    /// listen to only one of them, and a device with a wrong mask would not receive the first.
     #[must_use]
     pub fn from_address(local_port: u16, address: Ipv4Addr, mask: Ipv4Addr, length: Duration) -> Self {
         let subnet = Ipv4Addr::from_bits(address.to_bits() | !mask.to_bits());
@@ -57,7 +57,7 @@ pub struct FoundDevice {
 }
 
 impl FoundDevice {
-    /// Whether two answers are of one device. Two devices that share an address by mistake stay two.
+    /// Returns whether two answers are from one device. Two devices that share an address by mistake stay two.
     fn is_same(&self, other: &Self) -> bool {
         let key = |device: &Self| (device.address, device.identity.key.vendor, device.identity.serial_number);
         key(self) == key(other)

@@ -53,7 +53,7 @@ struct Record {
 }
 
 impl Cell {
-    /// A pair whose adapter lists its scanner if `listed`.
+    /// Creates a pair whose adapter lists its scanner if `listed`.
     fn new(listed: bool) -> Self {
         let [(scanner_mac, plc), (adapter_mac, robot)] = STATIONS;
         let mut master =
@@ -145,7 +145,7 @@ impl Cell {
     }
 }
 
-/// The first frame that differs.
+/// Returns the first frame that differs.
 fn difference(alone: &Record, disturbed: &Record) -> String {
     for (side, name) in ["scanner", "adapter"].into_iter().enumerate() {
         let pairs = alone.sent[side].iter().zip(&disturbed.sent[side]);

@@ -41,7 +41,7 @@ pub trait Task<M: Machine>: Send + 'static {
         news: &mut Outbox<Self::News>,
     ) -> ControlFlow<()>;
 
-    /// Called when the instant of [`deadline`](Self::deadline) has come. `Break` ends the thread.
+    /// Handles the instant of [`deadline`](Self::deadline). `Break` ends the thread.
     fn expired(&mut self, _now: Instant, _machine: &mut M) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

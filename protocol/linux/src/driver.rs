@@ -53,7 +53,7 @@ pub enum DriverError {
 /// Owner of a machine: passes commands in and events out. It runs on the cyclic thread, so it must not block,
 /// allocate, lock or log.
 pub trait Owner<M: Machine> {
-    /// Called before the thread sleeps: the time to pass commands in. `Break` ends the loop.
+    /// Passes commands to the machine. The driver calls it before its thread sleeps. `Break` ends the loop.
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()>;
 
     /// Handles an event of the machine. `Break` ends the loop once everything is sent.

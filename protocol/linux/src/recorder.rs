@@ -148,7 +148,7 @@ struct Shared {
 trait Listener: Send {
     fn handle(&mut self, packet: &Packet<'_>) -> Result<(), RecorderError>;
 
-    /// Called regularly: frames so far must survive a killed process.
+    /// Writes out the frames so far, so that they survive a killed process. It is called regularly.
     fn flush(&mut self) -> Result<(), RecorderError> {
         Ok(())
     }

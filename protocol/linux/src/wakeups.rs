@@ -40,7 +40,7 @@ pub fn measure(period: Duration, count: u64) -> std::io::Result<Wakeups> {
     thread.join().map_err(|_| std::io::Error::other("the thread that measures wake-ups broke off"))
 }
 
-/// A signal may end the sleep early; the caller checks its clock anyway.
+/// Sleeps until this instant. A signal may end the sleep early; the caller checks its clock anyway.
 fn sleep_until(instant: machine::Instant) {
     let nanos = instant.as_nanos();
     let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);

@@ -80,7 +80,7 @@ impl fmt::Debug for Mac {
 pub struct Tag(pub u16);
 
 impl Tag {
-    /// A priority from 0 to 7, the highest, and no VLAN.
+    /// Creates a tag with a priority from 0 to 7, the highest, and no VLAN.
     #[must_use]
     pub const fn priority(priority: u8) -> Self {
         Self((priority as u16 & 7) << 13)
@@ -115,7 +115,7 @@ impl EthernetHeader {
         Ok((Self { destination, source, tag, ether_type }, reader.rest()))
     }
 
-    /// Length in bytes of the header.
+    /// Returns the length of the header in bytes.
     #[must_use]
     pub const fn buffer_len(&self) -> usize {
         if self.tag.is_some() { 18 } else { 14 }

@@ -133,7 +133,7 @@ fn is_plausible(numbering: &Numbering, ahead: u32, elapsed: Duration) -> bool {
 mod tests {
     use super::*;
 
-    /// Frames of 1 ms, numbered one by one with 32 bits.
+    /// Returns a sequence of frames of 1 ms, numbered one by one with 32 bits.
     fn sequence() -> Sequence {
         let cycle = Duration::from_millis(1);
         Sequence::new(Numbering { mask: u32::MAX, newer: 0x7FFF_FFFF, slack: 100, step: 1, cycle })

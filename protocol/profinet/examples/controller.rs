@@ -27,7 +27,7 @@ struct Counting {
 }
 
 impl Owner<Controller> for Counting {
-    /// Called whenever everything that was due is done: sends the next number once the last one came back.
+    /// Sends the next number once the last one came back. The driver calls it after it has done everything that was due.
     fn wake(&mut self, now: Instant, controller: &mut Controller, _: &Statistics) -> ControlFlow<()> {
         let (slot, subslot) = PLACE;
         let Some(ar) = controller.ar_mut(self.ar) else { return ControlFlow::Break(()) };

@@ -21,7 +21,7 @@ struct Echo {
 }
 
 impl Owner<Device> for Echo {
-    /// Called whenever everything that was due is done: copies the outputs to the inputs.
+    /// Copies the outputs to the inputs. The driver calls it after it has done everything that was due.
     fn wake(&mut self, _: Instant, device: &mut Device, _: &Statistics) -> ControlFlow<()> {
         let (slot, subslot) = PLACE;
         let outputs = device.output(slot, subslot).and_then(|data| <[u8; LEN as usize]>::try_from(data).ok());
@@ -31,7 +31,7 @@ impl Owner<Device> for Echo {
         ControlFlow::Continue(())
     }
 
-    /// The controller connected, went, or gave the device its address.
+    /// Handles an event: the controller connected, left, or gave the device its address.
     fn event(&mut self, now: Instant, device: &mut Device, event: LinkEvent) -> ControlFlow<()> {
         match event {
             LinkEvent::Up => println!("up"),

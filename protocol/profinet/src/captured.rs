@@ -1,6 +1,6 @@
 //! Captured frames for tests; their source is told in `vectors/README.md`.
 
-/// The frame in a hex file of `vectors/`, without its comment line.
+/// Returns the frame in a hex file of `vectors/`, without its comment line.
 pub(crate) fn frame(text: &str) -> Vec<u8> {
     text.lines()
         .filter(|line| !line.starts_with('#'))
@@ -9,7 +9,7 @@ pub(crate) fn frame(text: &str) -> Vec<u8> {
         .collect()
 }
 
-/// The UDP payload of a captured IPv4 frame: 14 bytes Ethernet, 20 bytes IP, 8 bytes UDP.
+/// Returns the UDP payload of a captured IPv4 frame: 14 bytes Ethernet, 20 bytes IP, 8 bytes UDP.
 pub(crate) fn datagram(text: &str) -> Vec<u8> {
     frame(text).split_off(42)
 }

@@ -64,19 +64,19 @@ pub const INTERFACE_SUBSLOT: u16 = 0x8000;
 pub const PORT_SUBSLOT: u16 = 0x8001;
 
 impl Description {
-    /// The module in a slot.
+    /// Returns the module in a slot.
     #[must_use]
     pub fn module(&self, slot: u16) -> Option<&'static Module> {
         self.modules.iter().find(|module| module.slot == slot)
     }
 
-    /// The submodule in a subslot.
+    /// Returns the submodule in a subslot.
     #[must_use]
     pub fn submodule(&self, slot: u16, subslot: u16) -> Option<&'static Submodule> {
         self.module(slot)?.submodule(subslot)
     }
 
-    /// Every submodule with its slot, by ascending slot and subslot.
+    /// Returns every submodule with its slot, by ascending slot and subslot.
     pub fn submodules(&self) -> impl Iterator<Item = (u16, &'static Submodule)> {
         self.modules
             .iter()
@@ -85,7 +85,7 @@ impl Description {
 }
 
 impl Module {
-    /// The submodule in a subslot.
+    /// Returns the submodule in a subslot.
     #[must_use]
     pub fn submodule(&self, subslot: u16) -> Option<&'static Submodule> {
         self.submodules.iter().find(|submodule| submodule.subslot == subslot)

@@ -44,7 +44,7 @@ pub(crate) struct Provided {
 }
 
 impl Provided {
-    /// Zeros, for submodules of these slots, subslots and lengths in bytes.
+    /// Creates zeros for submodules of these slots, subslots and lengths in bytes.
     pub(crate) fn new(submodules: impl Iterator<Item = (u16, u16, u16)>) -> Self {
         let part =
             |(slot, subslot, len)| Part { slot, subslot, data: vec![0; usize::from(len)], is_set: false };
@@ -72,7 +72,7 @@ impl Provided {
         }
     }
 
-    /// The data of a submodule, and whether they were ever set.
+    /// Returns the data of a submodule, and whether they were ever set.
     pub(crate) fn get(&self, slot: u16, subslot: u16) -> Option<(&[u8], bool)> {
         let part = self.parts.iter().find(|part| (part.slot, part.subslot) == (slot, subslot))?;
         Some((&part.data, part.is_set))

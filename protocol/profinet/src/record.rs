@@ -126,7 +126,7 @@ impl<'a> WriteRequest<'a> {
         writer.bytes(self.record);
     }
 
-    /// The Writes in a MultipleWrite. After one that cannot be read there are no more.
+    /// Returns the Writes in a MultipleWrite; after one that cannot be read there are no more.
     pub fn parts(&self) -> impl Iterator<Item = Result<WriteRequest<'a>, Violation>> + use<'a> {
         let mut reader = BlockReader::new(self.record);
         core::iter::from_fn(move || {
@@ -279,7 +279,7 @@ pub fn emit_real_identification(
     });
 }
 
-/// A text in a field of fixed length, filled up with spaces.
+/// Writes a text into a field of fixed length, filled up with spaces.
 fn padded(text: &str, length: usize, writer: &mut BlockWriter<'_>) {
     let text = text.as_bytes();
     let text = text.get(..length).unwrap_or(text);

@@ -61,7 +61,7 @@ struct Record {
 }
 
 impl Cell {
-    /// A pair that knows its partners by address if `listed`.
+    /// Creates a pair whose stations know each other by address if `listed`.
     fn new(transport: Transport, listed: bool) -> Self {
         let [(controller_mac, controller), (device_mac, device)] = STATIONS;
         let listed_peer = Peer { address: Some(controller), mac: Some(controller_mac), serial_number: None };
@@ -175,7 +175,7 @@ impl Cell {
     }
 }
 
-/// The first frame that differs.
+/// Returns the first frame that differs.
 fn difference(alone: &Record, disturbed: &Record) -> String {
     for (side, name) in ["controller", "device"].into_iter().enumerate() {
         let pairs = alone.sent[side].iter().zip(&disturbed.sent[side]);

@@ -18,7 +18,7 @@ pub struct EthernetIpScanner {
 }
 
 impl EthernetIpScanner {
-    /// A scanner that begins to connect at `start`.
+    /// Creates a scanner that begins to connect at `start`.
     #[must_use]
     pub fn new(config: ScannerConfig, connection: ConnectionConfig, start: Instant) -> Self {
         let mut scanner = Scanner::new(config);
@@ -27,7 +27,7 @@ impl EthernetIpScanner {
         Self { scanner, connection }
     }
 
-    /// The connection to the adapter.
+    /// Returns the connection to the adapter.
     #[must_use]
     pub fn connection(&self) -> Option<&Connection> {
         self.scanner.connection(self.connection?)

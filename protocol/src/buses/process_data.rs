@@ -18,8 +18,8 @@ pub struct EthercatSubDevice {
 }
 
 impl EthercatSubDevice {
-    /// A SubDevice that is described by [`ETHERCAT_ROBOT`](crate::stations::ETHERCAT_ROBOT), or by another description
-    /// with an image each way.
+    /// Creates a SubDevice that is described by [`ETHERCAT_ROBOT`](crate::stations::ETHERCAT_ROBOT), or by another
+    /// description with an image each way.
     #[must_use]
     pub fn new(config: &DeviceConfig) -> Self {
         let mut segment = Segment::new();

@@ -15,14 +15,14 @@ pub struct ProfinetController {
 }
 
 impl ProfinetController {
-    /// A controller that starts to look for its device at `start`.
+    /// Creates a controller that starts to look for its device at `start`.
     pub fn new(config: ControllerConfig, device: ArConfig, start: Instant) -> Result<Self, ConfigError> {
         let mut controller = Controller::new(config)?;
         let ar = controller.connect(device, start)?;
         Ok(Self { controller, ar })
     }
 
-    /// The AR with the device.
+    /// Returns the AR with the device.
     #[must_use]
     pub fn ar(&self) -> Option<&Ar> {
         self.controller.ar(self.ar)
@@ -96,7 +96,7 @@ fn split(image: &Image) -> impl FnMut(u16, u16, &mut [u8]) {
     }
 }
 
-/// The image in these data, with zeros behind their end; none where there are none, or one of them is bad.
+/// Joins the image from these data, with zeros behind their end; `None` without data, or if one of them is bad.
 fn joined<'a>(all: impl Iterator<Item = ((u16, u16), Option<&'a [u8]>)>) -> Option<Image> {
     let mut all = all.peekable();
     all.peek()?;

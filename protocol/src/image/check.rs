@@ -104,7 +104,7 @@ fn parts<const AT: usize>(image: &Image) -> (&[u8], [u8; CHECK_LEN], &[u8]) {
     (head, check.try_into().unwrap_or([0; CHECK_LEN]), tail)
 }
 
-/// What is sent for a sum: 0 stands for no check.
+/// Returns the check to send for a sum; 0 would mean that there is no check.
 const fn sent(sum: Crc) -> u32 {
     match sum.value() {
         0 => u32::MAX,

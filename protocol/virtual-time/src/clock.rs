@@ -75,7 +75,7 @@ impl Reading {
         self.clock
     }
 
-    /// Same as [`Clock::local_time`].
+    /// Converts like [`Clock::local_time`].
     pub(super) fn local_time(&mut self, now: Instant) -> Instant {
         let part = now.as_nanos().wrapping_sub(self.second);
         if part < SECOND {
@@ -86,7 +86,7 @@ impl Reading {
         self.clock.local_time(now)
     }
 
-    /// Same as [`Clock::true_time`].
+    /// Converts like [`Clock::true_time`].
     pub(super) fn true_time(&self, local: Instant) -> Instant {
         let ahead = local.as_nanos().wrapping_sub(self.shown);
         let part = if (1..SECOND).contains(&ahead) { self.clock.time_for(ahead) } else { 0 };

@@ -126,8 +126,8 @@ pub struct Stranger {
 }
 
 impl Stranger {
-    /// A stranger that has heard `heard` and sends from `start` to `end`, to stations with these addresses. It connects to
-    /// `listen` over TCP, if that is given.
+    /// Creates a stranger that has heard `heard` and sends from `start` to `end` to stations with these addresses. It
+    /// connects to `listen` over TCP, if that is given.
     #[must_use]
     pub fn new(
         seed: u64,
@@ -169,7 +169,7 @@ impl Stranger {
         usize::try_from(self.random.next_u64() % limit.max(1) as u64).unwrap_or(0)
     }
 
-    /// Changes nothing, some bits or bytes, or the length.
+    /// Changes some bits or bytes of a frame, or its length, or leaves it unchanged.
     fn alter(&mut self, frame: &mut Vec<u8>, from: usize) {
         for _ in 0..self.below(4) {
             let span = frame.len().saturating_sub(from);

@@ -402,7 +402,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         core::mem::replace(&mut self.buf, spare)
     }
 
-    /// Same as [`local_time`](Self::local_time), for every step.
+    /// Reads a side's clock like [`local_time`](Self::local_time), once for each step.
     fn read_clock(&mut self, side: Side) -> Instant {
         let now = self.now;
         self.station(side).clock.local_time(now)

@@ -56,7 +56,7 @@ pub struct Network<M: Machine> {
 }
 
 impl<M: Machine> Network<M> {
-    /// A switch without stations, on which every frame arrives after `delay`.
+    /// Creates a switch without stations, on which every frame arrives after `delay`.
     #[must_use]
     pub fn new(delay: Duration) -> Self {
         Self {
@@ -79,13 +79,13 @@ impl<M: Machine> Network<M> {
         id
     }
 
-    /// The time on every station's clock.
+    /// Returns the time, which all stations' clocks show.
     #[must_use]
     pub const fn now(&self) -> Instant {
         self.now
     }
 
-    /// A station's machine; `None` for a station of another network.
+    /// Returns a station's machine; `None` for a station of another network.
     #[must_use]
     pub fn machine(&self, id: StationId) -> Option<&M> {
         self.stations.get(id.0).map(|station| &station.machine)

@@ -348,7 +348,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// What the end of a stream is to this side.
+    /// Returns how this side sees the end of a stream.
     fn end_of(&self, side: Side, id: StreamId) -> StreamChange {
         match self.streams.open.iter().find(|stream| stream.id == id) {
             Some(Stream { asked: (connector, attempt), connected: false, .. }) if *connector == side => {

@@ -82,17 +82,17 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// Whether the robot is ready for the next skill then.
+    /// Returns whether the robot is ready for the next skill after this ending.
     pub(super) const fn leads_to_ready(self) -> bool {
         matches!(self, Self::Done | Self::Cancelled)
     }
 
-    /// Ended by an error that says everything.
+    /// Creates a fault that its error number describes completely.
     pub(super) const fn plain(error: ErrorNumber, motion: u32) -> Self {
         Self::Fault { error, motion, finding: Finding::NONE }
     }
 
-    /// Ended by what is wrong with a motion.
+    /// Creates a fault from a motion's violation.
     pub(super) fn of(violation: Violation, motion: u32) -> Self {
         Self::Fault { error: violation.number(), motion, finding: violation.finding() }
     }

@@ -129,7 +129,7 @@ impl Execution {
         })
     }
 
-    /// The next motion, if it is there and the queue has room for it.
+    /// Returns the next motion if it has arrived and the queue has room for it.
     pub(super) fn next_motion(
         &mut self,
         command: Option<&Command>,
@@ -169,25 +169,25 @@ impl Execution {
         programs.get(program)?.1.motion(index).copied()
     }
 
-    /// Where the program stops next and what it switches there.
+    /// Returns the place of the program's next stop, and what the program switches there.
     fn stop(&self, programs: &Programs) -> Option<(u32, Switch)> {
         let Source::Program(program) = self.source else { return None };
         programs.get(program)?.1.stop(self.stops_passed)
     }
 
-    /// After how many motions the path ends, for all that is known.
+    /// Returns after how many motions the path ends, as far as it is known.
     pub(super) fn section_end(&self, programs: &Programs) -> u32 {
         self.stop(programs).map_or(self.total, |(after, _)| after.min(self.total))
     }
 
-    /// What the program switches now that all accepted motions are executed; says so once.
+    /// Returns what the program switches now that all accepted motions are executed; only once for each stop.
     pub(super) fn take_switch(&mut self, programs: &Programs) -> Option<Switch> {
         let (_, switch) = self.stop(programs).filter(|(after, _)| *after == self.accepted)?;
         self.stops_passed += 1;
         Some(switch)
     }
 
-    /// What is checked next is the motion after the last accepted one, which ends at these joints.
+    /// Continues the check with the motion after the last accepted one, which ends at these joints.
     pub(super) const fn check_from(&mut self, end: Joints) {
         self.check = Check { next: self.accepted, from: end };
     }
@@ -220,12 +220,12 @@ impl Execution {
         false
     }
 
-    /// Whether all motions are on the path.
+    /// Returns whether all motions are on the path.
     pub(super) const fn is_complete(&self) -> bool {
         self.accepted == self.total
     }
 
-    /// Time since the command was first seen.
+    /// Returns the time since the command was first seen.
     pub(super) fn elapsed(&self, at: Instant) -> Duration {
         at.since(self.seen_at)
     }

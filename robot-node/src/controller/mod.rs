@@ -110,7 +110,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// A controller with its programs by number. `seed` feeds the interpreter's random phase.
+    /// Creates a controller with its programs by number. `seed` feeds the interpreter's random phase.
     #[must_use]
     pub fn new(config: RobotConfig, programs: Vec<(u16, Program)>, seed: u64) -> Self {
         let cycle_s = config.cycle.as_secs_f64();
@@ -147,25 +147,26 @@ impl Controller {
         controller
     }
 
-    /// What the feedback image says, as of the last tick.
+    /// Returns the feedback image as of the last tick.
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {
         &self.feedback
     }
 
-    /// The motions that the skill, or the last one, was made of, in the order in which they were put on the path.
+    /// Returns the digest of the motions of the skill, or of the last one, in the order in which they were added to the
+    /// path.
     #[must_use]
     pub const fn accepted(&self) -> &Digest {
         &self.accepted
     }
 
-    /// The joints now, in degrees (mm).
+    /// Returns the present joints, in degrees (mm).
     #[must_use]
     pub const fn joints(&self) -> &Joints {
         self.interpolator.joints()
     }
 
-    /// The next event.
+    /// Returns the next event.
     pub fn poll_event(&mut self) -> Option<RobotEvent> {
         self.events.pop_front()
     }
@@ -177,7 +178,7 @@ impl Controller {
         }
     }
 
-    /// One robot cycle at the instant `at`, with the command image as it stands, or none without a connection.
+    /// Runs one robot cycle at the instant `at`, with the present command image, or `None` without a connection.
     pub fn tick(&mut self, at: Instant, command: Option<&Command>) {
         let was = self.state;
         match command {
@@ -263,7 +264,7 @@ impl Controller {
         self.feedback.status.set(Status::ABORTED, false);
     }
 
-    /// A command that is not taken up yet: the interpreter needs its time to see it.
+    /// Handles a command that is not accepted yet: the interpreter needs its time to notice it.
     fn notice(&mut self, at: Instant, command: &Command) {
         if self.state != State::Ready {
             self.last_number = Some(command.number);
@@ -315,7 +316,7 @@ impl Controller {
         }
     }
 
-    /// The skill that runs, if one does.
+    /// Returns the skill that runs, if one does.
     #[must_use]
     pub fn skill(&self) -> Option<Skill> {
         self.execution.map(|execution| execution.skill)

@@ -85,7 +85,7 @@ pub(super) struct Press {
     settled: u32,
 }
 
-/// What a checked motion presses with, if it does.
+/// Creates the pressing part of a checked motion, if it has one.
 pub(super) fn of(
     motion: &Motion,
     segment: &Segment,
@@ -148,7 +148,8 @@ impl Press {
         Ok(press)
     }
 
-    /// The highest speed, in mm/s, from which the arm stops before the stiffest surface pushes back with the force.
+    /// Returns the highest speed, in mm/s, from which the arm stops before the stiffest surface presses with the
+    /// programmed force.
     fn fastest_approach(&self) -> f64 {
         let depth_mm = self.wanted_n / self.control.stiffest_n_per_mm;
         let (mut slow, mut fast) = (0.0, self.limits.speed.max(1.0) * 2.0);
@@ -160,19 +161,19 @@ impl Press {
         slow
     }
 
-    /// The speed in mm/s from which the arm stops within `way` mm.
+    /// Returns the speed in mm/s from which the arm stops within `way` mm.
     fn stops_within(&self, way: f64) -> f64 {
         let way = way.max(0.0);
         let by_jerk = libm::cbrt(way * way * self.control.jerk_mm_s3 * JERK_SHARE);
         by_jerk.min((self.limits.acceleration * way).sqrt())
     }
 
-    /// What the tool presses with along the line, in N, when the surfaces push it with `force`.
+    /// Returns the force of the tool along the line, in N, when the surfaces press on it with `force`.
     fn along(&self, force: [f64; 3]) -> f64 {
         0.0 - dot(force, self.direction)
     }
 
-    /// Leads the arm for one cycle, with `share` (0…1) of its speed, against surfaces that push it with `force` now.
+    /// Moves the arm for one cycle, with `share` (0…1) of its speed, against surfaces that press on it with `force` now.
     pub(super) fn step(
         &mut self,
         share: f64,
@@ -220,7 +221,7 @@ impl Press {
         self.speed += change;
     }
 
-    /// What has come of it, now that the surfaces push with `force`.
+    /// Returns the outcome of the pressing, now that the surfaces press with `force`.
     pub(super) fn outcome(&mut self, force: [f64; 3]) -> Outcome {
         let found_n = self.along(force);
         let within = (self.wanted_n - found_n).abs() <= self.control.tolerance_n;

@@ -12,12 +12,13 @@ impl Controller {
         self.press.as_ref().is_some_and(|press| press.phase == phase)
     }
 
-    /// Motions of the skill that are executed.
+    /// Returns the number of executed motions of the skill.
     pub(super) fn executed(&self, execution: &Execution) -> u32 {
         execution.executed_before + self.interpolator.path().executed()
     }
 
-    /// Nothing to drive: the arm stands still, or holds its force; at override 0 it stands with the force that it has.
+    /// Keeps the arm where it is without a path: it stands still or holds its force; at override 0 it keeps the force
+    /// that it has.
     pub(super) fn rest(&mut self) {
         if !self.is_pressing(press::Phase::Holding) || !self.interpolator.path().is_finished() {
             return self.interpolator.stand_still();
@@ -29,7 +30,7 @@ impl Controller {
         }
     }
 
-    /// One cycle along the line of the LIN force, with `share` of its speed.
+    /// Moves one cycle along the line of the LIN force, with `share` of its speed.
     fn lead(&mut self, share: f64) -> Result<(), crate::arm::Violation> {
         let Some(press) = &mut self.press else { return Ok(()) };
         let joints = press.step(share, self.contact, &self.config.arm, self.interpolator.joints());
@@ -54,7 +55,7 @@ impl Controller {
         self.feel();
     }
 
-    /// One cycle of the LIN force that runs.
+    /// Runs one cycle of the LIN force under way.
     pub(super) fn press_on(&mut self, at: Instant, execution: &mut Execution) {
         let stopping = matches!(execution.phase, Phase::Stopping(_));
         let held = stopping || self.hold;
@@ -83,7 +84,8 @@ impl Controller {
         }
     }
 
-    /// All accepted motions were executed at the instant `ended_at`: switches what the program switches there.
+    /// Handles the end of the path at the instant `ended_at`, when all accepted motions are executed: switches what the
+    /// program switches there.
     pub(super) fn path_ended(&mut self, ended_at: Instant, execution: &mut Execution) {
         match execution.take_switch(&self.programs) {
             Some(switch) => {

@@ -56,14 +56,14 @@ impl Controller {
         (feedback.error, feedback.finding) = (error, finding);
     }
 
-    /// What the surfaces around push the tool with.
+    /// Measures the force of the surfaces on the tool.
     pub(super) fn feel(&mut self) {
         let tool = self.interpolator.flange().origin_of(&self.tool);
         self.contact = contact_force(&self.config.surfaces, tool);
         self.feedback.contact_force = length(self.contact) as f32;
     }
 
-    /// Joints, and the tool of the present motion in its base.
+    /// Reports the joints, and the pose of the present motion's tool in its base.
     pub(super) fn report_position(&mut self) {
         let pressing = self.press.as_ref().filter(|press| press.phase != press::Phase::Waiting);
         let leading = self.interpolator.path().current().map(|segment| (segment.tool, segment.base_inverse));

@@ -136,7 +136,7 @@ impl Controller {
         }
     }
 
-    /// The arm cannot go on and brakes: the skill ends with an error once it stands.
+    /// Brakes an arm that cannot continue: the skill ends with an error once the arm stands.
     pub(super) fn stop_for(&mut self, violation: Violation, execution: &mut Execution) {
         let motion = self.executed(execution);
         self.refuse_motion(execution.number, motion, violation);
@@ -215,7 +215,7 @@ mod tests {
     use crate::RobotConfig;
     use crate::arm::{AXES, Arm, AxisLimits, Joints, Scara};
 
-    /// Setup A's robot with a controller that costs nothing.
+    /// Returns Setup A's robot with a controller whose calls take no time.
     fn config() -> RobotConfig {
         RobotConfig {
             interpreter_quantum: Duration::ZERO,

@@ -51,7 +51,7 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// Width of a figure in pixels.
+    /// Returns the width of a figure, in pixels.
     pub(crate) const fn width(self) -> f64 {
         match self {
             Self::Wide => 800.0,
@@ -67,7 +67,7 @@ impl Format {
         }
     }
 
-    /// Width in pixels of the labels left of a vertical axis.
+    /// Returns the width in pixels of the labels left of a vertical axis.
     pub(crate) fn margin(self) -> f64 {
         self.pick(52.0, 38.0)
     }
@@ -193,7 +193,7 @@ impl Axes<'_> {
     /// Width in pixels right of the axes: half of a label is there.
     pub(crate) const RIGHT: f64 = 20.0;
 
-    /// Height in pixels of the labels below the horizontal axis.
+    /// Returns the height in pixels of the labels below the horizontal axis.
     pub(crate) const fn below(has_title: bool) -> f64 {
         if has_title { 44.0 } else { 6.0 }
     }

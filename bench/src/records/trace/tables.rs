@@ -27,7 +27,7 @@ pub const ROBOT_ROWS: &str = "trace-robot.rows";
 /// File that the PLC's node writes its rows to.
 pub const PLC_ROWS: &str = "trace-plc.rows";
 
-/// Header of a table: the columns of a sample stand behind the execution type and the time since its start edge.
+/// Returns the header of a table: execution type, time since its start edge, and the columns of a sample.
 fn header<S: TraceSample>() -> String {
     format!("type,t_ms,{}\n", S::COLUMNS)
 }

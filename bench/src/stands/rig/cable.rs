@@ -195,7 +195,7 @@ impl Drop for Cable {
     }
 }
 
-/// The first error, once all are through.
+/// Waits for all results and returns the first error.
 fn all<E>(results: impl Iterator<Item = Result<(), E>>) -> Result<(), E> {
     results.fold(Ok(()), Result::and)
 }

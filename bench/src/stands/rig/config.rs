@@ -37,7 +37,8 @@ pub struct RigConfig {
 }
 
 impl RigConfig {
-    /// A rig of this setup, and where the nodes read it, with nothing special about it.
+    /// Creates the configuration of a rig of this setup without captures, traces and faults. The nodes read the setup
+    /// from `read_from`.
     pub fn new(setup: &Setup, read_from: impl Into<OsString>) -> Self {
         Self {
             setup: read_from.into(),

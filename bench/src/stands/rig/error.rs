@@ -210,7 +210,7 @@ impl RigError {
     }
 }
 
-/// Name of the fault that kills a node.
+/// Returns the name of the fault that kills a node.
 const fn kill_name(role: NodeRole) -> &'static str {
     match role {
         NodeRole::Plc => "kill-plc-at",

@@ -89,7 +89,7 @@ impl Work {
         Self { source, program: motions, stops, to_start, robot }
     }
 
-    /// Work of motions that the PLC sends; the robot's program store is empty.
+    /// Creates the work of motions that the PLC sends; the robot's program store is empty.
     pub(crate) fn sent(
         setup: &Setup,
         source: Box<dyn MotionSource>,

@@ -78,7 +78,7 @@ impl Figure {
         }
     }
 
-    /// A MAD depends on the number of repetitions, a mean does not.
+    /// Returns whether it is a MAD, which depends on the number of repetitions; a mean does not.
     pub(super) const fn is_mad(self) -> bool {
         matches!(self, Self::Mad(_))
     }

@@ -174,7 +174,8 @@ impl Calibration {
         )
     }
 
-    /// The error of the paper's MAD is that of the model's MAD at the paper's repetitions, as in a run's report.
+    /// Returns the paper's figure. The error of its MAD is that of the model's MAD at the paper's number of repetitions,
+    /// as in a run's report.
     fn of_paper(&self, figure: Figure, model: Estimate) -> Estimate {
         let paper = figure.of_paper(&self.paper);
         match figure {

@@ -100,7 +100,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// The failure that the program ends with.
+    /// Converts the error to the failure that the program ends with.
     #[must_use]
     pub fn at(self, path: &Path) -> Failure {
         Failure::new(Exit::Usage, anyhow::Error::from(self).context(format!("cannot use {}", path.display())))
@@ -142,7 +142,7 @@ impl Baseline {
         Err(Refusal::OtherSetup { of, wanted: format!("{} with {}", setup.name, application.name) })
     }
 
-    /// The baseline that a run makes; the tolerances are those of the one before, where it had the figure.
+    /// Makes a baseline from a run. Figures that the old baseline has keep their tolerances.
     #[must_use]
     pub fn of(results: &Results, before: Option<&Self>) -> Self {
         let mut figures = figures(results);
@@ -161,13 +161,13 @@ impl Baseline {
         }
     }
 
-    /// A figure by its name.
+    /// Returns the figure with this name.
     #[must_use]
     pub fn get(&self, figure: &str) -> Option<&Expected> {
         self.figures.iter().find(|expected| expected.figure == figure)
     }
 
-    /// What changes from `old` to this one, a line removed or added each; empty if nothing does.
+    /// Returns the changes from `old` to this one, each as a removed or an added line; empty without a change.
     #[must_use]
     pub fn diff(&self, old: Option<&Self>) -> String {
         let lines = |baseline: &Self| -> BTreeMap<String, String> {
@@ -190,13 +190,13 @@ impl Baseline {
         text
     }
 
-    /// The baseline as JSON, with a newline at the end.
+    /// Returns the baseline as JSON, with a newline at the end.
     pub fn to_json(&self) -> serde_json::Result<String> {
         serde_json::to_string_pretty(self).map(|json| json + "\n")
     }
 }
 
-/// What a run gives, with the tolerances of a new baseline. Values are whole microseconds and thousandths.
+/// Returns the figures of a run with the tolerances of a new baseline. Values are whole microseconds and thousandths.
 pub(super) fn figures(results: &Results) -> Vec<Expected> {
     let expected = |figure: String, unit: &str, value: f64, tolerance| Expected {
         figure,

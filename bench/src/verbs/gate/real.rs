@@ -67,7 +67,7 @@ impl Compared {
     }
 }
 
-/// The ratios that both have.
+/// Compares the ratios that both the baseline and the run have.
 fn compare(baseline: &Baseline, results: &Results) -> anyhow::Result<Vec<Compared>> {
     let expected = |of| baseline.get(&format!("{} AET", label(of))).map(|expected| expected.value);
     let samples = |of| results.results.get(of).map(|result| result.samples_ms.as_slice());
@@ -127,7 +127,7 @@ mod tests {
     use crate::records::schedule::Schedule;
     use std::time::Duration;
 
-    /// A run in which each type's repetitions lie evenly within ± `spread_ms` of its mean.
+    /// Returns a run in which each type's repetitions lie evenly within ± `spread_ms` of its mean.
     fn results(means_ms: [f64; 3], spread_ms: f64) -> Results {
         let setup = setup::setup("A").unwrap();
         let mut results =

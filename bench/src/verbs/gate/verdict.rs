@@ -16,13 +16,13 @@ pub struct Change {
 }
 
 impl Change {
-    /// Run minus baseline, in the figure's unit.
+    /// Returns the run's value minus the baseline's, in the figure's unit.
     #[must_use]
     pub fn difference(&self) -> Option<f64> {
         Some(self.found.as_ref()?.value - self.expected.as_ref()?.value)
     }
 
-    /// Whether the figure is there on both sides and within its tolerance.
+    /// Returns whether the figure is there on both sides and within its tolerance.
     #[must_use]
     pub fn is_within(&self) -> bool {
         // Values have three decimals; what floating point adds to their difference does not count.
@@ -88,13 +88,13 @@ impl Verdict {
         Self { changes: known.chain(unknown).collect() }
     }
 
-    /// Whether every figure is within its tolerance.
+    /// Returns whether every figure is within its tolerance.
     #[must_use]
     pub fn is_pass(&self) -> bool {
         self.changes.iter().all(Change::is_within)
     }
 
-    /// What the gate prints.
+    /// Formats the comparison as the gate prints it.
     #[must_use]
     pub fn render(&self, baseline: &Baseline, origin: &str) -> String {
         let Baseline { setup, application, reps, seed, .. } = baseline;

@@ -3,7 +3,7 @@
 use super::table::{depths, percent, slots};
 use super::{Point, Sweep};
 
-/// Why so many slots suffice, and how far.
+/// Returns sentences on why this number of slots suffices, and up to where.
 #[must_use]
 pub fn sentences(sweep: &Sweep) -> Vec<String> {
     [threshold(sweep), reach(sweep), first_loss(sweep), short_sight(sweep)].into_iter().flatten().collect()
@@ -13,13 +13,13 @@ fn motion_ms(sweep: &Sweep, point: &Point) -> f64 {
     point.rc_ms / f64::from(sweep.motions)
 }
 
-/// The points of the deepest queue.
+/// Returns the points of the deepest queue.
 fn deepest(sweep: &Sweep) -> impl Iterator<Item = &Point> {
     let deepest = depths(sweep).into_iter().max();
     sweep.points.iter().filter(move |point| Some(point.depth) == deepest)
 }
 
-/// What the round trip asks of a motion.
+/// Returns a sentence on the shortest motion that the round trip allows.
 fn threshold(sweep: &Sweep) -> Option<String> {
     let of_setup = deepest(sweep).filter(|point| point.bus_cycle_ms == sweep.bus_cycle_ms);
     let points: Vec<&Point> = of_setup.collect();
@@ -36,7 +36,7 @@ fn threshold(sweep: &Sweep) -> Option<String> {
     ))
 }
 
-/// Up to which bus cycle each depth loses nothing at any length.
+/// Returns a sentence on the longest bus cycle at which each depth loses nothing at any length.
 fn reach(sweep: &Sweep) -> Option<String> {
     let reach = |depth: u32| {
         let of_depth = || sweep.points.iter().filter(move |point| point.depth == depth);
@@ -61,7 +61,7 @@ fn reach(sweep: &Sweep) -> Option<String> {
     })
 }
 
-/// Where the deepest queue loses first.
+/// Returns a sentence on the point at which the deepest queue loses first.
 fn first_loss(sweep: &Sweep) -> Option<String> {
     let first = deepest(sweep)
         .filter(|point| point.loses())
@@ -79,7 +79,7 @@ fn first_loss(sweep: &Sweep) -> Option<String> {
     ))
 }
 
-/// Points at which no blend is lost, but time.
+/// Returns a sentence on the points at which CM loses time but no blend.
 fn short_sight(sweep: &Sweep) -> Option<String> {
     let short = || sweep.points.iter().filter(|point| point.looks_too_short());
     let deepest = short().map(|point| point.depth).max()?;

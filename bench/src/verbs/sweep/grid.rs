@@ -71,20 +71,20 @@ pub enum Predicted {
 }
 
 impl Point {
-    /// Time that CM takes more than RC, as a share of RC's.
+    /// Returns the time that CM takes longer than RC, as a share of RC's time.
     #[must_use]
     pub fn loss(&self) -> f64 {
         (self.cm_ms - self.rc_ms) / self.rc_ms
     }
 
-    /// Whether CM loses to RC: a blend, or more time than the cycles alone explain.
+    /// Returns whether CM is worse than RC: it loses a blend, or takes more time than the cycles alone explain.
     #[must_use]
     pub fn loses(&self) -> bool {
         self.blends_suppressed > 0.0 || self.loss() > SLOWER
     }
 
-    /// Whether CM lost time but no blend: the robot plans for a stop at the end of the motions that it knows, and knows
-    /// too few to be as quick as with its whole program.
+    /// Returns whether CM lost time but no blend: the robot plans for a stop at the end of the motions that it knows, and
+    /// it knows too few of them to be as fast as with its whole program.
     #[must_use]
     pub fn looks_too_short(&self) -> bool {
         self.loses() && self.blends_suppressed == 0.0

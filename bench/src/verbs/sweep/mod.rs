@@ -82,7 +82,7 @@ fn depth(text: &str) -> Result<u32, String> {
     depth.ok_or_else(|| format!("`{text}` is no number of slots; the image has 1 to 5"))
 }
 
-/// A bus cycle in ms, as µs.
+/// Parses a bus cycle in ms and returns it in µs.
 fn milliseconds(text: &str) -> Result<u32, String> {
     let ms: f64 = text.parse().map_err(|_| "not a number of milliseconds".to_owned())?;
     if ms > 0.0 && ms <= 10_000.0 {
@@ -125,7 +125,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// What the points of a grid are of a setup.
+    /// Collects the points of a grid that was run on a setup.
     #[must_use]
     pub fn new(setup: &Setup, grid: &Grid, points: Vec<Point>) -> Self {
         Self {

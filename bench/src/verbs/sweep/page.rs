@@ -43,7 +43,7 @@ struct Block {
     rows: Vec<Vec<String>>,
 }
 
-/// The page as HTML.
+/// Returns the page as HTML.
 ///
 /// # Errors
 ///
@@ -164,7 +164,8 @@ fn draw_cell(area: &Area<'_>, point: &Point, corners: [(i32, i32); 2]) -> anyhow
 /// A line between two cells' corners, as column and row.
 type Border = [(usize, usize); 2];
 
-/// Where cells that are sure to keep up meet others, side by side and above each other.
+/// Returns the borders between cells that are sure to keep up and others, for neighbours side by side and one above the
+/// other.
 fn borders(rows: &[Vec<Point>]) -> Vec<Border> {
     let sure = |row: usize, column: usize| {
         rows.get(row).and_then(|row| row.get(column)).map(|point| point.predicted == Predicted::KeepsUp)

@@ -24,8 +24,8 @@ pub struct RoundTrip {
 }
 
 impl RoundTrip {
-    /// Of a setup, by its cycles: the robot's twice, the bus's twice, the PLC's scan once, and what the cable and the scan
-    /// cost.
+    /// Computes the round trip from a setup's cycles: twice the robot's, twice the bus's, once the PLC's scan, and the
+    /// delays of cable and scan.
     #[must_use]
     pub fn of(setup: &Setup) -> Self {
         let micros = |value: u32| Duration::from_micros(value.into());
@@ -37,14 +37,15 @@ impl RoundTrip {
         Self { shortest, longest: shortest + cycles }
     }
 
-    /// The shortest motion with which `depth` slots are sure to keep up; none with less than three slots, where it depends
-    /// on where within the motion the robot must decide.
+    /// Returns the shortest motion with which `depth` slots are sure to keep up; `None` with fewer than three slots,
+    /// where it depends on the place within the motion at which the robot must decide.
     #[must_use]
     pub fn sufficient(&self, depth: u32) -> Option<Duration> {
         depth.checked_sub(2).filter(|motions| *motions > 0).map(|motions| self.longest / motions)
     }
 
-    /// Motions shorter than this are sure to starve with `depth` slots; with a single one every motion is.
+    /// Returns the length of motion below which `depth` slots are sure to starve; with a single slot every motion
+    /// starves.
     #[must_use]
     pub fn necessary(&self, depth: u32) -> Duration {
         depth

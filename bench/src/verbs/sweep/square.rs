@@ -3,8 +3,8 @@
 
 use planning::{Application, Course, Labels, Place, Point, Segment, Step, Zones};
 
-/// The square in the frame of `application`, from where its tool stands at the start: `motions` sides of `side_mm`, back
-/// at the start after each fourth. Only the last one ends in a stop.
+/// Returns a square in the frame of `application`, from where its tool stands at the start: `motions` sides of `side_mm`,
+/// back at the start after each fourth. Only the last one ends in a stop.
 pub(super) fn application(application: &Application, side_mm: f64, motions: u32) -> Application {
     let (start, tool) = &application.start;
     let corner = |index: u32| {

@@ -7,7 +7,7 @@ use node::screen;
 use super::{Point, Sweep, sentences};
 use crate::records::schedule::repetitions;
 
-/// All blocks and what they come to.
+/// Formats a block for each depth and the sentences below them.
 #[must_use]
 pub fn render(sweep: &Sweep) -> String {
     let Sweep { setup, title, motions, reps, seed, .. } = sweep;
@@ -33,14 +33,14 @@ pub fn render(sweep: &Sweep) -> String {
     text
 }
 
-/// The depths of a sweep, each once, in order.
+/// Returns the depths of a sweep, each once, in order.
 pub(crate) fn depths(sweep: &Sweep) -> Vec<u32> {
     let mut depths: Vec<u32> = sweep.points.iter().map(|point| point.depth).collect();
     depths.dedup();
     depths
 }
 
-/// The points of a depth in rows of one length each, the longest on top.
+/// Returns the points of a depth as rows, one for each length of motion, the longest first.
 pub(crate) fn rows(sweep: &Sweep, depth: u32) -> Vec<Vec<Point>> {
     let mut rows: Vec<Vec<Point>> = Vec::new();
     for point in sweep.points.iter().filter(|point| point.depth == depth) {
@@ -54,7 +54,7 @@ pub(crate) fn rows(sweep: &Sweep, depth: u32) -> Vec<Vec<Point>> {
     rows
 }
 
-/// A depth in words.
+/// Formats a depth in words.
 pub(crate) fn slots(depth: u32) -> String {
     if depth == 1 { "1 slot".to_owned() } else { format!("{depth} slots") }
 }
@@ -80,13 +80,13 @@ pub(crate) fn cell(point: &Point) -> String {
     format!("{} ({:.0})", percent(point.loss()), point.blends_suppressed)
 }
 
-/// A share in whole percent, or in tenths where it is small.
+/// Formats a share in whole percent, or in tenths where it is small.
 pub(crate) fn percent(share: f64) -> String {
     let percent = share * 100.0;
     if percent.abs() < 1.0 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
 }
 
-/// All points, one a line.
+/// Formats all points, one per line.
 #[must_use]
 pub fn csv(sweep: &Sweep) -> String {
     let mut text = String::from(

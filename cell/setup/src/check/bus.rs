@@ -55,7 +55,7 @@ pub(super) fn check(bus: &Bus) -> Check {
     }
 }
 
-/// A peer that is listed by something that its bus does not tell would not be checked at all.
+/// Checks that each peer is listed by something that its bus tells: any other peer would not be checked at all.
 fn check_peers(bus: &Bus) -> Check {
     let listed = bus.allowed_plcs.iter().map(|peer| ("bus.allowed_plcs", peer));
     for (key, peer) in listed.chain(bus.robot.iter().map(|peer| ("bus.robot", peer))) {

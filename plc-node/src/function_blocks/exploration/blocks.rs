@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Images as a robot sends them about skills of `total` motions: every status, state, number and count.
+/// Returns all images that a robot may send about skills of `total` motions: every status, state, number and count.
 fn skill_images(total: u32) -> Vec<Feedback> {
     // The PLC's life counter is 1 in each scan that is explored: the robot has seen it and stands.
     let standing = Feedback { status: Status::AT_REST, life_echo: 1, ..Feedback::default() };
@@ -42,7 +42,7 @@ fn skill_way_to_done(total: u32) -> Vec<Feedback> {
     vec![image, counted(total.min(5)), done]
 }
 
-/// The states of OPC UA Part 10 beside PLCopen's outputs.
+/// Asserts that the state of OPC UA Part 10 agrees with PLCopen's outputs.
 fn assert_state_fits(state: SkillState, outputs: Outputs) {
     let expected = match outputs {
         Outputs { command_interrupted: true, .. } => SkillState::Suspended,
@@ -53,7 +53,7 @@ fn assert_state_fits(state: SkillState, outputs: Outputs) {
     assert_eq!(state, expected, "{outputs:?}");
 }
 
-/// The number of the command becomes 1 in every state. A block that never got one keeps 0.
+/// Sets the number of the command to 1 in every state. A block that never got one keeps 0.
 fn normalise_number<P>(call: &mut skill::SkillCall<P>, group: &mut AxesGroup) {
     if call.number == group.command.number {
         call.number = 1;
@@ -175,7 +175,7 @@ macro_rules! explored_group_command {
 
 const ON: Status = Status(Status::AT_REST.0 | Status::ENABLED.0);
 
-/// The bit stands exactly while the block is busy.
+/// Returns whether the bit is set; it must be set exactly while the block is busy.
 const fn while_busy(control: Control, bit: Control) -> Option<bool> {
     Some(control.contains(bit))
 }

@@ -34,26 +34,26 @@ struct Step {
 }
 
 trait Explored: Copy + Eq + Hash + Debug + Default {
-    /// Whether the control bits are those of a block that is busy; none where they are the same at other times.
+    /// Returns whether the control bits are those of a busy block; `None` if a busy block does not change them.
     fn asks(control: Control) -> Option<bool>;
-    /// Every image that a robot could send, whether it makes sense or not. The command's number is 1 in each state
-    /// that is explored from, and 2 while the first call after it runs.
+    /// Returns every image that a robot could send, whether it makes sense or not. The command's number is 1 in each
+    /// state that is explored from, and 2 while the first call after it runs.
     fn images() -> Vec<Feedback>;
     fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs;
     fn error(&self) -> Option<BlockError>;
     /// Makes states equal that differ in running numbers only.
     fn normalise(&mut self, _group: &mut AxesGroup) {}
-    /// Whether the robot's image entitles the block to say `Done`.
+    /// Returns whether the robot's image entitles the block to say `Done`.
     fn may_be_done(feedback: &Feedback) -> bool;
     fn may_be_aborted(feedback: &Feedback) -> bool;
-    /// Images that lead a block that was just started to `Done`.
+    /// Returns images that lead a block that was just started to `Done`.
     fn way_to_done() -> Vec<Feedback>;
-    /// Whether an error may leave the robot to itself: because the block has nothing to do with motions, or because the
-    /// robot says that the skill has ended.
+    /// Returns whether a block may end with an error without stopping the robot: because the block does not move it, or
+    /// because the robot reports that the skill has ended.
     fn may_leave(_feedback: Option<Feedback>) -> bool {
         true
     }
-    /// What must hold in each state besides.
+    /// Checks what must hold in each state of this block besides the common rules.
     fn check(&self, _group: &AxesGroup, _after: Outputs) {}
 }
 
@@ -94,7 +94,7 @@ impl<F: Explored> Explorer<F> {
         (self.block, self.execute, self.control.0, stops, self.counts.0, self.counts.1)
     }
 
-    /// One scan, from this state, checked against the rules.
+    /// Runs one scan from this state and checks it against the rules.
     fn step(mut self, input: Input) -> Self {
         let mut group = AxesGroup::new(PATIENCE);
         group.command.control = self.control;
@@ -128,7 +128,7 @@ impl<F: Explored> Explorer<F> {
     }
 }
 
-/// PLCopen Part 1, general rules, and what this handshake adds to them.
+/// Checks the general rules of PLCopen Part 1, and what this handshake adds to them.
 fn check_rules<F: Explored>(step: &Step) {
     let Step { execute_before, before, input: Input { execute, feedback }, after, control } = step;
     let shown = |o: &Outputs| [o.busy, o.done, o.command_aborted, o.error].map(u8::from).iter().sum::<u8>();
@@ -189,8 +189,8 @@ fn explore<F: Explored>() -> (usize, HashSet<Outputs>) {
     (found.len(), ends)
 }
 
-/// From wherever the block is, a lost connection, scans without `Execute` and a robot that stands make it idle, and the
-/// next `Execute` leads to `Done` if the robot does its part.
+/// Checks that every state leads to `Done` again: a lost connection, scans without `Execute` and a robot at rest make the
+/// block idle, and the next `Execute` leads to `Done` if the robot does its part.
 fn leads_to_done_again<F: Explored>(mut state: Explorer<F>) {
     let standing =
         Feedback { state: State::Ready, status: Status::AT_REST, life_echo: 1, ..Feedback::default() };
@@ -208,7 +208,7 @@ fn leads_to_done_again<F: Explored>(mut state: Explorer<F>) {
     assert!(state.outputs.done, "{:?} did not lead to Done", state.block);
 }
 
-/// The ends that must have turned up, so that the exploration is known to reach them.
+/// Asserts which ends were found, so that the exploration is known to reach them.
 fn assert_ends<F: Explored>(done_aborted_error: [bool; 3]) -> HashSet<Outputs> {
     let (states, ends) = explore::<F>();
     let reached = |end: fn(&Outputs) -> bool| ends.iter().any(end);

@@ -46,7 +46,7 @@ impl Mapped {
         whole.then_some(self.bits.start / 8..self.bits.end / 8)
     }
 
-    /// Number of bytes of memory that it touches.
+    /// Returns the number of bytes of memory that it touches.
     pub(crate) fn physical_len(&self) -> usize {
         (usize::from(self.bit) + self.bits.len()).div_ceil(8)
     }

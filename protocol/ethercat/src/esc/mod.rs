@@ -204,7 +204,7 @@ impl Esc {
         }
     }
 
-    /// The same, where the data read is combined with that of the devices before.
+    /// Executes a broadcast: the data read is combined with that of the devices before.
     fn broadcast(
         &mut self,
         now: Instant,

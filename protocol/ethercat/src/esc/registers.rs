@@ -160,7 +160,7 @@ pub(crate) const POWER_ON: &[(u16, &[u8])] = &[
     (0x0934, &[4, 12]),
 ];
 
-/// Features at 0x0008: FMMUs map bits; with a clock, one of 64 bits that also makes SYNC signals.
+/// Returns the features at 0x0008: FMMUs map bits; with a clock, one of 64 bits that also makes SYNC signals.
 pub(crate) const fn features(distributed_clocks: bool) -> u16 {
     if distributed_clocks { 0x0004 | 0x0008 | 0x0100 } else { 0 }
 }

@@ -34,7 +34,7 @@ pub(crate) struct SyncManager {
     repeat_request: bool,
 }
 
-/// Address of a register of sync manager `index`.
+/// Returns the address of a register of sync manager `index`.
 const fn register(index: usize, offset: u16) -> u16 {
     registers::SYNC_MANAGER + (index as u16) * registers::SYNC_MANAGER_LEN + offset
 }
@@ -218,7 +218,7 @@ impl SyncManager {
         memory.change(register(index, 7), |control| control & !2 | acknowledged);
     }
 
-    /// Address of the newest complete data in three-buffer mode.
+    /// Returns the address of the newest complete data in three-buffer mode.
     const fn newest(&self) -> u16 {
         if self.is_single() { self.start } else { self.start.saturating_add(self.len) }
     }

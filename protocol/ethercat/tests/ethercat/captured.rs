@@ -19,7 +19,7 @@ const fn gap(bits: u8) -> PdoEntry {
     entry(0, 0, bits)
 }
 
-/// Status bits and the value of one channel.
+/// Returns the status bits and the value of one channel.
 const fn channel(index: u16) -> [PdoEntry; 10] {
     [
         entry(index, 1, 1),
@@ -74,7 +74,7 @@ static EL3004: Description = Description {
     distributed_clocks: false,
 };
 
-/// Frames of safety over EtherCAT and the bits beside them, in one direction.
+/// Returns frames of safety over EtherCAT and the bits beside them, in one direction.
 const fn safety(index: u16) -> [PdoEntry; 6] {
     [
         entry(index, 1, 8),

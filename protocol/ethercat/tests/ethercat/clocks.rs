@@ -71,7 +71,7 @@ fn a_device_without_clock_does_not_count_in_the_latch_of_the_others() {
     assert_eq!(hand.exchange(BWR, 0, 0x0900, &[0; 4]).1, DEVICES.len() as u16);
 }
 
-/// Largest difference in ns between the system times of the devices at one instant.
+/// Returns the largest difference in ns between the system times of the devices at one instant.
 fn spread(segment: &Segment, now: Instant) -> u64 {
     let times: Vec<u64> =
         (0..DEVICES.len()).map(|id| segment.system_time(DeviceId(id), now).unwrap()).collect();

@@ -19,7 +19,7 @@ fn two_bridges() -> Hand {
     Hand::start(segment)
 }
 
-/// Addresses where something is: registers, buffers, mailboxes, and mapped logical ones.
+/// Generates addresses where something is: registers, buffers, mailboxes, and mapped logical addresses.
 fn address() -> impl Strategy<Value = u32> {
     let position =
         prop_oneof![Just(0_u32), Just(0xFFFF), Just(0x1000), Just(0x1001), any::<u16>().prop_map(u32::from)];

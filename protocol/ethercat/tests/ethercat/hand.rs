@@ -94,7 +94,7 @@ impl Hand {
         Self::start_with(segment, 128)
     }
 
-    /// The same for mailboxes of another length, up to 128 bytes.
+    /// Brings a segment up like [`start`](Self::start), with mailboxes of another length, up to 128 bytes.
     pub fn start_with(segment: Segment, mailbox: u16) -> Self {
         let mut hand = Self { mailbox, ..Self::new(segment) };
         let [low, high] = mailbox.to_le_bytes();

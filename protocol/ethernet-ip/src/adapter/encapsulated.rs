@@ -82,7 +82,7 @@ pub(super) fn answer_datagram(state: &mut State, datagram: &[u8], buf: &mut [u8]
     }
 }
 
-/// The answer to a ListIdentity. Returns its length.
+/// Writes the answer to a ListIdentity and returns its length.
 pub(super) fn list_identity(state: &State, header: &Header, buf: &mut [u8]) -> Option<usize> {
     let body = |writer: &mut Writer<'_>| {
         writer.u16(1);
@@ -91,7 +91,7 @@ pub(super) fn list_identity(state: &State, header: &Header, buf: &mut [u8]) -> O
     header.reply(Status::Success).emit(buf, body).ok()
 }
 
-/// The commands that need no session.
+/// Answers the commands that need no session.
 fn list(state: &State, header: &Header, buf: &mut [u8]) -> Answer {
     match header.command {
         Command::Nop => Answer::None,
@@ -136,7 +136,7 @@ fn register(
     reply(&Header { session: session.handle, ..*header }, Status::Success, buf, body)
 }
 
-/// What SendRRData and SendUnitData have before their items: interface handle 0, for CIP, and a timeout.
+/// Reads what SendRRData and SendUnitData have before their items: interface handle 0, for CIP, and a timeout.
 fn packet(data: &[u8]) -> Option<Packet<'_>> {
     let mut reader = Reader::new(data);
     let interface = reader.u32().ok()?;
@@ -251,7 +251,7 @@ fn send_unit_data(
 }
 
 impl State {
-    /// Lends out the place for CIP replies.
+    /// Lends the buffer for CIP replies to `work`.
     fn with_scratch<R>(&mut self, work: impl FnOnce(&mut Self, &mut [u8]) -> R) -> R {
         let mut scratch = core::mem::replace(&mut self.scratch, Box::new([]));
         let result = work(self, &mut scratch);

@@ -79,7 +79,7 @@ impl State {
         }
     }
 
-    /// A null Forward_Open opens nothing: it asks whether the target is there, or configures it.
+    /// Answers a null Forward_Open, which opens nothing: it asks whether the target is there, or configures it.
     fn open_null(
         &self,
         request: &OpenRequest<'_>,
@@ -202,7 +202,7 @@ impl State {
         Ok(Points { kind, consumed, produced, named })
     }
 
-    /// Whether one more connection of this kind may be opened.
+    /// Checks that one more connection of this kind may be opened.
     fn check_room(&self, kind: Kind) -> Result<(), Violation> {
         let description = self.device.description;
         let open = self.io.count(kind);

@@ -60,13 +60,14 @@ impl ExplicitConnections {
         self.open
     }
 
-    /// Whether a host gets no further connection: all places are taken, or by this host all but one, which is for others.
+    /// Returns whether a host gets no further connection: all places are taken, or this host has all but one, which is
+    /// kept for others.
     pub(super) fn is_full_for(&self, host: Ipv4Addr) -> bool {
         let own = self.open().filter(|connection| connection.host == host).count();
         self.len() == self.slots.len() || self.slots.len() > 1 && own + 1 >= self.slots.len()
     }
 
-    /// Whether a connection is carried by this TCP connection.
+    /// Returns whether a connection is carried by this TCP connection.
     pub(super) fn carries(&self, stream: StreamId) -> bool {
         self.open().any(|connection| connection.stream == stream)
     }
@@ -75,7 +76,7 @@ impl ExplicitConnections {
         self.open().find(|connection| connection.triad == *triad)
     }
 
-    /// The connection of a host by its triad.
+    /// Returns the connection of a host by its triad.
     pub(super) fn find_of(&self, host: Ipv4Addr, triad: &Triad) -> Option<&ExplicitConnection> {
         self.open().find(|connection| connection.host == host && connection.triad == *triad)
     }

@@ -81,8 +81,8 @@ pub(super) enum Taken {
 }
 
 impl IoConnection {
-    /// Whether a frame with so many bytes behind its sequence count may be one of this connection. A heartbeat comes
-    /// with a run/idle header or without one, whatever was agreed on.
+    /// Returns whether a frame with so many bytes behind its sequence count may belong to this connection. A heartbeat
+    /// has a run/idle header or none, whatever was agreed.
     const fn takes(&self, len: usize) -> bool {
         match self.kind {
             Kind::ExclusiveOwner => len == self.o_t_len,
@@ -92,7 +92,7 @@ impl IoConnection {
 }
 
 impl Producer {
-    /// Whether changes of the data send a frame, and not time alone.
+    /// Returns whether a change of the data sends a frame, in addition to time.
     const fn follows_changes(&self) -> bool {
         matches!(self.trigger, Trigger::ChangeOfState | Trigger::Application)
     }
@@ -145,12 +145,13 @@ impl IoConnections {
         self.open.iter().find(|connection| connection.triad == *triad)
     }
 
-    /// The connection of a host by its triad. Two hosts may use one triad: whoever hears it cannot take it away.
+    /// Returns the connection of a host with this triad. Two hosts may use the same triad, so a host that overhears one
+    /// cannot take the connection.
     pub(super) fn find_of(&self, host: Ipv4Addr, triad: &Triad) -> Option<&IoConnection> {
         self.open.iter().find(|connection| connection.originator == host && connection.triad == *triad)
     }
 
-    /// The host of the owner of the outputs.
+    /// Returns the host of the owner of the outputs.
     pub(super) fn owner(&self) -> Option<Ipv4Addr> {
         let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
         owner.map(|owner| owner.originator)
@@ -160,7 +161,7 @@ impl IoConnections {
         self.open.iter().any(|connection| connection.o_t_id == id || connection.producer.id == id)
     }
 
-    /// The producers of the multicasts that are running.
+    /// Returns the producers of the multicasts that are running.
     pub(super) fn multicasts(&self) -> impl Iterator<Item = &Producer> {
         let producers = self.open.iter().map(|connection| &connection.producer);
         producers.filter(|producer| producer.to.ip().is_multicast() && producer.sends)
@@ -181,7 +182,7 @@ impl IoConnections {
             .for_each(|producer| producer.changed = true);
     }
 
-    /// Whether the outputs have an owner, and then whether it runs.
+    /// Returns whether the outputs have an owner, and then whether it runs.
     pub(super) fn owner_runs(&self) -> Option<bool> {
         let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
         owner.map(|owner| owner.run)

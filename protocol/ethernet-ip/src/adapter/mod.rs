@@ -65,7 +65,7 @@ pub struct Adapter {
 }
 
 impl Adapter {
-    /// An adapter that waits for scanners.
+    /// Creates an adapter that waits for scanners.
     #[must_use]
     pub fn new(config: AdapterConfig) -> Self {
         let AdapterConfig { description, serial_number, address, mask, gateway, mac, first_id, originators } =
@@ -80,13 +80,13 @@ impl Adapter {
         }
     }
 
-    /// How many connections are open: class 1, and class 3.
+    /// Returns the numbers of open connections: of class 1, and of class 3.
     #[must_use]
     pub fn connections(&self) -> (usize, usize) {
         (self.state.io.len(), self.state.explicit.len())
     }
 
-    /// How many TCP connections are open.
+    /// Returns the number of open TCP connections.
     #[must_use]
     pub fn sessions(&self) -> usize {
         self.sessions.len()
@@ -115,7 +115,8 @@ impl Machine for Adapter {
         }
     }
 
-    /// What devices answer at once to one client alone, they answer one after the other where all are asked.
+    /// Handles a broadcast. A request to one client is answered at once; a request to all devices is answered after a
+    /// random delay.
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match (from, Header::parse(frame)) {
             (Source { port: Port::Udp(ENCAPSULATION_PORT), peer: Some(peer) }, Ok(header))
@@ -146,7 +147,8 @@ impl Machine for Adapter {
         self.sessions.poll_close().map(StreamRequest::Close)
     }
 
-    /// What the QoS object said when the connection was opened, and what it says now of explicit messages.
+    /// Returns the DSCP: for cyclic frames what the QoS object contained when the connection was opened, for explicit
+    /// messages what it contains now.
     fn dscp(&self, port: Port) -> u8 {
         match port {
             Port::Udp(IO_PORT) => self.state.cyclic_dscp,
@@ -210,7 +212,7 @@ impl Adapter {
         sessions.open(now, stream, peer, state.io.owner(), |stream| state.explicit.carries(stream));
     }
 
-    /// Class 3 connections end with the TCP connection that carries them.
+    /// Closes the class 3 connections whose TCP connection has ended.
     fn drop_orphans(&mut self) {
         let sessions = &self.sessions;
         self.state.explicit.retain(|stream| sessions.has(stream));
@@ -227,8 +229,8 @@ impl Adapter {
         Ok(())
     }
 
-    /// The newest data of an assembly of the role [`Role::Consumed`]; none while no
-    /// owner of the outputs sends data and says that it runs.
+    /// Returns the newest data of an assembly of the role [`Role::Consumed`]; `None` while no owner of the outputs sends
+    /// data and reports that it runs.
     #[must_use]
     pub fn consumed(&self, instance: u32) -> Option<&[u8]> {
         let is_consumed = |assembly: &&Assembly| assembly.role == Role::Consumed;
@@ -241,7 +243,7 @@ impl Adapter {
         self.state.close_all(DownCause::ClosedHere);
     }
 
-    /// What was sent, received and refused since the start.
+    /// Returns the numbers of frames that were sent, received and refused since the start.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.state.counters

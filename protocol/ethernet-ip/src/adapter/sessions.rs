@@ -55,7 +55,7 @@ impl Sessions {
         self.open_sessions().any(|session| session.stream == stream)
     }
 
-    /// A client connected. It gets a free place, or that of another client by [`Self::place_for`], or none.
+    /// Handles a client that connected: it gets a free place, or that of another client by [`Self::place_for`], or none.
     pub(super) fn open(
         &mut self,
         now: Instant,
@@ -81,7 +81,7 @@ impl Sessions {
         self.closing.push_back(stream);
     }
 
-    /// The place for a client of a host.
+    /// Returns the place for a client of a host.
     ///
     /// Where all places are taken, a client takes that of one of the host that has most, if that is at least two more than
     /// its own host has, or of one that never registered. The owner of the outputs can take the place of anybody else and
@@ -115,7 +115,7 @@ impl Sessions {
         })
     }
 
-    /// A connection is gone.
+    /// Handles the end of a connection.
     pub(super) fn closed(&mut self, stream: StreamId) {
         if let Some(slot) = self.slot(stream) {
             slot.session = None;

@@ -73,7 +73,7 @@ impl State {
         }
     }
 
-    /// A connection number that no open connection has.
+    /// Returns a connection number that no open connection has.
     pub(super) fn fresh_id(&mut self) -> u32 {
         loop {
             self.next_id = self.next_id.wrapping_add(1).max(1);
@@ -83,7 +83,7 @@ impl State {
         }
     }
 
-    /// Whether data are exchanged with an owner that runs.
+    /// Returns whether data are exchanged with an owner that runs.
     pub(super) const fn is_up(&self) -> bool {
         self.up
     }

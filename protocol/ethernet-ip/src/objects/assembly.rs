@@ -23,7 +23,7 @@ struct OneAssembly {
 }
 
 impl AssemblyData {
-    /// Zeros.
+    /// Creates assemblies full of zeros.
     pub(super) fn new(description: &Description) -> Self {
         let carried =
             description.assemblies.iter().filter(|a| matches!(a.role, Role::Produced | Role::Consumed));
@@ -36,7 +36,7 @@ impl AssemblyData {
         Self { all: carried.map(one).collect() }
     }
 
-    /// The data of an assembly; empty where it carries none.
+    /// Returns the data of an assembly; empty for an assembly without data.
     pub(in super::super) fn get(&self, instance: u32) -> &[u8] {
         self.all.iter().find(|one| one.instance == instance).map_or(&[], |one| &one.data)
     }
@@ -91,8 +91,8 @@ impl Object for Assembly {
         Ok(())
     }
 
-    /// An arm moves by the will of the one owner of its outputs, never by that of whoever sends a message; and the
-    /// other assemblies hold nothing that could be set.
+    /// Refuses every change of data by a message: only the owner of the outputs may move the arm, and the other
+    /// assemblies hold nothing that could be set.
     fn set(device: &mut Device, instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
         let role = device.description.assembly(instance).map(|assembly| assembly.role);
         match (role, attribute) {

@@ -68,7 +68,7 @@ impl Object for ConnectionManager {
         Ok(())
     }
 
-    /// The counters can be set, and count on from there.
+    /// Sets a counter, which continues from the new value.
     fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
         let value = u16::from_le_bytes(exactly(data)?);
         let index = usize::from(attribute).checked_sub(1);

@@ -79,17 +79,17 @@ trait Object {
     /// alone (volume 1, 3-5.4); the others take one attribute at a time.
     const SETS_LISTS: bool = false;
 
-    /// The highest instance.
+    /// Returns the highest instance number.
     fn max_instance(_device: &Device) -> u32 {
         1
     }
 
-    /// How many instances there are.
+    /// Returns the number of instances.
     fn instances(_device: &Device) -> usize {
         1
     }
 
-    /// Whether this instance is there.
+    /// Returns whether this instance exists.
     fn has(_device: &Device, instance: u32) -> bool {
         instance == 1
     }
@@ -102,7 +102,8 @@ trait Object {
         Err(Violation::NotSettable)
     }
 
-    /// Bytes of an attribute, for Set_Attribute_List, which does not tell them; none where it cannot be set.
+    /// Returns the length of an attribute for Set_Attribute_List, which does not state it; `None` if the attribute cannot
+    /// be set.
     fn listed_len(_attribute: u16) -> Option<usize> {
         None
     }
@@ -121,7 +122,7 @@ trait Object {
         Ok(())
     }
 
-    /// A service that only this class has.
+    /// Executes a service that only this class has.
     fn own_service(
         _device: &mut Device,
         _instance: u32,
@@ -218,7 +219,7 @@ fn get<O: Object>(
     }
 }
 
-/// Get_Attribute_List: each attribute has a status of its own (volume 1, A-4.3).
+/// Executes Get_Attribute_List: each attribute has a status of its own (volume 1, A-4.3).
 fn get_list<O: Object>(
     device: &Device,
     instance: u32,
@@ -245,8 +246,8 @@ fn get_list<O: Object>(
     Ok(general)
 }
 
-/// Set_Attribute_List: each attribute has a status of its own (volume 1, A-4.4). Behind an attribute whose length is
-/// not known nothing can be read any more: the reply ends with its status.
+/// Executes Set_Attribute_List: each attribute has a status of its own (volume 1, A-4.4). After an attribute of unknown
+/// length nothing more can be read: the reply ends with its status.
 fn set_list<O: Object>(
     device: &mut Device,
     instance: u32,
@@ -284,7 +285,7 @@ fn set_list<O: Object>(
     if reader.is_empty() { Ok(general) } else { Err(Violation::TooLong) }
 }
 
-/// The one number that a settable attribute takes.
+/// Reads the single number that a settable attribute takes.
 fn exactly<const N: usize>(data: &[u8]) -> Result<[u8; N], Violation> {
     match data.len() {
         len if len < N => Err(Violation::TooShort),

@@ -16,7 +16,7 @@ pub(in super::super) struct Qos {
 }
 
 impl Default for Qos {
-    /// Volume 2, table 5-7.4.
+    /// Returns the defaults of volume 2, table 5-7.4.
     fn default() -> Self {
         Self { urgent: 55, scheduled: 47, high: 43, low: 31, explicit: 27 }
     }

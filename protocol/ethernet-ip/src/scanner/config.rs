@@ -64,7 +64,8 @@ pub struct ConnectionConfig {
 }
 
 impl ConnectionConfig {
-    /// The connection that owns the outputs of such a device, at this packet interval both ways.
+    /// Returns the configuration of a connection that owns the outputs of such a device, at this packet interval both
+    /// ways.
     ///
     /// The timeout is 128 intervals (code 5), requests may take 1 s, and the next attempt comes after 1 s.
     #[must_use]
@@ -94,7 +95,7 @@ impl ConnectionConfig {
         }
     }
 
-    /// The parameters of one direction.
+    /// Returns the parameters of one direction.
     fn parameters(kind: ConnectionType, size: u16, run_idle: bool) -> Parameters {
         let header = if run_idle { RUN_IDLE_LEN } else { 0 };
         Parameters {
@@ -106,26 +107,26 @@ impl ConnectionConfig {
         }
     }
 
-    /// The parameters O→T.
+    /// Returns the parameters O→T.
     #[must_use]
     pub fn o_t(&self) -> Parameters {
         Self::parameters(ConnectionType::PointToPoint, self.o_t_size, self.o_t_run_idle)
     }
 
-    /// The parameters T→O.
+    /// Returns the parameters T→O.
     #[must_use]
     pub fn t_o(&self) -> Parameters {
         let kind = if self.multicast { ConnectionType::Multicast } else { ConnectionType::PointToPoint };
         Self::parameters(kind, self.t_o_size, self.t_o_run_idle)
     }
 
-    /// Whether the sizes need a Large_Forward_Open.
+    /// Returns whether the sizes need a Large_Forward_Open.
     #[must_use]
     pub fn is_large(&self) -> bool {
         self.o_t().size.max(self.t_o().size) > Parameters::MAX_PLAIN_SIZE
     }
 
-    /// The connection path: route, key, assemblies in their shortest form.
+    /// Returns the connection path: route, key, assemblies in their shortest form.
     pub(super) fn path(&self) -> Vec<u8> {
         let mut buf = [0; 64];
         let mut writer = Writer::new(&mut buf);

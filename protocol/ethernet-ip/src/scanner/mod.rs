@@ -50,7 +50,7 @@ pub struct Scanner {
 }
 
 impl Scanner {
-    /// A scanner without connections.
+    /// Creates a scanner without connections.
     #[must_use]
     pub fn new(config: ScannerConfig) -> Self {
         let triad = Triad {
@@ -82,18 +82,18 @@ impl Scanner {
         Ok(ConnectionId(number))
     }
 
-    /// A connection; none once it was removed.
+    /// Returns a connection; `None` once it was removed.
     #[must_use]
     pub fn connection(&self, id: ConnectionId) -> Option<&Connection> {
         self.connections.get(usize::from(id.0))?.as_ref()
     }
 
-    /// A connection, for commands; none once it was removed. Poll the scanner afterwards.
+    /// Returns a connection, for commands; none once it was removed. Poll the scanner afterwards.
     pub fn connection_mut(&mut self, id: ConnectionId) -> Option<&mut Connection> {
         self.connections.get_mut(usize::from(id.0))?.as_mut()
     }
 
-    /// Every connection that was not removed.
+    /// Returns every connection that was not removed.
     pub fn connections(&self) -> impl Iterator<Item = (ConnectionId, &Connection)> {
         let numbered = self.connections.iter().zip(0..);
         numbered.filter_map(|(connection, number)| Some((ConnectionId(number), connection.as_ref()?)))
@@ -107,7 +107,7 @@ impl Scanner {
         Some(removed)
     }
 
-    /// Frames that belong to no connection, since the start.
+    /// Returns the numbers of frames that belong to no connection, since the start.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
@@ -183,7 +183,7 @@ impl Machine for Scanner {
         self.connections.iter_mut().flatten().find_map(Connection::poll_stream)
     }
 
-    /// What a device's QoS object says before anybody changes it: a scanner has no such object.
+    /// Returns the DSCP that a device's QoS object has by default; a scanner has no such object.
     fn dscp(&self, port: Port) -> u8 {
         match port {
             Port::Udp(IO_PORT) => Qos::default().cyclic(Priority::Scheduled),

@@ -33,12 +33,12 @@ pub(crate) fn adapter() -> Adapter {
     Adapter::new(adapter_config())
 }
 
-/// A scanner that wants the outputs of the robot, every millisecond.
+/// Returns a scanner that wants the outputs of the robot, every millisecond.
 pub(crate) fn wanted() -> ConnectionConfig {
     ConnectionConfig::exclusive_owner(ROBOT, &DEVICE, 1_000)
 }
 
-/// 25 µs, and nothing is lost.
+/// Returns a cable with a delay of 25 µs that loses nothing.
 pub(crate) fn cable() -> Impairment {
     Impairment { delay: Duration::from_micros(25), ..Impairment::default() }
 }
@@ -59,7 +59,7 @@ pub(crate) fn run(bus: &mut Bus, millis: u64) -> Vec<(u64, News)> {
     events
 }
 
-/// A bus that is up, 50 ms after the start.
+/// Returns a bus that is up, 50 ms after the start.
 pub(crate) fn up(config: ConnectionConfig) -> Bus {
     let mut bus = bus_of(config, cable(), 1);
     let events: Vec<_> = run(&mut bus, 50).into_iter().map(|(_, event)| event).collect();
@@ -69,7 +69,7 @@ pub(crate) fn up(config: ConnectionConfig) -> Bus {
     bus
 }
 
-/// Data in which every byte tells its place.
+/// Returns data in which every byte shows its position.
 pub(crate) fn data(first: u8) -> [u8; LEN] {
     core::array::from_fn(|index| first.wrapping_add(index as u8))
 }

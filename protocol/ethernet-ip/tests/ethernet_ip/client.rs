@@ -30,12 +30,12 @@ pub(crate) const fn peer(ip: Ipv4Addr, port: u16) -> SocketAddrV4 {
     SocketAddrV4::new(ip, port)
 }
 
-/// Parameters as scanners ask for them: fixed, scheduled.
+/// Returns parameters as scanners request them: fixed, scheduled.
 pub(crate) const fn parameters(kind: ConnectionType, size: u16) -> Parameters {
     Parameters { redundant_owner: false, kind, priority: Priority::Scheduled, variable: false, size }
 }
 
-/// A Forward_Open that owns the outputs at 1 ms; `serial` tells it from others.
+/// Returns a Forward_Open that owns the outputs at 1 ms; `serial` distinguishes it from others.
 pub(crate) fn owner(serial: u16) -> OpenRequest<'static> {
     let triad = Triad { connection_serial: serial, vendor: 1, originator_serial: 0x0BAD_CAFE };
     OpenRequest {
@@ -52,13 +52,13 @@ pub(crate) fn owner(serial: u16) -> OpenRequest<'static> {
     }
 }
 
-/// The same without outputs.
+/// Returns a Forward_Open like [`owner`] without outputs.
 pub(crate) fn heartbeat(serial: u16, path: &'static [u8]) -> OpenRequest<'static> {
     let o_t = parameters(ConnectionType::PointToPoint, 2);
     OpenRequest { o_t, path: Path(path), ..owner(serial) }
 }
 
-/// A class 3 connection.
+/// Returns a Forward_Open of a class 3 connection.
 pub(crate) fn explicit(serial: u16) -> OpenRequest<'static> {
     let size = Parameters {
         priority: Priority::Low,
@@ -85,7 +85,7 @@ fn written(write: impl FnOnce(&mut Writer<'_, LittleEndian>)) -> Vec<u8> {
     buf
 }
 
-/// A Forward_Open or Large_Forward_Open as a CIP request.
+/// Returns a Forward_Open or Large_Forward_Open as a CIP request.
 pub(crate) fn open_message(request: &OpenRequest<'_>, large: bool) -> Vec<u8> {
     let service = if large { 0x5B } else { 0x54 };
     written(|writer| {
@@ -94,7 +94,7 @@ pub(crate) fn open_message(request: &OpenRequest<'_>, large: bool) -> Vec<u8> {
     })
 }
 
-/// A Forward_Close as a CIP request.
+/// Returns a Forward_Close as a CIP request.
 pub(crate) fn close_message(triad: Triad, path: &[u8]) -> Vec<u8> {
     written(|writer| {
         writer.bytes(&[0x4E, 2, 0x20, 6, 0x24, 1]);
@@ -102,14 +102,14 @@ pub(crate) fn close_message(triad: Triad, path: &[u8]) -> Vec<u8> {
     })
 }
 
-/// An encapsulation message.
+/// Returns an encapsulation message.
 pub(crate) fn message(command: Command, session: u32, data: &[u8]) -> Vec<u8> {
     let mut buf = vec![0; HEADER_LEN + data.len()];
     Header::request(command, session).emit(&mut buf, |writer| writer.bytes(data)).unwrap();
     buf
 }
 
-/// The data of a SendRRData with this CIP request.
+/// Returns the data of a SendRRData with this CIP request.
 pub(crate) fn unconnected(cip: &[u8]) -> Vec<u8> {
     written(|writer| {
         writer.zeros(6);
@@ -119,7 +119,7 @@ pub(crate) fn unconnected(cip: &[u8]) -> Vec<u8> {
     })
 }
 
-/// The data of a SendUnitData.
+/// Returns the data of a SendUnitData.
 pub(crate) fn connected(connection: u32, count: u16, cip: &[u8]) -> Vec<u8> {
     written(|writer| {
         writer.zeros(6);
@@ -148,7 +148,7 @@ impl Answer {
         Self { general: reply.general, additional, data: reply.data.to_vec() }
     }
 
-    /// General status and the first additional word.
+    /// Returns the general status and the first additional word.
     pub(crate) fn status(&self) -> (u8, u16) {
         (self.general.into(), self.additional.first().copied().unwrap_or(0))
     }
@@ -267,7 +267,7 @@ impl Rig {
         self.settle();
     }
 
-    /// A client that connected and registered a session.
+    /// Returns a client that connected and registered a session.
     pub(crate) fn client_from(&mut self, ip: Ipv4Addr) -> Client {
         let stream = self.connect_from(ip);
         self.send(stream, &message(Command::RegisterSession, 0, &[1, 0, 0, 0]));
@@ -292,7 +292,7 @@ impl Rig {
         self.settle();
     }
 
-    /// The same to every station.
+    /// Sends a datagram to every station.
     pub(crate) fn broadcast(&mut self, port: u16, from: SocketAddrV4, bytes: &[u8]) {
         let from = Source { port: Port::Udp(port), peer: Some(from) };
         self.adapter.handle_broadcast(self.now, from, bytes);
@@ -317,7 +317,7 @@ impl Rig {
         self.datagram(IO_PORT, peer(ip, IO_PORT), &buf[..len]);
     }
 
-    /// The next message that came back over TCP.
+    /// Returns the next message that came back over TCP.
     pub(crate) fn read(&mut self, stream: StreamId) -> Option<(Header, Vec<u8>)> {
         let bytes = self.streams.get_mut(&stream.0)?;
         let header = Header::parse(bytes).ok()?;
@@ -327,7 +327,7 @@ impl Rig {
         Some((header, message[HEADER_LEN..].to_vec()))
     }
 
-    /// A CIP request and its answer, with the packet's items.
+    /// Sends a CIP request and returns its answer, with the packet's items.
     pub(crate) fn request_with(&mut self, client: Client, data: &[u8]) -> (Answer, Option<SocketAddrV4>) {
         self.send(client.stream, &message(Command::SendRRData, client.session, data));
         let (header, data) = self.read(client.stream).expect("no reply");
@@ -343,7 +343,7 @@ impl Rig {
         self.request_with(client, &unconnected(cip)).0
     }
 
-    /// A CIP request over a class 3 connection; none where nothing comes back.
+    /// Sends a CIP request over a class 3 connection and returns the answer, if there is one.
     pub(crate) fn request_connected(
         &mut self,
         client: Client,
@@ -398,7 +398,7 @@ impl Rig {
         self.request_with(client, &data)
     }
 
-    /// From now on a good scanner owns the outputs and sends every millisecond.
+    /// Starts a good scanner, which owns the outputs and sends every millisecond.
     pub(crate) fn start_good_scanner(&mut self) {
         let client = self.client();
         let opened = self.open(client, &owner(0xFFFF));
@@ -406,12 +406,12 @@ impl Rig {
         self.advance(Duration::from_millis(3));
     }
 
-    /// Whether the good scanner still gets its data on time and an answer to what it asks.
+    /// Asserts that the good scanner still gets its data on time and answers to its requests.
     pub(crate) fn assert_good_scanner_is_served(&mut self) {
         self.assert_good_scanner_is_served_beside(1);
     }
 
-    /// The same where so many class 1 connections are open in all.
+    /// Asserts the same while so many class 1 connections are open in all.
     pub(crate) fn assert_good_scanner_is_served_beside(&mut self, connections: usize) {
         assert_eq!(self.adapter.connections().0, connections, "class 1 connections");
         let good = self.good.as_ref().expect("there is no good scanner");

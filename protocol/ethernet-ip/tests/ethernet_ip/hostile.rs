@@ -15,7 +15,7 @@ use crate::client::{
     unconnected,
 };
 
-/// An adapter with a good scanner, and a bad client.
+/// Returns an adapter with a good scanner, and a bad client.
 pub(crate) fn rig() -> (Rig, Client) {
     let mut rig = Rig::new();
     rig.start_good_scanner();

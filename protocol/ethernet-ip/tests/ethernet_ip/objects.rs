@@ -18,13 +18,13 @@ fn rig() -> (Rig, Client) {
     (rig, client)
 }
 
-/// Get_Attribute_Single.
+/// Executes a Get_Attribute_Single.
 fn get(rig: &mut Rig, client: Client, class: u8, instance: u8, attribute: u8) -> (u8, Vec<u8>) {
     let answer = rig.request(client, &[0x0E, 3, 0x20, class, 0x24, instance, 0x30, attribute]);
     (answer.general.into(), answer.data)
 }
 
-/// Set_Attribute_Single; returns the general status.
+/// Executes a Set_Attribute_Single; returns the general status.
 fn set(rig: &mut Rig, client: Client, class: u8, instance: u8, attribute: u8, data: &[u8]) -> u8 {
     let request = [&[0x10, 3, 0x20, class, 0x24, instance, 0x30, attribute][..], data].concat();
     rig.request(client, &request).general.into()
@@ -192,7 +192,7 @@ fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
     assert_eq!(set(&mut rig, client, 0x04, 151, 3, &[1]), 0x15);
 }
 
-/// The DSCP that the adapter asks for behind the next cyclic frame to this host.
+/// Returns the DSCP that the adapter requests for its next cyclic frame to this host.
 fn dscp_of_next_frame(rig: &mut Rig, to: Ipv4Addr) -> u8 {
     let mut buf = vec![0; machine::wire::FRAME_CAPACITY];
     loop {
@@ -325,7 +325,7 @@ fn several_services_in_one_packet_are_answered_each() {
     assert_eq!(answer.data, b"\x02\0\x06\0\x0C\0\x8E\0\0\0\xFF\xFF\x8E\0\x14\0");
 }
 
-/// Unconnected_Send of Get_Attribute_Single vendor, along a route.
+/// Returns an Unconnected_Send of Get_Attribute_Single vendor, along a route.
 fn unconnected_send(route: &[u8]) -> Vec<u8> {
     let mut cip = b"\x52\x02\x20\x06\x24\x01\x0A\xF0\x08\0\x0E\x03\x20\x01\x24\x01\x30\x01".to_vec();
     cip.extend([route.len() as u8 / 2, 0]);

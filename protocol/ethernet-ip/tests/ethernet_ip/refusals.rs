@@ -20,7 +20,7 @@ use crate::client::{
 
 const OTHER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 7);
 
-/// A request for a new connection that is wrong in one way.
+/// Returns a request for a new connection that is wrong in one way.
 fn wrong(change: impl FnOnce(&mut OpenRequest<'static>)) -> OpenRequest<'static> {
     let mut request = owner(0x77);
     change(&mut request);
@@ -351,7 +351,7 @@ fn outputs_are_free_again_when_their_owner_timed_out() {
     assert_eq!(rig.adapter.consumed(CONSUMED), Some(&[2; 256][..]));
 }
 
-/// What the scanner says of a refusal.
+/// Returns how the scanner describes a refusal.
 fn words(config: ConnectionConfig) -> String {
     let mut bus = bus_of(config, cable(), 1);
     let events = run(&mut bus, 100);

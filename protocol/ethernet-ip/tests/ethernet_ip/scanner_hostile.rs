@@ -22,7 +22,7 @@ fn datagram(bus: &mut Bus, port: u16, from: Ipv4Addr, bytes: &[u8]) {
     });
 }
 
-/// Data go both ways: both sides took 100 frames in the last 100 ms.
+/// Asserts that data are exchanged: each side received 100 frames in the last 100 ms.
 fn assert_exchanging(bus: &mut Bus) {
     let before = [bus.a().counters().received, bus.b().counters().received];
     run(bus, 100);
@@ -141,7 +141,7 @@ impl Dialogue {
         self.settle()
     }
 
-    /// An encapsulation reply to a request.
+    /// Returns an encapsulation reply to a request.
     fn reply(
         &mut self,
         request: &[u8],
@@ -167,7 +167,7 @@ impl Dialogue {
     }
 }
 
-/// A dialogue up to the question for the identity, which is returned.
+/// Returns a dialogue up to the question for the identity, which is returned.
 fn asked_for_identity() -> (Dialogue, Vec<u8>) {
     let mut dialogue = Dialogue::new();
     let mut register = vec![0; 28];
@@ -213,7 +213,7 @@ fn replies_that_are_cut_off_or_answer_nothing_are_waited_out() {
     assert_eq!(dialogue.scanner.poll_timeout(), Some(dialogue.now + Duration::from_secs(1)));
 }
 
-/// The reply to a Forward_Open with one interval for both directions, in µs.
+/// Returns the reply to a Forward_Open with one interval for both directions, in µs.
 fn opened(serial: u16, interval_us: u32) -> Vec<u8> {
     let mut reply = vec![0xD4, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0x5C];
     reply.extend(serial.to_le_bytes());
@@ -278,7 +278,7 @@ fn an_adapter_whose_interval_is_more_than_four_times_as_long_as_asked_gets_no_da
     }
 }
 
-/// A CIP reply beside which the adapter names where it wants its data.
+/// Returns a CIP reply in whose packet the adapter names the receiver of its data.
 fn with_receiver(cip: &[u8], receiver: SocketAddrV4) -> Vec<u8> {
     let mut buf = [0; 2_048];
     let mut writer = Writer::<LittleEndian>::new(&mut buf);

@@ -15,7 +15,7 @@ use crate::client::{
 
 const STRANGER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 66);
 
-/// Host number `index` of many.
+/// Returns the address of host `index` of many.
 const fn host(index: u8) -> Ipv4Addr {
     Ipv4Addr::new(192, 168, 64, 100 + index)
 }

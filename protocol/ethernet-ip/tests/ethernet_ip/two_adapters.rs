@@ -90,7 +90,7 @@ struct Cell {
     connections: [ConnectionId; 2],
 }
 
-/// A connection to the first adapter every 1 ms, to the second every 2 ms.
+/// Returns a connection to the first adapter every 1 ms, or to the second every 2 ms.
 fn wanted(index: usize, multicast: bool) -> ConnectionConfig {
     let config = ConnectionConfig::exclusive_owner(ADAPTERS[index], &DEVICE, 1_000 << index);
     ConnectionConfig { multicast, ..config }
@@ -142,7 +142,7 @@ impl Cell {
         self.network.command(id, command).unwrap()
     }
 
-    /// The first byte of the input of each connection, and of the consumed assembly of each adapter.
+    /// Returns the first byte of the input of each connection, and of the consumed assembly of each adapter.
     fn data(&mut self) -> [[Option<u8>; 2]; 2] {
         let first = |data: Option<&[u8]>| data.map(|data| data[0]);
         let ids = self.connections;

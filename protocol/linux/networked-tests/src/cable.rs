@@ -18,7 +18,7 @@ pub struct End<'a> {
     pub address: Option<Ipv4Addr>,
 }
 
-/// Lays a cable, both ends of which carry frames from the first one on.
+/// Creates a cable, both ends of which carry frames from the first one on.
 ///
 /// # Panics
 ///

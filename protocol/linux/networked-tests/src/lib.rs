@@ -44,7 +44,7 @@ pub fn run(tests: impl IntoIterator<Item = Test>) -> ExitCode {
     run_beside(tests, [])
 }
 
-/// Like [`run`], with `others` that need no network and so run everywhere.
+/// Runs tests like [`run`], and `others` that need no network and so run everywhere.
 pub fn run_beside(tests: impl IntoIterator<Item = Test>, others: impl IntoIterator<Item = Test>) -> ExitCode {
     let arguments = Arguments::from_args();
     let is_root = rustix::process::getuid().is_root();

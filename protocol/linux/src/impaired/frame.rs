@@ -100,7 +100,7 @@ pub(super) fn put_in(frame: &mut [u8], contents: &Contents, seen: &[u8]) {
 mod tests {
     use super::*;
 
-    /// A datagram of six bytes from 10.0.0.1 to 10.0.0.2, with its checksum.
+    /// Returns a datagram of six bytes from 10.0.0.1 to 10.0.0.2, with its checksum.
     fn datagram() -> Vec<u8> {
         let mut frame = vec![0; 12];
         frame.extend([0x08, 0x00, 0x45, 0, 0, 34, 0, 0, 0x40, 0, 64, UDP, 0, 0, 10, 0, 0, 1, 10, 0, 0, 2]);
@@ -110,7 +110,7 @@ mod tests {
         frame
     }
 
-    /// The ones' complement sum of pseudo header and datagram: all ones with its checksum in place.
+    /// Returns the ones' complement sum of pseudo header and datagram, which is all ones if the checksum is right.
     fn sum(frame: &[u8]) -> u16 {
         let pseudo = [0, UDP, 0, 14];
         let bytes = [&frame[26..34], &pseudo, &frame[34..]].concat();

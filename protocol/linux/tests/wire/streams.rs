@@ -16,7 +16,7 @@ impl Bed {
         self.start(1, |_| EchoServer::new(clock::now()))
     }
 
-    /// A client in the left network.
+    /// Returns a client in the left network.
     fn client(&self) -> TcpStream {
         let client = self.ends[0].0.run(|| TcpStream::connect(SERVER)).unwrap().unwrap();
         client.set_nodelay(true).unwrap();

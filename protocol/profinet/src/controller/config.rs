@@ -64,7 +64,7 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// PDInterfaceAdjust, which Siemens controllers write to every device: the names of its ports are to be unique
+    /// Returns PDInterfaceAdjust, which Siemens controllers write to every device: the names of its ports must be unique
     /// within the station only (MultipleInterfaceMode.NameOfDevice).
     #[must_use]
     pub fn interface_adjust() -> Self {

@@ -52,7 +52,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// A controller without ARs.
+    /// Creates a controller without ARs.
     pub fn new(config: ControllerConfig) -> Result<Self, ConfigError> {
         config::check_name(&config.station_name)?;
         let ip = IpSuite { address: config.address, mask: config.mask, gateway: config.address };
@@ -79,18 +79,18 @@ impl Controller {
         Ok(ArId(number))
     }
 
-    /// An AR; none once it was removed.
+    /// Returns an AR; `None` once it was removed.
     #[must_use]
     pub fn ar(&self, ar: ArId) -> Option<&Ar> {
         self.ars.get(usize::from(ar.0))?.as_ref()
     }
 
-    /// An AR, for commands; none once it was removed. Poll the controller afterwards.
+    /// Returns an AR, for commands; none once it was removed. Poll the controller afterwards.
     pub fn ar_mut(&mut self, ar: ArId) -> Option<&mut Ar> {
         self.ars.get_mut(usize::from(ar.0))?.as_mut()
     }
 
-    /// Every AR that was not removed.
+    /// Returns every AR that was not removed.
     pub fn ars(&self) -> impl Iterator<Item = (ArId, &Ar)> {
         self.ars.iter().zip(0..).filter_map(|(ar, number)| Some((ArId(number), ar.as_ref()?)))
     }
@@ -101,7 +101,7 @@ impl Controller {
         self.ars.get_mut(usize::from(ar.0))?.take()
     }
 
-    /// Frames that belong to no AR, since the start.
+    /// Returns the numbers of frames that belong to no AR, since the start.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters

@@ -32,7 +32,7 @@ pub(super) struct Responder {
 }
 
 impl Responder {
-    /// This is where its memory is taken; nothing later allocates.
+    /// Creates a responder. It allocates its memory here; nothing allocates later.
     pub(super) fn new() -> Self {
         Self { answer: Message::new(), to: None }
     }
@@ -122,14 +122,14 @@ mod tests {
     const P_NET: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(172, 16, 2, 10), 49_153);
     const SESSION: u16 = 2;
 
-    /// p-net's ApplicationReady (test data of crate `pnio` 0.1.0), and its ARUUID.
+    /// Returns p-net's ApplicationReady (test data of crate `pnio` 0.1.0), and its ARUUID.
     fn ready() -> (Vec<u8>, Uuid) {
         let datagram = captured::datagram(captured::APPREADY_REQ);
         let uuid = datagram[108..124].try_into().unwrap();
         (datagram, Uuid(uuid))
     }
 
-    /// A controller with this AR and session.
+    /// Returns a controller with this AR and session.
     fn of(uuid: Uuid, session: u16) -> impl Fn(Uuid) -> Option<u16> {
         move |ar| (ar == uuid).then_some(session)
     }

@@ -123,7 +123,7 @@ impl Answers {
         answer.message.set(request.answer(Kind::Response), body)
     }
 
-    /// The place of the newest answer to a station.
+    /// Returns the place of the newest answer to a station.
     fn newest_of(&self, station: Ipv4Addr) -> Option<usize> {
         let places = self.callers.iter().enumerate();
         let own = places.filter(|(_, answer)| answer.to.is_some_and(|to| *to.ip() == station));

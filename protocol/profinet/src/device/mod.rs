@@ -109,7 +109,8 @@ const fn closed_by_peer(status: Status) -> (DownCause, Status) {
 }
 
 impl Device {
-    /// A device that starts now. It takes its memory here; a Connect takes the memory of its AR; nothing else does.
+    /// Creates a device that starts now. It allocates its memory here, and a Connect allocates the memory of its AR;
+    /// nothing else allocates.
     #[must_use]
     pub fn new(config: DeviceConfig, start: Instant) -> Self {
         let DeviceConfig { mac, station_name, address, mask, description, controllers } = config;
@@ -138,7 +139,7 @@ impl Device {
         Self { requests: Requests::new(), core }
     }
 
-    /// The station name, which DCP may have changed.
+    /// Returns the station name, which DCP may have changed.
     #[must_use]
     pub fn station_name(&self) -> &[u8] {
         self.core.station.name()
@@ -211,7 +212,8 @@ impl Core {
         }
     }
 
-    /// What a station may change by DCP: nothing while an AR runs, or if it is not one of the listed controllers.
+    /// Returns what a station may change by DCP: nothing while an AR runs, or if the station is not one of the listed
+    /// controllers.
     fn may_set(&self, source: Mac) -> MaySet {
         if self.relation.is_some() {
             MaySet::InOperation
@@ -305,7 +307,7 @@ impl Core {
         self.end((cause, status));
     }
 
-    /// The AR is over; its counts stay.
+    /// Ends the AR; its counts are kept.
     fn end(&mut self, (cause, status): (DownCause, Status)) {
         if self.relation.is_none() {
             return;
@@ -433,20 +435,21 @@ impl Machine for Device {
 }
 
 impl Device {
-    /// Whether a controller has an AR with this device, whether or not data are exchanged yet.
+    /// Returns whether a controller has an AR with this device, whether or not data are exchanged yet.
     #[must_use]
     pub const fn has_controller(&self) -> bool {
         self.core.relation.is_some()
     }
 
-    /// The newest output data of a submodule; none while the device is not up, and while the controller calls them bad.
+    /// Returns the newest output data of a submodule; `None` while the device is not up, or while the controller marks
+    /// them as bad.
     #[must_use]
     pub fn output(&self, slot: u16, subslot: u16) -> Option<&[u8]> {
         self.outputs().find_map(|(place, data)| (place == (slot, subslot)).then_some(data)).flatten()
     }
 
-    /// The newest output data of every submodule that has some, as ((slot, subslot), data) by ascending slot and subslot;
-    /// no data where the controller calls them bad. Nothing at all while the device is not up.
+    /// Returns the newest output data of every submodule that has data, as ((slot, subslot), data) by ascending slot and
+    /// subslot; `None` for data that the controller marks as bad. Nothing at all while the device is not up.
     pub fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
         self.core.relation.iter().flat_map(Relation::outputs)
     }
@@ -470,13 +473,13 @@ impl Device {
         self.core.abort(Violation::AbortRequested);
     }
 
-    /// What was sent, received and refused since the start.
+    /// Returns the numbers of frames that were sent, received and refused since the start.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.core.counters()
     }
 
-    /// The owner did what [`LinkEvent::SetAddress`] asked for, or could not.
+    /// Reports that the owner did what [`LinkEvent::SetAddress`] asked for, or could not.
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
         if self.core.station.address_set(now, done) {

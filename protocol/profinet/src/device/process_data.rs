@@ -33,7 +33,7 @@ pub(super) struct ProcessData {
 }
 
 impl ProcessData {
-    /// The mapping for two IOCRs that were admitted with these expected modules.
+    /// Creates the mapping for two IOCRs that were admitted with these expected modules.
     pub(super) fn new(
         description: &Description,
         expected: &[ExpectedModule],
@@ -102,8 +102,8 @@ impl ProcessData {
         }
     }
 
-    /// The data of every submodule in a frame from the controller, with slot and subslot; none where it marks them as
-    /// bad.
+    /// Returns the data of every submodule in a frame from the controller, with slot and subslot; `None` for data that it
+    /// marks as bad.
     pub(super) fn all_data<'a>(
         &self,
         c_sdu: &'a [u8],
@@ -114,7 +114,7 @@ impl ProcessData {
         })
     }
 
-    /// Whether there are data in a frame from the controller, and it marks all of them as good.
+    /// Returns whether a frame from the controller has data and marks all of them as good.
     pub(super) fn is_good(&self, c_sdu: &[u8]) -> bool {
         !self.from_controller.is_empty() && self.all_data(c_sdu).all(|(_, data)| data.is_some())
     }

@@ -76,7 +76,7 @@ pub(super) struct Relation {
 }
 
 impl Relation {
-    /// The AR for an admitted Connect.
+    /// Creates the AR for an admitted Connect.
     pub(super) fn new(
         now: Instant,
         ends: &Ends,
@@ -135,7 +135,7 @@ impl Relation {
         }
     }
 
-    /// Whether cyclic frames of this FrameID come to this AR over that transport.
+    /// Returns whether cyclic frames with this FrameID over that transport belong to this AR.
     pub(super) fn consumes(&self, transport: Transport, frame_id: u16) -> bool {
         self.consumes == transport && self.receiver.frame_id() == frame_id
     }
@@ -152,13 +152,13 @@ impl Relation {
         received
     }
 
-    /// The newest data of every submodule that has outputs; nothing before the connection is up.
+    /// Returns the newest data of every submodule that has outputs; nothing before the connection is up.
     pub(super) fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
         let c_sdu = self.receiver.usable().filter(|_| self.is_up);
         c_sdu.into_iter().flat_map(|c_sdu| self.process.all_data(c_sdu))
     }
 
-    /// Whether data are exchanged since just now.
+    /// Returns whether the exchange of data has just begun.
     pub(super) fn has_come_up(&mut self) -> bool {
         let comes_up = !self.is_up && self.phase == Phase::Data && self.is_output_good;
         self.is_up |= comes_up;
@@ -169,14 +169,14 @@ impl Relation {
         self.process.write_data(provided, self.sender.c_sdu_mut());
     }
 
-    /// The controller goes on with the connection.
+    /// Continues the connection with the next request of the controller.
     pub(super) fn step(&mut self, now: Instant) {
         if self.phase != Phase::Data {
             self.step_deadline = Some(now + self.step_time);
         }
     }
 
-    /// All parameters are written. Whoever calls this sends [`ready`](Self::ready).
+    /// Handles PrmEnd: all parameters are written. The caller sends [`ready`](Self::ready).
     pub(super) fn prm_end(&mut self, now: Instant) -> Result<(), Violation> {
         if self.phase != Phase::Parameters {
             return Err(Violation::StateConflict);
@@ -187,7 +187,7 @@ impl Relation {
         Ok(())
     }
 
-    /// Parameters will be written anew.
+    /// Handles PrmBegin: parameters will be written again.
     pub(super) fn prm_begin(&mut self, now: Instant) -> Result<(), Violation> {
         if self.phase != Phase::Data {
             return Err(Violation::StateConflict);
@@ -197,7 +197,7 @@ impl Relation {
         Ok(())
     }
 
-    /// The controller has confirmed that the device is ready.
+    /// Handles the controller's confirmation that the device is ready.
     pub(super) fn confirmed(&mut self, now: Instant) {
         self.step(now);
         self.phase = Phase::Data;
@@ -206,12 +206,12 @@ impl Relation {
         }
     }
 
-    /// The control block of this AR.
+    /// Returns the control block of this AR.
     pub(super) const fn control(&self, command: Command) -> Control {
         Control { command, ar: self.uuid, session: self.session, properties: 0 }
     }
 
-    /// Whether ApplicationReady is to be repeated now.
+    /// Returns whether ApplicationReady is to be repeated now.
     pub(super) fn must_repeat(&mut self, now: Instant) -> bool {
         match &mut self.phase {
             Phase::Ready { repeat, interval } if *repeat <= now => {
@@ -223,7 +223,7 @@ impl Relation {
         }
     }
 
-    /// What has not come in time, if anything.
+    /// Returns the violation of a request that did not come in time, if any.
     pub(super) fn expired(&self, now: Instant) -> Option<Violation> {
         if self.receiver.received() > 0 && self.receiver.is_expired(now) {
             return Some(Violation::ConsumerExpired);

@@ -30,7 +30,7 @@ const MAX_ALARM_DATA: u16 = 200;
 /// The longest answer, in bytes of blocks, that the device takes from the controller.
 const MOST_ANSWER: u32 = 1308;
 
-/// Whether calls to this interface are served here.
+/// Returns whether calls to this interface are served here.
 pub(super) fn is_served(interface: Uuid) -> bool {
     interface == DEVICE_INTERFACE || interface == ENDPOINT_MAPPER_INTERFACE
 }
@@ -99,7 +99,8 @@ impl Core {
         self.count_overflow(answered);
     }
 
-    /// An answer that does not fit is not sent; the caller runs into its timeout. None of ours is as long.
+    /// Counts an answer that does not fit and is not sent; the caller runs into its timeout. No answer of ours is that
+    /// long.
     const fn count_overflow(&mut self, answered: Result<(), Overflow>) {
         if answered.is_err() {
             self.counters.malformed += 1;
@@ -168,17 +169,17 @@ impl Core {
         })
     }
 
-    /// IP address of the controller that has the AR.
+    /// Returns the IP address of the controller that has the AR.
     pub(super) fn controller(&self) -> Option<Ipv4Addr> {
         self.relation.as_ref().map(|relation| relation.controller)
     }
 
-    /// Whether there is an AR, with another controller.
+    /// Returns whether there is an AR, with another controller.
     fn is_foreign(&self, from: Ipv4Addr) -> bool {
         self.controller().is_some_and(|controller| controller != from)
     }
 
-    /// The AR that a control block or record names. For any station but its controller there is no such AR.
+    /// Returns the AR that a control block or record names. For every station but its controller there is no such AR.
     fn relation_of(
         &mut self,
         now: Instant,
@@ -226,7 +227,7 @@ impl Core {
         Ok(control)
     }
 
-    /// What follows once a control block is answered.
+    /// Does what follows after a control block is answered.
     fn after_control(&mut self, command: Command) {
         match command {
             Command::PrmEnd => self.call_ready(),
@@ -324,7 +325,7 @@ impl Core {
         self.call_to = Some(SocketAddrV4::new(relation.controller, RPC_PORT));
     }
 
-    /// An activity of its own for every call: the count, when the device started, its MAC address.
+    /// Returns a new activity for every call: the count, the device's start time, its MAC address.
     fn activity(&self) -> Uuid {
         let [a, b, c, d] = self.calls.to_be_bytes();
         let [.., e, f, g, h] = (self.start.as_nanos() / 1_000).to_be_bytes();

@@ -47,7 +47,7 @@ const fn interface(number: u128) -> Uuid {
     Uuid((0xDEA0_0000_6C97_11D1_8271_00A0_2442_DF7D_u128 | number << 96).to_be_bytes())
 }
 
-/// ObjectUUID of a station: instance (1 for the first interface), device and vendor.
+/// Returns the ObjectUUID of a station: instance (1 for the first interface), device and vendor.
 #[must_use]
 pub fn object(instance: u16, identity: Identity) -> Uuid {
     let node = u128::from(instance) << 32 | u128::from(identity.device) << 16 | u128::from(identity.vendor);

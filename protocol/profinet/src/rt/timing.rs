@@ -22,7 +22,7 @@ pub enum Transport {
 }
 
 impl Transport {
-    /// Shortest C_SDU in bytes: over Ethernet it fills the smallest frame.
+    /// Returns the shortest C_SDU in bytes: over Ethernet it fills the smallest frame.
     #[must_use]
     pub const fn min_c_sdu_len(self) -> usize {
         match self {

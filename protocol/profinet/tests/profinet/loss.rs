@@ -67,13 +67,13 @@ impl<M: Machine> Machine for Losing<M> {
 
 type Bus = Pair<Losing<Controller>, Losing<Device>>;
 
-/// The first AR of the controller.
+/// Returns the first AR of the controller.
 fn ar(bus: &Bus) -> (ArId, &Ar) {
     let controller = &bus.a().machine;
     controller.ars().next().unwrap()
 }
 
-/// The newest input data of the controller, and output data of the device.
+/// Returns the newest input data of the controller, and output data of the device.
 fn data(bus: &Bus) -> [Option<&[u8]>; 2] {
     [ar(bus).1.input(1, 1), bus.b().machine.output(1, 1)]
 }
@@ -92,7 +92,7 @@ impl Cell {
         Self { transport, description: samples::DEVICE, seed: 1, loss_ppm: 0, lost: [Vec::new(), Vec::new()] }
     }
 
-    /// A controller that sends this byte over and over.
+    /// Returns a controller that sends this byte repeatedly.
     fn controller(&self, start: Instant, byte: u8) -> Controller {
         let mut controller = Controller::new(ControllerConfig {
             mac: Mac([2, 0, 0, 0, 0, 1]),
@@ -148,7 +148,7 @@ impl Cell {
     }
 }
 
-/// The next event of the controller; the address that DCP sets is put on the device's interface on the way.
+/// Returns the next event of the controller. Meanwhile it sets the address that DCP requests on the device's interface.
 fn next_of_controller(bus: &mut Bus, until: Instant) -> Option<LinkEvent> {
     loop {
         match bus.next_event(until)? {

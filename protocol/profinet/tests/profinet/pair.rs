@@ -40,13 +40,13 @@ impl Bus {
         self.pair.a().ar(self.ar).unwrap()
     }
 
-    /// The newest input data of the controller, and output data of the device.
+    /// Returns the newest input data of the controller, and output data of the device.
     fn data(&self) -> [Option<&[u8]>; 2] {
         [self.ar().input(1, 1), self.pair.b().output(1, 1)]
     }
 }
 
-/// A controller and a device that does not have an address yet.
+/// Returns a controller and a device that does not have an address yet.
 fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
     let clocks = [
         Clock { offset_ns: 3_000_000_000, drift_ppb: 30_000 },
@@ -93,7 +93,7 @@ fn data(fill: u8) -> [u8; LEN] {
     core::array::from_fn(|index| fill.wrapping_add(index as u8))
 }
 
-/// The next event of either side; the address that DCP sets is put on the device's interface on the way.
+/// Returns the next event of either side. Meanwhile it sets the address that DCP requests on the device's interface.
 fn next_event(bus: &mut Bus, within: Duration) -> Option<Reported> {
     let until = bus.pair.now() + within;
     while let Some(event) = bus.pair.next_event(until) {
@@ -141,7 +141,7 @@ fn data_go_both_ways_within_a_tenth_of_a_second_of_power_on() {
     }
 }
 
-/// What a side said last about the end of its connection.
+/// Returns the ends of connections that the sides reported.
 fn downs(events: &[Reported]) -> Vec<(Side, DownCause, u32)> {
     let down = |event: &_| match event {
         Event::A((_, LinkEvent::Down(down))) => Some((Side::A, down.cause, down.code)),

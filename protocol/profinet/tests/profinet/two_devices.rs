@@ -86,7 +86,8 @@ fn ar(index: usize, transport: Transport) -> ArConfig {
 }
 
 impl Cell {
-    /// The first device wants its data by `transports[0]` every 1 ms, the second by `transports[1]` every 2 ms.
+    /// Creates a controller of two devices: the first wants its data by `transports[0]` every 1 ms, the second by
+    /// `transports[1]` every 2 ms.
     fn new(transports: [Transport; 2]) -> Self {
         let mut controller = Controller::new(ControllerConfig {
             mac: Mac([2, 0, 0, 0, 0, 1]),
@@ -152,7 +153,7 @@ impl Cell {
         self.network.command(self.controller, command).unwrap()
     }
 
-    /// The first byte of the input of each AR, and of the output of each device.
+    /// Returns the first byte of the input of each AR, and of the output of each device.
     fn data(&mut self) -> [[Option<u8>; 2]; 2] {
         let first = |data: Option<&[u8]>| data.map(|data| data[0]);
         let ars = self.ars;

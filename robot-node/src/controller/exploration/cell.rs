@@ -64,7 +64,7 @@ impl Explored {
         self.controller.joints()[2]
     }
 
-    /// One scan and one robot cycle, checked against the rules.
+    /// Runs one scan and one robot cycle, and checks the rules.
     pub(super) fn step(&self, change: Change, source: &mut MotionList) -> Self {
         let mut next = self.clone();
         match change {
@@ -117,12 +117,12 @@ impl Explored {
         self.overriding = self.set_override.call(is_called, &factors, &mut self.group);
     }
 
-    /// Where a block's skill stands.
+    /// Returns the state of a block's skill.
     pub(super) const fn state(&self, block: usize) -> SkillState {
         if block == SECOND { self.second.state() } else { self.motion.state() }
     }
 
-    /// All that decides what can come, but for running numbers and small differences of place and speed.
+    /// Returns everything that decides what can follow, without running numbers and small differences of place and speed.
     pub(super) fn key(&self) -> impl std::hash::Hash + Eq + use<> {
         let Controller {
             state,

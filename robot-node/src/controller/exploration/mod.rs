@@ -97,7 +97,7 @@ enum Skills {
 const HOME: f64 = 175.0;
 
 impl Skills {
-    /// Joint 3 at the ends of the motions, in mm; of a LIN force where its line ends.
+    /// Returns the values of joint 3 at the ends of the motions, in mm; of a LIN force, where its line ends.
     fn targets(self) -> &'static [f64] {
         match self {
             Self::Good => &[HOME - 0.1, HOME - 0.2, HOME - 0.05],
@@ -127,7 +127,8 @@ impl Skills {
         motions
     }
 
-    /// Places nearer to each other than this count as one. A force is approached slowly, so that there are many.
+    /// Returns the distance below which two places count as one. A force is approached slowly, so that there are many
+    /// places.
     const fn place_mm(self) -> f64 {
         match self {
             Self::Good | Self::Bad | Self::Two(_) => 0.02,
@@ -135,8 +136,8 @@ impl Skills {
         }
     }
 
-    /// Whether the change is tried on this skill: what an override does depends on no second block, and what a wrong one
-    /// does on no motion.
+    /// Returns whether the change is tried on this skill: the effect of an override does not depend on a second block,
+    /// and that of a wrong override not on the motion.
     fn meets(self, change: Change) -> bool {
         match (self, change) {
             (Self::Two(_), Change::Override(_)) => false,
@@ -145,7 +146,7 @@ impl Skills {
         }
     }
 
-    /// What a block does while the other one's skill is under way.
+    /// Returns the buffer mode of a block that is called while the other one's skill is under way.
     fn mode(self) -> BufferMode {
         match self {
             Self::Two(mode) => mode,
@@ -153,7 +154,7 @@ impl Skills {
         }
     }
 
-    /// Whether motion `index` ends where the surface says, not where its target is.
+    /// Returns whether motion `index` ends where it meets the surface, and not at its target.
     fn presses(self, index: usize) -> bool {
         self == Self::Pressing && index == 1
     }
@@ -191,7 +192,7 @@ struct Found {
     turns: usize,
 }
 
-/// Explores everything that can come.
+/// Explores everything that can happen.
 fn explore(skills: Skills) -> Found {
     let mut source = MotionList::from(skills.motions());
     let start = Explored::new(skills);

@@ -19,7 +19,7 @@ impl Explored {
         assert!(!stood || now.factor > 0.0 || now.interpolator.is_at_rest(), "it starts at override 0");
     }
 
-    /// What the blocks say of the robot whose image they saw in this step.
+    /// Checks that the blocks' outputs agree with the robot whose image they read in this step.
     fn keeps_the_blocks_promises(&self, before: &Self) {
         let seen = before.controller.feedback();
         let halted = self.outputs[HALT].done && !before.outputs[HALT].done;
@@ -34,7 +34,7 @@ impl Explored {
         }
     }
 
-    /// What two blocks of skills promise each other.
+    /// Checks that two blocks of skills take their turns.
     fn keeps_the_turns(&self, before: &Self) {
         assert!(!(self.outputs[MOVE].active && self.outputs[SECOND].active), "two skills at once");
         for (block, other) in [(MOVE, SECOND), (SECOND, MOVE)] {
@@ -57,12 +57,12 @@ impl Explored {
         assert!(!(self.waits(MOVE) && self.waits(SECOND)), "each waits for the other one");
     }
 
-    /// Whether a block waits for its turn.
+    /// Returns whether a block waits for its turn.
     fn waits(&self, block: usize) -> bool {
         self.outputs[block].busy && self.state(block) == SkillState::Ready
     }
 
-    /// Whether a block that waited starts its skill.
+    /// Returns whether a block that waited starts its skill.
     pub(super) fn takes_its_turn(&self, before: &Self, block: usize) -> bool {
         before.waits(block) && self.outputs[block].busy && !self.waits(block)
     }

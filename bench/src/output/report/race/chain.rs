@@ -106,7 +106,7 @@ impl Chain {
     }
 }
 
-/// The links lie above the stroke of the quill, which hangs from the second one.
+/// Builds the chain of a SCARA: the links lie above the stroke of the quill, which hangs from the second link.
 fn scara(arm: &Scara, stroke_mm: f64) -> Chain {
     let [link_1, link_2, height] =
         [&arm.link_1_mm, &arm.link_2_mm, &arm.height_mm].map(|length| length.value);
@@ -173,7 +173,7 @@ fn six_axes(arm: &Opw) -> Chain {
     }
 }
 
-/// The links lie side by side: the upper arm beside axis 1, and the forearm back above it.
+/// Builds the chain of an arm with three parallel axes: the upper arm lies beside axis 1, and the forearm back above it.
 fn three_parallel(arm: &ThreeParallel) -> Chain {
     let [d1, a2, a3, d4, d5, d6] =
         [&arm.d1_mm, &arm.a2_mm, &arm.a3_mm, &arm.d4_mm, &arm.d5_mm, &arm.d6_mm].map(|length| length.value);

@@ -93,7 +93,7 @@ pub(super) fn emit_close(
     })
 }
 
-/// The number of the request that a message answers.
+/// Returns the number of the request that a message answers.
 pub(super) const fn number_of(header: &Header) -> u32 {
     let [a, b, c, d, ..] = header.context;
     u32::from_le_bytes([a, b, c, d])
@@ -108,7 +108,7 @@ pub(super) struct Sockets {
     pub(super) t_o: Option<SocketAddrV4>,
 }
 
-/// The CIP reply in the data of a SendRRData, and where data is to go.
+/// Reads the CIP reply in the data of a SendRRData, and the address to which the adapter wants its data.
 pub(super) fn read_reply(data: &[u8]) -> Option<(Reply<'_>, Sockets)> {
     let mut reader = Reader::new(data);
     reader.skip(6).ok()?;
@@ -118,7 +118,7 @@ pub(super) fn read_reply(data: &[u8]) -> Option<(Reply<'_>, Sockets)> {
     Some((Reply::parse(reply).ok()?, sockets))
 }
 
-/// The identity in the reply to Get_Attributes_All.
+/// Reads the identity in the reply to Get_Attributes_All.
 pub(super) fn read_identity(data: &[u8]) -> Result<Identity, Truncated> {
     let mut reader = Reader::new(data);
     let (vendor, device_type, product_code) = (reader.u16()?, reader.u16()?, reader.u16()?);

@@ -112,8 +112,8 @@ impl Connection {
         }
     }
 
-    /// The adapter has opened the connection: data go, unless what it says of them cannot be served. What it opened is then
-    /// closed again.
+    /// Handles an opened connection: data are sent, unless the reply contains something that cannot be served; then the
+    /// connection is closed again.
     fn opened(&mut self, now: Instant, opened: &Opened, sockets: Sockets) {
         if let Err((code, text)) = self.check_opened(opened, sockets) {
             return self.fail(now, Down { cause: DownCause::Refused, code, text });
@@ -159,7 +159,7 @@ impl Connection {
         }
     }
 
-    /// Before anything is opened: whether the device is the one that is wanted.
+    /// Checks whether the device is the wanted one, before anything is opened.
     fn check_identity(&self) -> Result<(), KeyMismatch> {
         match (&self.config.key, &self.found) {
             (Some(key), Some(found)) => key.check(&found.key),
@@ -167,7 +167,7 @@ impl Connection {
         }
     }
 
-    /// Whether the device has the serial number that it must have, if any.
+    /// Returns whether the device has the required serial number, if one is required.
     fn has_serial_number(&self) -> bool {
         let found = self.found.map(|found| found.serial_number);
         self.config.serial_number.is_none_or(|wanted| found == Some(wanted))

@@ -32,7 +32,7 @@ pub(super) struct Io {
 }
 
 impl Io {
-    /// What follows from the adapter's reply; none where it should have named a multicast group and did not.
+    /// Creates the cyclic part from the adapter's reply; `None` if the reply lacks a multicast group that it should name.
     pub(super) fn new(
         now: Instant,
         config: &ConnectionConfig,
@@ -65,7 +65,7 @@ impl Io {
         })
     }
 
-    /// The connection number of the frames that it takes.
+    /// Returns the connection number of the frames that it takes.
     pub(super) const fn t_o_id(&self) -> u32 {
         self.t_o_id
     }

@@ -132,13 +132,13 @@ impl Connection {
         }
     }
 
-    /// Whether data go both ways.
+    /// Returns whether data are exchanged in both directions.
     #[must_use]
     pub const fn is_up(&self) -> bool {
         self.up
     }
 
-    /// Why the adapter refused the last connection, with what it has instead.
+    /// Returns why the adapter refused the last connection, with what it has instead.
     #[must_use]
     pub const fn refusal(&self) -> Option<&Refusal> {
         self.refusal.as_ref()
@@ -150,19 +150,19 @@ impl Connection {
         self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
     }
 
-    /// Who the adapter says it is, once it was asked.
+    /// Returns the identity that the adapter reported, once it was asked.
     #[must_use]
     pub const fn identity(&self) -> Option<&Identity> {
         self.found.as_ref()
     }
 
-    /// Frames of this connection since its start.
+    /// Returns the numbers of frames of this connection since its start.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
     }
 
-    /// The newest data of the T→O assembly; none while the connection is not up.
+    /// Returns the newest data of the T→O assembly; none while the connection is not up.
     #[must_use]
     pub fn input(&self) -> Option<&[u8]> {
         self.up.then_some(&self.input)
@@ -177,12 +177,12 @@ impl Connection {
         Ok(())
     }
 
-    /// The data of the O→T assembly, to be changed in place.
+    /// Returns the data of the O→T assembly, to be changed in place.
     pub fn output_mut(&mut self) -> &mut [u8] {
         &mut self.output
     }
 
-    /// Whether the frames say that the owner's program runs (from the start they do) or that it is idle.
+    /// Sets whether the frames say that the owner's program runs, as they do from the start, or that it is idle.
     pub const fn set_run(&mut self, run: bool) {
         self.run = run;
     }
@@ -244,7 +244,7 @@ impl Connection {
         self.step = Step::Idle;
     }
 
-    /// The connection is lost or did not come about: begin anew later.
+    /// Handles a connection that was lost or could not be established: the scanner starts again later.
     fn fail(&mut self, now: Instant, down: Down) {
         let ended = self.leaving || self.step == Step::Closing;
         let may_be_open = self.step == Step::Opening || self.step == Step::Running && self.stream.is_none();
@@ -288,7 +288,7 @@ impl Connection {
         }
     }
 
-    /// Whether cyclic frames with this connection number from this station are for this connection.
+    /// Returns whether cyclic frames with this connection number from this station are for this connection.
     pub(super) fn consumes(&self, peer: Ipv4Addr, id: u32) -> bool {
         self.config.target == peer && self.io.as_ref().is_some_and(|io| io.t_o_id() == id)
     }
@@ -301,12 +301,12 @@ impl Connection {
         }
     }
 
-    /// Its TCP connection, while it has one.
+    /// Returns its TCP connection, while it has one.
     pub(super) const fn stream(&self) -> Option<StreamId> {
         self.stream
     }
 
-    /// Whether this is its TCP connection.
+    /// Returns whether this is its TCP connection.
     pub(super) fn has(&self, stream: StreamId) -> bool {
         self.stream == Some(stream)
     }
@@ -329,7 +329,7 @@ impl Connection {
         }
     }
 
-    /// The TCP connection that it asked for is up. Returns whether it still wants it.
+    /// Handles the requested TCP connection, which is up now. Returns whether it is still wanted.
     pub(super) fn handle_connected(&mut self, now: Instant, stream: StreamId) -> bool {
         if self.step != Step::Connecting || self.stream.is_some() {
             return false;
@@ -343,14 +343,14 @@ impl Connection {
         true
     }
 
-    /// The TCP connection that it asked for could not be made.
+    /// Handles a requested TCP connection that could not be made.
     pub(super) fn handle_not_connected(&mut self, now: Instant) {
         if self.step == Step::Connecting && self.stream.is_none() {
             self.no_answer(now);
         }
     }
 
-    /// Its TCP connection is gone.
+    /// Handles the end of its TCP connection.
     pub(super) fn handle_closed(&mut self, now: Instant) {
         self.stream = None;
         self.session = 0;
@@ -372,7 +372,7 @@ impl Connection {
         core::mem::take(&mut self.connect).then_some(StreamRequest::Connect { to, attempt: self.attempt })
     }
 
-    /// The multicast group that its T→O frames go to.
+    /// Returns the multicast group that its T→O frames go to.
     pub(super) fn group(&self) -> Option<Ipv4Addr> {
         self.io.as_ref()?.group
     }

@@ -62,7 +62,7 @@ impl Refusal {
         Self { general: reply.general, extended, size, intervals_us, asked, found }
     }
 
-    /// What the status says.
+    /// Returns the meaning of the status in words.
     #[must_use]
     pub const fn words(&self) -> &'static str {
         match self.extended {
@@ -71,7 +71,7 @@ impl Refusal {
         }
     }
 
-    /// The same as the news of a connection: the general status in the upper half of the code.
+    /// Converts the refusal to the news of a connection, with the general status in the upper half of the code.
     #[must_use]
     pub fn down(&self) -> Down {
         let extended = self.extended.map_or(0, u16::from);
@@ -118,7 +118,7 @@ impl Refusal {
         )
     }
 
-    /// What the device has instead, where its reply has no field for it but its EDS file tells.
+    /// Writes what the device has instead, if its reply has no field for it but its EDS file does.
     fn write_described(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_described =
             |device: &&Description| self.found.is_some_and(|found| device.key().check(&found.key).is_ok());
@@ -195,7 +195,7 @@ impl Refusal {
     }
 }
 
-/// What stands behind extended status 0x0112: what kind of limit each interval is, u8 and u8, and the intervals.
+/// Reads the data after extended status 0x0112: the kind of limit of each interval, u8 and u8, and the intervals.
 fn read_intervals(additional: &[u8]) -> Result<(u32, u32), Truncated> {
     let mut reader = Reader::new(additional);
     reader.skip(4)?;

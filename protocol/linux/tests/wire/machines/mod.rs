@@ -77,7 +77,7 @@ impl Station {
 }
 
 impl Progress for Station {
-    /// Images that were sent, or received if those are fewer.
+    /// Returns the number of images that were sent, or received if those are fewer.
     fn progress(&self) -> u64 {
         self.counters().sent.min(self.counters().received)
     }

@@ -146,7 +146,7 @@ impl Caller {
 }
 
 impl Progress for Caller {
-    /// Attempts that were refused and connections that were closed.
+    /// Returns the number of refused attempts and closed connections.
     fn progress(&self) -> u64 {
         self.closed.len() as u64
     }

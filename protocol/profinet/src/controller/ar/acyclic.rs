@@ -46,7 +46,7 @@ impl Ar {
         Some(Transmit { port: Port::Ethernet, to: None, len })
     }
 
-    /// When something is due besides cyclic frames, either way.
+    /// Returns when something besides cyclic frames is due, in either direction.
     pub(super) fn acyclic_timeout(&self) -> Option<Instant> {
         let of_phase = match self.phase {
             Phase::Pausing { until } | Phase::Readying { until } | Phase::Releasing { until } => Some(until),
@@ -58,7 +58,7 @@ impl Ar {
             .fold(None, Instant::earlier)
     }
 
-    /// Something besides a cyclic frame may be due.
+    /// Handles what is due besides cyclic frames.
     pub(super) fn handle_acyclic_timeout(&mut self, now: Instant) {
         self.acyclic = Acyclic::Active;
         self.handle_link_timeout(now);

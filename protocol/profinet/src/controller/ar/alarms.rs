@@ -75,14 +75,14 @@ pub(super) struct Parting {
     status: Status,
 }
 
-/// The number after `sequence`: 15 bits once the first two, 0xFFFE and 0xFFFF, are passed.
+/// Returns the number after `sequence`: numbers have 15 bits after the first two, 0xFFFE and 0xFFFF.
 const fn following(sequence: u16) -> u16 {
     let next = sequence.wrapping_add(1);
     if sequence < 0x8000 { next & 0x7FFF } else { next }
 }
 
 impl Alarms {
-    /// The connection after a Connect. `references` are the LocalAlarmReferences of this side and of the device.
+    /// Creates the connection after a Connect. `references` are the LocalAlarmReferences of this side and of the device.
     pub(super) const fn new(route: Route, references: (u16, u16)) -> Self {
         Self { route, references, high: Endpoint::new(Priority::High), low: Endpoint::new(Priority::Low) }
     }
@@ -126,12 +126,12 @@ impl Alarms {
         })
     }
 
-    /// When something has to be repeated.
+    /// Returns when a PDU has to be repeated.
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         Instant::earlier(self.high.repeat_at(), self.low.repeat_at())
     }
 
-    /// The error PDU that tells the device that the AR has ended.
+    /// Returns the error PDU that tells the device that the AR has ended.
     pub(super) const fn parting(&self, status: Status) -> Parting {
         let rta = self.low.rta(PduType::Error, self.references);
         Parting { route: self.route, rta, status }
@@ -258,7 +258,7 @@ impl Endpoint {
     }
 }
 
-/// The number before `sequence`, which was sent.
+/// Returns the number before `sequence`, which was sent.
 const fn preceding(sequence: u16) -> u16 {
     match sequence {
         0 => 0xFFFF,

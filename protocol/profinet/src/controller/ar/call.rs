@@ -52,7 +52,7 @@ struct Wait {
 }
 
 impl Caller {
-    /// A caller without a call. This is where its memory is taken; nothing later allocates.
+    /// Creates a caller without a call. It allocates its memory here; nothing allocates later.
     pub(super) fn new(object: Uuid, interface: Uuid) -> Self {
         Self {
             request: Message::new(),
@@ -172,14 +172,14 @@ impl Caller {
         self.request.poll(datagram)
     }
 
-    /// When the call is repeated or given up; none without a call.
+    /// Returns when the call is repeated or given up; none without a call.
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         self.wait.map(|wait| wait.repeat_at.min(wait.give_up_at))
     }
 }
 
 impl Wait {
-    /// The device is alive and has the call.
+    /// Notes that the device is alive and has the call.
     fn heard(&mut self, now: Instant) {
         self.give_up_at = (now + UNHEARD_FOR).min(self.last_resort);
         self.repeat_at = now + self.pause;

@@ -75,12 +75,12 @@ impl Discovery {
         self.send = true;
     }
 
-    /// The station that answered to the name first.
+    /// Returns the station that answered to the name first.
     pub(super) const fn device(&self) -> Option<Mac> {
         self.device
     }
 
-    /// Whether a station answered to the name.
+    /// Returns whether a station answered to the name.
     pub(super) const fn has_found(&self) -> bool {
         self.device.is_some()
     }

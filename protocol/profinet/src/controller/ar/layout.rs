@@ -39,7 +39,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The layout for these modules, or the length in bytes of the C_SDU that would be too long.
+    /// Creates the layout for these modules, or the length in bytes of the C_SDU that would be too long.
     pub(super) fn new(modules: &[ExpectedModule], transport: Transport) -> Result<Self, usize> {
         let mut layout = Self { input: Direction::default(), output: Direction::default() };
         let submodules = modules
@@ -110,13 +110,13 @@ impl Direction {
         }
     }
 
-    /// The data of one submodule, if it has some and calls them good.
+    /// Returns the data of one submodule, if it has data and marks them as good.
     pub(super) fn data<'a>(&self, c_sdu: &'a [u8], slot: u16, subslot: u16) -> Option<&'a [u8]> {
         let mut all = self.all_data(c_sdu);
         all.find_map(|(place, data)| (place == (slot, subslot)).then_some(data)).flatten()
     }
 
-    /// The data of every submodule that has some, with slot and subslot; none where it calls them bad.
+    /// Returns the data of every submodule that has data, with slot and subslot; `None` for data that are marked as bad.
     pub(super) fn all_data<'a>(
         &self,
         c_sdu: &'a [u8],
@@ -139,7 +139,7 @@ mod tests {
     use crate::rt::CyclicFrame;
     use machine::ethernet::EthernetHeader;
 
-    /// The Connect of a Siemens CPU 1515-2 PN V2.9.4.
+    /// Returns the Connect of a Siemens CPU 1515-2 PN V2.9.4.
     fn siemens() -> ConnectRequest {
         let datagram = captured::datagram(captured::CONNECT_REQ);
         ConnectRequest::parse(&datagram[HEADER_LEN + ARGS_LEN..]).unwrap()

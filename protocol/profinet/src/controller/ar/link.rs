@@ -23,8 +23,8 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// The AR that the device granted, if its answer fits what was asked for. The MAC addresses are those of the controller
-    /// and of the station that was found.
+    /// Creates the AR that the device granted, if its answer fits the request. The MAC addresses are those of the
+    /// controller and of the station that was found.
     pub(super) fn new(
         now: Instant,
         (own, found): (Mac, Option<Mac>),
@@ -90,7 +90,7 @@ impl Link {
     }
 }
 
-/// The first module or submodule of the device that cannot be driven, and in which way.
+/// Returns the first module or submodule of the device that cannot be driven, and in which way.
 pub(super) fn unusable(diff: &[DiffModule]) -> Option<Refusal> {
     diff.iter().find_map(|module| {
         let place = |subslot: u16| u32::from(module.slot) << 16 | u32::from(subslot);

@@ -116,7 +116,8 @@ pub struct Ar {
 }
 
 impl Ar {
-    /// An AR that starts to look for its device at `start`. `number` tells the ARs of one controller apart, from 0.
+    /// Creates an AR that starts to look for its device at `start`. `number` distinguishes the ARs of one controller,
+    /// from 0.
     pub(super) fn new(
         own: &ControllerConfig,
         config: ArConfig,
@@ -160,19 +161,20 @@ impl Ar {
         })
     }
 
-    /// Whether data go both ways.
+    /// Returns whether data are exchanged in both directions.
     #[must_use]
     pub const fn is_up(&self) -> bool {
         self.up
     }
 
-    /// Where the device's modules are not those of the description, after the last Connect; empty if all are.
+    /// Returns the differences between the device's modules and the description after the last Connect; empty if there
+    /// are none.
     #[must_use]
     pub fn module_diff(&self) -> &[DiffModule] {
         &self.diff
     }
 
-    /// Frames of this AR since its start.
+    /// Returns the numbers of frames of this AR since its start.
     #[must_use]
     pub fn counters(&self) -> Counters {
         let mut counters = self.counters;
@@ -182,14 +184,15 @@ impl Ar {
         counters
     }
 
-    /// The newest input data of a submodule; none while the AR is not up, and while the device calls them bad.
+    /// Returns the newest input data of a submodule; `None` while the AR is not up, or while the device marks them as
+    /// bad.
     #[must_use]
     pub fn input(&self, slot: u16, subslot: u16) -> Option<&[u8]> {
         self.plan.layout.input.data(self.c_sdu()?, slot, subslot)
     }
 
-    /// The newest input data of every submodule that has some, as ((slot, subslot), data) by ascending slot and subslot;
-    /// no data where the device calls them bad. Nothing at all while the AR is not up.
+    /// Returns the newest input data of every submodule that has data, as ((slot, subslot), data) by ascending slot and
+    /// subslot; `None` for data that the device marks as bad. Nothing at all while the AR is not up.
     pub fn inputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
         self.c_sdu().into_iter().flat_map(|c_sdu| self.plan.layout.input.all_data(c_sdu))
     }
@@ -226,17 +229,17 @@ impl Ar {
         self.release(now);
     }
 
-    /// The device's IP address.
+    /// Returns the device's IP address.
     pub(super) const fn address(&self) -> Ipv4Addr {
         self.config.address
     }
 
-    /// What carries the cyclic frames.
+    /// Returns the transport of the cyclic frames.
     pub(super) const fn transport(&self) -> Transport {
         self.config.transport
     }
 
-    /// The device's MAC address, while there is a connection.
+    /// Returns the device's MAC address, while there is a connection.
     pub(super) fn device(&self) -> Option<Mac> {
         self.link.as_ref().map(|link| link.device)
     }
@@ -316,7 +319,7 @@ impl Ar {
         }
     }
 
-    /// What to look at if nothing comes any more in this phase.
+    /// Returns a hint for the user if the device stays silent in this phase.
     const fn words_for_silence(&self) -> &'static str {
         match self.phase {
             Phase::Connecting | Phase::Writing { .. } | Phase::Ending { .. } => words::NO_RPC,
@@ -366,7 +369,7 @@ impl Ar {
     }
 }
 
-/// A UUID of random numbers (RFC 9562, version 4).
+/// Returns a UUID of random numbers (RFC 9562, version 4).
 fn random_uuid(random: &mut Pcg64Mcg) -> Uuid {
     let bits = u128::from(random.next_u64()) << 64 | u128::from(random.next_u64());
     let version = bits & !(0xF << 76) | 4 << 76;

@@ -38,7 +38,7 @@ pub(super) const INPUT: u16 = 1;
 pub(super) const OUTPUT: u16 = 2;
 
 impl Plan {
-    /// `number` tells the ARs of one controller apart, from 0.
+    /// Creates the plan. `number` distinguishes the ARs of one controller, from 0.
     pub(super) fn new(
         own: &ControllerConfig,
         config: &ArConfig,

@@ -150,14 +150,14 @@ impl Ar {
         debug_assert!(called.is_ok(), "32 bytes fit into a call");
     }
 
-    /// ARUUID and SessionKey, while the device may call.
+    /// Returns ARUUID and SessionKey while the device may call.
     pub(in super::super) fn expects_call(&self) -> Option<(Uuid, u16)> {
         let ar = &self.plan.connect.ar;
         let expects = matches!(self.phase, Phase::Ending { .. } | Phase::Readying { .. } | Phase::Exchanging);
         expects.then_some((ar.uuid, ar.session))
     }
 
-    /// The device is ready for cyclic data.
+    /// Handles ApplicationReady: the device is ready for cyclic data.
     pub(in super::super) fn application_ready(&mut self, now: Instant) {
         self.acyclic = Acyclic::Active;
         match self.phase {
@@ -175,7 +175,7 @@ impl Ar {
         }
     }
 
-    /// The device did not answer a call.
+    /// Handles a call that the device did not answer.
     pub(super) fn give_up_call(&mut self, now: Instant) {
         if matches!(self.phase, Phase::Releasing { .. }) {
             return self.stop();
@@ -184,7 +184,7 @@ impl Ar {
         self.fail(now, down, Some(Violation::InitiatorTimeout.status(Service::Abort)));
     }
 
-    /// The device is there but cannot be driven.
+    /// Refuses a device that is there but cannot be driven.
     fn refuse(&mut self, now: Instant, Refusal { code, text }: Refusal) {
         let down = Down { cause: DownCause::Refused, code, text };
         self.fail(now, down, Some(Violation::ArRemoved.status(Service::Abort)));

@@ -67,7 +67,7 @@ impl Cell {
         self.controller.ar_mut(self.ar).unwrap()
     }
 
-    /// The first byte of the input data, if they are good.
+    /// Returns the first byte of the input data, if they are good.
     fn input(&mut self) -> Option<u8> {
         self.ar().input(1, 1).map(|data| data[0])
     }

@@ -164,7 +164,7 @@ impl Peer {
         vec![self.rt(|w| frame.emit(w))]
     }
 
-    /// An RT frame to the controller, on the way that it asked for.
+    /// Returns an RT frame to the controller, on the way that it asked for.
     pub(super) fn rt(&self, write: impl FnOnce(&mut Writer<'_, BigEndian>)) -> (Source, Vec<u8>) {
         if self.connect.as_ref().unwrap().ar.initiator_rt_port == UDP_PORT
             && self.connect.as_ref().unwrap().iocrs[0].frame_id == 0xC000

@@ -55,7 +55,7 @@ fn a_configuration_that_cannot_work_is_refused_with_what_to_change() {
     assert!(refused(|config| config.parameters[0].data = vec![0; 5_000]).contains("shorten it"));
 }
 
-/// Bytes that are like frames often enough to get past the first checks.
+/// Generates bytes that resemble frames often enough to pass the first checks.
 fn frames() -> impl Strategy<Value = (u8, Vec<u8>)> {
     (any::<u8>(), proptest::collection::vec(any::<u8>(), 0..300))
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::captured;
 use proptest::prelude::*;
 
-/// Frames of every kind that the device takes, to be spoilt.
+/// Returns frames of every kind that the device accepts, to be altered.
 fn seeds() -> Vec<(Port, Vec<u8>)> {
     let mut rig = Rig::new();
     let mut seeds = Vec::new();
@@ -34,7 +34,7 @@ fn seeds() -> Vec<(Port, Vec<u8>)> {
 
 const PORTS: &[Port] = &[Port::Ethernet, Port::Udp(RPC_PORT), Port::Udp(UDP_PORT), Port::Udp(1)];
 
-/// A bad frame: noise, or a good one with some bytes changed, cut or drawn out.
+/// Generates a bad frame: noise, or a good frame with some bytes changed, cut off or added.
 fn bad_frame() -> impl Strategy<Value = (Port, Vec<u8>)> {
     let noise = (prop::sample::select(PORTS), prop::collection::vec(any::<u8>(), 0..400));
     let spoilt = (
@@ -57,7 +57,7 @@ fn bad_frame() -> impl Strategy<Value = (Port, Vec<u8>)> {
     prop_oneof![1 => noise, 4 => spoilt]
 }
 
-/// A good controller, with an activity, session and AR of its own, that first lets an old AR run out.
+/// Connects a good controller, with an activity, session and AR of its own, after an old AR has timed out.
 fn a_good_controller_connects(mut rig: Rig) {
     rig.advance(Duration::from_secs(200));
     rig.events();

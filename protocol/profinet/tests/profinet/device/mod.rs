@@ -48,8 +48,8 @@ fn device() -> Device {
     )
 }
 
-/// A Connect that suits the sample device. `with_access_point` is how a Siemens controller writes it: with the device access
-/// point and consumer statuses; without, it has the data only, as `profinet-py` does.
+/// Returns a Connect that fits the sample device. With `with_access_point` it is as Siemens controllers write it, with
+/// the device access point and consumer statuses; without, it has the data only, as `profinet-py` writes it.
 fn connect_request(rt_class: RtClass, with_access_point: bool) -> ConnectRequest {
     let modules = if with_access_point { samples::DEVICE.modules } else { &samples::DEVICE.modules[1..] };
     let expected = modules
@@ -166,7 +166,7 @@ impl Rig {
         Self { device, now, activity: Uuid([9; 16]), sequence: 0, rt_class: RtClass::Class1, counter: 0 }
     }
 
-    /// A device with an AR that exchanges data.
+    /// Returns a device with an AR that exchanges data.
     fn connected(rt_class: RtClass) -> Self {
         let mut rig = Self { rt_class, ..Self::new() };
         rig.establish(&connect_request(rt_class, true));
@@ -187,7 +187,7 @@ impl Rig {
         assert_eq!(events, [LinkEvent::Up]);
     }
 
-    /// Everything that the device wants to send now.
+    /// Returns everything that the device wants to send now.
     fn drain(&mut self) -> Sent {
         let mut buf = [0; machine::wire::FRAME_CAPACITY];
         core::iter::from_fn(|| {

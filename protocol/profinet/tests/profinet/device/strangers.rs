@@ -6,7 +6,7 @@ use profinet::record::{Address, ReadRequest, WriteRequest, index};
 
 const STRANGER: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, 66), 49_152);
 
-/// The connection is as it was, and the owner was told at most of foreign requests.
+/// Asserts that the connection is unchanged, and that the owner was told of foreign requests at most.
 fn nothing_changed(rig: &mut Rig) {
     let events = rig.events();
     assert!(events.iter().all(|event| matches!(event, LinkEvent::Foreign(_))), "{events:?}");
