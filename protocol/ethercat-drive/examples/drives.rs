@@ -30,8 +30,7 @@ impl Owner<Drives> for Watch {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let interface = std::env::args().nth(1).ok_or("usage: drives INTERFACE")?;
-    let configs =
-        [1, 2, 3, 4, 5, 6].map(|serial_number| DriveConfig { serial_number, position: 0, max_speed: 1e6 });
+    let configs = [1, 2, 3, 4, 5, 6].map(|serial_number| DriveConfig::new(serial_number, 1e6));
     let drives = Drives::new(&configs, Duration::from_millis(1), clock::now());
     let mut driver = Driver::new(drives, Interface::open(&interface)?, Notifier::new()?)?;
     println!("{} drives wait for a controller at {interface}", configs.len());

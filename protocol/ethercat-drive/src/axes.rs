@@ -69,6 +69,12 @@ impl Axes {
         self.wanted == Wanted::On && self.axes.iter().all(|axis| axis.power() == Power::On)
     }
 
+    /// Returns whether no drive has torque, a fault, or a motor that still turns.
+    #[must_use]
+    pub fn are_off(&self) -> bool {
+        self.axes.iter().all(|axis| axis.power() == Power::Off)
+    }
+
     /// Returns the first axis that stopped by itself since the last reset.
     #[must_use]
     pub const fn error(&self) -> Option<AxisError> {
@@ -89,10 +95,15 @@ impl Axes {
     ///
     /// Process data of another length are left as they are.
     pub fn cycle(&mut self, inputs: &[u8], targets: &[i32], outputs: &mut [u8]) {
-        let places = inputs.chunks_exact(INPUT_LEN).zip(outputs.chunks_exact_mut(OUTPUT_LEN)).zip(targets);
+        self.receive(inputs);
+        self.send(targets, outputs);
+    }
+
+    /// Takes the inputs of all drives. Where one of them stopped by itself, the others are stopped from now on.
+    pub fn receive(&mut self, inputs: &[u8]) {
         let was_on = self.were_on;
         let mut stopped = None;
-        for (index, (axis, ((inputs, _), _))) in self.axes.iter_mut().zip(places).enumerate() {
+        for (index, (axis, inputs)) in self.axes.iter_mut().zip(inputs.chunks_exact(INPUT_LEN)).enumerate() {
             let Some(inputs) = Inputs::parse(inputs) else { continue };
             axis.receive(&inputs);
             let cause = match axis.power() {
@@ -107,10 +118,13 @@ impl Axes {
             (self.error, self.wanted, self.were_on) = (stopped, Wanted::QuickStop, false);
         }
         self.were_on |= self.are_on();
-        let places = inputs.chunks_exact(INPUT_LEN).zip(outputs.chunks_exact_mut(OUTPUT_LEN)).zip(targets);
-        for (axis, ((inputs, outputs), target)) in self.axes.iter_mut().zip(places) {
-            let state = Inputs::parse(inputs).and_then(|inputs| inputs.status_word.state());
-            outputs.copy_from_slice(&axis.send(self.wanted, state, *target).bytes());
+    }
+
+    /// Writes the next outputs of all drives. `targets` are in increments.
+    pub fn send(&mut self, targets: &[i32], outputs: &mut [u8]) {
+        let places = outputs.chunks_exact_mut(OUTPUT_LEN).zip(targets);
+        for (axis, (outputs, target)) in self.axes.iter_mut().zip(places) {
+            outputs.copy_from_slice(&axis.send(self.wanted, *target).bytes());
         }
     }
 }

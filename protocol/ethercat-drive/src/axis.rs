@@ -36,6 +36,8 @@ pub enum Power {
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Axis {
     power: Power,
+    /// As its last inputs show it.
+    state: Option<State>,
     position: i32,
     following_error: i32,
     sent: u16,
@@ -63,8 +65,9 @@ impl Axis {
     /// Takes what a drive reports.
     pub fn receive(&mut self, inputs: &Inputs) {
         (self.position, self.following_error) = (inputs.position, inputs.following_error);
+        self.state = inputs.status_word.state();
         let follows = Mode::of(inputs.mode) == Mode::CyclicSynchronousPosition;
-        self.power = match inputs.status_word.state() {
+        self.power = match self.state {
             Some(State::OperationEnabled) if follows => Power::On,
             Some(State::QuickStopActive) => Power::Stopping,
             Some(State::FaultReactionActive | State::Fault) => Power::Fault(inputs.error),
@@ -72,16 +75,15 @@ impl Axis {
         };
     }
 
-    /// Returns what to send next to a drive that reported `state`. A target counts once the drive is on; before that
-    /// it is told to stay where it is.
-    pub fn send(&mut self, wanted: Wanted, state: Option<State>, target: i32) -> Outputs {
-        self.sent = self.control_word(wanted, state);
+    /// Returns what to send next. A target counts once the drive is on; before that it is told to stay where it is.
+    pub fn send(&mut self, wanted: Wanted, target: i32) -> Outputs {
+        self.sent = self.control_word(wanted);
         let target = if self.power == Power::On { target } else { self.position };
         Outputs { control_word: self.sent, target, mode: Mode::CyclicSynchronousPosition.number() }
     }
 
-    const fn control_word(&self, wanted: Wanted, state: Option<State>) -> u16 {
-        match (wanted, state) {
+    const fn control_word(&self, wanted: Wanted) -> u16 {
+        match (wanted, self.state) {
             (Wanted::On, Some(State::SwitchOnDisabled)) => control::SHUTDOWN,
             (Wanted::On, Some(State::ReadyToSwitchOn)) => control::SWITCH_ON,
             (Wanted::On, Some(State::SwitchedOn | State::OperationEnabled)) => control::ENABLE_OPERATION,

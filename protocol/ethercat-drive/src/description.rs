@@ -12,6 +12,11 @@ pub(crate) const QUICK_STOP_OPTION: u16 = 0x605A;
 /// Quick stop deceleration in increments/s², object 0x6085.
 pub(crate) const QUICK_STOP_DECELERATION: u16 = 0x6085;
 
+/// Following error window of a drive as it leaves its maker, in increments.
+pub(crate) const DEFAULT_WINDOW: u32 = 10_000;
+/// Quick stop deceleration of a drive as it leaves its maker, in increments/s².
+pub(crate) const DEFAULT_DECELERATION: u32 = 10_000_000;
+
 const fn entry(index: u16, bits: u8, data_type: DataType, name: &'static str) -> PdoEntry {
     PdoEntry { index, subindex: 0, bits, data_type, name }
 }
@@ -74,7 +79,7 @@ pub static DRIVE: Description = Description {
                 "Following error window",
                 DataType::Unsigned32,
                 Access::ReadWrite,
-                &10_000_u32.to_le_bytes(),
+                &DEFAULT_WINDOW.to_le_bytes(),
             )],
         ),
         variable(
@@ -94,7 +99,7 @@ pub static DRIVE: Description = Description {
                 "Quick stop deceleration",
                 DataType::Unsigned32,
                 Access::ReadWrite,
-                &10_000_000_u32.to_le_bytes(),
+                &DEFAULT_DECELERATION.to_le_bytes(),
             )],
         ),
         variable(

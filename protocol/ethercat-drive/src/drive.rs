@@ -28,6 +28,14 @@ impl QuickStop {
             _ => Self::Brake,
         }
     }
+
+    /// Returns the state that it leads to.
+    const fn state(self) -> State {
+        match self {
+            Self::Disable => State::SwitchOnDisabled,
+            Self::Brake | Self::BrakeAndStay => State::QuickStopActive,
+        }
+    }
 }
 
 /// Settings of a drive, by SDO.
@@ -99,6 +107,18 @@ impl Drive {
     /// Lets the cause of a fault begin; with [`ErrorCode::NONE`] it ends, and a fault reset is possible.
     pub const fn set_cause(&mut self, cause: ErrorCode) {
         self.cause = cause;
+    }
+
+    /// Lets a fault happen whose cause is over at once.
+    pub fn trip(&mut self, error: ErrorCode) {
+        self.fail(error);
+    }
+
+    /// Stops the drive as an input of its own does: by a quick stop that nobody commanded.
+    pub fn stop(&mut self, quick_stop: QuickStop) {
+        if self.state == State::OperationEnabled {
+            self.state = quick_stop.state();
+        }
     }
 
     /// Runs the drive for `time`. `outputs` are the controller's last ones, `None` while the device is not in OP.
@@ -178,10 +198,7 @@ impl Drive {
             }
             (state @ (State::Fault | State::FaultReactionActive), _) => state,
             (_, Command::DisableVoltage) => State::SwitchOnDisabled,
-            (State::OperationEnabled, Command::QuickStop) => match parameters.quick_stop {
-                QuickStop::Disable => State::SwitchOnDisabled,
-                QuickStop::Brake | QuickStop::BrakeAndStay => State::QuickStopActive,
-            },
+            (State::OperationEnabled, Command::QuickStop) => parameters.quick_stop.state(),
             (State::QuickStopActive, Command::EnableOperation)
                 if parameters.quick_stop == QuickStop::BrakeAndStay =>
             {

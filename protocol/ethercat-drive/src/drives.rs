@@ -6,7 +6,10 @@ use alloc::vec::Vec;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
 use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
 
-use crate::description::{DRIVE, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION, WINDOW, WINDOW_TIME};
+use crate::description::{
+    DEFAULT_DECELERATION, DEFAULT_WINDOW, DRIVE, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION, WINDOW,
+    WINDOW_TIME,
+};
 use crate::drive::{Drive, Parameters, QuickStop};
 use crate::error_code::ErrorCode;
 use crate::process_data::Outputs;
@@ -24,6 +27,24 @@ pub struct DriveConfig {
     pub position: i32,
     /// Highest speed of its motor in increments/s.
     pub max_speed: f64,
+    /// Largest following error in increments, as the drive is commissioned; by SDO it can be changed.
+    pub window: u32,
+    /// Deceleration of a quick stop and of a fault in increments/s², in the same way.
+    pub deceleration: u32,
+}
+
+impl DriveConfig {
+    /// Returns a drive at 0 with the settings that its [description](DRIVE) has.
+    #[must_use]
+    pub const fn new(serial_number: u32, max_speed: f64) -> Self {
+        Self {
+            serial_number,
+            position: 0,
+            max_speed,
+            window: DEFAULT_WINDOW,
+            deceleration: DEFAULT_DECELERATION,
+        }
+    }
 }
 
 /// What happened at a drive. Drives are numbered from 0 in their order on the cable.
@@ -63,8 +84,13 @@ impl Drives {
     #[must_use]
     pub fn new(configs: &[DriveConfig], period: Duration, start: Instant) -> Self {
         let mut segment = Segment::new();
-        for DriveConfig { serial_number, .. } in configs {
-            segment.add(&DeviceConfig { serial_number: *serial_number, ..DeviceConfig::new(&DRIVE) });
+        for DriveConfig { serial_number, window, deceleration, .. } in configs {
+            let device = DeviceConfig { serial_number: *serial_number, ..DeviceConfig::new(&DRIVE) };
+            let id = segment.add(&device);
+            for (index, value) in [(WINDOW, window), (QUICK_STOP_DECELERATION, deceleration)] {
+                // Each drive has these objects, with four bytes.
+                let _ = segment.set_object(id, index, 0, &value.to_le_bytes());
+            }
         }
         let drive = |config: &DriveConfig| Drive::new(config.position, config.max_speed, period);
         let cycle = Cycle::new(start, (period / 2).max(Duration::from_micros(50)));
@@ -80,6 +106,12 @@ impl Drives {
     /// Returns a drive, to block its shaft or to let it fail.
     pub fn drive_mut(&mut self, drive: usize) -> Option<&mut Drive> {
         self.drives.get_mut(drive)
+    }
+
+    /// Stops a drive as an input of its own does. Returns `None` if there is no such drive.
+    pub fn stop(&mut self, drive: usize) -> Option<()> {
+        let Parameters { quick_stop, .. } = parameters(&self.segment, DeviceId(drive));
+        self.drives.get_mut(drive).map(|drive| drive.stop(quick_stop))
     }
 
     /// Returns the SubDevices, to cut a cable or to switch one off.

@@ -1,5 +1,5 @@
-//! A motor with its position control, simulated. It reaches its target by the end of the next interpolation period, as
-//! fast as it can turn.
+//! A motor with its position control, simulated. It reaches each target at the end of one interpolation period, at a
+//! constant speed, or as soon as it can where that is too fast for it.
 
 use machine::Duration;
 
@@ -16,11 +16,23 @@ pub(crate) struct Motor {
     pub(crate) blocked: bool,
     /// Whether the last step was shorter than the target wanted.
     limited: bool,
+    /// The target that it is on its way to.
+    target: i32,
+    /// Time until it is to be there.
+    left: Duration,
 }
 
 impl Motor {
     pub(crate) const fn new(position: i32, max_speed: f64) -> Self {
-        Self { position: position as f64, speed: 0.0, max_speed, blocked: false, limited: false }
+        Self {
+            position: position as f64,
+            speed: 0.0,
+            max_speed,
+            blocked: false,
+            limited: false,
+            target: position,
+            left: Duration::ZERO,
+        }
     }
 
     /// Returns the position, rounded to the nearest increment.
@@ -40,7 +52,11 @@ impl Motor {
 
     /// Moves towards a target for `time`; a new target comes each `period`.
     pub(crate) fn follow(&mut self, target: i32, period: Duration, time: Duration) {
-        let wanted = (f64::from(target) - self.position) / period.max(time).as_secs_f64();
+        if target != self.target {
+            (self.target, self.left) = (target, period);
+        }
+        let wanted = (f64::from(target) - self.position) / self.left.max(time).as_secs_f64();
+        self.left = self.left.saturating_sub(time);
         self.speed = wanted.clamp(-self.max_speed, self.max_speed);
         self.limited = self.blocked || self.speed != wanted;
         self.advance(time);

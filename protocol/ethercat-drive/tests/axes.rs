@@ -100,11 +100,7 @@ type Cell = Pair<Controller, Drives>;
 
 fn cell() -> Cell {
     let configs: Vec<_> = (0..AXES as u32)
-        .map(|number| DriveConfig {
-            serial_number: number + 1,
-            position: 1_000 * number as i32,
-            max_speed: 1e6,
-        })
+        .map(|number| DriveConfig { position: 1_000 * number as i32, ..DriveConfig::new(number + 1, 1e6) })
         .collect();
     let cable = Impairment { delay: Duration::from_micros(20), ..Impairment::default() };
     // Half a ms of phase between the controller's cycle and the drives', and clocks that drift.
@@ -201,6 +197,20 @@ fn the_fault_of_any_drive_is_told_with_axis_and_code() {
         assert_eq!(cell.a().axes.error(), Some(expected));
         assert_eq!(cell.a().axes.axes()[drive].power(), Power::Fault(code));
     }
+}
+
+#[test]
+fn a_drive_that_an_input_of_its_own_stops_is_named_and_stops_the_others() {
+    let mut cell = running();
+    cell.command_a(|controller, _| controller.speeds = [900; AXES]);
+    run(&mut cell, MS * 300);
+    cell.command_b(|drives, _| drives.stop(4).unwrap());
+    run(&mut cell, MS * 20);
+    assert_eq!(cell.a().axes.error(), Some(AxisError { axis: 5, cause: Cause::QuickStop }));
+    assert!((0..AXES).all(|drive| state(&cell, drive) == State::QuickStopActive), "they brake for 90 ms");
+    assert!(!cell.a().axes.are_off());
+    run(&mut cell, MS * 150);
+    assert!(cell.a().axes.are_off());
 }
 
 #[test]
