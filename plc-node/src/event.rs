@@ -208,8 +208,14 @@ fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String
         );
     }
     let (code, words) = (u16::from(number), finding.in_words(number));
+    let advice = match number {
+        ErrorNumber::DriveFault | ErrorNumber::DriveStopped | ErrorNumber::DrivesLost => {
+            "see to the robot's drives"
+        }
+        _ => "correct that motion",
+    };
     format!(
-        "the robot reports error {code} at motion {motion} of the sequence, counted from 0: {words}; correct that motion"
+        "the robot reports error {code} at motion {motion} of the sequence, counted from 0: {words}; {advice}"
     )
 }
 

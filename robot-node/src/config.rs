@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use setup::Setup;
+use setup::{Drives, Setup};
 
 use crate::arm::{Arm, ConfigError, Frames, Installation, Joints, Surface};
 
@@ -39,6 +39,8 @@ pub struct RobotConfig {
     pub continuous_start_cycles: u32,
     /// What a skill call costs besides its motion.
     pub skill_overhead: Duration,
+    /// What moves the joints; `None` for joints that are at once where they are set.
+    pub drives: Option<Drives>,
 }
 
 /// How the arm presses.
@@ -111,6 +113,7 @@ impl RobotConfig {
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             continuous_start_cycles: robot.continuous_start_cycles.as_ref().map_or(0, |cycles| cycles.value),
             skill_overhead: micros(robot.skill_overhead_us.value),
+            drives: robot.drives,
         })
     }
 }

@@ -6,7 +6,7 @@ use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange,
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, Verdict};
 
-use crate::{Controller, Program, RobotConfig, RobotEvent, Sample};
+use crate::{Controller, Disturbance, DriveSegment, Program, RobotConfig, RobotEvent, Sample};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
@@ -22,6 +22,8 @@ const LINK_EVENTS: usize = 16;
 pub struct RobotNode<B: Fieldbus> {
     bus: B,
     controller: Controller,
+    /// The drives that the set-points go to, if the robot has some.
+    drives: Option<DriveSegment>,
     cycle: Cycle,
     lateness: Lateness,
     /// The image that the command below was read from.
@@ -49,10 +51,12 @@ impl<B: Fieldbus> RobotNode<B> {
         start: Instant,
     ) -> Self {
         let cycle = Cycle::new(start, config.cycle);
+        let drives = DriveSegment::of(&config, start);
         let controller = Controller::new(config, programs, seed);
         let mut node = Self {
             bus,
             controller,
+            drives,
             cycle,
             lateness: Lateness::default(),
             image: [0; IMAGE_LEN],
@@ -84,6 +88,22 @@ impl<B: Fieldbus> RobotNode<B> {
     #[must_use]
     pub const fn controller(&self) -> &Controller {
         &self.controller
+    }
+
+    /// Returns the drives behind the controller, if the robot has some.
+    #[must_use]
+    pub const fn drives(&self) -> Option<&DriveSegment> {
+        self.drives.as_ref()
+    }
+
+    /// Disturbs the drive of an axis, counted from 1; does nothing if there is no such drive.
+    pub fn disturb_drive(&mut self, axis: u8, disturbance: Disturbance) {
+        self.drives.as_mut().and_then(|drives| drives.disturb(axis.into(), disturbance));
+    }
+
+    /// Returns the drives behind the controller, to disturb their cable.
+    pub const fn drives_mut(&mut self) -> Option<&mut DriveSegment> {
+        self.drives.as_mut()
     }
 
     /// Returns the lateness of the robot's cycles.
@@ -138,13 +158,24 @@ impl<B: Fieldbus> RobotNode<B> {
             at += period * u32::try_from(tick.skipped - CATCH_UP).unwrap_or(u32::MAX);
         }
         for _ in 0..tick.skipped.min(CATCH_UP) {
-            self.controller.tick(at, self.connected.then_some(&self.command));
+            self.interpolate(at);
             at += period;
         }
         self.read_command(at);
-        self.controller.tick(at, self.connected.then_some(&self.command));
+        self.interpolate(at);
         self.ticked_at = at;
         self.write_feedback();
+    }
+
+    /// Runs the controller for one cycle, and the drives.
+    fn interpolate(&mut self, at: Instant) {
+        let Self { controller, drives, .. } = self;
+        controller.tick(at, self.connected.then_some(&self.command));
+        let Some(drives) = drives else { return };
+        if controller.take_drive_reset() {
+            drives.reset();
+        }
+        controller.take_drives(drives.exchange(at, controller.joints()));
     }
 
     fn read_command(&mut self, at: Instant) {

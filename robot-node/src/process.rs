@@ -20,7 +20,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::controller::Ending;
 use crate::{
-    Account, ConfigError, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample, StartOutOfReach, bus,
+    Account, ConfigError, Disturbance, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample,
+    StartOutOfReach, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -66,6 +67,8 @@ pub enum RobotMessage {
     },
     /// All images of the PLC have wrong checks, or no longer so.
     ImagesAltered(bool),
+    /// The drives do not follow the set-points any more: why, in words.
+    DrivesFailed(String),
     /// A skill ended otherwise, or a command or a motion was refused.
     Trouble {
         /// The command's number.
@@ -87,14 +90,24 @@ impl fmt::Display for RobotMessage {
                  computes the check otherwise; 0 there means no check",
             ),
             Self::ImagesAltered(false) => f.write_str("the PLC's images have right checks again"),
+            Self::DrivesFailed(reason) => f.write_str(reason),
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
         }
     }
 }
 
-/// What only a robot is told: nothing.
+/// What only a robot is told.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum RobotInstruction {}
+#[serde(rename_all = "snake_case")]
+pub enum RobotInstruction {
+    /// Something happens to a drive. A robot without it does nothing.
+    Disturb {
+        /// Of which axis, from 1.
+        axis: u8,
+        /// What.
+        disturbance: Disturbance,
+    },
+}
 
 /// Returns the command line, for its completions and manual page.
 #[must_use]
@@ -157,7 +170,9 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     }
 
     fn order(&mut self, _now: Instant, order: RobotInstruction) -> Option<Self::Answer> {
-        match order {}
+        let RobotInstruction::Disturb { axis, disturbance } = order;
+        self.disturb_drive(axis, disturbance);
+        None
     }
 
     fn address_set(&mut self, now: Instant, done: bool) {
@@ -229,6 +244,7 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
                 let reason = format!("refused, motion {motion}, counted from 0: {error}: {cause}");
                 Some(RobotMessage::Trouble { number, reason })
             }
+            RobotEvent::DrivesFailed(error) => Some(RobotMessage::DrivesFailed(error.to_string())),
             RobotEvent::ImagesAltered(altered) => Some(RobotMessage::ImagesAltered(altered)),
             RobotEvent::Link(_)
             | RobotEvent::State(_)

@@ -46,7 +46,8 @@ pub struct Stuck {
     pub ending: Option<Ending>,
 }
 
-/// Executes the motions on an arm that stands at `start`, with skill calls that cost no time.
+/// Executes the motions on an arm that stands at `start`, with skill calls that cost no time and joints that are at once
+/// where they are set.
 ///
 /// # Errors
 ///
@@ -64,6 +65,7 @@ pub fn rehearse(
         start_quantum: Duration::ZERO,
         continuous_start_cycles: 0,
         skill_overhead: Duration::ZERO,
+        drives: None,
         ..config.clone()
     };
     let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops));

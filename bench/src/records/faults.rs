@@ -1,13 +1,20 @@
 //! Faults that the user injects with `--fault`, and their result; the same in both modes.
 
+mod drives;
+
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
 use node::role::NodeRole;
 use protocol_linux::impaired::ImpairmentPlan;
+use robot_node::Disturbance;
 use serde::{Deserialize, Serialize};
+use setup::Setup;
 use virtual_time::{Impairment, LinkCounters, Side, Strike};
+
+use drives::DriveFault;
+pub use drives::NoSuchDrive;
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]
@@ -31,6 +38,7 @@ enum Kind {
     Strike(u64, Strike),
     Cut(Duration, Duration),
     Kill(NodeRole, Duration),
+    Drive(DriveFault),
 }
 
 /// Why a text is not a fault.
@@ -40,7 +48,8 @@ pub enum FaultError {
     #[error(
         "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001@memory, corrupt=0.001@wire, reorder=0.01@2ms, \
          delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as \
-         to-robot:loss=0.001; and of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms"
+         to-robot:loss=0.001; of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms; and of a drive \
+         drive-fault=3@2s, drive-stop=3@2s or drive-block=3@2s..2.5s"
     )]
     Form(String),
     /// It is not a share of the frames.
@@ -52,9 +61,12 @@ pub enum FaultError {
     /// It is not the number of a frame.
     #[error("`{0}` is no number of a frame; write 1 for the first one in that direction")]
     Frame(String),
-    /// A cut ends before it begins.
+    /// A cut, or the time for which a shaft is held, ends before it begins.
     #[error("`{0}` ends before it begins")]
     Backwards(String),
+    /// It names no axis and time.
+    #[error("`{0}` is no axis and time; write 3@2s for axis 3 after 2 s, and 3@2s..2.5s where a fault lasts")]
+    Axis(String),
 }
 
 impl fmt::Display for Fault {
@@ -106,6 +118,7 @@ impl FromStr for Fault {
             }
             "kill-robot-at" if from.is_none() => Kind::Kill(NodeRole::Robot, time(value)?),
             "kill-plc-at" if from.is_none() => Kind::Kill(NodeRole::Plc, time(value)?),
+            _ if from.is_none() => Kind::Drive(DriveFault::parse(key, value).ok_or_else(form)??),
             _ => return Err(form()),
         };
         Ok(Self { text: text.to_owned(), from, kind })
@@ -129,7 +142,7 @@ fn time(text: &str) -> Result<Duration, FaultError> {
     node::run::parse_duration(text).ok_or_else(|| FaultError::Time(text.to_owned()))
 }
 
-/// A change of the cable or of a node at some moment of the run.
+/// A change of the cable, of a node or of a drive at some moment of the run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Change {
     /// The cable is cut.
@@ -138,6 +151,8 @@ pub enum Change {
     Mend,
     /// A node is killed.
     Kill(NodeRole),
+    /// Something happens to the drive of an axis, counted from 1.
+    Drive(u8, Disturbance),
 }
 
 /// Adds the faults to the cable's impairments, towards the robot and towards the PLC.
@@ -156,7 +171,7 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
                     Kind::CorruptOnWire(ppm) => link.corrupt_on_wire_ppm = ppm,
                     Kind::Strike(frame, strike) => link.strike = Some((frame, strike)),
                     Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
-                    Kind::Cut(..) | Kind::Kill(..) => {}
+                    Kind::Cut(..) | Kind::Kill(..) | Kind::Drive(..) => {}
                 }
             }
         }
@@ -172,6 +187,7 @@ pub fn changes(faults: &[Fault]) -> Vec<(Duration, Change)> {
         .flat_map(|fault| match fault.kind {
             Kind::Cut(start, end) => vec![(start, Change::Cut), (end, Change::Mend)],
             Kind::Kill(role, at) => vec![(at, Change::Kill(role))],
+            Kind::Drive(fault) => fault.changes(),
             _ => Vec::new(),
         })
         .collect();
@@ -184,6 +200,18 @@ pub fn changes(faults: &[Fault]) -> Vec<(Duration, Change)> {
 pub fn about(faults: &[Fault]) -> String {
     let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
     if asked.is_empty() { String::new() } else { format!("faults put in: {}", asked.join(", ")) }
+}
+
+/// Checks whether the robot of a setup has the drives that the faults are for.
+///
+/// # Errors
+///
+/// The first fault without its drive.
+pub fn check_drives(faults: &[Fault], setup: &Setup) -> Result<(), NoSuchDrive> {
+    faults.iter().try_for_each(|fault| match fault.kind {
+        Kind::Drive(fault) => fault.check(setup),
+        _ => Ok(()),
+    })
 }
 
 /// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.
@@ -221,7 +249,7 @@ pub fn impairment_plan(faults: &[Fault], seed: u64) -> ImpairmentPlan {
     let cut = |(at, change)| match change {
         Change::Cut => Some((at, true)),
         Change::Mend => Some((at, false)),
-        Change::Kill(_) => None,
+        Change::Kill(_) | Change::Drive(..) => None,
     };
     ImpairmentPlan {
         links: links(faults, Impairment::default()),
@@ -230,14 +258,12 @@ pub fn impairment_plan(faults: &[Fault], seed: u64) -> ImpairmentPlan {
     }
 }
 
-/// Returns the nodes that the faults kill, and when; in order, with times as in [`changes`].
+/// Returns the changes of nodes and drives, which a cable does not make; in order, with times as in [`changes`].
 #[must_use]
-pub fn kills(faults: &[Fault]) -> Vec<(Duration, NodeRole)> {
-    let kill = |(at, change)| match change {
-        Change::Kill(role) => Some((at, role)),
-        Change::Cut | Change::Mend => None,
-    };
-    changes(faults).into_iter().filter_map(kill).collect()
+pub fn changes_of_nodes(faults: &[Fault]) -> Vec<(Duration, Change)> {
+    let mut changes = changes(faults);
+    changes.retain(|(_, change)| matches!(change, Change::Kill(_) | Change::Drive(..)));
+    changes
 }
 
 /// Returns the end of the cable at which a node is.
@@ -334,6 +360,24 @@ mod tests {
     }
 
     #[test]
+    fn a_shaft_is_held_for_a_time_and_only_drives_that_are_there_have_faults() {
+        let block = faults(&["drive-block=2@1s..1.5s", "drive-fault=4@1.2s"]);
+        let ms = Duration::from_millis;
+        let expected = [
+            (ms(1_000), Change::Drive(2, Disturbance::Block)),
+            (ms(1_200), Change::Drive(4, Disturbance::Fault)),
+            (ms(1_500), Change::Drive(2, Disturbance::Release)),
+        ];
+        assert_eq!(changes_of_nodes(&block), expected);
+        let without = setup::setup("A").unwrap();
+        let with = without.clone().with_drives(setup::Drives::Ethercat);
+        assert_eq!(check_drives(&block, &with), Ok(()));
+        insta::assert_snapshot!(check_drives(&block, &without).unwrap_err(), @"drive-fault, drive-stop and drive-block need drives, and setup A has none: add --drives ethercat");
+        let fifth = faults(&["drive-stop=5@1s"]);
+        insta::assert_snapshot!(check_drives(&fifth, &with).unwrap_err(), @"there is no drive of axis 5: this arm has axes 1 to 4");
+    }
+
+    #[test]
     fn a_real_cable_holds_no_frame_for_longer_than_a_second() {
         assert_eq!(
             check_real(&faults(&["to-plc:delay=600ms", "to-robot:jitter=600ms", "cut-at=1s..9s"])),
@@ -357,5 +401,11 @@ mod tests {
             "`3` is no time; write a number with its unit, such as 100us, 2.5ms or 2s"
         );
         assert_eq!(said("cut-at=2s..1s"), "`cut-at=2s..1s` ends before it begins");
+        assert_eq!(said("drive-block=1@2s..1s"), "`1@2s..1s` ends before it begins");
+        for wrong in ["drive-fault=0@1s", "drive-fault=1", "drive-stop=x@1s"] {
+            assert!(said(wrong).contains("is no axis and time; write 3@2s"), "{wrong}");
+        }
+        assert!(said("drive-fault=1@1s..2s").contains("is no time"));
+        assert!(said("to-plc:drive-fault=1@1s").contains("is no fault"));
     }
 }

@@ -4,7 +4,7 @@ mod bus;
 
 use protocol::image::SLOTS;
 
-use crate::{Frame, Kinematics, Opw, Setup, Sourced, ThreeParallel};
+use crate::{Drives, Frame, Kinematics, Opw, Setup, Sourced, ThreeParallel};
 
 /// A key and the error in its value.
 #[derive(Debug)]
@@ -32,6 +32,9 @@ const MAX_APPROXIMATION_MM: f64 = 655.35;
 
 /// Highest number of robot cycles before the first motion of a MoveContinuousSkill.
 const MAX_START_CYCLES: u32 = 1_000;
+
+/// Cycles that drives on EtherCAT and their MainDevice keep.
+const DRIVE_CYCLES_US: std::ops::RangeInclusive<u32> = 250..=20_000;
 
 pub(crate) fn check_setup(setup: &Setup) -> Check {
     schema(setup.schema)?;
@@ -134,7 +137,38 @@ fn robot(setup: &Setup) -> Check {
             6
         }
     };
-    axes(setup, joints)
+    axes(setup, joints)?;
+    drives(setup)
+}
+
+/// Checks that drives of the robot can run at its cycle and count the ways of its joints.
+fn drives(setup: &Setup) -> Check {
+    if setup.robot.drives.is_none() {
+        return Ok(());
+    }
+    let (shortest, longest) = DRIVE_CYCLES_US.into_inner();
+    let cycle_us = setup.robot.cycle_us.value;
+    if !DRIVE_CYCLES_US.contains(&cycle_us) {
+        let text = format!(
+            "{cycle_us} µs is not a cycle of drives over EtherCAT: {shortest} to {longest} µs, or leave out robot.drives"
+        );
+        return Err(problem("robot.cycle_us", text));
+    }
+    let most = f64::from(i32::MAX) / Drives::INCREMENTS;
+    let axes = &setup.robot.axes;
+    for (key, ends) in [("lower_deg", &axes.lower_deg.value), ("upper_deg", &axes.upper_deg.value)] {
+        if let Some(joint) = ends.iter().position(|end| end.abs() > most) {
+            let text = format!(
+                "joint {}: {} is more than a drive counts: 32 bits of {} increments per degree (mm), so up to {most:.0}; \
+                 or leave out robot.drives",
+                joint + 1,
+                ends[joint],
+                Drives::INCREMENTS
+            );
+            return Err(problem(format!("robot.axes.{key}"), text));
+        }
+    }
+    Ok(())
 }
 
 fn opw_numbers(opw: &Opw) -> Check {

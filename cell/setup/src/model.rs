@@ -107,6 +107,8 @@ pub struct Robot {
     pub path_acceleration_mm_s2: Sourced<f64>,
     /// Highest path jerk in mm/s³.
     pub path_jerk_mm_s3: Sourced<f64>,
+    /// What moves its joints. If left out, each joint is at once where the controller sets it.
+    pub drives: Option<Drives>,
     /// Its force controller; a robot without one does not run LIN force.
     pub force: Option<Force>,
     /// Tool frames by number, relative to the flange; number 0 is the flange and is not listed.
@@ -115,6 +117,21 @@ pub struct Robot {
     /// Base frames by number, relative to the robot's root; number 0 is the root and is not listed.
     #[serde(default)]
     pub bases: Vec<Frame>,
+}
+
+/// What moves the joints of a robot.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Drives {
+    /// Emulated CiA 402 drives in cyclic synchronous position, one an axis, on an EtherCAT segment of the robot controller.
+    /// Each robot cycle is a cycle of theirs.
+    Ethercat,
+}
+
+impl Drives {
+    /// Increments of a drive per degree (mm) of its joint.
+    pub const INCREMENTS: f64 = 1e5;
 }
 
 /// A robot's force controller, for LIN force.

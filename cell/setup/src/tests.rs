@@ -56,6 +56,24 @@ fn listed_peers_are_read_and_written_and_what_their_bus_does_not_tell_is_refused
 }
 
 #[test]
+fn drives_are_refused_on_an_arm_that_they_cannot_move() {
+    let with = |text: String| text.replacen("model = ", "drives = \"ethercat\"\nmodel = ", 1);
+    let (_, shipped) = SETUPS[0];
+    let read = |text: String| crate::setup_from_text("test", &with(text));
+    let setup = read(shipped.to_owned()).unwrap();
+    assert_eq!(crate::setup_from_text("test", &setup_to_toml(&setup).unwrap()).unwrap(), setup);
+    let refused = |from, to| read(changed(from, to)).unwrap_err().to_string();
+    insta::assert_snapshot!(refused("cycle_us = { value = 4000", "cycle_us = { value = 24000"), @"test: `robot.cycle_us`: 24000 µs is not a cycle of drives over EtherCAT: 250 to 20000 µs, or leave out robot.drives");
+    insta::assert_snapshot!(refused("upper_deg = { value = [132.0", "upper_deg = { value = [30000.0"), @"test: `robot.axes.upper_deg`: joint 1: 30000 is more than a drive counts: 32 bits of 100000 increments per degree (mm), so up to 21475; or leave out robot.drives");
+    let unknown =
+        crate::setup_from_text("test", &with(shipped.to_owned()).replace("\"ethercat\"", "\"sercos\""));
+    insta::assert_snapshot!(unknown.unwrap_err(), @r#"
+    test:35: in `robot.drives`: unknown variant `sercos`, expected `ethercat`
+       35 | drives = "sercos"
+    "#);
+}
+
+#[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
     insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
 }

@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 
-use crate::{Provenance, Setup, Sourced};
+use crate::{Drives, Provenance, Setup, Sourced};
 
 /// Fewest bus cycles without a frame that a connection must tolerate; 3 is usual.
 const LEAST_WATCHDOG_CYCLES: u32 = 3;
@@ -52,6 +52,13 @@ impl Setup {
         let robot = &mut self.robot;
         robot.interpreter_quantum_us = robot.interpreter_quantum_us.varied(0);
         robot.start_quantum_us = robot.start_quantum_us.as_ref().map(|quantum| quantum.varied(0));
+        self
+    }
+
+    /// Returns the setup with these drives behind the robot controller.
+    #[must_use]
+    pub const fn with_drives(mut self, drives: Drives) -> Self {
+        self.robot.drives = Some(drives);
         self
     }
 

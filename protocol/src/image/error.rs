@@ -71,6 +71,12 @@ codes! {
         JerkOutOfRange = 30,
         /// The checks of the command images are wrong, so that none of them is followed.
         WrongCheck = 31,
+        /// The drive of an axis has a fault, such as a following error.
+        DriveFault = 32,
+        /// The drive of an axis stopped, or took its torque away, without a command and without a fault.
+        DriveStopped = 33,
+        /// The robot controller lost the connection to its drives.
+        DrivesLost = 34,
     }
 }
 
@@ -109,6 +115,9 @@ impl fmt::Display for ErrorNumber {
             Self::DecelerationOutOfRange => "the deceleration is above the limit of its motion kind",
             Self::JerkOutOfRange => "the jerk is above the limit of its motion kind",
             Self::WrongCheck => "the checks of the command images are wrong: bytes are altered on the way, or the PLC computes them otherwise",
+            Self::DriveFault => "the drive of an axis has a fault",
+            Self::DriveStopped => "the drive of an axis stopped though nobody told it to",
+            Self::DrivesLost => "the robot controller lost the connection to its drives",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

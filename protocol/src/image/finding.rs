@@ -35,6 +35,8 @@ use super::ErrorNumber;
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
 /// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
 /// | `JointSpeed`, `JointAcceleration`, `JointJerk` | joint, from 1 | in degrees (mm) and s | 0, what it is rated for |
+/// | `DriveFault` | axis, from 1 | error code of the drive, object 0x603F of CiA 402 | |
+/// | `DriveStopped` | axis, from 1 | | |
 ///
 /// The figures are kept as their bits, so that findings can be compared and hashed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -108,6 +110,8 @@ impl fmt::Display for InWords {
         }
         let (index, value, lower, upper) = (finding.index, finding.value(), finding.lower(), finding.upper());
         match number {
+            ErrorNumber::DriveFault => write!(f, " (axis {index}, error code 0x{:04X})", value as u16),
+            ErrorNumber::DriveStopped => write!(f, " (axis {index})"),
             ErrorNumber::AxisLimit => {
                 write!(f, " (joint {index} would be at {value}, its range is {lower} to {upper})")
             }

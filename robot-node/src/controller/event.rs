@@ -5,7 +5,7 @@ use core::time::Duration;
 use protocol::fieldbus::LinkEvent;
 use protocol::image::{ErrorNumber, Finding, Skill, State};
 
-use super::Account;
+use super::{Account, DriveError};
 use crate::Quality;
 use crate::arm::Violation;
 
@@ -17,6 +17,8 @@ pub enum RobotEvent {
     Link(LinkEvent),
     /// All images of the PLC have wrong checks, or no longer so.
     ImagesAltered(bool),
+    /// The drives do not follow the set-points any more.
+    DrivesFailed(DriveError),
     /// The state machine changed its state.
     State(State),
     /// The interpreter took up a command.

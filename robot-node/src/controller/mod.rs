@@ -21,6 +21,7 @@
 //! must not drop its part.
 
 mod account;
+mod drives;
 mod event;
 mod execution;
 #[cfg(test)]
@@ -39,6 +40,7 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 pub use account::Account;
+pub use drives::{DriveError, DrivePower, DriveReport};
 pub use event::{Ending, RobotEvent};
 use execution::Execution;
 pub use program::Program;
@@ -101,6 +103,14 @@ pub struct Controller {
     wrong_override: Option<u8>,
     /// No image of the PLC is as it was sent.
     images_altered: bool,
+    /// What the drives last reported; `None` for joints that are at once where they are set.
+    drives: Option<DriveReport>,
+    /// Why the drives did not follow in the last cycle.
+    drive_error: Option<DriveError>,
+    /// A reset waits for the drives.
+    awaits_drives: bool,
+    /// The drives are to leave their fault.
+    resets_drives: bool,
     tool: Frame,
     base_inverse: Frame,
     feedback: Feedback,
@@ -116,6 +126,7 @@ impl Controller {
         let cycle_s = config.cycle.as_secs_f64();
         let interpolator = Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
         let observer = Observer::at_rest(&config.arm, &config.home, cycle_s);
+        let drives = config.drives.map(|_| DriveReport { joints: config.home, power: DrivePower::Off });
         let mut controller = Self {
             config,
             programs,
@@ -137,6 +148,10 @@ impl Controller {
             factor: 1.0,
             wrong_override: None,
             images_altered: false,
+            drives,
+            drive_error: None,
+            awaits_drives: false,
+            resets_drives: false,
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
             feedback: Feedback::default(),
@@ -160,7 +175,7 @@ impl Controller {
         &self.accepted
     }
 
-    /// Returns the present joints, in degrees (mm).
+    /// Returns the joints that are set now, in degrees (mm).
     #[must_use]
     pub const fn joints(&self) -> &Joints {
         self.interpolator.joints()
@@ -181,6 +196,7 @@ impl Controller {
     /// Runs one robot cycle at the instant `at`, with the present command image, or `None` without a connection.
     pub fn tick(&mut self, at: Instant, command: Option<&Command>) {
         let was = self.state;
+        self.follow_drives(at);
         match command {
             Some(command) => self.read(at, command),
             None => self.without_connection(at),
@@ -250,12 +266,20 @@ impl Controller {
         }
     }
 
-    /// Takes back an error, and leaves `Halted` once the arm stands.
+    /// Takes back an error, and leaves `Halted` once the arm stands and its drives are on.
     fn reset(&mut self) {
         if self.execution.is_some() {
             return;
         }
         self.reset_armed = false;
+        if self.drives_are_on() {
+            self.make_ready();
+        } else {
+            (self.awaits_drives, self.resets_drives) = (true, true);
+        }
+    }
+
+    fn make_ready(&mut self) {
         self.state = State::Ready;
         self.feedback.error = ErrorNumber::None;
         self.feedback.error_motion = 0;

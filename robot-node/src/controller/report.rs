@@ -13,8 +13,8 @@ impl Controller {
     }
 
     pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {
-        let at_rest = self.interpolator.is_at_rest();
-        if self.reported != *self.interpolator.joints() {
+        let at_rest = self.interpolator.is_at_rest() && self.is_in_place();
+        if self.reported != *self.actual_joints() {
             self.report_position();
         }
         if !self.config.surfaces.is_empty() {
@@ -63,15 +63,19 @@ impl Controller {
         self.feedback.contact_force = length(self.contact) as f32;
     }
 
-    /// Reports the joints, and the pose of the present motion's tool in its base.
+    /// Reports where the joints are, and the pose of the present motion's tool in its base.
     pub(super) fn report_position(&mut self) {
         let pressing = self.press.as_ref().filter(|press| press.phase != press::Phase::Waiting);
         let leading = self.interpolator.path().current().map(|segment| (segment.tool, segment.base_inverse));
         let frames = leading.or(pressing.map(|press| (press.tool, press.base_inverse)));
         (self.tool, self.base_inverse) = frames.unwrap_or((self.tool, self.base_inverse));
-        let joints = self.interpolator.joints();
-        self.reported = *joints;
-        let pose = self.base_inverse * (*self.interpolator.flange() * self.tool);
+        let joints = *self.actual_joints();
+        self.reported = joints;
+        let flange = match self.drives {
+            Some(_) => self.config.arm.forward(&joints),
+            None => *self.interpolator.flange(),
+        };
+        let pose = self.base_inverse * (flange * self.tool);
         self.feedback.joints = joints.map(|joint| joint as f32);
         self.feedback.pose = pose.to_mm_deg().map(|coordinate| coordinate as f32);
     }

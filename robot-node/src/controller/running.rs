@@ -59,7 +59,9 @@ impl Controller {
             self.feedback.accepted = execution.accepted;
         }
         match execution.phase {
-            Phase::Settling { until } if at >= until => self.finish(at, &execution, Ending::Done),
+            Phase::Settling { until } if at >= until && self.is_in_place() => {
+                self.finish(at, &execution, Ending::Done)
+            }
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
             Phase::Driving if execution.bad.is_some() && waited_for_motions => {
                 let (motion, violation) = execution.bad.unwrap_or((0, ErrorNumber::None.into()));
@@ -151,7 +153,7 @@ impl Controller {
         let Some(mut execution) = self.execution else {
             self.press = None;
             if ending != Ending::Cancelled {
-                self.state = State::Halted;
+                (self.state, self.awaits_drives) = (State::Halted, false);
             }
             return;
         };
@@ -172,7 +174,7 @@ impl Controller {
         }
     }
 
-    fn finish(&mut self, at: Instant, execution: &Execution, ending: Ending) {
+    pub(super) fn finish(&mut self, at: Instant, execution: &Execution, ending: Ending) {
         let Execution { number, skill, .. } = *execution;
         let execution_time = execution.elapsed(at);
         let executed = self.executed(execution);

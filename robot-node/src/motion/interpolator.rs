@@ -103,6 +103,16 @@ impl Interpolator {
         self.tool_step = [0.0; 3];
     }
 
+    /// Forgets the path, which starts anew at `joints`: something else than this interpolator brought the arm there.
+    pub fn rest_at(&mut self, joints: &Joints) {
+        if self.axes.joints() != joints || !self.axes.is_still() {
+            self.axes = AxisMonitor::at_rest(self.arm.limits(), joints, self.cycle_s);
+            self.flange = self.arm.forward(joints);
+            self.tool = self.flange.origin_of(&self.tool_frame);
+        }
+        self.clear();
+    }
+
     /// Stands still for a cycle: nothing to drive, or not yet. An arm that moves brakes within the limits of its axes.
     pub fn stand_still(&mut self) {
         if self.axes.is_still() {

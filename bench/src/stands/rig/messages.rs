@@ -118,7 +118,7 @@ impl Rig {
         let event = loop {
             tokio::select! {
                 event = self.events.recv() => break event.unwrap_or(NodeEvent::Ended(NodeRole::Plc)),
-                node = self.kills.next() => self.kill(node),
+                change = self.changes.next() => self.change(change).await,
             }
         };
         match &event {

@@ -20,11 +20,11 @@
 mod attach;
 mod attached_node;
 mod cable;
+mod changes;
 mod config;
 mod error;
 mod executions;
 mod frames;
-mod kills;
 mod messages;
 mod node;
 mod node_process;
@@ -52,12 +52,12 @@ use tokio::time::Instant;
 
 use self::node::Node;
 use cable::{Cable, Fittings};
-use kills::Kills;
+use changes::Changes;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 
 use crate::records::conditions::{Counts, Health, Moved};
-use crate::records::faults::{self, FaultReport};
+use crate::records::faults::{self, Change, FaultReport};
 use crate::records::trace::{Window, tables};
 use crate::stands::Stand as _;
 
@@ -134,7 +134,8 @@ pub struct Rig {
     watchdog: Duration,
     /// Why repetitions were run again.
     repeated: Vec<String>,
-    kills: Kills,
+    /// Changes of the nodes that faults will make.
+    changes: Changes,
     /// Nodes that a fault has killed.
     killed: Vec<NodeRole>,
     /// `None` if the nodes already ran.
@@ -227,7 +228,7 @@ impl Rig {
         rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
-        rig.kills = Kills::from_now(faults);
+        rig.changes = Changes::from_now(faults);
         if let Some(cable) = &rig.cable {
             cable.set_ready();
         }
@@ -262,7 +263,7 @@ impl Rig {
             links: Links::default(),
             watchdog,
             repeated: Vec::new(),
-            kills: Kills::default(),
+            changes: Changes::default(),
             killed: Vec::new(),
             connected_after: None,
             cable,
@@ -314,6 +315,19 @@ impl Rig {
     /// Returns the result of the faults so far; `None` without faults.
     fn fault_report(&self) -> Option<FaultReport> {
         self.cable.as_ref().and_then(Cable::fault_report)
+    }
+
+    /// Makes a change that a fault asks for. The cable makes its own.
+    async fn change(&mut self, change: Change) {
+        match change {
+            Change::Kill(role) => self.kill(role),
+            Change::Drive(axis, disturbance) => {
+                if let Some(robot) = &mut self.robot {
+                    robot.tell(&Instruction::Node(RobotInstruction::Disturb { axis, disturbance })).await;
+                }
+            }
+            Change::Cut | Change::Mend => {}
+        }
     }
 
     fn kill(&mut self, role: NodeRole) {

@@ -211,6 +211,9 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
                 self.killed.get_or_insert(node);
                 self.pair.kill(faults::end_of(node));
             }
+            Change::Drive(axis, disturbance) => {
+                return self.pair.command_b(|robot, _| robot.disturb_drive(axis, disturbance));
+            }
         }
         let lost = lost(&self.pair) - before;
         let Some(capture) = &self.capture else { return };
@@ -219,6 +222,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
                 Change::Cut => Note::Cut { lost_under_way: lost },
                 Change::Mend => Note::Mended,
                 Change::Kill(node) => Note::Killed(faults::end_of(node)),
+                Change::Drive(..) => return,
             });
         }
     }

@@ -28,7 +28,7 @@ use crate::output::report::{self, Pages};
 use crate::output::table;
 use crate::output::timeline;
 use crate::records::conditions::Measured;
-use crate::records::faults::{self, Fault};
+use crate::records::faults::{self, Fault, NoSuchDrive};
 use crate::records::host::{self, Host};
 use crate::records::mode::Mode;
 use crate::records::paper::Standing;
@@ -65,6 +65,10 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         }
         setup::check(&setup)?;
     }
+    if let Some(drives) = options.drives {
+        setup = setup.with_drives(drives.into());
+        setup::check(&setup)?;
+    }
     let plan = found.plan(&setup)?;
     check_robot(&setup, &found, &plan)?;
     let warnings = plan.warnings().collect();
@@ -79,6 +83,8 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         );
         return Err(Failure::new(Exit::Usage, error));
     }
+    let usage = |error: NoSuchDrive| Failure::new(Exit::Usage, error);
+    faults::check_drives(&flat(&options.fault), &setup).map_err(usage)?;
     if options.mode == Mode::Real {
         faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     }

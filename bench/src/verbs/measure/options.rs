@@ -43,6 +43,10 @@ pub struct RunOptions {
     /// How PROFINET's cyclic frames travel, instead of what the setup says.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,
+    /// What moves the robot's joints, instead of what the setup says: emulated CiA 402 drives behind an EtherCAT segment of
+    /// the robot controller.
+    #[arg(long, value_enum)]
+    pub drives: Option<Drives>,
     /// Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
@@ -68,7 +72,7 @@ pub struct RunOptions {
     /// Put a fault into the cable, any number of times: loss=0.001, duplicate=0.01, corrupt=0.001@memory or
     /// corrupt=0.001@wire, reorder=0.01@2ms, delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
     /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s; of one frame to-robot:lose-frame=17, to-plc:double-frame=17,
-    /// to-plc:hold-frame=17@2ms. Times count from the moment that the robot is ready; the same
+    /// to-plc:hold-frame=17@2ms; with drives, of that of an axis drive-fault=3@2s, drive-stop=3@2s, drive-block=3@2s..2.5s. Times count from the moment that the robot is ready; the same
     /// seed gives the same faults.
     #[arg(long, value_name = "FAULT", num_args = 1..)]
     pub fault: Vec<List<Fault>>,
@@ -96,6 +100,19 @@ pub enum Cyclic {
     Udp,
     /// RT_CLASS_1: EtherType 0x8892.
     Rt1,
+}
+
+/// What moves the robot's joints.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Drives {
+    /// Emulated CiA 402 drives on an EtherCAT segment of the robot controller.
+    Ethercat,
+}
+
+impl From<Drives> for setup::Drives {
+    fn from(Drives::Ethercat: Drives) -> Self {
+        Self::Ethercat
+    }
 }
 
 impl From<Cyclic> for setup::Cyclic {
