@@ -15,6 +15,12 @@ impl AbortCode {
     pub(crate) const READ_ONLY: Self = Self(0x0601_0002);
     /// The object cannot be accessed as a whole.
     pub(crate) const NO_COMPLETE_ACCESS: Self = Self(0x0601_0004);
+    /// Subindex 0 has to be 0 while the others are written.
+    pub(crate) const COUNT_NOT_ZERO: Self = Self(0x0601_0003);
+    /// The object cannot be mapped into process data.
+    pub(crate) const NOT_MAPPABLE: Self = Self(0x0604_0041);
+    /// More objects, or longer ones, than process data have room for.
+    pub(crate) const TOO_MUCH_TO_MAP: Self = Self(0x0604_0042);
     /// There is no such object.
     pub(crate) const NO_OBJECT: Self = Self(0x0602_0000);
     /// The length does not fit the type.

@@ -4,6 +4,7 @@ use machine::Duration;
 
 use crate::description::Description;
 use crate::esc::LocalClock;
+use crate::pdo_configuration::PdoConfiguration;
 
 /// A device to be added to a segment.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +15,8 @@ pub struct DeviceConfig {
     pub serial_number: u32,
     /// Its station alias; 0 for none.
     pub alias: u16,
+    /// What the MainDevice may choose of its process data.
+    pub pdo_configuration: PdoConfiguration,
     /// Time that its application takes to follow a request for a state.
     pub answer_delay: Duration,
     /// Time that a command to its EEPROM takes.
@@ -27,13 +30,14 @@ pub struct DeviceConfig {
 }
 
 impl DeviceConfig {
-    /// Returns a device without serial number and alias, that answers at once.
+    /// Returns a device without serial number and alias and with fixed process data, that answers at once.
     #[must_use]
     pub const fn new(description: &'static Description) -> Self {
         Self {
             description,
             serial_number: 0,
             alias: 0,
+            pdo_configuration: PdoConfiguration::Fixed,
             answer_delay: Duration::ZERO,
             eeprom_delay: Duration::ZERO,
             forwarding_delay: Duration::ZERO,

@@ -8,6 +8,8 @@ use alloc::vec::Vec;
 use crate::abort_code::AbortCode;
 use crate::al::AlState;
 use crate::description::{Access, DataType, Description, Entry, Object, ObjectCode, Pdo};
+use crate::layout::Usage;
+use crate::pdo_configuration::{PdoConfiguration, configures};
 
 /// Where a value is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -29,6 +31,8 @@ pub(crate) struct DictionaryEntry {
     pub(crate) bits: usize,
     pub(crate) access: Access,
     value: Value,
+    /// Where its value is while it is not mapped.
+    unmapped: Value,
 }
 
 /// An object.
@@ -68,14 +72,20 @@ pub(crate) struct ProcessData<'a> {
 /// The objects of a device, and their values.
 #[derive(Clone, Debug)]
 pub(crate) struct Dictionary {
+    description: &'static Description,
+    configuration: PdoConfiguration,
     /// Indices ascending.
     objects: Vec<DictionaryObject>,
     values: Vec<u8>,
 }
 
 impl Dictionary {
-    pub(crate) fn new(description: &Description, serial_number: u32) -> Self {
-        let mut dictionary = Self { objects: Vec::new(), values: Vec::new() };
+    pub(crate) fn new(
+        description: &'static Description,
+        configuration: PdoConfiguration,
+        serial_number: u32,
+    ) -> Self {
+        let mut dictionary = Self { description, configuration, objects: Vec::new(), values: Vec::new() };
         dictionary.add_device(description, serial_number);
         for (pdos, assignment, name) in
             [(description.outputs, 0x1C12, "RxPDO assign"), (description.inputs, 0x1C13, "TxPDO assign")]
@@ -83,13 +93,57 @@ impl Dictionary {
             dictionary.add_pdos(pdos, assignment, name);
         }
         description.objects.iter().for_each(|object| dictionary.add_described(object));
-        dictionary.map(description.outputs, |bit| Value::Output { bit }, Access::ReadWrite);
-        dictionary.map(description.inputs, |bit| Value::Input { bit }, Access::ReadOnly);
+        dictionary.add_mapped(description.outputs, Access::ReadWrite);
+        dictionary.add_mapped(description.inputs, Access::ReadOnly);
         dictionary.objects.sort_by_key(|object| object.index);
         for object in &mut dictionary.objects {
             object.entries.sort_by_key(|entry| entry.subindex);
         }
+        dictionary.map_process_data();
         dictionary
+    }
+
+    pub(crate) const fn description(&self) -> &'static Description {
+        self.description
+    }
+
+    pub(crate) const fn configuration(&self) -> PdoConfiguration {
+        self.configuration
+    }
+
+    pub(crate) fn values(&self) -> &[u8] {
+        &self.values
+    }
+
+    /// Sets all values to what [`values`](Self::values) returned before.
+    pub(crate) fn restore(&mut self, values: &[u8]) {
+        if values.len() == self.values.len() {
+            self.values.copy_from_slice(values);
+        }
+    }
+
+    /// Lets the objects that process data name show these, and all others their own values.
+    pub(crate) fn map_process_data(&mut self) {
+        for entry in self.objects.iter_mut().flat_map(|object| &mut object.entries) {
+            entry.value = entry.unmapped;
+        }
+        for usage in [Usage::Outputs, Usage::Inputs] {
+            let mut bit = 0;
+            let mappings: Vec<_> = self.mappings(usage).collect();
+            for mapping in mappings {
+                let value =
+                    if usage == Usage::Outputs { Value::Output { bit } } else { Value::Input { bit } };
+                bit += usize::from(mapping.bits);
+                if let Some(entry) = self.entry_mut(mapping.index, mapping.subindex) {
+                    (entry.value, entry.bits) = (value, mapping.bits.into());
+                }
+            }
+        }
+    }
+
+    fn entry_mut(&mut self, index: u16, subindex: u8) -> Option<&mut DictionaryEntry> {
+        let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
+        self.objects.get_mut(at)?.entries.iter_mut().find(|entry| entry.subindex == subindex)
     }
 
     /// Adds the objects of every device (ETG.1000.6, CoE communication area).
@@ -155,7 +209,7 @@ impl Dictionary {
     ) -> DictionaryEntry {
         let bits = value.len() * 8;
         let value = self.store(value, value.len());
-        DictionaryEntry { subindex, name, data_type, bits, access: Access::ReadOnly, value }
+        DictionaryEntry { subindex, name, data_type, bits, access: Access::ReadOnly, value, unmapped: value }
     }
 
     fn add_variable(&mut self, index: u16, name: &'static str, data_type: DataType, value: &[u8]) {
@@ -195,16 +249,13 @@ impl Dictionary {
         {
             *len = capacity;
         }
-        DictionaryEntry { subindex, name, data_type, bits: capacity * 8, access, value }
+        DictionaryEntry { subindex, name, data_type, bits: capacity * 8, access, value, unmapped: value }
     }
 
-    /// Lets the objects that process data name show these; adds those that the description does not have.
-    fn map(&mut self, pdos: &[Pdo], value: impl Fn(usize) -> Value, access: Access) {
-        let mut bit = 0;
+    /// Adds the objects that process data name and the description does not have.
+    fn add_mapped(&mut self, pdos: &[Pdo], access: Access) {
         for entry in pdos.iter().flat_map(|pdo| pdo.entries) {
-            let at = value(bit);
             let bits = usize::from(entry.bits);
-            bit += bits;
             // Index 0 is a gap.
             if entry.index == 0 {
                 continue;
@@ -214,18 +265,20 @@ impl Dictionary {
                 self.add_mapped_object(entry.index, entry.subindex);
                 self.objects.len() - 1
             });
-            let Some(object) = self.objects.get_mut(position) else { continue };
-            if let Some(known) = object.entries.iter_mut().find(|known| known.subindex == entry.subindex) {
-                (known.value, known.bits) = (at, bits);
+            let is_known = |object: &DictionaryObject| object.entry(entry.subindex).is_some();
+            if self.objects.get(position).is_some_and(is_known) {
                 continue;
             }
+            let own = self.store(&vec![0; bits.div_ceil(8)], 0);
+            let Some(object) = self.objects.get_mut(position) else { continue };
             let mapped = DictionaryEntry {
                 subindex: entry.subindex,
                 name: entry.name,
                 data_type: entry.data_type,
                 bits,
                 access,
-                value: at,
+                value: own,
+                unmapped: own,
             };
             object.entries.push(mapped);
             self.raise_highest_subindex(position, entry.subindex);
@@ -288,6 +341,9 @@ impl Dictionary {
         data: &[u8],
         state: AlState,
     ) -> Result<(), AbortCode> {
+        if let Some(configured) = self.configure(index, subindex, data, state) {
+            return configured;
+        }
         let entry = self.entry(index, subindex)?;
         match entry.access {
             Access::ReadOnly => return Err(AbortCode::READ_ONLY),
@@ -306,8 +362,13 @@ impl Dictionary {
         self.set(index, subindex, data).ok_or(AbortCode::GENERAL)
     }
 
-    /// Sets a value, whatever the MainDevice may do with it. `None` if there is no such value, or no room.
+    /// Sets a value, whatever the MainDevice may do with it. `None` if there is no such value, or no room, or if it says
+    /// what process data are.
     pub(crate) fn set(&mut self, index: u16, subindex: u8, data: &[u8]) -> Option<()> {
+        if configures(index) { None } else { self.store_value(index, subindex, data) }
+    }
+
+    pub(crate) fn store_value(&mut self, index: u16, subindex: u8, data: &[u8]) -> Option<()> {
         let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
         let object = self.objects.get_mut(at)?;
         let entry = object.entries.iter_mut().find(|entry| entry.subindex == subindex)?;

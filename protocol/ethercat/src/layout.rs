@@ -73,6 +73,14 @@ impl Layout {
         Self { sync_managers }
     }
 
+    /// Changes the length of process data; their buffer stays where it is.
+    pub(crate) fn set_len(&mut self, usage: Usage, len: u16) {
+        let found = self.sync_managers.iter_mut().flatten().find(|layout| layout.usage == usage);
+        if let Some(layout) = found {
+            layout.len = len;
+        }
+    }
+
     /// Returns the sync managers in the order of their numbers.
     pub(crate) fn iter(&self) -> impl Iterator<Item = SyncManagerLayout> + '_ {
         self.sync_managers.iter().flatten().copied()

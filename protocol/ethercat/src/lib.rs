@@ -15,6 +15,7 @@ mod esc;
 mod event;
 mod layout;
 mod mailbox;
+mod pdo_configuration;
 mod segment;
 mod sii_image;
 mod subdevice;
@@ -26,6 +27,7 @@ pub use esc::LocalClock;
 pub use event::{DeviceId, Event};
 pub use layout::{SyncManagerLayout, Usage, sync_managers};
 pub use mailbox::Emergency;
+pub use pdo_configuration::PdoConfiguration;
 pub use segment::{Counters, DataError, Segment};
 pub use sii_image::sii_image;
 

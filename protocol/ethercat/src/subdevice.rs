@@ -14,6 +14,7 @@ use crate::esc::{Esc, Sync};
 use crate::event::{Event, Sink};
 use crate::layout::{Layout, SyncManagerLayout, Usage};
 use crate::mailbox::{Context, Emergency, File, Mailbox};
+use crate::pdo_configuration::PdoConfiguration;
 use crate::sii_image::sii_image;
 
 /// A SubDevice.
@@ -52,7 +53,7 @@ impl SubDevice {
             inputs: vec![0; len(Usage::Inputs)].into_boxed_slice(),
             outputs: vec![0; len(Usage::Outputs)].into_boxed_slice(),
             has_outputs: false,
-            dictionary: Dictionary::new(description, config.serial_number),
+            dictionary: Dictionary::new(description, config.pdo_configuration, config.serial_number),
             mailbox: description.mailbox.map(|mailbox| Mailbox::new(mailbox.len)),
             file: File::new(description.mailbox.map_or(0, |mailbox| mailbox.file_capacity)),
             answer_delay: config.answer_delay,
@@ -215,7 +216,23 @@ impl SubDevice {
             let (dictionary, file) = (&mut self.dictionary, &mut self.file);
             mailbox.receive(message, &mut Context { state, dictionary, process, file, sink });
         }
+        self.resize_process_data();
         self.send_mail();
+    }
+
+    /// Takes up what the MainDevice has chosen of the process data, which it can only do while they do not run.
+    fn resize_process_data(&mut self) {
+        if self.dictionary.configuration() == PdoConfiguration::Fixed || self.al.state() != AlState::PreOp {
+            return;
+        }
+        for (usage, data) in [(Usage::Outputs, &mut self.outputs), (Usage::Inputs, &mut self.inputs)] {
+            let len = self.dictionary.process_data_len(usage);
+            self.layout.set_len(usage, len);
+            if data.len() != usize::from(len) {
+                *data = vec![0; len.into()].into_boxed_slice();
+            }
+        }
+        self.dictionary.map_process_data();
     }
 
     /// Puts the next message into the mailbox, if that is empty.

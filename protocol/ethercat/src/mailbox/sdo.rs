@@ -13,6 +13,7 @@ use super::{Context, MailboxError, Outbox, coe, report_written};
 use crate::Reader;
 use crate::abort_code::AbortCode;
 use crate::description::{Access, ObjectCode};
+use crate::pdo_configuration::configures;
 
 /// Length in bytes of the largest value: longer ones are refused before memory is taken for them.
 const MAX_LEN: usize = 0x1_0000;
@@ -260,19 +261,30 @@ impl Transfer {
         let Target { index, subindex, .. } = self.target;
         let entries = complete_entries(self.target, context)?;
         let mut rest = &self.data[..];
+        let mut values = Vec::with_capacity(entries.len());
         for (number, capacity) in entries {
+            // Fewer of the process data may be chosen than there could be.
+            if rest.is_empty() && configures(index) {
+                break;
+            }
             // Subindex 0 takes 16 bits (ETG.1000.6, complete access).
             let taken = if number == 0 { 2 } else { capacity };
             let (value, behind) = rest.split_at_checked(taken).ok_or(AbortCode::TOO_SHORT)?;
             rest = behind;
-            let value = value.get(..capacity).unwrap_or_default();
-            // What is there already may be written even where nothing else may.
-            if context.dictionary.get(index, number) != Some(value) {
-                context.dictionary.write(index, number, value, context.state)?;
-            }
+            values.push((number, value.get(..capacity).unwrap_or_default()));
         }
         if !rest.is_empty() {
             return Err(AbortCode::TOO_LONG);
+        }
+        // What is there already may be written even where nothing else may.
+        let is_new = |(number, value): &(u8, &[u8])| context.dictionary.get(index, *number) != Some(*value);
+        if !configures(index) {
+            values.retain(is_new);
+            for (number, value) in values {
+                context.dictionary.write(index, number, value, context.state)?;
+            }
+        } else if values.iter().any(is_new) {
+            context.dictionary.configure_whole(index, &values, context.state)?;
         }
         report_written(context.sink, index, subindex);
         Ok(())
@@ -298,6 +310,10 @@ fn collect(target: Target, context: &Context<'_, '_>, data: &mut Vec<u8>) -> Res
         return Ok(());
     }
     for (number, _) in complete_entries(target, context)? {
+        // Of what is chosen of the process data, only what counts.
+        if configures(index) && number > context.dictionary.count(index) {
+            break;
+        }
         let entry = context.dictionary.entry(index, number)?;
         context.dictionary.read(entry, context.process, data);
         if number == 0 {
@@ -323,6 +339,7 @@ fn own_len(target: Target, context: &Context<'_, '_>) -> Result<usize, AbortCode
 
 fn check_writable(target: Target, context: &Context<'_, '_>) -> Result<(), AbortCode> {
     let entry = context.dictionary.entry(target.index, target.subindex)?;
-    let refused = !target.complete && entry.access == Access::ReadOnly;
+    // What is written to these is checked when all of it is there.
+    let refused = !target.complete && entry.access == Access::ReadOnly && !configures(target.index);
     if refused { Err(AbortCode::READ_ONLY) } else { Ok(()) }
 }

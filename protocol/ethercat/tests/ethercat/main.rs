@@ -16,6 +16,7 @@ mod hand;
 mod limits;
 mod main_device;
 mod operation;
+mod pdo_configuration;
 mod sdo;
 mod states;
 mod working_counters;
