@@ -138,17 +138,11 @@ impl Way {
             Shape::Free => return None,
             Shape::Line { along } => {
                 let square = dot(along, along);
-                let share = if square > 1e-6 {
-                    (dot(difference(self.start.at, tool.at), along) / square).clamp(0.0, 1.0)
-                } else {
-                    // It only turns, and how far is not told by the place.
-                    f64::NAN
-                };
-                let foot: Vector = if share.is_nan() {
-                    self.target.at
-                } else {
-                    core::array::from_fn(|i| self.start.at[i] + share * along[i])
-                };
+                let share = (dot(difference(self.start.at, tool.at), along) / square).clamp(0.0, 1.0);
+                let share_of_way = if square > 0.0 { share } else { 1.0 };
+                let foot: Vector = core::array::from_fn(|i| self.start.at[i] + share_of_way * along[i]);
+                // Of one that only turns, the place does not tell how far.
+                let share = if square > 1e-6 { share } else { f64::NAN };
                 (distance(foot, tool.at), share)
             }
             Shape::Circle { centre, outward, forward, radius, opening } => {

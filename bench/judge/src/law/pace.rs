@@ -20,6 +20,9 @@ const QUADRATURE: f64 = 1e-4;
 /// What a bend may add to chords from one cycle to the next while the way along it grows no faster.
 const BEND: f64 = 1e-3;
 
+/// The share of the programmed speed below which an arm that has hardly begun to move may still get faster.
+const CREEP: f64 = 1e-3;
+
 /// The share of the programmed speed that is allowed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace {
@@ -82,12 +85,16 @@ impl Pace {
         (self.slows_from, self.compliant, self.holds) = (None, 0, false);
     }
 
-    /// How fast the arm was, as a share of what is programmed, in the last two cycles on one motion.
-    fn see(&mut self, share: f64, before: f64) {
+    /// How fast the arm was, as a share of what is programmed, in the last two cycles on one motion; while it may still rise, a
+    /// share as it is wanted is by chance.
+    fn see(&mut self, share: f64, before: f64, may_rise: bool) {
         // One that still brakes may not be slow enough for the next motion.
         let brakes = share < before * (1.0 - BEND);
-        self.compliant =
-            if share <= self.wanted() * (1.0 + SHARE) && !brakes { self.compliant + 1 } else { 0 };
+        self.compliant = if share <= self.wanted() * (1.0 + SHARE) && !brakes && !may_rise {
+            self.compliant + 1
+        } else {
+            0
+        };
         if self.compliant >= COMPLIANT {
             self.slows_from = None;
         }
@@ -196,7 +203,7 @@ impl Law {
         if may_rise && on == among.first {
             self.pace.highest = Some((on, highest.max(share)));
         }
-        let most = highest.max(self.pace.wanted()) * (1.0 + BEND) + TOOL_NOISE_MM / programmed;
+        let most = highest.max(self.pace.wanted()).max(CREEP) * (1.0 + BEND) + TOOL_NOISE_MM / programmed;
         let is_known = self.pace.highest.is_some() && on == among.first;
         if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
             let what = Broken::Figure {
@@ -207,7 +214,7 @@ impl Law {
             };
             self.report(Class::ToolSpeed, what);
         }
-        self.pace.see(step / programmed, before / programmed);
+        self.pace.see(step / programmed, before / programmed, may_rise);
     }
 
     fn most(&self, among: Among, of: impl Fn(&Way) -> f64) -> f64 {
