@@ -6,8 +6,9 @@
 use arrayvec::ArrayVec;
 
 use super::curve::Curve;
-use super::derivatives::{Derivatives, NODES, POINT_SHARES, POINTS, SHARES, Samples, place_of};
+use super::derivatives::{Derivatives, NODES, POINT_SHARES, SHARES, Samples, place_of};
 use super::node::{Node, Ratings};
+use super::nodes::{Nodes, PIECES, points_of};
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
 /// What is kept in reserve of what an axis and the tool may do, for what the samples do not show. Where they leave out more, the
@@ -20,12 +21,6 @@ const LEFT_OUT: f64 = 0.85;
 
 /// A piece is at least this share of the curve long.
 const SHORTEST: f64 = 1.0 / 4096.0;
-
-/// Into so many pieces a curve is cut at most.
-const PIECES: usize = 40;
-
-/// Nodes of a curve: of one that is not cut all points, of pieces only the samples.
-pub(super) type Nodes = ArrayVec<Node, { PIECES * (NODES - 1) + 1 }>;
 
 /// An arc that goes round farther than this, in degrees, is cut at once: one piece's samples never tell enough of it.
 const RESOLVED_ARC_DEG: f64 = 135.0;
@@ -44,6 +39,8 @@ pub(super) struct Followed {
     /// The joints at its end.
     pub(super) end: Joints,
     pub(super) nodes: Nodes,
+    /// Whether the reserve covers what its samples leave out, everywhere.
+    pub(super) is_resolved: bool,
     /// What corners at its start and at its end may take of it at most, in the curve's unit: half of it, and no more than
     /// where the joints are still told by those of the corner.
     pub(super) zones: [f64; 2],
@@ -70,12 +67,12 @@ pub(super) fn along(
     let is_line = matches!(curve, Curve::Line(_));
     let is_cut = matches!(curve, Curve::Arc(arc) if arc.opening_deg() > RESOLVED_ARC_DEG);
     let (mut joints, mut start, mut share) = (*from, 0.0, if is_cut { 0.5 } else { 1.0 });
-    let mut derivatives = Derivatives::NONE;
+    let (mut derivatives, mut all_resolved, mut pieces) = (Derivatives::NONE, true, 0);
     while start < 1.0 {
         let length = curve.length();
         let (begin, width) = (start * length, share * length);
         let (samples, end, (turned, (axis, turn_deg))) = sampled(curve, &joints, begin, width, arm)?;
-        let left = PIECES - nodes.len() / (NODES - 1);
+        let left = PIECES - pieces;
         let can_cut = share > SHORTEST && pieces_to_end(share / 2.0, 1.0 - start) <= left;
         if !can_cut && turn_deg > TURNED_OVER_DEG {
             return Err(Violation::Configuration { axis, turn_deg, way: turned, length });
@@ -87,15 +84,17 @@ pub(super) fn along(
         derivatives.find(&samples, width, arm.axes(), (!is_line).then_some(0));
         let off = if can_cut { 0.0 } else { 1.0 };
         let first = nodes.len();
-        let stride = if share < 1.0 { 2 } else { 1 };
-        for point in (0..POINTS).step_by(stride).skip(usize::from(first > 0)) {
+        for point in points_of(share, first == 0) {
             let at = (&derivatives, place_of(point), off);
             nodes.push(Node::new(begin + POINT_SHARES[point] * width, speed, at, is_line, ratings));
         }
-        if can_cut && !is_resolved(&derivatives, &nodes[first..], most, ratings, arm.axes()) {
-            nodes.truncate(first);
-            share /= 2.0;
-            continue;
+        if !is_resolved(&derivatives, &nodes[first..], most, ratings, arm.axes()) {
+            if can_cut {
+                nodes.truncate(first);
+                share /= 2.0;
+                continue;
+            }
+            all_resolved = false;
         }
         derivatives.within_range(width, arm)?;
         for node in &nodes[first..] {
@@ -107,13 +106,14 @@ pub(super) fn along(
         }
         (0..NODES).for_each(|node| trail.push((begin + SHARES[node] * width, samples.joints(node))));
         (joints, start) = (end, start + share);
+        pieces += 1;
         share = (2.0 * share).min(1.0 - start);
     }
     let length = curve.length();
     let from_start = unambiguous(from, trail.iter().map(|(way, joints)| (*way, joints)), length / 2.0, arm);
     let from_end = trail.iter().rev().map(|(way, joints)| (length - way, joints));
     let zones = [from_start, unambiguous(&joints, from_end, length / 2.0, arm)];
-    Ok(Followed { end: joints, nodes, zones })
+    Ok(Followed { end: joints, nodes, is_resolved: all_resolved, zones })
 }
 
 /// How many pieces there are to the end of a curve, of which a share is left, if this is the next one and each is twice as long as the

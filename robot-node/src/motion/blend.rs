@@ -16,13 +16,12 @@
 //! Its speed passes from that of the first motion to that of the second: neither motion is faster than it is programmed, nor is the
 //! tool faster than the faster of the two.
 
-use arrayvec::ArrayVec;
-
 use super::along::{AXIS_RESERVE, is_resolved};
 use super::curve::Curve;
-use super::derivatives::{Derivatives, NODES, POINT_SHARES, POINTS, SHARES, Samples, place_of};
+use super::derivatives::{Derivatives, POINT_SHARES, SHARES, Samples, place_of};
 use super::flange::Flange;
 use super::node::{Node, Ratings, ramp_s};
+use super::nodes::{Nodes, points_of};
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 
@@ -35,9 +34,6 @@ const BETWEEN_NODES: f64 = 0.998;
 /// Into so many pieces a corner is cut at most where its samples leave out too much, and the least share that one has.
 const PIECES: usize = 8;
 const SHORTEST: f64 = 1.0 / 32.0;
-
-/// So many nodes there are when one piece is left.
-const LAST_PIECE: usize = (PIECES - 1) * (NODES - 1);
 
 /// A zone is found to this share of itself; it errs to the smaller side.
 const ZONE_ACCURACY: f64 = 1e-3;
@@ -55,7 +51,7 @@ pub struct Blend {
     /// The distance from the corner that it keeps, in mm.
     pub distance_mm: f64,
     pub(super) ratings: Ratings,
-    pub(super) nodes: ArrayVec<Node, { PIECES * (NODES - 1) + 1 }>,
+    pub(super) nodes: Nodes,
 }
 
 impl Blend {
@@ -90,7 +86,7 @@ impl Blend {
                 to_zone: entering.zone(distance_mm),
                 distance_mm,
                 ratings: both(first, second, arm),
-                nodes: ArrayVec::new(),
+                nodes: Nodes::new(),
             };
             match blend.find_nodes(first, second, arm) {
                 Ok(()) => return Some(blend),
@@ -148,15 +144,14 @@ impl Blend {
     fn find_nodes(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
         let leads_tool = self.tools(first, second, &[0.5]).is_some();
         let (mut start, mut width, mut near) = (0.0, 1.0, first.end);
-        let mut derivatives = Derivatives::NONE;
+        let (mut derivatives, mut pieces) = (Derivatives::NONE, 0);
         while start < 1.0 {
             let (samples, end) = self.sampled(first, second, (start, width), arm, &near)?;
             derivatives.find(&samples, width, arm.axes(), self.ratings.leads_tool().then_some(0));
-            let can_cut = self.nodes.len() < LAST_PIECE && width > SHORTEST;
+            let can_cut = pieces + 1 < PIECES && width > SHORTEST;
             let off = if can_cut { 0.0 } else { 1.0 };
             let begun = self.nodes.len();
-            let stride = if width < 1.0 { 2 } else { 1 };
-            for point in (0..POINTS).step_by(stride).skip(usize::from(begun > 0)) {
+            for point in points_of(width, begun == 0) {
                 let share = start + POINT_SHARES[point] * width;
                 let at = (&derivatives, place_of(point), off);
                 let mut node = Node::new(share, f64::INFINITY, at, false, &self.ratings);
@@ -171,7 +166,8 @@ impl Blend {
             }
             derivatives.within_range(width, arm).map_err(|_| Unfit::Arm)?;
             (near, start) = (end, start + width);
-            width = if self.nodes.len() < LAST_PIECE { (2.0 * width).min(1.0 - start) } else { 1.0 - start };
+            pieces += 1;
+            width = if pieces + 1 < PIECES { (2.0 * width).min(1.0 - start) } else { 1.0 - start };
         }
         // The corner ends with the joints of the second motion, not a turn away from them.
         if leads_tool && arm.largest_turn(&first.end, &near).1 > 180.0 {

@@ -2,7 +2,9 @@
 
 use arrayvec::ArrayVec;
 
-use super::node::{Knot, Node, Pace, Ratings};
+use super::knot::{Knot, Ramps};
+use super::node::{Node, Pace, Ratings};
+use super::slopes::Slopes;
 
 /// Parts that a stretch has at most.
 pub(super) const PARTS: usize = 16;
@@ -38,11 +40,23 @@ impl Part<'_> {
     }
 
     /// The knot at a place of its own unit, which is at `way` of the stretch.
-    pub(super) fn knot(&self, own_way: f64, way: f64) -> Option<Knot> {
+    pub(super) fn knot(&self, own_way: f64, way: f64, ramps: &Ramps) -> Option<Knot> {
+        let (one, other, share) = self.nodes_around(own_way)?;
+        Some(Knot::between(one, other, share, ramps, way, self.unit))
+    }
+
+    /// What a place of its own unit asks, in that unit.
+    pub(super) fn slopes(&self, own_way: f64) -> Option<Slopes> {
+        let (one, other, share) = self.nodes_around(own_way)?;
+        Some(Slopes::between(one, other, share, 1.0))
+    }
+
+    /// The nodes before and behind a place of its own unit, and the share of the way between them.
+    fn nodes_around(&self, own_way: f64) -> Option<(&Node, &Node, f64)> {
         let next = self.nodes.partition_point(|node| node.way <= own_way).clamp(1, self.nodes.len() - 1);
         let (one, other) = (self.nodes.get(next - 1)?, self.nodes.get(next)?);
         let share = ((own_way - one.way) / (other.way - one.way)).clamp(0.0, 1.0);
-        Some(Knot::between(one, other, share, self.ratings, way, self.unit))
+        Some((one, other, share))
     }
 }
 
@@ -54,6 +68,8 @@ const GRADING: f64 = 3.0;
 pub(super) struct Grid {
     /// With room for [`KNOTS`], as all that is kept of them, which is too much for a stack.
     pub(super) knots: Vec<Knot>,
+    /// What is asked in the middle of each cell.
+    pub(super) middles: Vec<Slopes>,
     /// The knots at nodes and borders, before cells are cut.
     rough: Vec<Knot>,
     /// The same places as parts have them that end there, for all parts but the first: the third derivative may be another.
@@ -65,7 +81,8 @@ pub(super) struct Grid {
 impl Default for Grid {
     fn default() -> Self {
         let [knots, rough] = [0; 2].map(|_| Vec::with_capacity(KNOTS));
-        Self { knots, rough, ends: ArrayVec::new(), begins: ArrayVec::new() }
+        let middles = Vec::with_capacity(KNOTS);
+        Self { knots, middles, rough, ends: ArrayVec::new(), begins: ArrayVec::new() }
     }
 }
 
@@ -91,8 +108,9 @@ impl Grid {
         let length: f64 = parts.iter().map(Part::length).sum();
         let mut begin = 0.0;
         for part in parts {
-            self.begin_part(part.knot(part.from, begin)?)?;
-            self.take_part(part, begin, length, stride)?;
+            let ramps = Ramps::of(part.ratings);
+            self.begin_part(part.knot(part.from, begin, &ramps)?)?;
+            self.take_part((part, &ramps), begin, length, stride)?;
             begin += part.length();
         }
         if self.rough.len() < 2 {
@@ -118,7 +136,13 @@ impl Grid {
     }
 
     /// Takes what is behind the first knot of a part that begins at `begin`. No cell is too long for the whole `length`.
-    fn take_part(&mut self, part: &Part<'_>, begin: f64, length: f64, stride: usize) -> Option<()> {
+    fn take_part(
+        &mut self,
+        (part, ramps): (&Part<'_>, &Ramps),
+        begin: f64,
+        length: f64,
+        stride: usize,
+    ) -> Option<()> {
         let (longest, least) = (LONGEST * length, 1e-9 * length);
         let end = begin + part.length();
         let inner = part
@@ -133,11 +157,11 @@ impl Grid {
             for cell in 1..cells as usize {
                 let between = before + (way - before) * cell as f64 / cells;
                 let own = part.from + (between - begin) * part.unit;
-                push(&mut self.rough, part.knot(own, between)?)?;
+                push(&mut self.rough, part.knot(own, between, ramps)?)?;
             }
             let knot = match node {
-                Some(node) => Knot::new(node, part.ratings, way, part.unit),
-                None => part.knot(part.from + (way - begin) * part.unit, way)?,
+                Some(node) => Knot::new(node, ramps, way, part.unit),
+                None => part.knot(part.from + (way - begin) * part.unit, way, ramps)?,
             };
             push(&mut self.rough, knot)?;
         }
@@ -152,7 +176,7 @@ impl Grid {
 
     /// Cuts cells that are much longer than those beside them, which a short corner between long motions has.
     fn grade(&mut self, first_cell: f64) -> Option<()> {
-        let Self { knots, rough, ends, begins } = self;
+        let Self { knots, rough, ends, begins, .. } = self;
         knots.clear();
         let length_of = |cell: usize| Some(rough.get(cell + 1)?.way - rough.get(cell)?.way);
         // The number of the part, counted from 1, that begins next.

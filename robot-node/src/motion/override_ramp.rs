@@ -4,6 +4,8 @@
 //! the step is known before: the rate levels out. Only a step from which that keeps the limits is begun, so that there is always a
 //! way on; the next cycle mostly takes another step instead. The last one levels out at the override.
 
+use super::knot::Ramps;
+use super::load::Load;
 use super::node::Pace;
 use super::path::Path;
 use super::piece::{Course, Piece};
@@ -37,6 +39,9 @@ const LANDINGS: usize = 3;
 /// The share of the most acceleration that steps come up to.
 const STEEP: f64 = 0.99;
 
+/// By so much a ramp may lead away from the override at most.
+const AWAY: f64 = 1e-6;
+
 /// A ramp is worth to be replaced by one that changes the rate within a step by so much more, of what levelling out could.
 const WORTH: f64 = 1e-3;
 
@@ -66,7 +71,7 @@ impl Path {
     /// way changes it as much.
     fn quickest_ramp(&self) -> Option<Ramp> {
         let (part, spot, Pace { square, acceleration }) = self.here()?;
-        let (most, most_jerk) = part.knot(spot.way, 0.0)?.at_rest();
+        let (most, most_jerk) = part.knot(spot.way, 0.0, &Ramps::of(part.ratings))?.at_rest();
         let (now, speed) = (self.scale.now(), square.sqrt());
         let sign = 1.0_f64.copysign(self.factor - now.share);
         let under_way = self.scale.after(STEP_S).change;
@@ -74,10 +79,10 @@ impl Path {
         let room = (STEEP * most - sign * accelerates) / STEP_S;
         let course = self.course();
         let worth = if self.scale.is_steady() { 0.0 } else { WORTH * STEP_S * most_jerk / speed };
+        // A rate that goes the other way yet goes no farther than it would have.
+        let farthest = if sign * now.change >= 0.0 { now.share } else { self.scale.target() };
         let is_better = |ramp: &Ramp| {
-            // A rate that goes the other way yet goes no farther than it would have.
-            let turns = sign * now.change >= 0.0 || sign * (ramp.turn() - self.scale.target()) >= 0.0;
-            turns && sign * (ramp.change() - under_way) > worth
+            sign * (ramp.farthest(-sign) - farthest) >= -AWAY && sign * (ramp.change() - under_way) > worth
         };
         let mut has_landed = [false; LANDINGS];
         for pull in PULLS {
@@ -177,9 +182,14 @@ impl Path {
 
     fn keeps_limits_at(&self, piece: &Piece, time: f64, rate: &Rate) -> bool {
         let (spot, Pace { square, acceleration }, jerk) = piece.at_with_jerk(time);
-        let Some(knot) = self.part(&spot).and_then(|part| part.knot(spot.way, 0.0)) else { return true };
-        let (speed, Rate { share, change, bend }) = (square.sqrt(), *rate);
-        let scaled = knot.loads(
+        let Some(part) = self.part(&spot) else { return true };
+        let Some(slopes) = part.slopes(spot.way) else { return true };
+        let (ramps, speed) = (Ramps::of(part.ratings), square.sqrt());
+        let load = |square: f64, acceleration: f64, jerk: f64| {
+            Load::new(&slopes, [square, acceleration, jerk], &ramps).most(acceleration < 0.0, &ramps)
+        };
+        let Rate { share, change, bend } = *rate;
+        let scaled = load(
             share * share * square,
             share * share * acceleration + change * speed,
             share * (share * share * jerk + 3.0 * change * acceleration) + bend * speed,
@@ -188,7 +198,7 @@ impl Path {
             return true;
         }
         // No more than the law itself takes there.
-        let own = knot.loads(square, acceleration, jerk).map(|load| load.max(WHILE_SCALED));
+        let own = load(square, acceleration, jerk).map(|load| load.max(WHILE_SCALED));
         scaled[0] <= own[0] && scaled[1] <= own[1]
     }
 }

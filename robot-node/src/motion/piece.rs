@@ -1,6 +1,6 @@
 //! The law of a path as a row of pieces.
 
-use super::law::Cell;
+use super::cell::Cell;
 use super::node::Pace;
 
 /// A place on the path, by way; one that comes later is greater.

@@ -2,15 +2,16 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind};
 
-use super::along::{AXIS_RESERVE, Followed, Nodes, TOOL_RESERVE, along};
+use super::along::{AXIS_RESERVE, Followed, TOOL_RESERVE, along};
 use super::arc::Arc;
 use super::curve::{AxisLine, Curve, Line};
 use super::derivatives::POINT_SHARES;
 use super::flange::Flange;
 use super::node::{Limits, Node, Ratings};
+use super::nodes::Nodes;
 use super::spline::Spline;
 use crate::RobotConfig;
-use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
+use crate::arm::{AXES, Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
 
 /// The same as [`AXIS_RESERVE`] point to point, where all places are alike.
 const STRAIGHT_RESERVE: f64 = 0.985;
@@ -150,14 +151,13 @@ impl Segment {
             };
             let most = [programmed.acceleration, programmed.jerk];
             let follow = |curve: &Curve| along(curve, from, programmed.speed, most, &ratings, arm);
-            let (curve, Followed { end, nodes, zones }) = match going_on(before, &curve) {
-                // Where the arm cannot follow the bend, the line that it may stop before is what counts.
-                Some(bent) => match follow(&bent) {
-                    Ok(found) => (bent, found),
-                    Err(_) => (curve, follow(&curve)?),
-                },
-                None => (curve, follow(&curve)?),
-            };
+            // Where the arm cannot follow the bend, the line that it may stop before is what counts.
+            let bent = going_on(before, &curve).and_then(|bent| Some((bent, follow(&bent).ok()?)));
+            let (curve, Followed { end, nodes, zones, .. }) =
+                match bent.filter(|(_, found)| found.is_resolved) {
+                    Some(bent) => bent,
+                    None => (curve, follow(&curve)?),
+                };
             if let Some(configuration) = motion.configuration {
                 arm.ends_in(&end, configuration)?;
             }
@@ -195,15 +195,26 @@ impl Segment {
     }
 
     /// The same motion of a spline in the shape that its neighbours give it, from the joints `from`; none where the arm
-    /// cannot follow that shape to the same joints.
+    /// cannot follow that shape to the same joints, or it bends too tightly for its nodes to tell.
     #[must_use]
     pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
         let curve = Curve::Spline(spline);
         let Programmed { speed, acceleration, jerk, .. } = self.programmed;
-        let Followed { end, nodes, zones } =
+        let Followed { end, nodes, is_resolved, zones } =
             along(&curve, from, speed, [acceleration, jerk], &self.ratings, arm).ok()?;
         let same_turns = end.iter().zip(&self.end).all(|(one, other)| (one - other).abs() < 1e-3);
-        same_turns.then(|| Self { curve, end, nodes, zones, ..self.clone() })
+        let Self { programmed, ratings, approximation_mm, tool, base_inverse, .. } = *self;
+        (same_turns && is_resolved).then_some(Self {
+            curve,
+            end,
+            programmed,
+            ratings,
+            nodes,
+            zones,
+            approximation_mm,
+            tool,
+            base_inverse,
+        })
     }
 
     /// Limits that may all be made use of at once, everywhere along it.
@@ -256,6 +267,8 @@ fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> (Ratings,
     let rated = arm.limits();
     let ratings = Ratings::of_axes(rated, programmed.acceleration, STRAIGHT_RESERVE);
     let ratings = Ratings {
+        // What is programmed is no more than they have.
+        speed: [f64::INFINITY; AXES],
         ramp_s: ratings.ramp_s.map(|ramp_s| ramp_s * programmed.acceleration / programmed.jerk),
         deceleration: programmed.deceleration / programmed.acceleration,
         ..ratings

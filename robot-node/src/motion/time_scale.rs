@@ -130,10 +130,10 @@ impl Ramp {
         (within(end) && turns).then_some(end)
     }
 
-    /// The rate at which a change that goes the other way turns.
-    pub(super) fn turn(&self) -> f64 {
-        let sign = 1.0_f64.copysign(self.phases[0].start.change);
-        self.phases.iter().map(|phase| sign * phase.turn().share).fold(f64::NEG_INFINITY, f64::max) * sign
+    /// The highest rate on the way (`sign` 1), or the lowest one (−1).
+    pub(super) fn farthest(&self, sign: f64) -> f64 {
+        let turns = self.phases.iter().map(|phase| sign * phase.turn().share);
+        turns.fold(sign * self.target, f64::max) * sign
     }
 
     /// How the rate changes at the end of the step.

@@ -1,0 +1,185 @@
+//! A place in the unit of a stretch, with what joints and tool leave a law there.
+
+use core::iter::zip;
+
+use super::node::{Node, Ratings, Vector, square};
+use super::slopes::Slopes;
+use crate::arm::{AXES, Joints, dot};
+
+/// The share of the jerk left at a speed that may go into changing the speed where the path bends. The rest begins and ends
+/// the change.
+const TURNING: f64 = 0.7;
+
+/// A node in the unit of a stretch from rest to rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Knot {
+    /// The way along the stretch.
+    pub(super) way: f64,
+    /// The square of the highest speed, as programmed and as joints and tool allow.
+    pub(super) highest: f64,
+    /// The share of acceleration and of jerk that may be made use of.
+    pub(super) tightness: [f64; 2],
+    pub(super) slopes: Slopes,
+    pub(super) ramps: Ramps,
+    /// One over the joints' slopes.
+    flatness: Joints,
+    /// The largest of what bends and twists count to the jerk.
+    most_turning: [f64; 2],
+}
+
+/// What of the [`Ratings`] a law needs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ramps {
+    pub(super) ramp_s: Joints,
+    /// One over that.
+    quickness: Joints,
+    /// How long the joints take to their rated speeds, in s: these over the accelerations.
+    speed_s: Joints,
+    pub(super) tool_ramp_s: f64,
+    pub(super) deceleration: f64,
+    pub(super) tool_deceleration: f64,
+}
+
+impl Ramps {
+    pub(super) fn of(ratings: &Ratings) -> Self {
+        let Ratings { ramp_s, tool_ramp_s, deceleration, tool_deceleration, .. } = *ratings;
+        let quickness = ramp_s.map(|ramp_s| 1.0 / ramp_s);
+        let speed_s = core::array::from_fn(|axis| ratings.speed[axis] / ratings.acceleration[axis]);
+        Self { ramp_s, quickness, speed_s, tool_ramp_s, deceleration, tool_deceleration }
+    }
+
+    /// The square of the speed at which the first joint has its rated speed.
+    pub(super) fn highest(&self, slopes: &Slopes) -> f64 {
+        let speeds = zip(&self.speed_s, &slopes.slope).map(|(speed_s, slope)| speed_s / slope.abs());
+        let least = speeds.fold(f64::INFINITY, |least, speed| if speed < least { speed } else { least });
+        least * least
+    }
+}
+
+impl Knot {
+    /// `unit` is what the node's unit grows by for each unit of the stretch.
+    pub(super) fn new(node: &Node, ramps: &Ramps, way: f64, unit: f64) -> Self {
+        let speed = node.programmed / unit;
+        let highest = (speed * speed).min(node.highest / (unit * unit));
+        Self::with(Slopes::of(node, unit), highest, way, *ramps)
+    }
+
+    /// Between two nodes, at a share of the way from the first to the second.
+    pub(super) fn between(one: &Node, other: &Node, share: f64, ramps: &Ramps, way: f64, unit: f64) -> Self {
+        let mix = |one: f64, other: f64| one + share * (other - one);
+        let speed = mix(one.programmed, other.programmed) / unit;
+        let highest = (speed * speed).min(mix(one.highest, other.highest) / (unit * unit));
+        Self::with(Slopes::between(one, other, share, unit), highest, way, *ramps)
+    }
+
+    fn with(slopes: Slopes, highest: f64, way: f64, ramps: Ramps) -> Self {
+        let most = |of_joints: &Joints, of_tool: &Vector<f64>| {
+            let of_joints = zip(of_joints, &ramps.ramp_s).map(|(value, ramp)| value.abs() * ramp);
+            of_joints.fold(square(*of_tool).sqrt() * ramps.tool_ramp_s, f64::max)
+        };
+        let Slopes { bend, twist, tool, .. } = &slopes;
+        let most_turning = [most(bend, &tool[1]), most(twist, &tool[2])];
+        let flatness = slopes.slope.map(|slope| 1.0 / slope);
+        Self { way, highest, tightness: [1.0; 2], slopes, ramps, flatness, most_turning }
+    }
+
+    /// A place between this one and another one of the same part, at a share of the way to it.
+    pub(super) fn toward(&self, other: &Self, share: f64) -> Self {
+        let length = other.way - self.way;
+        let slopes = self.slopes.toward(&other.slopes, length, share);
+        let [one, two] = [self, other].map(|knot| knot.most_turning);
+        Self {
+            way: self.way + share * length,
+            // At the border to a slower part only the other one is that of this part.
+            highest: self.highest.max(other.highest),
+            tightness: [1.0; 2],
+            slopes,
+            ramps: self.ramps,
+            flatness: slopes.slope.map(|slope| 1.0 / slope),
+            most_turning: core::array::from_fn(|order| one[order].max(two[order])),
+        }
+    }
+
+    /// Where another part begins with this knot: its rows from now on, with what holds on both sides.
+    pub(super) fn join(&mut self, next: Self) {
+        let ratio = self.slopes.steepest() / next.slopes.steepest();
+        let highest = self.highest.min(next.highest);
+        *self = Self { highest, ..next };
+        if ratio > 1.0 && ratio.is_finite() {
+            self.slopes.scale(ratio);
+            self.most_turning.iter_mut().for_each(|value| *value *= ratio);
+            self.flatness.iter_mut().for_each(|value| *value /= ratio);
+        }
+    }
+
+    /// The square of the highest speed, where limits are drawn tighter.
+    pub(super) fn highest(&self) -> f64 {
+        self.highest * self.tightness[0].min(self.tightness[1])
+    }
+
+    /// The highest acceleration from rest, and the highest jerk there.
+    pub(super) fn at_rest(&self) -> (f64, f64) {
+        let (tool, steepest) = (square(self.slopes.tool[0]).sqrt(), self.slopes.steepest());
+        let ramps = zip(&self.slopes.slope, &self.ramps.ramp_s).map(|(slope, ramp)| slope.abs() * ramp);
+        let jerk = ramps.fold(tool * self.ramps.tool_ramp_s, f64::max);
+        (self.tightness[0] / steepest, self.tightness[1] / jerk)
+    }
+
+    /// The highest square x that a neighbour `distance` away may have, where the square is `known` on this side and x counts
+    /// `weight` at this place; `sign` is that of the acceleration from here to there.
+    pub(super) fn reach(&self, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
+        let slope = sign / (2.0 * distance);
+        let (joints, tool) =
+            if sign < 0.0 { (self.ramps.deceleration, self.ramps.tool_deceleration) } else { (1.0, 1.0) };
+        let mut most = f64::INFINITY;
+        let left = self.tightness[0] * joints;
+        for axis in 0..AXES {
+            let factor = self.slopes.slope[axis] * slope + self.slopes.bend[axis] * weight;
+            let rest = (self.slopes.bend[axis] * (1.0 - weight) - self.slopes.slope[axis] * slope) * known;
+            let x = (left - rest * 1.0_f64.copysign(factor)) / factor.abs();
+            most = if x < most { x } else { most };
+        }
+        let left = self.tightness[0] * tool;
+        let [along, bend, _] = &self.slopes.tool;
+        let factor: Vector<f64> = core::array::from_fn(|i| along[i] * slope + bend[i] * weight);
+        let rest: Vector<f64> =
+            core::array::from_fn(|i| (bend[i] * (1.0 - weight) - along[i] * slope) * known);
+        most = most.min(largest(square(factor), dot(factor, rest), square(rest) - left * left));
+        // What turning takes of the jerk.
+        let [bend, twist] = self.most_turning;
+        let speed = known.sqrt();
+        let turning = TURNING * (self.tightness[1] - twist * known * speed).max(0.0) / (3.0 * bend * speed);
+        most.min(known + 2.0 * distance * turning)
+    }
+
+    /// By how much the acceleration may grow (`sign` 1) or fall (−1) with the way.
+    pub(super) fn bend_room(&self, square_speed: f64, acceleration: f64, sign: f64) -> f64 {
+        let whole = self.tightness[1] / square_speed.max(f64::MIN_POSITIVE).sqrt();
+        let mut least = f64::INFINITY;
+        for axis in 0..AXES {
+            let taken = 3.0 * self.slopes.bend[axis] * acceleration + self.slopes.twist[axis] * square_speed;
+            // Of a joint that stands this is no number, and does not count.
+            let flatness = self.flatness[axis];
+            let x = whole * self.ramps.quickness[axis] * flatness.abs() - sign * taken * flatness;
+            least = if x < least { x } else { least };
+        }
+        let ramp = self.ramps.tool_ramp_s;
+        if ramp > 0.0 {
+            let [along, bend, twist] = &self.slopes.tool;
+            let taken: Vector<f64> =
+                core::array::from_fn(|i| sign * (3.0 * bend[i] * acceleration + twist[i] * square_speed));
+            let whole = whole / ramp;
+            least = least.min(largest(square(*along), dot(*along, taken), square(taken) - whole * whole));
+        }
+        least.max(0.0)
+    }
+}
+
+/// The largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or what comes nearest to that; none where nothing limits it.
+fn largest(square: f64, along: f64, rest: f64) -> f64 {
+    if square == 0.0 {
+        return f64::INFINITY;
+    }
+    let inside = (along * along - square * rest).max(0.0);
+    ((inside.sqrt() - along) / square).max(0.0)
+}

@@ -1,0 +1,340 @@
+//! The time law of a stretch of path: as fast as joints and tool allow, from where the arm is to the next rest.
+//!
+//! It is found over the way s, as b = v², where the limits of speed and acceleration are straight lines:
+//!
+//! ```text
+//! a = b'/2        jerk = b''/2·√b
+//! ```
+//!
+//! b is a quadratic spline: in each cell between two knots it is a parabola, so that speed, acceleration and jerk are known
+//! exactly everywhere. The spline is given by one value a cell, and at a knot b and b' are those of the polygon through these
+//! values. In the cells beside a rest the jerk is constant instead, and b grows as s^(4/3).
+//!
+//! Values as high as the limits of the knots allow are found in three passes: backward, from the rest at the end, as steep as
+//! slowing down and its end may be; forward the same for speeding up; and the corners at the top, where the acceleration falls, are
+//! rounded by the jerk (a convex hull once its parabola is added). What comes out is held against the limits at all knots, and
+//! where it takes too much the limits are drawn tighter.
+
+use arrayvec::ArrayVec;
+
+mod tighten;
+
+use super::cell::Cell;
+use super::grid::{Grid, KNOTS, Part};
+use super::knot::Knot;
+use super::node::Pace;
+
+/// How much more than is planned with a law may take: of the reserve, nothing to speak of, and where the arm already moves, a
+/// little.
+const EXACT: f64 = 5e-3;
+const SLACK: f64 = 8e-3;
+
+/// So often limits are drawn tighter at most.
+const ROUNDS: usize = 5;
+
+/// The least share of the highest square of the speed that is kept.
+const SLOWEST: f64 = 1e-6;
+
+/// So many times the highest square of the speed over a cell's length is more than any acceleration.
+const MUCH: f64 = 10.0;
+
+type List = ArrayVec<f64, KNOTS>;
+
+/// A law over the knots of a grid. It has room for the longest stretch, so that none is allocated.
+#[derive(Debug, Default)]
+pub(super) struct Law {
+    grid: Grid,
+    /// For each cell the number of its end among the grid's, counted from 1, if another part begins there.
+    ends_at: ArrayVec<u8, KNOTS>,
+    start: Pace,
+    /// Where the values of the polygon stand, one for each cell.
+    places: List,
+    values: List,
+    /// The squares of the highest speeds that the joints allow in the middles of the cells.
+    tops: List,
+    /// One over twice the distance from each place to the next one.
+    steps: List,
+    /// How the arm moves at the knots.
+    paces: ArrayVec<Pace, KNOTS>,
+    /// The values of the round that was best so far.
+    best: List,
+    /// What the rounding of the top adds to the values, and its corners.
+    added: List,
+    hull: ArrayVec<u16, KNOTS>,
+}
+
+impl Law {
+    /// Finds the fastest law for these parts, from a pace at the start to rest at the end; none where the arm cannot go on so from
+    /// there.
+    pub(super) fn find(&mut self, parts: &[Part<'_>], start: Pace) -> Option<()> {
+        self.grid.fill(parts, &start)?;
+        self.start = start;
+        self.place();
+        let allowed = if start.is_rest() { EXACT } else { SLACK };
+        let mut least = f64::INFINITY;
+        for round in 0..ROUNDS {
+            self.limit()?;
+            self.backward();
+            self.forward();
+            self.round_off()?;
+            if start.is_rest() {
+                self.keep_moving();
+            }
+            self.find_paces();
+            if !start.is_rest() && !self.moves_everywhere() {
+                return None;
+            }
+            let (most, ratio) = self.tighten(1.0 + 0.5 * round as f64);
+            if most <= 1.0 + EXACT || (round > 1 && most <= 1.0 + allowed) {
+                return Some(());
+            }
+            if start.is_rest() && ratio < least {
+                least = ratio;
+                self.best.clone_from(&self.values);
+            }
+        }
+        // From rest all of it may be slower.
+        if !start.is_rest() || !least.is_finite() {
+            return None;
+        }
+        self.values.clear();
+        self.values.extend(self.best.iter().map(|value| value / (least * least)));
+        self.find_paces();
+        Some(())
+    }
+
+    /// Puts the values into the middles of the cells, and nearer to a rest beside one.
+    fn place(&mut self) {
+        let knots = &self.grid.knots;
+        let cells = knots.len() - 1;
+        self.ends_at.clear();
+        self.ends_at.extend((0..cells).map(|_| 0));
+        for (part, begin) in self.grid.begins.iter().enumerate().skip(1) {
+            self.ends_at[begin - 1] = part as u8;
+        }
+        self.places.clear();
+        self.places.extend(knots.windows(2).map(|pair| (pair[0].way + pair[1].way) / 2.0));
+        let length = |cell: usize| knots[cell + 1].way - knots[cell].way;
+        if self.start.is_rest() {
+            self.places[0] = knots[0].way + 0.25 * length(0);
+        }
+        self.places[cells - 1] = knots[cells].way - 0.25 * length(cells - 1);
+        self.grid.middles.clear();
+        self.tops.clear();
+        for cell in 0..cells {
+            let (start, end) = (&self.grid.knots[cell], self.end_of(cell));
+            let between = start.slopes.half_way(&end.slopes, end.way - start.way);
+            self.tops.push(start.ramps.highest(&between));
+            self.grid.middles.push(between);
+        }
+        self.steps.clear();
+        self.steps.extend(self.places.windows(2).map(|pair| 0.5 / (pair[1] - pair[0])));
+    }
+
+    /// The knots at which the parts begin.
+    pub(super) fn begins(&self) -> &[usize] {
+        &self.grid.begins
+    }
+
+    pub(super) fn cells(&self) -> usize {
+        self.places.len()
+    }
+
+    fn length(&self, cell: usize) -> f64 {
+        self.grid.knots[cell + 1].way - self.grid.knots[cell].way
+    }
+
+    /// The knot at the end of a cell, as the cell's part has it.
+    fn end_of(&self, cell: usize) -> &Knot {
+        match self.ends_at[cell] {
+            0 => &self.grid.knots[cell + 1],
+            end => &self.grid.ends[usize::from(end) - 1],
+        }
+    }
+
+    /// From rest there is always a law: where limits that are drawn tighter leave no speed, a slow one is kept.
+    fn keep_moving(&mut self) {
+        let last = self.cells() - 1;
+        for cell in 1..last {
+            let least = SLOWEST * self.grid.knots[cell].highest.min(self.grid.knots[cell + 1].highest);
+            self.values[cell] = self.values[cell].max(least);
+        }
+    }
+
+    /// Whether the arm does not come to a stop before the end.
+    fn moves_everywhere(&self) -> bool {
+        self.paces[1..self.cells()].iter().all(|pace| pace.square > 0.0)
+    }
+
+    /// Starts from the highest speeds.
+    fn limit(&mut self) -> Option<()> {
+        let last = self.cells() - 1;
+        self.values.clear();
+        let knots = self.grid.knots.windows(2).zip(&self.tops);
+        self.values.extend(knots.map(|(pair, top)| pair[0].highest().min(pair[1].highest()).min(*top)));
+        self.values[0] = 0.0;
+        self.values[last] = 0.0;
+        if !self.start.is_rest() {
+            // The polygon goes on as the arm moves.
+            let first = self.start.square + self.start.acceleration * self.length(0);
+            // What the arm is faster than allowed by rounding is no more than that.
+            let allowed = self.grid.knots[1].highest * (1.0 + 1e-7);
+            if first < 0.0 || last == 0 || first > allowed {
+                return None;
+            }
+            self.values[0] = first;
+        }
+        Some(())
+    }
+
+    /// How steep the polygon is over the knot after a cell: the acceleration there.
+    fn acceleration(&self, cell: usize) -> f64 {
+        (self.values[cell + 1] - self.values[cell]) * self.steps[cell]
+    }
+
+    /// Finds how the arm moves at the knots.
+    fn find_paces(&mut self) {
+        let cells = self.cells();
+        self.paces.clear();
+        self.paces.push(self.start);
+        for knot in 1..cells {
+            let acceleration = self.acceleration(knot - 1);
+            let way = self.grid.knots[knot].way - self.places[knot - 1];
+            let square = self.values[knot - 1] + 2.0 * acceleration * way;
+            self.paces.push(Pace { square: square.max(0.0), acceleration });
+        }
+        self.paces.push(Pace::REST);
+    }
+
+    /// The highest square at the other end of a cell beside a rest, by the jerk.
+    fn highest_beside_rest(&self, rest: usize, knot: usize, cell: usize) -> f64 {
+        let length = self.length(cell);
+        let jerk = self.grid.knots[rest].at_rest().1.min(self.grid.knots[knot].at_rest().1);
+        let root = libm::cbrt(4.5 * jerk * length * length);
+        root * root
+    }
+
+    /// By how much the acceleration may change over a cell with this square of the speed.
+    fn change_room(&self, cell: usize, square: f64, acceleration: f64, sign: f64) -> f64 {
+        let room = |knot: &Knot| knot.bend_room(square, acceleration, sign);
+        let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
+        let length = self.length(cell);
+        // More than from rest to the highest speed within the cell is no limit.
+        (room(one).min(room(other)) * length).min(MUCH * one.highest.max(other.highest) / length)
+    }
+
+    /// As fast as slowing down to what comes allows.
+    fn backward(&mut self) {
+        let last = self.cells() - 1;
+        let mut after = 0.0;
+        for cell in (1..last).rev() {
+            let (knot, next) = (cell + 1, self.values[cell + 1]);
+            let distance = self.places[knot] - self.places[cell];
+            let weight = (self.places[knot] - self.grid.knots[knot].way) / distance;
+            let mut most = self.grid.knots[knot].reach(next, distance, weight, -1.0);
+            if knot == last {
+                most = most.min(self.highest_beside_rest(knot + 1, knot, knot) / weight);
+            } else {
+                let room = self.change_room(knot, next, after, 1.0);
+                most = most.min(next + 2.0 * distance * (room - f64::min(after, room / 2.0)));
+            }
+            if most < self.values[cell] {
+                self.values[cell] = most.max(0.0);
+            }
+            after = self.acceleration(cell);
+        }
+    }
+
+    /// As fast as speeding up from what was allows.
+    fn forward(&mut self) {
+        let last = self.cells() - 1;
+        let mut before = if self.start.is_rest() { 0.0 } else { self.start.acceleration };
+        // How the arm comes cannot be helped. What comes later is as the way backward has it.
+        let mut is_slowing = before < 0.0;
+        for cell in 1..last {
+            let (knot, known) = (cell, self.values[cell - 1]);
+            let distance = self.places[cell] - self.places[cell - 1];
+            let weight = (self.grid.knots[knot].way - self.places[cell - 1]) / distance;
+            let mut most = self.grid.knots[knot].reach(known, distance, weight, 1.0);
+            if cell == 1 && self.start.is_rest() {
+                most = most.min(self.highest_beside_rest(0, 1, 0) / weight);
+            } else {
+                let room = self.change_room(cell - 1, known, before, 1.0);
+                let change = room + before;
+                is_slowing = is_slowing && change < 0.0;
+                most = most.min(known + 2.0 * distance * if is_slowing { change } else { change.max(0.0) });
+            }
+            if most < self.values[cell] {
+                self.values[cell] = most.max(0.0);
+            }
+            before = self.acceleration(cell - 1);
+        }
+    }
+
+    /// Rounds the corners at the top, where the acceleration falls faster than the jerk allows.
+    fn round_off(&mut self) -> Option<()> {
+        let cells = self.cells();
+        let moves = !self.start.is_rest();
+        // With the parabolas of the jerk added, what is allowed is convex.
+        let (mut slope, mut sum) = (0.0, 0.0);
+        let mut before = if moves { self.start.acceleration } else { self.acceleration(0) };
+        self.added.clear();
+        self.added.push(0.0);
+        for cell in 1..cells {
+            let inner = cell - 1;
+            if inner > 0 || moves {
+                let next = self.acceleration(inner);
+                let mean = (before + next) / 2.0;
+                slope += 2.0 * self.change_room(inner, self.values[inner], mean, -1.0);
+                before = next;
+            }
+            sum += slope * (self.places[cell] - self.places[cell - 1]);
+            self.added.push(sum);
+        }
+        self.hull.clear();
+        // The slope with which the arm comes is kept.
+        let kept = 2.0 * self.start.acceleration;
+        for cell in 0..cells {
+            while let [.., before, last] = self.hull[..] {
+                if self.steepness(before.into(), last.into()) >= self.steepness(last.into(), cell) {
+                    self.hull.pop();
+                } else {
+                    break;
+                }
+            }
+            if moves && self.hull.len() == 1 {
+                let rise = self.height(0) + kept * (self.places[cell] - self.places[0]);
+                if self.height(cell) < rise - 1e-9 * rise.abs() {
+                    return None;
+                }
+            }
+            self.hull.push(cell as u16);
+        }
+        for corner in 1..self.hull.len() {
+            let [one, other] = [self.hull[corner - 1], self.hull[corner]].map(usize::from);
+            let (slope, height) = (self.steepness(one, other), self.height(one));
+            for cell in one + 1..other {
+                let line = height + slope * (self.places[cell] - self.places[one]);
+                self.values[cell] = (line - self.added[cell]).max(0.0);
+            }
+        }
+        Some(())
+    }
+
+    /// A value with what the rounding adds to it.
+    fn height(&self, cell: usize) -> f64 {
+        self.values[cell] + self.added[cell]
+    }
+
+    fn steepness(&self, one: usize, other: usize) -> f64 {
+        (self.height(other) - self.height(one)) / (self.places[other] - self.places[one])
+    }
+
+    /// The cell after a knot.
+    pub(super) fn cell(&self, knot: usize) -> Cell {
+        Cell::new(self.length(knot), self.paces[knot], self.paces[knot + 1])
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,93 @@
+//! What a law takes of the limits, and limits drawn tighter where that is too much.
+
+use super::super::load::Load;
+use super::super::node::Pace;
+use super::super::slopes::Slopes;
+use super::{EXACT, Law};
+
+/// The share of a limit that is left at least where it is drawn tighter.
+const TIGHTEST: f64 = 0.2;
+
+/// Shares that the square of the speed and the acceleration have half-way to a rest, or from one: ½^(4/3) and ½^(1/3).
+const HALF_WAY: [f64; 2] = [0.396_850_262_992_049_86, 0.793_700_525_984_099_7];
+
+impl Law {
+    /// Draws the limits tighter where the law takes more than they are. Returns the most of a limit that it takes, and how much
+    /// too fast that is.
+    pub(super) fn tighten(&mut self, power: f64) -> (f64, f64) {
+        let cells = self.cells();
+        let mut most = [0.0_f64; 2];
+        let mut before = [0.0_f64; 2];
+        for cell in 0..cells {
+            let [start, middle, end] = self.loads_of(cell);
+            for loads in [start, middle, end] {
+                most = [most[0].max(loads[0]), most[1].max(loads[1])];
+            }
+            self.draw(cell..=cell, [before[0].max(start[0]), before[1].max(start[1])], power);
+            self.draw(cell..=cell + 1, middle, power);
+            before = end;
+        }
+        self.draw(cells..=cells, before, power);
+        (most[0].max(most[1]), most[0].sqrt().max(libm::cbrt(most[1])))
+    }
+
+    /// What the law takes of the limits in a cell: at its start, in between and at its end.
+    fn loads_of(&self, cell: usize) -> [[f64; 2]; 3] {
+        let [from, to] = [self.paces[cell], self.paces[cell + 1]];
+        let [start, end] = [&self.grid.knots[cell], self.end_of(cell)];
+        let (between, length) = (&self.grid.middles[cell], self.length(cell));
+        let load = |slopes: &Slopes, pace: Pace, jerk: f64| {
+            Load::new(slopes, [pace.square, pace.acceleration, jerk], &start.ramps)
+        };
+        let most = |load: Load, pace: Pace| load.most(pace.acceleration < 0.0, &start.ramps);
+        if from.is_rest() || to.is_rest() {
+            let (knot, pace) = if from.is_rest() { (end, to) } else { (start, from) };
+            let jerk = 2.0 / 9.0 * pace.square * pace.square.sqrt() / (length * length);
+            let there = most(load(&knot.slopes, pace, jerk), pace);
+            let at_rest = if from.is_rest() { start } else { end };
+            let rest = [0.0, jerk / at_rest.at_rest().1 * at_rest.tightness[1]];
+            // They go with s^(4/3) and s^(1/3).
+            let half =
+                Pace { square: HALF_WAY[0] * pace.square, acceleration: HALF_WAY[1] * pace.acceleration };
+            let middle = most(load(between, half, jerk), pace);
+            return if from.is_rest() { [rest, middle, there] } else { [there, middle, rest] };
+        }
+        let change = (to.acceleration - from.acceleration) / length;
+        let square = (from.square + to.square) / 2.0 - change * length * length / 4.0;
+        let middle = Pace { square, acceleration: (from.acceleration + to.acceleration) / 2.0 };
+        let at = |slopes: &Slopes, pace: Pace| load(slopes, pace, change * pace.square.max(0.0).sqrt());
+        let (before, after) = (at(&start.slopes, from), at(&end.slopes, to));
+        let mut first = most(before, from);
+        if cell == 0 {
+            // What the arm does at the start cannot be helped; how it goes on can.
+            first[0] = 0.0;
+        }
+        // It may be more than at both ends.
+        let turned = at(between, middle).with_turns(&before, &after);
+        [first, most(turned, middle), most(after, to)]
+    }
+
+    /// Draws limits tighter where more than they are is taken.
+    fn draw(&mut self, knots: core::ops::RangeInclusive<usize>, [accelerated, jerked]: [f64; 2], power: f64) {
+        let (first, last) = (*knots.start(), *knots.end());
+        let [accelerated, jerked] = [accelerated, jerked].map(|load| 1.0 + power * (load - 1.0));
+        if accelerated > 1.0 + EXACT {
+            (first..=last).for_each(|knot| self.draw_at(knot, 0, accelerated));
+        }
+        if jerked > 1.0 + EXACT {
+            for knot in first.saturating_sub(1)..=(last + 1).min(self.grid.knots.len() - 1) {
+                let is_near = !(first..=last).contains(&knot);
+                self.draw_at(knot, 1, if is_near { jerked.sqrt() } else { jerked });
+            }
+        }
+    }
+
+    fn draw_at(&mut self, knot: usize, limit: usize, ratio: f64) {
+        let end = knot.checked_sub(1).map_or(0, |cell| self.ends_at[cell]);
+        let end = usize::from(end).checked_sub(1).and_then(|end| self.grid.ends.get_mut(end));
+        for knot in self.grid.knots.get_mut(knot).into_iter().chain(end) {
+            let share = &mut knot.tightness[limit];
+            *share = (*share / ratio).max(TIGHTEST);
+        }
+    }
+}

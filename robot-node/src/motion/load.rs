@@ -1,0 +1,66 @@
+//! What a law takes at a place of what joints and tool are allowed there.
+
+use super::knot::Ramps;
+use super::slopes::Slopes;
+use crate::arm::{AXES, Joints};
+
+/// Accelerations and jerks as shares of what is allowed where the arm speeds up.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Load {
+    /// The joints' accelerations and jerks, with their signs.
+    joints: [Joints; 2],
+    /// The tool's.
+    tool: [f64; 2],
+}
+
+impl Load {
+    /// Of a place, with the square of the speed, the acceleration and the jerk along the part.
+    pub(super) fn new(slopes: &Slopes, [square_speed, acceleration, jerk]: [f64; 3], ramps: &Ramps) -> Self {
+        let Slopes { slope, bend, twist, tool: [along, across, around] } = slopes;
+        let speed = square_speed.max(0.0).sqrt();
+        let (bending, twisting) = (3.0 * acceleration * speed, square_speed * speed);
+        let mut joints = [[0.0; AXES]; 2];
+        for axis in 0..AXES {
+            let jerk = slope[axis] * jerk + bend[axis] * bending + twist[axis] * twisting;
+            joints[0][axis] = slope[axis] * acceleration + bend[axis] * square_speed;
+            joints[1][axis] = jerk * ramps.ramp_s[axis];
+        }
+        let (mut accelerated, mut jerked) = (0.0, 0.0);
+        for i in 0..3 {
+            let one = along[i] * acceleration + across[i] * square_speed;
+            let other = along[i] * jerk + across[i] * bending + around[i] * twisting;
+            (accelerated, jerked) = (accelerated + one * one, jerked + other * other);
+        }
+        Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s] }
+    }
+
+    /// The largest of each between the first and the last of three places, of which `self` is half-way: where it turns, by the
+    /// parabola through all three.
+    pub(super) fn with_turns(mut self, before: &Self, after: &Self) -> Self {
+        let turn = |before: f64, middle: &mut f64, after: f64| {
+            let (slope, bend) = (0.5 * (after - before), before - 2.0 * *middle + after);
+            if slope.abs() < bend.abs() {
+                *middle -= 0.5 * slope * slope / bend;
+            }
+        };
+        for order in 0..2 {
+            for axis in 0..AXES {
+                turn(before.joints[order][axis], &mut self.joints[order][axis], after.joints[order][axis]);
+            }
+            turn(before.tool[order], &mut self.tool[order], after.tool[order]);
+        }
+        self
+    }
+
+    /// The most that is taken: of an acceleration, and of a jerk.
+    pub(super) fn most(&self, slows: bool, ramps: &Ramps) -> [f64; 2] {
+        let [mut accelerated, jerked] =
+            self.joints.map(|joints| joints.into_iter().fold(0.0_f64, |most, load| most.max(load.abs())));
+        let [mut tool, tool_jerk] = self.tool;
+        if slows {
+            accelerated /= ramps.deceleration;
+            tool /= ramps.tool_deceleration;
+        }
+        [accelerated.max(tool), jerked.max(tool_jerk)]
+    }
+}

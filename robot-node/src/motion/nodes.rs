@@ -1,0 +1,136 @@
+//! The nodes of a curve or a corner.
+
+use core::ops::{Deref, DerefMut};
+use std::sync::Mutex;
+
+use super::derivatives::POINTS;
+use super::node::Node;
+
+/// Into so many pieces a curve is cut at most.
+pub(super) const PIECES: usize = 40;
+
+/// A piece of a curve that is shorter than this share of it needs few nodes: the speed has no time to change much.
+const SHORT: f64 = 1.0 / 8.0;
+
+/// Of a short piece of a curve, one in so many points is a node; of a longer one, and of a whole curve, one in fewer.
+const STRIDE: usize = 4;
+const LONG_STRIDE: usize = 2;
+const _: () = assert!((POINTS - 1).is_multiple_of(STRIDE) && STRIDE.is_multiple_of(LONG_STRIDE));
+
+/// As many as any curve has.
+const ROOM: usize = PIECES * (POINTS - 1) / STRIDE
+    + (1.0 / SHORT) as usize * (POINTS - 1) * (STRIDE - LONG_STRIDE) / (STRIDE * LONG_STRIDE)
+    + 1;
+
+/// Which of the points of a piece that is this share of a curve are nodes; the first one of a piece that is not the first is the
+/// last one of the piece before.
+pub(super) fn points_of(share: f64, is_first: bool) -> impl Iterator<Item = usize> {
+    let stride = if share >= 1.0 {
+        1
+    } else if share >= SHORT {
+        LONG_STRIDE
+    } else {
+        STRIDE
+    };
+    (0..POINTS).step_by(stride).skip(usize::from(!is_first))
+}
+
+/// Lists that are kept for the next curves: a queue of motions and corners, twice over while a motion takes another shape.
+const SPARE: usize = 40;
+
+/// Lists that are not made use of, so that a robot cycle need not allocate one.
+static SPARES: Mutex<Vec<Vec<Node>>> = Mutex::new(Vec::new());
+
+/// Some nodes one after another. They are so many that a motion which is handed on leaves them where they are.
+#[derive(PartialEq, Debug)]
+pub(super) struct Nodes(Vec<Node>);
+
+impl Nodes {
+    /// None yet, with room for as many as any curve has.
+    pub(super) fn new() -> Self {
+        // A thread that would have to wait makes room of its own.
+        let spare = SPARES.try_lock().ok().and_then(|mut spares| spares.pop());
+        Self(spare.unwrap_or_else(|| Vec::with_capacity(ROOM)))
+    }
+
+    /// Makes room for those of a whole path.
+    pub(super) fn make_room() {
+        if let Ok(mut spares) = SPARES.lock() {
+            let missing = SPARE.saturating_sub(spares.len());
+            spares.reserve_exact(missing);
+            spares.extend((0..missing).map(|_| Vec::with_capacity(ROOM)));
+        }
+    }
+}
+
+impl Drop for Nodes {
+    fn drop(&mut self) {
+        if let Ok(mut spares) = SPARES.try_lock()
+            && spares.len() < spares.capacity()
+        {
+            self.0.clear();
+            spares.push(core::mem::take(&mut self.0));
+        }
+    }
+}
+
+impl Clone for Nodes {
+    fn clone(&self) -> Self {
+        self.iter().copied().collect()
+    }
+}
+
+impl FromIterator<Node> for Nodes {
+    fn from_iter<I: IntoIterator<Item = Node>>(nodes: I) -> Self {
+        let mut all = Self::new();
+        all.extend(nodes);
+        all
+    }
+}
+
+impl Deref for Nodes {
+    type Target = Vec<Node>;
+
+    fn deref(&self) -> &Vec<Node> {
+        &self.0
+    }
+}
+
+impl DerefMut for Nodes {
+    fn deref_mut(&mut self) -> &mut Vec<Node> {
+        &mut self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::node::Ratings;
+    use super::*;
+    use crate::arm::AxisLimits;
+
+    const LIMITS: AxisLimits = AxisLimits {
+        lower: [-1.0; 6],
+        upper: [1.0; 6],
+        speed: [1.0; 6],
+        acceleration: [1.0; 6],
+        jerk: [1.0; 6],
+    };
+
+    #[test]
+    fn lists_that_are_taken_again_are_empty_and_have_room_for_any_curve() {
+        let node = Node::of_axes(0.0, 1.0, &[1.0; 6], &Ratings::of_axes(&LIMITS, 1.0, 1.0));
+        Nodes::make_room();
+        for _ in 0..2 {
+            let taken: Vec<Nodes> = (0..2 * SPARE).map(|_| Nodes::new()).collect();
+            for mut nodes in taken {
+                assert!(
+                    nodes.is_empty() && nodes.capacity() == ROOM,
+                    "{} of {}",
+                    nodes.len(),
+                    nodes.capacity()
+                );
+                nodes.extend([node; ROOM]);
+            }
+        }
+    }
+}

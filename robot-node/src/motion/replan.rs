@@ -1,0 +1,225 @@
+//! The law of a path when it becomes another one: from where on it changes, and over which parts.
+
+use std::collections::VecDeque;
+
+use arrayvec::ArrayVec;
+
+use super::blend::{BORDER_SLOPE, Blend};
+use super::grid::{PARTS, Part};
+use super::law::Law;
+use super::node::Pace;
+use super::path::{CELLS, Path, Planned};
+use super::piece::{Course, Piece, Spot};
+use super::segment::Segment;
+
+/// The arm slows down for what comes in so many places before the end at most that are tried.
+const TURNS: usize = 3;
+
+/// As many knots ahead are tried.
+const LATER: usize = 3;
+
+impl Path {
+    /// Plans the path anew behind a place, where it is another than it was. Returns false, and leaves the law as it is, where the
+    /// arm cannot go on so from what it does now.
+    pub(super) fn plan(&mut self, changed: &Spot) -> bool {
+        let first = self.first_begin(changed).filter(|first| first.spot <= *changed);
+        let Some(first) = first else { return self.plan_later(0, changed) };
+        let mut next = self.pieces.len().checked_sub(self.braking.0 + 1);
+        for _ in 0..TURNS {
+            let Some(near) = next.and_then(|piece| self.slows_from(piece, &first, changed)) else { break };
+            if self.plan_from(&near) {
+                return true;
+            }
+            next = self.slowed_before(near.pieces);
+        }
+        self.plan_from(&first) || self.plan_later(first.pieces, changed)
+    }
+
+    /// Plans the path anew from one of the next knots: where no law goes on from the present pace, one may from there.
+    fn plan_later(&mut self, from: usize, changed: &Spot) -> bool {
+        (from + 1..=from + LATER)
+            .any(|kept| self.begin_at(kept, changed).is_some_and(|begin| self.plan_from(&begin)))
+    }
+
+    /// A plan that begins with this piece; none where that is behind a place.
+    fn begin_at(&self, piece: usize, changed: &Spot) -> Option<Begin> {
+        let (spot, pace) = self.pieces.get(piece)?.at(0.0);
+        (spot <= *changed).then_some(Begin { pieces: piece, time: self.time, spot, pace })
+    }
+
+    fn plan_from(&mut self, begin: &Begin) -> bool {
+        let mut start = (begin.spot, begin.pace);
+        let mut is_first = true;
+        // Stretch by stretch; the first one may fail.
+        loop {
+            let (parts, next) = parts(&self.queue, self.left_behind, start.0);
+            let mut law = self.law.take().unwrap_or_default();
+            let found = law.find(&parts, start.1);
+            if is_first {
+                let is_possible = found.is_some() || start.1.is_rest();
+                // At rest a ramp is over.
+                let keeps_limits = start.1.is_rest() || self.scale.is_steady() || {
+                    let kept = self.pieces.iter().take(begin.pieces).copied();
+                    let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
+                    self.keeps_limits(self.scale.ahead(), &mut course)
+                };
+                if !is_possible || !keeps_limits {
+                    self.law = Some(law);
+                    return false;
+                }
+                (self.time, is_first) = (begin.time, false);
+                if begin.pieces == 0 {
+                    self.spot = begin.spot;
+                }
+                self.pieces.truncate(begin.pieces);
+            }
+            if found.is_some() {
+                let room = CELLS - self.pieces.len();
+                self.pieces.extend(pieces(&law, &parts).take(room));
+            }
+            self.law = Some(law);
+            match next {
+                Some(spot) => start = (spot, Pace::REST),
+                None => break,
+            }
+        }
+        self.find_braking();
+        true
+    }
+
+    /// From where on the path is planned at the earliest: from the rest before a place, or from where the arm is. None where what
+    /// the arm does can not be changed at once.
+    fn first_begin(&self, changed: &Spot) -> Option<Begin> {
+        // A stretch that the arm has not come to yet.
+        let mut first = changed.motion;
+        while first > self.left_behind {
+            let before = self.queue.get((first - 1 - self.left_behind) as usize)?;
+            if before.corner.is_none() && !before.goes_on {
+                break;
+            }
+            first -= 1;
+        }
+        if first > self.left_behind {
+            let pieces = self.pieces.iter().take_while(|piece| piece.start.motion < first).count();
+            let spot = Spot { motion: first, in_blend: false, way: 0.0 };
+            if pieces > 0 {
+                return Some(Begin { pieces, time: self.time, spot, pace: Pace::REST });
+            }
+        }
+        let at_rest = Begin { pieces: 0, time: 0.0, spot: self.spot, pace: Pace::REST };
+        let Some(front) = self.pieces.front() else { return Some(at_rest) };
+        if self.time >= front.cell.duration && self.pieces.len() == 1 {
+            return Some(at_rest);
+        }
+        let (spot, pace) = front.at(self.time);
+        if pace.is_rest() {
+            Some(Begin { spot, ..at_rest })
+        } else if front.cell.is_from_rest() {
+            // What begins with a constant jerk ends so: it takes a moment.
+            let (spot, pace) = front.at(front.cell.duration);
+            Some(Begin { pieces: 1, time: self.time, spot, pace })
+        } else if front.cell.is_to_rest() {
+            None
+        } else {
+            Some(Begin { pieces: 0, time: 0.0, spot, pace })
+        }
+    }
+
+    /// Where the arm begins to slow down before a piece, as far as that is not behind a place: from there on the law is another
+    /// one if the path behind that place is. None where it is no later than from `first` on.
+    fn slows_from(&self, piece: usize, first: &Begin, changed: &Spot) -> Option<Begin> {
+        let mut piece = piece;
+        while piece > first.pieces {
+            let (start, before) = (self.pieces.get(piece)?, self.pieces.get(piece - 1)?);
+            if start.start <= *changed && !before.falls() {
+                // The last cell before may be shorter than it will be.
+                return if piece > first.pieces + 1 { self.begin_at(piece - 1, changed) } else { None };
+            }
+            piece -= 1;
+        }
+        None
+    }
+
+    /// The last piece before one in which the arm slows down for something that comes earlier; none where there is none.
+    fn slowed_before(&self, piece: usize) -> Option<usize> {
+        (0..piece).rev().find(|before| self.pieces.get(*before).is_some_and(Piece::falls))
+    }
+
+    fn find_braking(&mut self) {
+        self.braking = (0, f64::INFINITY);
+        for piece in self.pieces.iter().rev() {
+            match piece.cell.brakes_from() {
+                Some(0.0) => self.braking.0 += 1,
+                Some(time) => {
+                    self.braking.1 = time;
+                    return;
+                }
+                None => return,
+            }
+        }
+    }
+}
+
+/// The parts from a spot until the next rest, and where the path goes on behind that, if it does.
+fn parts(
+    queue: &VecDeque<Planned>,
+    left_behind: u32,
+    from: Spot,
+) -> (ArrayVec<Part<'_>, PARTS>, Option<Spot>) {
+    let mut parts = ArrayVec::new();
+    let mut unit = 1.0;
+    let first = (from.motion - left_behind) as usize;
+    for (index, planned) in queue.iter().enumerate().skip(first) {
+        let motion = left_behind + index as u32;
+        let here = (index == first).then_some(from);
+        let Segment { curve, nodes, ratings, .. } = &planned.segment;
+        let corner = planned.corner.as_ref();
+        if !here.is_some_and(|spot| spot.in_blend) {
+            let start = here.map_or(planned.start, |spot| spot.way);
+            let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
+            if end - start > 1e-12 * end {
+                let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
+                let _ = parts.try_push(part);
+            }
+        }
+        if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
+            let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
+            // The first part gives the unit.
+            let rate =
+                if here.is_some_and(|spot| spot.in_blend) { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
+            let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
+            let _ = parts.try_push(part);
+            unit = rate * BORDER_SLOPE * to_zone;
+        } else if !planned.goes_on {
+            let is_last = index + 1 == queue.len();
+            let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
+            return (parts, (!is_last).then_some(next));
+        }
+    }
+    (parts, None)
+}
+
+/// Where a plan begins.
+struct Begin {
+    /// Pieces of the law that are kept.
+    pieces: usize,
+    /// Seconds since the start of the first piece.
+    time: f64,
+    /// Where the first new piece begins, and how fast.
+    spot: Spot,
+    pace: Pace,
+}
+
+/// The pieces of a law that was found for these parts.
+fn pieces<'l>(law: &'l Law, parts: &'l [Part<'_>]) -> impl Iterator<Item = Piece> + 'l {
+    parts.iter().zip(law.begins()).enumerate().flat_map(move |(index, (part, begin))| {
+        let end = law.begins().get(index + 1).copied().unwrap_or(law.cells());
+        let mut own = part.from;
+        (*begin..end).map(move |knot| {
+            let cell = law.cell(knot);
+            let start = Spot { motion: part.motion, in_blend: part.in_blend, way: own };
+            own += cell.length * part.unit;
+            Piece { cell, start, unit: part.unit }
+        })
+    })
+}

@@ -1,0 +1,111 @@
+//! What a place of a stretch asks of joints and tool.
+
+use super::node::{Node, Vector, square};
+use crate::arm::{AXES, Joints};
+
+/// First, second and third derivatives of joints and tool by the way of a stretch, over what each acceleration may be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slopes {
+    pub(super) slope: Joints,
+    pub(super) bend: Joints,
+    pub(super) twist: Joints,
+    pub(super) tool: [Vector<f64>; 3],
+}
+
+impl Slopes {
+    /// Those of a node, whose unit grows by `unit` for each unit of the stretch.
+    pub(super) fn of(node: &Node, unit: f64) -> Self {
+        let mut slopes = Self {
+            slope: node.slope.map(f64::from),
+            bend: node.bend.map(f64::from),
+            twist: node.twist.map(f64::from),
+            tool: node.tool.map(|vector| vector.map(f64::from)),
+        };
+        slopes.by_unit(unit);
+        slopes
+    }
+
+    /// Those between two nodes, at a share of the way from the first to the second.
+    pub(super) fn between(one: &Node, other: &Node, share: f64, unit: f64) -> Self {
+        let [from, to] = [one, other].map(|node| Self::of(node, 1.0));
+        let mut slopes = from.toward(&to, other.way - one.way, share);
+        slopes.by_unit(unit);
+        slopes
+    }
+
+    fn by_unit(&mut self, unit: f64) {
+        let (square, cube) = (unit * unit, unit * unit * unit);
+        let [along, across, around] = &mut self.tool;
+        let values = self.slope.iter_mut().chain(along);
+        values.for_each(|value| *value *= unit);
+        let values = self.bend.iter_mut().chain(across);
+        values.for_each(|value| *value *= square);
+        let values = self.twist.iter_mut().chain(around);
+        values.for_each(|value| *value *= cube);
+    }
+
+    /// Those at a share of the way to others, which are `length` away: between two values, what their slopes make of it.
+    pub(super) fn toward(&self, other: &Self, length: f64, share: f64) -> Self {
+        let mut found = *self;
+        for axis in 0..AXES {
+            let [one, two] = [self, other].map(|at| [at.slope[axis], at.bend[axis]]);
+            found.slope[axis] = hermite(one, two, length, share);
+            let [one, two] = [self, other].map(|at| [at.bend[axis], at.twist[axis]]);
+            found.bend[axis] = hermite(one, two, length, share);
+            found.twist[axis] = self.twist[axis] + share * (other.twist[axis] - self.twist[axis]);
+        }
+        for order in 0..2 {
+            for i in 0..3 {
+                let [one, two] = [self, other].map(|at| [at.tool[order][i], at.tool[order + 1][i]]);
+                found.tool[order][i] = hermite(one, two, length, share);
+            }
+        }
+        for i in 0..3 {
+            found.tool[2][i] = self.tool[2][i] + share * (other.tool[2][i] - self.tool[2][i]);
+        }
+        found
+    }
+
+    /// Those half-way to others.
+    pub(super) fn half_way(&self, other: &Self, length: f64) -> Self {
+        let eighth = length / 8.0;
+        let between =
+            |one: f64, other: f64, slope: f64, next: f64| 0.5 * (one + other) + eighth * (slope - next);
+        let mut found = *self;
+        for axis in 0..AXES {
+            let (one, two) = (self, other);
+            found.slope[axis] = between(one.slope[axis], two.slope[axis], one.bend[axis], two.bend[axis]);
+            found.bend[axis] = between(one.bend[axis], two.bend[axis], one.twist[axis], two.twist[axis]);
+            found.twist[axis] = 0.5 * (one.twist[axis] + two.twist[axis]);
+        }
+        let (one, two) = (&self.tool, &other.tool);
+        for i in 0..3 {
+            for order in 0..2 {
+                let next = order + 1;
+                found.tool[order][i] = between(one[order][i], two[order][i], one[next][i], two[next][i]);
+            }
+            found.tool[2][i] = 0.5 * (one[2][i] + two[2][i]);
+        }
+        found
+    }
+
+    /// The same in a unit that is smaller by a ratio, as far as the accelerations along the way go.
+    pub(super) fn scale(&mut self, ratio: f64) {
+        for values in [&mut self.slope, &mut self.bend, &mut self.twist] {
+            values.iter_mut().for_each(|value| *value *= ratio);
+        }
+        self.tool.iter_mut().flatten().for_each(|value| *value *= ratio);
+    }
+
+    /// The most that a unit of acceleration along the way asks.
+    pub(super) fn steepest(&self) -> f64 {
+        self.slope.iter().fold(square(self.tool[0]).sqrt(), |most, slope| most.max(slope.abs()))
+    }
+}
+
+/// Between two values with their slopes, at a share of the way.
+fn hermite([one, slope]: [f64; 2], [other, other_slope]: [f64; 2], length: f64, share: f64) -> f64 {
+    let rest = 1.0 - share;
+    let (bend, other_bend) = (length * slope - (other - one), (other - one) - length * other_slope);
+    one + share * (other - one) + share * rest * (rest * bend + share * other_bend)
+}
