@@ -1,4 +1,6 @@
 //! The command line: its messages on bad input, its exit codes, and the files of a run.
+//!
+//! In one file, because each test program of the bench is linked on its own, which takes longer than these tests.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -250,6 +252,7 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
 
 #[test]
 fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
+    // Longer than a screen, because it is one list: all fields of the file.
     let directory = tempfile::tempdir().unwrap();
     let export = |name: &str| {
         let said =

@@ -31,6 +31,7 @@ fn circle(x: f32, y: f32, through: [f32; 3]) -> Motion {
 
 /// Returns motions from (0, 40, 90) in base 1 of Setup A that are bad in one way each.
 fn cases() -> Vec<(&'static str, Motion, ErrorNumber)> {
+    // Longer than a screen, because it is one table of cases.
     let good = lin(50.0, 40.0, 90.0);
     let down = |force| Motion { target: [0.0, 40.0, 60.0, 0.0, 0.0, 180.0], ..press(60.0, force) };
     vec![

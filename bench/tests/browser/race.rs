@@ -88,6 +88,7 @@ fn the_race_is_laid_out_on_every_screen_and_draws_each_arm() {
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
 fn the_arms_slots_and_states_are_those_of_the_recording() {
+    // Longer than a screen, because opening a page takes seconds: all is read from one.
     let directory = tempfile::tempdir().unwrap();
     for setup in ["A", "B"] {
         let (mut browser, page) = opened(directory.path(), setup, CALM);

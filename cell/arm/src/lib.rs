@@ -6,6 +6,7 @@
 //! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
 
 mod angles;
+mod branch;
 mod configuration;
 mod frame;
 mod installation;

@@ -1,4 +1,6 @@
 //! Why a motion cannot be run: the quantity, what it is and what it may be.
+//!
+//! In one file, because it is a single list with the texts of its entries.
 
 use core::fmt;
 

@@ -244,6 +244,7 @@ pub(crate) fn line_of(text: &str, offset: usize) -> usize {
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Longer than a screen, because it is one list: the words of each refusal.
         match self {
             Self::ZeroLength { length_mm } => write!(
                 f,

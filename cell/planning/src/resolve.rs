@@ -1,16 +1,16 @@
 //! From the file to an [`Application`]: every name is looked up once, and every error names its line.
 
+mod step;
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use protocol::image::Configuration;
 use toml::Spanned;
 
-use crate::application::{
-    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
-};
+use crate::application::{Application, Grid, Obstacle, Place, Surface, Tool, Ways, Zones};
 use crate::error::{Error, line_of};
-use crate::file::{self, File, Label, Name};
+use crate::file::{self, File, Name};
 use crate::geometry::{Cuboid, Point, Pose};
 
 /// Version of the format that this reads.
@@ -18,9 +18,6 @@ const SCHEMA: u32 = 2;
 
 /// Highest number of a tool or base frame that the wire carries: four bits.
 const HIGHEST_FRAME: u8 = 15;
-
-/// Highest digital output of the process image.
-const HIGHEST_OUTPUT: u8 = 15;
 
 /// Highest status and turn of a configuration: three bits, and one for each of six axes.
 const HIGHEST_STATUS: u8 = 7;
@@ -181,133 +178,6 @@ impl Resolver<'_> {
             normal,
             radius_mm: radius.map(|radius| self.within(radius, "radius_mm", 0.1..1e4)).transpose()?,
             stiffness_n_per_mm: self.within(&surface.stiffness_n_per_mm, "stiffness_n_per_mm", 1e-3..1e5)?,
-        })
-    }
-
-    fn step(&self, at: &Spanned<file::Step>) -> Result<Step, Error> {
-        let step = at.get_ref();
-        let labels = self.labels(step)?;
-        let tool = step.tool.as_ref().unwrap_or(&self.file.tool);
-        let then = step.then.as_ref().map(|name| self.action(name)).transpose()?;
-        if let (Some(then), Some(name), false) = (&then, &step.then, labels.accurate_stop) {
-            let problem = format!(
-                "`{}` happens at rest, so step `{}` must be labelled \"accurate-stop\"",
-                then.name, step.name
-            );
-            return Err(self.wrong(name, "then", problem));
-        }
-        Ok(Step {
-            name: step.name.clone(),
-            does: step.does.clone(),
-            labels,
-            tool: self.tool(tool)?,
-            course: self.course(at)?,
-            speed_mm_s: step.speed_mm_s,
-            speed_percent: step.speed_percent.unwrap_or(100.0),
-            then,
-        })
-    }
-
-    fn labels(&self, step: &file::Step) -> Result<Labels, Error> {
-        let labels = step.labels.get_ref();
-        let has = |label| labels.contains(&label);
-        let problem = if labels.is_empty() {
-            "is empty; expected some of \"blending\", \"accurate-path\", \"accurate-stop\""
-        } else if has(Label::Blending) && has(Label::AccuratePath) {
-            "a path is either blended or accurate; keep one of \"blending\" and \"accurate-path\""
-        } else if has(Label::AccuratePath) && step.path.is_none() {
-            "a step without `path` has no accurate path; label it \"blending\" or give it a path"
-        } else {
-            return Ok(Labels {
-                accurate_path: has(Label::AccuratePath),
-                accurate_stop: has(Label::AccurateStop),
-            });
-        };
-        Err(self.wrong(&step.labels, "labels", format!("step `{}`: {problem}", step.name)))
-    }
-
-    fn course(&self, at: &Spanned<file::Step>) -> Result<Course, Error> {
-        let step = at.get_ref();
-        match (&step.reach, &step.path) {
-            (None, None) => {
-                let problem = "names no frame; give it `reach = \"FRAME\"` or `path = [...]`".into();
-                Err(self.wrong(at, &format!("step `{}`", step.name), problem))
-            }
-            (Some(reach), Some(_)) => {
-                Err(self.wrong(reach, "reach", format!("step `{}` has a `path` too; keep one", step.name)))
-            }
-            (Some(reach), None) => {
-                let lengths = [&step.approach_mm, &step.retreat_mm].into_iter().flatten().next();
-                if let Some(length) = lengths {
-                    let problem =
-                        format!("step `{}` has no `path` to extend; remove approach and retreat", step.name);
-                    return Err(self.wrong(length, "approach_mm, retreat_mm", problem));
-                }
-                Ok(Course::Reach(self.place(reach, "reach")?))
-            }
-            (None, Some(path)) => {
-                let segments =
-                    path.get_ref().iter().map(|it| self.segment(it)).collect::<Result<Vec<_>, _>>()?;
-                if segments.is_empty() {
-                    return Err(self.wrong(path, "path", format!("step `{}`: is empty", step.name)));
-                }
-                if let (Some(approach), None) = (&step.approach_mm, &step.from) {
-                    let problem = format!(
-                        "step `{}` begins where the tool is; a pre-movement needs `from = \"FRAME\"`",
-                        step.name
-                    );
-                    return Err(self.wrong(approach, "approach_mm", problem));
-                }
-                let length = |value: &Option<Spanned<f64>>, key| match value {
-                    Some(value) => self.within(value, key, 0.0..1e4),
-                    None => Ok(0.0),
-                };
-                Ok(Course::Follow {
-                    from: step.from.as_ref().map(|name| self.place(name, "from")).transpose()?,
-                    segments,
-                    approach_mm: length(&step.approach_mm, "approach_mm")?,
-                    retreat_mm: length(&step.retreat_mm, "retreat_mm")?,
-                })
-            }
-        }
-    }
-
-    fn segment(&self, segment: &file::Segment) -> Result<Segment, Error> {
-        Ok(match segment {
-            file::Segment::Line(to) => Segment::Line(self.place(to, "line")?),
-            file::Segment::Circle(circle) => Segment::Circle {
-                through: self.unconfigured(&circle.through, "through")?,
-                to: self.unconfigured(&circle.to, "to")?,
-            },
-            file::Segment::Spline(points) => {
-                if points.get_ref().is_empty() {
-                    return Err(self.wrong(points, "spline", "is empty; name its frames in order".into()));
-                }
-                let places = points.get_ref().iter().map(|name| self.place(name, "spline"));
-                Segment::Spline(places.collect::<Result<_, _>>()?)
-            }
-            file::Segment::Press(press) => {
-                Segment::Press { to: self.unconfigured(&press.to, "to")?, force_n: *press.force_n.get_ref() }
-            }
-        })
-    }
-
-    fn action(&self, name: &Name) -> Result<Action, Error> {
-        let at = self.known(&self.file.actions, name, "action", "then")?;
-        let action = at.get_ref();
-        if action.output > HIGHEST_OUTPUT {
-            let problem = format!("is {}; the image has outputs 0 to {HIGHEST_OUTPUT}", action.output);
-            return Err(self.wrong(at, &format!("{}.output", name.get_ref()), problem));
-        }
-        if !(0.0..=60_000.0).contains(&action.wait_ms) {
-            let problem = format!("is {}; it must be 0 to 60000 ms", action.wait_ms);
-            return Err(self.wrong(at, &format!("{}.wait_ms", name.get_ref()), problem));
-        }
-        Ok(Action {
-            name: name.get_ref().clone(),
-            output: action.output,
-            set: action.set,
-            wait_ms: action.wait_ms,
         })
     }
 

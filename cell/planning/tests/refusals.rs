@@ -52,6 +52,7 @@ upper_mm = [-29.0, 50.0, 25.0]
 
 #[test]
 fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
+    // Longer than a screen, because it is one table of cases.
     let wall = "upper_mm = [180.0, 200.0, 125.0]";
     let cases = [
         ("zero length", MEASURED, "line = \"grip\"", "line = \"carrier-rim\""),
@@ -121,6 +122,7 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
 
 #[test]
 fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
+    // Longer than a screen, because it is one table of cases.
     let cases = [
         ("unknown key", MEASURED, "approach_mm", "aproach_mm"),
         ("wrong type", MEASURED, "ceiling_mm = 180.0", "ceiling_mm = \"high\""),

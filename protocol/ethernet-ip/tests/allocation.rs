@@ -42,6 +42,7 @@ fn hand_over<A: Machine, B: Machine>(
 
 #[test]
 fn ten_thousand_cycles_and_a_request_in_each_allocate_nothing() {
+    // Longer than a screen, because one counter of allocations watches the whole exchange.
     let mut scanner = Scanner::new(ScannerConfig { vendor: 0xFFFF, serial_number: 1, first_id: 1 });
     let config = ConnectionConfig::exclusive_owner(ROBOT, &DEVICE, 1_000);
     let id = scanner.connect(config, Instant::from_millis(1)).unwrap();

@@ -1,4 +1,6 @@
 //! The station from DCP's point of view: its name, its address, and the answers to Identify, Get and Set.
+//!
+//! In one file, because a request, the change that it makes and the delayed answer share one state.
 
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;

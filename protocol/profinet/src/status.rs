@@ -6,6 +6,8 @@
 //!
 //! On the wire of RPC it is one 32-bit number in the sender's byte order. ErrorCode names the service that failed,
 //! ErrorDecode how to read the other two, ErrorCode1 the block or the state machine, ErrorCode2 the field or reason.
+//!
+//! In one file, because a table of the standard is looked up as a whole.
 
 use core::fmt;
 

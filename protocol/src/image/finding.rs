@@ -103,6 +103,7 @@ pub struct InWords {
 
 impl fmt::Display for InWords {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Longer than a screen, because it is one list: the words of each finding.
         let Self { number, finding } = *self;
         write!(f, "{number}")?;
         if finding == Finding::NONE {

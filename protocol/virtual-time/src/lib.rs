@@ -9,12 +9,14 @@ pub mod hostile;
 mod in_flight;
 mod link;
 mod network;
+mod side;
 mod stream;
 mod tap;
 
 pub use clock::Clock;
 pub use link::{Fate, Impairment, Link, LinkCounters, Strike};
 pub use network::{Network, StationId};
+pub use side::Side;
 pub use tap::{Carrier, Segment, Tapped};
 
 use alloc::boxed::Box;
@@ -30,35 +32,6 @@ use machine::wire::FRAME_CAPACITY;
 use machine::{Instant, Machine, Port, Source, Transmit};
 use stream::Streams;
 use tap::{Label, Tap};
-
-/// One of the two machines of a [`Pair`].
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Side {
-    /// The first machine; by convention the PLC.
-    A,
-    /// The second machine; by convention the robot.
-    B,
-}
-
-impl Side {
-    /// Returns 0 for A and 1 for B: the side's index in arrays with one entry per side.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        match self {
-            Self::A => 0,
-            Self::B => 1,
-        }
-    }
-
-    /// Returns the other side.
-    #[must_use]
-    pub const fn other(self) -> Self {
-        match self {
-            Self::A => Self::B,
-            Self::B => Self::A,
-        }
-    }
-}
 
 /// An event of one of the two machines.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

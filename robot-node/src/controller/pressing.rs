@@ -118,6 +118,7 @@ mod tests {
 
     #[test]
     fn a_held_force_follows_a_surface_that_moves_and_is_let_go_at_the_lines_end() {
+        // Longer than a screen, because it follows one press from its approach to its end.
         let mut config = RobotConfig {
             interpreter_quantum: Duration::ZERO,
             skill_overhead: Duration::ZERO,

@@ -110,6 +110,7 @@ pub(super) fn render(run: &Run, race: RaceIs) -> anyhow::Result<String> {
 }
 
 fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
+    // Longer than a screen, because the page has that many parts, a line or two each.
     let results = &run.results;
     let race = Race::of(run);
     let trace = run.trace.as_ref();

@@ -19,6 +19,14 @@ struct View {
     y: (usize, &'static str),
 }
 
+impl View {
+    /// Returns a point as this view shows it.
+    fn flat(&self, point: &[f64; 3]) -> (f64, f64) {
+        let axis = |index: usize| point.get(index).copied().unwrap_or_default();
+        (axis(self.x.0), axis(self.y.0))
+    }
+}
+
 const VIEWS: [View; 2] = [
     View { title: "Side view", x: (0, "x in mm"), y: (2, "z in mm") },
     View { title: "Plan view", x: (0, "x in mm"), y: (1, "y in mm") },
@@ -54,34 +62,16 @@ pub(super) fn draw(
     application: Option<&Application>,
     format: Format,
 ) -> anyhow::Result<Option<String>> {
-    let path = |execution_type| -> Vec<[f64; 3]> {
-        let ticks = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
-        ticks
-            .iter()
-            // Before its first motion, the robot reports its pose in an undefined base.
-            .skip_while(|tick| tick.sample.path_speed_mm_s == 0.0)
-            .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.sample.pose.get(axis).copied().unwrap_or(0.0))))
-            .collect()
-    };
-    let paths: Vec<_> = [ExecutionType::Sm, ExecutionType::Rc, ExecutionType::Cm]
-        .map(|execution_type| (execution_type, path(execution_type)))
-        .into_iter()
-        .collect();
-    let targets = targets(setup, application);
-    let points: Vec<[f64; 3]> = paths.iter().flat_map(|(_, path)| path.iter().copied()).collect();
-    if points.is_empty() {
+    // Where paths coincide, the lower one is drawn wider.
+    let paths = [ExecutionType::Sm, ExecutionType::Rc, ExecutionType::Cm]
+        .map(|execution_type| (execution_type, path(trace, execution_type)));
+    let content = Content { paths, targets: targets(setup, application) };
+    if content.paths.iter().all(|(_, path)| path.is_empty()) {
         return Ok(None);
     }
     let inner = format.width() - format.margin() - Axes::RIGHT;
-    let ends = |axis: usize| {
-        let values = || points.iter().filter_map(|point| point.get(axis).copied());
-        let (low, high) =
-            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-        let lack = (LEAST - (high - low)).max(0.0) / 2.0;
-        let room = ((high - low) * 0.05).max(12.0);
-        (low - lack - room, high + lack + room)
-    };
-    let extents: Vec<_> = VIEWS.iter().map(|view| (ends(view.x.0), ends(view.y.0))).collect();
+    let extents: Vec<_> =
+        VIEWS.iter().map(|view| (content.extent(view.x.0), content.extent(view.y.0))).collect();
     // The same scale on both axes, so that angles are shown correctly.
     let heights: Vec<f64> =
         extents.iter().map(|(x, y)| (y.1 - y.0) / (x.1 - x.0) * inner + Axes::below(true) + 6.0).collect();
@@ -101,52 +91,97 @@ pub(super) fn draw(
                 write: (&chart::whole, &chart::whole),
             };
             let mut chart = axes.draw(format, &part)?;
-            let flat = |point: &[f64; 3]| {
-                let axis = |index: usize| point.get(index).copied().unwrap_or_default();
-                (axis(view.x.0), axis(view.y.0))
-            };
-            let unit = (x.1 - x.0) / inner;
-            for Target { at, approximation, .. } in targets.iter().filter(|target| target.approximation > 0.0)
-            {
-                let radius = stroke(approximation / unit);
-                let zone = Circle::new(flat(at), radius, MUTED.mix(0.13).filled());
-                chart.draw_series([zone])?;
-            }
-            for (execution_type, path) in &paths {
-                // Where paths coincide, the lower one is drawn wider.
-                let (width, strength) = match execution_type {
-                    ExecutionType::Sm => (7.0, 0.4),
-                    ExecutionType::Rc => (4.0, 0.5),
-                    ExecutionType::Cm => (1.5, 1.0),
-                };
-                let line = thinned(path.iter().map(flat), unit * 0.35);
-                let style = colour(*execution_type).mix(strength).stroke_width(stroke(width));
-                chart.draw_series([PathElement::new(line, style)])?;
-            }
-            for target in &targets {
-                // The backend draws the outline of a circle without a width.
-                for (radius, colour) in [(3.6, INK), (2.3, PAPER)] {
-                    chart.draw_series([Circle::new(flat(&target.at), px(radius), colour.filled())])?;
-                }
-            }
-            for (numbers, (x, y)) in labels(&targets, flat, unit * 14.0) {
-                let (x, y) = chart.backend_coord(&(x, y));
-                let (left, above) = part.get_base_pixel();
-                let (x, y) = (x - left, y - above - px(15.0));
-                let style = text(format.pick(12.0, 11.0), INK);
-                // At the right edge the numbers would leave the figure.
-                let (x, side) = if x > px(format.width() * 0.88) {
-                    (x - px(7.0), HPos::Right)
-                } else {
-                    (x + px(7.0), HPos::Left)
-                };
-                part.draw_text(&ranges(&numbers), &style.pos(Pos::new(side, VPos::Top)), (x, y))?;
-            }
+            let mm_per_px = (x.1 - x.0) / inner;
+            content.draw(&mut chart, view, mm_per_px)?;
+            content.draw_numbers(&chart, &part, view, mm_per_px, format)?;
             top += TITLE + panel;
         }
         Ok(())
     })?;
     Ok(Some(svg))
+}
+
+/// Returns the recorded path of the tool, in mm.
+fn path(trace: &Trace, execution_type: ExecutionType) -> Vec<[f64; 3]> {
+    let ticks = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
+    ticks
+        .iter()
+        // Before its first motion, the robot reports its pose in an undefined base.
+        .skip_while(|tick| tick.sample.path_speed_mm_s == 0.0)
+        .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.sample.pose.get(axis).copied().unwrap_or(0.0))))
+        .collect()
+}
+
+/// What both views show, in mm.
+struct Content {
+    paths: [(ExecutionType, Vec<[f64; 3]>); 3],
+    targets: Vec<Target>,
+}
+
+impl Content {
+    /// Returns the ends of a coordinate's axis, with room beyond the paths.
+    fn extent(&self, axis: usize) -> (f64, f64) {
+        let points = || self.paths.iter().flat_map(|(_, path)| path);
+        let values = || points().filter_map(|point| point.get(axis).copied());
+        let (low, high) =
+            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        let lack = (LEAST - (high - low)).max(0.0) / 2.0;
+        let room = ((high - low) * 0.05).max(12.0);
+        (low - lack - room, high + lack + room)
+    }
+
+    /// Draws the zones, the paths and the targets of a view.
+    fn draw(&self, chart: &mut chart::Chart<'_, '_>, view: &View, mm_per_px: f64) -> anyhow::Result<()> {
+        for Target { at, approximation, .. } in
+            self.targets.iter().filter(|target| target.approximation > 0.0)
+        {
+            let radius = stroke(approximation / mm_per_px);
+            let zone = Circle::new(view.flat(at), radius, MUTED.mix(0.13).filled());
+            chart.draw_series([zone])?;
+        }
+        for (execution_type, path) in &self.paths {
+            let (width, strength) = match execution_type {
+                ExecutionType::Sm => (7.0, 0.4),
+                ExecutionType::Rc => (4.0, 0.5),
+                ExecutionType::Cm => (1.5, 1.0),
+            };
+            let line = thinned(path.iter().map(|point| view.flat(point)), mm_per_px * 0.35);
+            let style = colour(*execution_type).mix(strength).stroke_width(stroke(width));
+            chart.draw_series([PathElement::new(line, style)])?;
+        }
+        for target in &self.targets {
+            // The backend draws the outline of a circle without a width.
+            for (radius, colour) in [(3.6, INK), (2.3, PAPER)] {
+                chart.draw_series([Circle::new(view.flat(&target.at), px(radius), colour.filled())])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws the targets' numbers beside them.
+    fn draw_numbers(
+        &self,
+        chart: &chart::Chart<'_, '_>,
+        part: &chart::Area<'_>,
+        view: &View,
+        mm_per_px: f64,
+        format: Format,
+    ) -> anyhow::Result<()> {
+        for (numbers, (x, y)) in labels(&self.targets, |point| view.flat(point), mm_per_px * 14.0) {
+            let (x, y) = chart.backend_coord(&(x, y));
+            let (left, above) = part.get_base_pixel();
+            let (x, y) = (x - left, y - above - px(15.0));
+            let style = text(format.pick(12.0, 11.0), INK);
+            // At the right edge the numbers would leave the figure.
+            let (x, side) = if x > px(format.width() * 0.88) {
+                (x - px(7.0), HPos::Right)
+            } else {
+                (x + px(7.0), HPos::Left)
+            };
+            part.draw_text(&ranges(&numbers), &style.pos(Pos::new(side, VPos::Top)), (x, y))?;
+        }
+        Ok(())
+    }
 }
 
 fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<Target> {

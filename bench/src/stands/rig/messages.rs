@@ -121,7 +121,16 @@ impl Rig {
                 change = self.changes.next() => self.change(change).await,
             }
         };
-        match &event {
+        self.note(&event);
+        match self.failure(&event).await {
+            Some(error) => Err(error),
+            None => Ok(event),
+        }
+    }
+
+    /// Updates the rig's state from a message.
+    fn note(&mut self, event: &NodeEvent) {
+        match event {
             NodeEvent::Plc(Message::Hello(hello)) => self.hellos.push((NodeRole::Plc, hello.clone())),
             NodeEvent::Robot(Message::Hello(hello)) => self.hellos.push((NodeRole::Robot, hello.clone())),
             NodeEvent::Plc(Message::Report(report)) => self.take_report(NodeRole::Plc, report),
@@ -137,7 +146,7 @@ impl Rig {
             }
             NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
             NodeEvent::Plc(Message::LinkDown { .. }) => {
-                self.links = Links { plc: false, ready: false, moving_to_start: false, ..self.links }
+                self.links = Links { plc: false, ready: false, moving_to_start: false, ..self.links };
             }
             NodeEvent::Robot(Message::LinkUp) => self.links.robot = true,
             NodeEvent::Robot(Message::LinkDown { .. }) => self.links.robot = false,
@@ -147,45 +156,44 @@ impl Rig {
             NodeEvent::Plc(Message::Node(PlcMessage::Ready)) => {
                 self.links = Links { ready: true, moving_to_start: false, ..self.links };
             }
-            NodeEvent::Plc(Message::Node(PlcMessage::Finished(_))) => {
+            NodeEvent::Plc(Message::Node(PlcMessage::Finished(_) | PlcMessage::Failed { .. })) => {
                 self.is_running = false;
                 self.links = Links { ready: false, moving_to_start: false, ..self.links };
-            }
-            NodeEvent::Plc(Message::Node(PlcMessage::Failed { .. })) => {
-                self.is_running = false;
-                self.links = Links { ready: false, moving_to_start: false, ..self.links };
-            }
-            NodeEvent::Plc(Message::Busy { controller }) => {
-                return Err(RigError::Busy { role: NodeRole::Plc, controller: *controller });
-            }
-            NodeEvent::Robot(Message::Busy { controller }) => {
-                return Err(RigError::Busy { role: NodeRole::Robot, controller: *controller });
-            }
-            NodeEvent::Plc(Message::Denied { reason }) => {
-                return Err(RigError::Denied { role: NodeRole::Plc, reason: reason.clone() });
-            }
-            NodeEvent::Robot(Message::Denied { reason }) => {
-                return Err(RigError::Denied { role: NodeRole::Robot, reason: reason.clone() });
-            }
-            NodeEvent::Ended(role) if self.killed.contains(role) => {
-                // Its end is noticed once, as that of every node.
-                if let Some(node) = self.node(*role) {
-                    let _ = node.end_error().await;
-                }
-                return Err(RigError::KilledByFault { role: *role });
-            }
-            NodeEvent::Ended(role) => {
-                return Err(match self.node(*role) {
-                    Some(node) => node.end_error().await,
-                    None => RigError::NodeEnded { role: *role, status: None, last_stderr: Vec::new() },
-                });
-            }
-            NodeEvent::UnreadableLine { role, line } => {
-                return Err(RigError::UnreadableLine { role: *role, line: line.clone() });
             }
             _ => {}
         }
-        Ok(event)
+    }
+
+    /// Returns the error that a message of a node reports, or that its end is.
+    async fn failure(&mut self, event: &NodeEvent) -> Option<RigError> {
+        let role = match event {
+            NodeEvent::Robot(_) => NodeRole::Robot,
+            NodeEvent::Plc(_) => NodeRole::Plc,
+            NodeEvent::Ended(role) | NodeEvent::UnreadableLine { role, .. } => *role,
+        };
+        match event {
+            NodeEvent::Plc(Message::Busy { controller }) | NodeEvent::Robot(Message::Busy { controller }) => {
+                Some(RigError::Busy { role, controller: *controller })
+            }
+            NodeEvent::Plc(Message::Denied { reason }) | NodeEvent::Robot(Message::Denied { reason }) => {
+                Some(RigError::Denied { role, reason: reason.clone() })
+            }
+            NodeEvent::Ended(_) if self.killed.contains(&role) => {
+                // Its end is noticed once, as that of every node.
+                if let Some(node) = self.node(role) {
+                    let _ = node.end_error().await;
+                }
+                Some(RigError::KilledByFault { role })
+            }
+            NodeEvent::Ended(_) => Some(match self.node(role) {
+                Some(node) => node.end_error().await,
+                None => RigError::NodeEnded { role, status: None, last_stderr: Vec::new() },
+            }),
+            NodeEvent::UnreadableLine { line, .. } => {
+                Some(RigError::UnreadableLine { role, line: line.clone() })
+            }
+            NodeEvent::Plc(_) | NodeEvent::Robot(_) => None,
+        }
     }
 
     /// Finds the cause of a lost connection or of a failed run: a node that died, or a host that stalled one. The

@@ -113,7 +113,7 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
     let failed = |error| Failure::new(Exit::RunFailed, error);
     let mut run = LongRun::start(setup, origin, total, options.seed).map_err(failed)?;
     let progress = Progress::start(total, options.quiet);
-    let (mut tenths, mut at_a_tenth) = (0, None);
+    let mut milestones = Milestones { total, started, tenths: 0, peak_at_a_tenth: None };
     let ended = loop {
         // A virtual run never waits, so signals are handled here.
         tokio::task::yield_now().await;
@@ -127,22 +127,9 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
             Ok(Some(execution)) => break Some(Ok(execution)),
             Err(error) => break Some(Err(error)),
         }
-        let [sent, accepted] = run.digests();
-        let done = accepted.sum().motions;
-        progress.set(done);
-        let now = done * 10 / u64::from(total);
-        if now > tenths {
-            tenths = now;
-            at_a_tenth.get_or_insert(PeakResident::now()?);
-            let speed = done as f64 / started.elapsed().as_secs_f64();
-            progress.line(&format!(
-                "{:>4} %  {:>9.0} s of plant time  {speed:>7.0} motions/s  at {:>8} motions PLC {:016x}, robot {:016x}",
-                tenths * 10,
-                run.plant_time().as_secs_f64(),
-                accepted.mark().motions,
-                sent.mark().value,
-                accepted.mark().value,
-            ));
+        progress.set(run.digests()[1].sum().motions);
+        if let Some(line) = milestones.next(&run)? {
+            progress.line(&line);
         }
     };
     progress.end();
@@ -160,6 +147,17 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
         ));
     };
     let finished = run.finish(ended).with_context(|| format!("the run failed {so_far}")).map_err(failed)?;
+    print(&finished, plant, elapsed);
+    let peak = milestones.peak_at_a_tenth;
+    let tenth = peak.map_or_else(String::new, |peak| format!("{peak} at 10 %, "));
+    outln!("resident memory at most: {at_start} at the start, {tenth}{} at the end", PeakResident::now()?);
+    finished.check().map_err(|mismatch| failed(mismatch.into()))?;
+    outln!("every motion arrived, once and in order");
+    Ok(Exit::Pass)
+}
+
+/// Prints the digests and the speed of a finished run.
+fn print(finished: &Finished, plant: Duration, elapsed: Duration) {
     let Finished { execution, list, sent, accepted } = finished;
     outln!("digest of the list   {list}\n       of the PLC    {sent}\n       of the robot  {accepted}");
     let rate = f64::from(execution.motions) / elapsed.as_secs_f64();
@@ -171,11 +169,38 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
         elapsed.as_secs_f64(),
         plant.as_secs_f64() / elapsed.as_secs_f64(),
     );
-    let tenth = at_a_tenth.map_or_else(String::new, |peak| format!("{peak} at 10 %, "));
-    outln!("resident memory at most: {at_start} at the start, {tenth}{} at the end", PeakResident::now()?);
-    finished.check().map_err(|mismatch| failed(mismatch.into()))?;
-    outln!("every motion arrived, once and in order");
-    Ok(Exit::Pass)
+}
+
+/// What is reported after each tenth of the motions.
+struct Milestones {
+    total: u32,
+    started: Instant,
+    /// Tenths of the motions reported so far.
+    tenths: u64,
+    peak_at_a_tenth: Option<PeakResident>,
+}
+
+impl Milestones {
+    /// Returns a line if another tenth of the motions is done.
+    fn next(&mut self, run: &LongRun) -> anyhow::Result<Option<String>> {
+        let [sent, accepted] = run.digests();
+        let done = accepted.sum().motions;
+        let now = done * 10 / u64::from(self.total);
+        if now <= self.tenths {
+            return Ok(None);
+        }
+        self.tenths = now;
+        self.peak_at_a_tenth.get_or_insert(PeakResident::now()?);
+        let speed = done as f64 / self.started.elapsed().as_secs_f64();
+        Ok(Some(format!(
+            "{:>4} %  {:>9.0} s of plant time  {speed:>7.0} motions/s  at {:>8} motions PLC {:016x}, robot {:016x}",
+            now * 10,
+            run.plant_time().as_secs_f64(),
+            accepted.mark().motions,
+            sent.mark().value,
+            accepted.mark().value,
+        )))
+    }
 }
 
 /// Progress on standard error: a bar on a terminal, lines elsewhere.

@@ -8,7 +8,7 @@ use crate::records::conditions::Measured;
 use crate::records::host::Host;
 use crate::records::results::{Results, Status};
 use crate::records::run_directory::{Durability, RunDirectory};
-use crate::records::schedule::Schedule;
+use crate::records::schedule::{Schedule, Step};
 use crate::stands::Stand;
 
 /// Where a run writes its files and shows its progress.
@@ -77,11 +77,6 @@ impl Session {
         // A file that cannot be written should be noticed before the first repetition.
         self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
-        let end = |status, failures: &[anyhow::Error]| match status {
-            Status::Failed => failures.first().map_or(Exit::RunFailed, Exit::of_run),
-            Status::Interrupted => Exit::Interrupted,
-            Status::Running | Status::Complete => Exit::Pass,
-        };
         for step in schedule.steps() {
             self.progress.running(step.execution_type, step.repetition);
             // A virtual run never waits, so signals are handled here.
@@ -94,14 +89,7 @@ impl Session {
                 }
                 outcome = stand.execute(step) => outcome,
             };
-            let outcome = outcome.and_then(|measured| {
-                verify(&measured)?;
-                results.record(step.execution_type, &measured)?;
-                Ok(measured)
-            });
-            if let Err(error) = &outcome {
-                results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
-            }
+            let outcome = record(&mut results, &step, outcome, &mut verify);
             let health = stand.health();
             for lost in health.repeated.iter().skip(results.repeated as usize) {
                 self.progress.warn(&format!("run again, {lost}"));
@@ -130,7 +118,7 @@ impl Session {
         }
         self.progress.end();
         let saved = self.finish(&results);
-        Ok(Ended { exit: end(results.status, &failures), results, failures }.and_saved(saved))
+        Ok(Ended { exit: exit(results.status, &failures), results, failures }.and_saved(saved))
     }
 
     /// Writes the final results.
@@ -148,13 +136,39 @@ impl Session {
     }
 }
 
+/// Adds a repetition to the results, as failed if `verify` does not accept it or a joint exceeded its rating.
+fn record(
+    results: &mut Results,
+    step: &Step,
+    outcome: anyhow::Result<Measured>,
+    mut verify: impl FnMut(&Measured) -> anyhow::Result<()>,
+) -> anyhow::Result<Measured> {
+    let outcome = outcome.and_then(|measured| {
+        verify(&measured)?;
+        results.record(step.execution_type, &measured)?;
+        Ok(measured)
+    });
+    if let Err(error) = &outcome {
+        results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+    }
+    outcome
+}
+
+/// Returns the exit code of a run that ended like this.
+fn exit(status: Status, failures: &[anyhow::Error]) -> Exit {
+    match status {
+        Status::Failed => failures.first().map_or(Exit::RunFailed, Exit::of_run),
+        Status::Interrupted => Exit::Interrupted,
+        Status::Running | Status::Complete => Exit::Pass,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::output::exit::Failure;
     use crate::records::conditions::Health;
     use crate::records::mode::Mode;
-    use crate::records::schedule::Step;
     use crate::stands::{Finished, StandConfig};
     use plc_node::ExecutionType;
     use robot_node::Quality;

@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 
+use comfy_table::Table;
 use node::screen;
 
 use super::{Factor, Figures, Row, Sensitivity};
 use crate::records::schedule::repetitions;
+use crate::records::statistics::aet_improvement;
 
 const NONE: &str = "–";
 
@@ -21,6 +23,30 @@ pub(super) const LEGEND: [&str; 4] = [
 #[must_use]
 pub fn render(study: &Sensitivity) -> String {
     let Sensitivity { setup, title, application, reps, seed, .. } = study;
+    let heading = [
+        format!("Setup {setup}: {title}"),
+        format!(
+            "{application}, one number at a time, {} of each type, virtual mode, seed {seed}",
+            repetitions(*reps)
+        ),
+    ];
+    let mut text = heading.map(|line| screen::wrapped(&line, 0, 2) + "\n").concat();
+    let _ = write!(text, "\n{}\n\n", screen::drawn(&screen::numbers_right(table(study))));
+    let mut sentences = Vec::new();
+    if let Some((sm, cm)) = study.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm)) {
+        let share = aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
+        sentences.push(format!("The paper's AETi: {share:.0} %."));
+    }
+    sentences.extend(LEGEND.map(str::to_owned));
+    let refused = |row: &Row| Some(format!("{} is refused: {}", name(row), row.refused.as_ref()?));
+    sentences.extend(study.rows.iter().filter_map(refused));
+    let sentences: Vec<_> = sentences.iter().map(|sentence| screen::wrapped(sentence, 2, 2)).collect();
+    text.push_str(&sentences.join("\n"));
+    text
+}
+
+/// Returns the rows of a study as a table.
+fn table(study: &Sensitivity) -> Table {
     let mut table = screen::ruled();
     table.set_header([
         "varied",
@@ -39,17 +65,12 @@ pub fn render(study: &Sensitivity) -> String {
         "AETi\nuncal.",
     ]);
     let base = study.rows.first().and_then(|row| row.calibrated.aet_improvement);
-    let mut notes = Vec::new();
     for row in &study.rows {
-        let name = name(row);
-        if let Some(reason) = &row.refused {
-            notes.push(format!("{name} is refused: {reason}"));
-        }
         let (with, without, bare) = (&row.calibrated, &row.without_skill_overhead, &row.uncalibrated);
         let change =
             row.factor.and(with.aet_improvement.zip(base)).map(|(share, base)| (share - base) * 100.0);
         table.add_row([
-            name,
+            name(row),
             row.value.clone(),
             millis(with.rc_ms),
             millis(with.sm_ms),
@@ -65,25 +86,7 @@ pub fn render(study: &Sensitivity) -> String {
             percent(bare),
         ]);
     }
-    let heading = [
-        format!("Setup {setup}: {title}"),
-        format!(
-            "{application}, one number at a time, {} of each type, virtual mode, seed {seed}",
-            repetitions(*reps)
-        ),
-    ];
-    let mut text = heading.map(|line| screen::wrapped(&line, 0, 2) + "\n").concat();
-    let _ = write!(text, "\n{}\n\n", screen::drawn(&screen::numbers_right(table)));
-    let mut sentences = Vec::new();
-    if let Some((sm, cm)) = study.paper.as_ref().and_then(|paper| paper.sm.zip(paper.cm)) {
-        let share = crate::records::statistics::aet_improvement(sm.aet_ms, cm.aet_ms) * 100.0;
-        sentences.push(format!("The paper's AETi: {share:.0} %."));
-    }
-    sentences.extend(LEGEND.map(str::to_owned));
-    sentences.extend(notes);
-    let sentences: Vec<_> = sentences.iter().map(|sentence| screen::wrapped(sentence, 2, 2)).collect();
-    text.push_str(&sentences.join("\n"));
-    text
+    table
 }
 
 pub(super) fn name(row: &Row) -> String {

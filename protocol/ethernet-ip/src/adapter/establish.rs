@@ -113,18 +113,7 @@ impl State {
         let OpenRequest { o_t_rpi_us, o_t, t_o_rpi_us, t_o, .. } = *request;
         let points = self.points(application)?;
         check_io_parameters(&points, o_t, t_o)?;
-        let description = self.device.description;
-        let served = description.min_rpi_us..=description.max_rpi_us;
-        if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
-            return Err(Violation::RpiNotSupported);
-        }
-        let trigger = request.transport.trigger();
-        // Without a segment, a producer that follows changes keeps a quarter of its interval (volume 1, 3-4.4.18).
-        let default = if trigger == Trigger::Cyclic { Duration::ZERO } else { micros(t_o_rpi_us) / 4 };
-        let inhibit = application.inhibit.filter(|time| !time.is_zero()).unwrap_or(default);
-        if inhibit > micros(t_o_rpi_us) {
-            return Err(Violation::RpiBelowInhibitTime);
-        }
+        let inhibit = self.check_intervals(request, application)?;
         self.check_room(points.kind)?;
 
         let mut producer = Producer {
@@ -137,7 +126,7 @@ impl State {
             dscp: self.device.qos.cyclic(t_o.priority),
             assembly: points.produced.instance,
             cycle: Cycle::new(context.now + micros(t_o_rpi_us), micros(t_o_rpi_us)),
-            trigger,
+            trigger: request.transport.trigger(),
             inhibit: Inhibit::new(inhibit, context.now),
             sequence: 0,
             count: 0,
@@ -166,6 +155,28 @@ impl State {
         self.follow_owner(None);
         let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
         Ok(Opened { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
+    }
+
+    /// Checks the packet intervals, and returns the inhibit time of the producer.
+    fn check_intervals(
+        &self,
+        request: &OpenRequest<'_>,
+        application: &Application<'_>,
+    ) -> Result<Duration, Violation> {
+        let OpenRequest { o_t_rpi_us, t_o_rpi_us, .. } = *request;
+        let description = self.device.description;
+        let served = description.min_rpi_us..=description.max_rpi_us;
+        if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
+            return Err(Violation::RpiNotSupported);
+        }
+        // Without a segment, a producer that follows changes keeps a quarter of its interval (volume 1, 3-4.4.18).
+        let is_cyclic = request.transport.trigger() == Trigger::Cyclic;
+        let default = if is_cyclic { Duration::ZERO } else { micros(t_o_rpi_us) / 4 };
+        let inhibit = application.inhibit.filter(|time| !time.is_zero()).unwrap_or(default);
+        if inhibit > micros(t_o_rpi_us) {
+            return Err(Violation::RpiBelowInhibitTime);
+        }
+        Ok(inhibit)
     }
 
     fn points(&self, application: &Application<'_>) -> Result<Points, Violation> {

@@ -1,4 +1,6 @@
 //! An adapter driven by hand: clients over TCP and UDP, good ones and bad ones, and no second machine.
+//!
+//! In one file, because every test of the adapter uses all of it.
 
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};

@@ -1,4 +1,6 @@
 //! What scanner and adapter do together.
+//!
+//! In one file, because all of its short tests begin with the same set-up of a pair.
 
 use std::cell::RefCell;
 use std::fmt::Write as _;

@@ -1,4 +1,6 @@
 //! What an adapter must survive: after each bad input a good scanner still gets its data on time.
+//!
+//! In one file, because all of its short tests begin with the same set-up of an adapter.
 
 use std::net::Ipv4Addr;
 

@@ -1,4 +1,6 @@
 //! What an adapter answers to explicit messages.
+//!
+//! In one file, because all of its short tests begin with the same set-up of an object.
 
 use ethernet_ip::cip::General;
 

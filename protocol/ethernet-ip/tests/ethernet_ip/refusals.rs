@@ -1,4 +1,6 @@
 //! Which connections an adapter opens, which it refuses, and how the scanner tells its owner.
+//!
+//! In one file, because all of its short tests begin with the same set-up of a request.
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -29,6 +31,7 @@ fn wrong(change: impl FnOnce(&mut OpenRequest<'static>)) -> OpenRequest<'static>
 
 #[test]
 fn each_violation_of_a_forward_open_gives_its_extended_status() {
+    // Longer than a screen, because it is one table of cases.
     use ConnectionType::{Multicast, Null, PointToPoint, Reserved};
     let path = |path: &'static [u8]| wrong(|r| r.path = Path(path));
     let heart = |change: fn(&mut OpenRequest<'static>)| {

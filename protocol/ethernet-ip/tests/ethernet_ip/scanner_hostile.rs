@@ -1,4 +1,6 @@
 //! What a scanner must survive.
+//!
+//! In one file, because all of its short tests begin with the same set-up of a scanner.
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 

@@ -12,10 +12,13 @@
 //! One controller at a time. A second one is refused; the same one that starts anew takes its old AR's place: it must
 //! have the IP address and the MAC address of the AR. While there is an AR, nobody else can end or change it, and name
 //! and addresses of the station stay as they are.
+//!
+//! In one file, because frames, timeouts and the end of a connection change one state.
 
 mod admission;
 mod alarms;
 mod answers;
+mod owner;
 mod process_data;
 mod records;
 mod relation;
@@ -35,7 +38,7 @@ use super::RPC_PORT;
 use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
 use super::dcp::{self, IpSuite};
 use super::description::Description;
-use super::provided::{DataError, Provided};
+use super::provided::Provided;
 use super::rpc::{Header, Kind, Message, Received as Fragment, flags, rpc_status};
 use super::rt::{Received, Transport, UDP_PORT};
 use super::station::{Effect, MaySet, Refusal, Station};
@@ -431,59 +434,5 @@ impl Machine for Device {
     fn poll_timeout(&self) -> Option<Instant> {
         let relation = self.core.relation.as_ref().map(Relation::poll_timeout);
         Instant::earlier(relation, self.core.station.poll_timeout())
-    }
-}
-
-impl Device {
-    /// Returns whether a controller has an AR with this device, whether or not data are exchanged yet.
-    #[must_use]
-    pub const fn has_controller(&self) -> bool {
-        self.core.relation.is_some()
-    }
-
-    /// Returns the newest output data of a submodule; `None` while the device is not up, or while the controller marks
-    /// them as bad.
-    #[must_use]
-    pub fn output(&self, slot: u16, subslot: u16) -> Option<&[u8]> {
-        self.outputs().find_map(|(place, data)| (place == (slot, subslot)).then_some(data)).flatten()
-    }
-
-    /// Returns the newest output data of every submodule that has data, as ((slot, subslot), data) by ascending slot and
-    /// subslot; `None` for data that the controller marks as bad. Nothing at all while the device is not up.
-    pub fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
-        self.core.relation.iter().flat_map(Relation::outputs)
-    }
-
-    /// Sets the input data of a submodule, for the next cyclic frame and every one after it. Until then they are zeros.
-    pub fn set_input(&mut self, slot: u16, subslot: u16, data: &[u8]) -> Result<(), DataError> {
-        self.core.inputs.set(slot, subslot, data)?;
-        self.core.write_inputs();
-        Ok(())
-    }
-
-    /// Sets the input data of all submodules: calls `write` with slot, subslot and place of each, by ascending slot and
-    /// subslot.
-    pub fn set_inputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
-        self.core.inputs.set_all(write);
-        self.core.write_inputs();
-    }
-
-    /// Ends the connection by an error PDU.
-    pub fn disconnect(&mut self, _now: Instant) {
-        self.core.abort(Violation::AbortRequested);
-    }
-
-    /// Returns the numbers of frames that were sent, received and refused since the start.
-    #[must_use]
-    pub fn counters(&self) -> Counters {
-        self.core.counters()
-    }
-
-    /// Reports that the owner did what [`LinkEvent::SetAddress`] asked for, or could not.
-    pub fn address_set(&mut self, now: Instant, done: bool) {
-        self.core.acyclic = true;
-        if self.core.station.address_set(now, done) {
-            self.core.abort(Violation::AddressChanged);
-        }
     }
 }

@@ -3,7 +3,7 @@
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use super::admission::admit;
+use super::admission::{Admission, admit};
 use super::answers::{Call, Known};
 use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
 use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
@@ -35,6 +35,18 @@ pub(super) fn is_served(interface: Uuid) -> bool {
     interface == DEVICE_INTERFACE || interface == ENDPOINT_MAPPER_INTERFACE
 }
 
+/// Returns the service of an operation, whose status a refusal has; `None` for an unknown operation.
+const fn service(operation: Operation) -> Option<Service> {
+    Some(match operation {
+        Operation::Connect => Service::Connect,
+        Operation::Release => Service::Release,
+        Operation::Read | Operation::ReadImplicit => Service::Read,
+        Operation::Write => Service::Write,
+        Operation::Control => Service::Control,
+        Operation::Unknown(_) => return None,
+    })
+}
+
 impl Core {
     /// Takes a whole request.
     pub(super) fn handle_request(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
@@ -51,16 +63,9 @@ impl Core {
             return self.handle_lookup(call, body);
         }
         let operation = Operation::from(header.operation);
-        let service = match operation {
-            Operation::Connect => Service::Connect,
-            Operation::Release => Service::Release,
-            Operation::Read | Operation::ReadImplicit => Service::Read,
-            Operation::Write => Service::Write,
-            Operation::Control => Service::Control,
-            Operation::Unknown(_) => {
-                self.counters.foreign += 1;
-                return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
-            }
+        let Some(service) = service(operation) else {
+            self.counters.foreign += 1;
+            return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
         };
         let refusal = |violation: Violation| violation.status(service);
         let args = match RequestArgs::parse(header, body) {
@@ -141,6 +146,11 @@ impl Core {
         let mut relation = Relation::new(now, &ends, &self.description, &request, &admission);
         relation.set_inputs(&self.inputs);
         self.relation = Some(relation);
+        Ok(self.connect_response(&request, admission))
+    }
+
+    fn connect_response(&self, request: &ConnectRequest, admission: Admission<'_>) -> ConnectResponse {
+        let ar = &request.ar;
         let iocr_response = |iocr: &Iocr| IocrResponse {
             iocr_type: iocr.iocr_type,
             reference: iocr.reference,
@@ -150,7 +160,7 @@ impl Core {
             },
         };
         let is_advanced = ar.properties.has(ArProperties::ADVANCED_STARTUP);
-        Ok(ConnectResponse {
+        ConnectResponse {
             ar: ArResponse {
                 ar_type: ar.ar_type,
                 uuid: ar.uuid,
@@ -166,7 +176,7 @@ impl Core {
             }),
             diff: admission.diff,
             server: is_advanced.then(|| self.station.name().to_vec()),
-        })
+        }
     }
 
     /// Returns the IP address of the controller that has the AR.

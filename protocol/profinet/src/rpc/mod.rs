@@ -8,6 +8,8 @@
 //! 68..70 OperationNumber 70..72 InterfaceHint 72..74 ActivityHint
 //! 74..76 LengthOfBody   76..78 FragmentNumber 78 AuthenticationProtocol 79 SerialLow    80.. body
 //! ```
+//!
+//! In one file, because the header is read together with the codes of its PDU types, flags and operations.
 
 mod args;
 mod endpoint_mapper;

@@ -1,4 +1,6 @@
 //! One connection of a scanner: its TCP connection and session, what opens it, and its cyclic data.
+//!
+//! In one file, because the owner's calls and the scanner's change the same state.
 
 mod dialogue;
 mod establish;

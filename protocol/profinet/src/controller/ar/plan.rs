@@ -64,43 +64,51 @@ impl Plan {
         let expected = expected(&config.description);
         let layout = Layout::new(&expected, config.transport).map_err(ConfigError::TooMuchData)?;
         let connect = ConnectRequest {
-            ar: Ar {
-                ar_type: Ar::IOCAR_SINGLE,
-                uuid: ar,
-                session: 0,
-                initiator_mac: own.mac,
-                initiator_object: rpc::object(1, own.description.identity),
-                properties: ArProperties(
-                    ArProperties::ACTIVE
-                        | ArProperties::PARAMETERIZATION_BY_INITIATOR
-                        | ArProperties::ADVANCED_STARTUP,
-                ),
-                activity_timeout: ACTIVITY_TIMEOUT,
-                initiator_rt_port: UDP_PORT,
-                initiator_name: own.station_name.as_bytes().to_vec(),
-            },
+            ar: ar_block(own, ar),
             iocrs: vec![
                 iocr(config, number, time, IocrType::Input, &layout.input),
                 iocr(config, number, time, IocrType::Output, &layout.output),
             ],
-            alarm_cr: Some(AlarmCr {
-                alarm_cr_type: 1,
-                lt: lt(config.transport),
-                properties: match config.transport {
-                    Transport::Rt1 => 0,
-                    Transport::Udp => AlarmCr::OVER_UDP,
-                },
-                rta_timeout: 1,
-                rta_retries: 3,
-                // A Siemens controller counts from 0 too, and keeps the number from one connection to the next.
-                local_reference: number,
-                max_data_length: 256,
-                tag_high: tag::RT.0,
-                tag_low: tag::ALARM_LOW.0,
-            }),
+            alarm_cr: Some(alarm_cr(config.transport, number)),
             expected,
         };
         Ok(Self { layout, time, hold, connect })
+    }
+}
+
+fn ar_block(own: &ControllerConfig, uuid: Uuid) -> Ar {
+    Ar {
+        ar_type: Ar::IOCAR_SINGLE,
+        uuid,
+        session: 0,
+        initiator_mac: own.mac,
+        initiator_object: rpc::object(1, own.description.identity),
+        properties: ArProperties(
+            ArProperties::ACTIVE
+                | ArProperties::PARAMETERIZATION_BY_INITIATOR
+                | ArProperties::ADVANCED_STARTUP,
+        ),
+        activity_timeout: ACTIVITY_TIMEOUT,
+        initiator_rt_port: UDP_PORT,
+        initiator_name: own.station_name.as_bytes().to_vec(),
+    }
+}
+
+const fn alarm_cr(transport: Transport, number: u16) -> AlarmCr {
+    AlarmCr {
+        alarm_cr_type: 1,
+        lt: lt(transport),
+        properties: match transport {
+            Transport::Rt1 => 0,
+            Transport::Udp => AlarmCr::OVER_UDP,
+        },
+        rta_timeout: 1,
+        rta_retries: 3,
+        // A Siemens controller counts from 0 too, and keeps the number from one connection to the next.
+        local_reference: number,
+        max_data_length: 256,
+        tag_high: tag::RT.0,
+        tag_low: tag::ALARM_LOW.0,
     }
 }
 

@@ -51,6 +51,7 @@ fn device() -> Device {
 /// Returns a Connect that fits the sample device. With `with_access_point` it is as Siemens controllers write it, with
 /// the device access point and consumer statuses; without, it has the data only, as `profinet-py` writes it.
 fn connect_request(rt_class: RtClass, with_access_point: bool) -> ConnectRequest {
+    // Longer than a screen, because it is one request, field by field.
     let modules = if with_access_point { samples::DEVICE.modules } else { &samples::DEVICE.modules[1..] };
     let expected = modules
         .iter()

@@ -17,6 +17,7 @@ fn refused(rt_class: RtClass, spoil: impl FnOnce(&mut ConnectRequest)) -> Status
 
 #[test]
 fn every_field_of_a_connect_that_is_out_of_bounds_gets_its_own_status() {
+    // Longer than a screen, because it is one table of cases.
     type Spoil = fn(&mut ConnectRequest);
     let cases: &[(Violation, Spoil)] = &[
         (Violation::ArType, |r| r.ar.ar_type = 6),
