@@ -1,6 +1,6 @@
-//! The bench: runs a setup in real or in virtual time, measures it and sets the figures beside the paper's.
+//! The bench: runs a setup in real or in virtual time, measures it and compares the figures with the paper's.
 //!
-//! It is built on floors; a module uses those of the floors below and never one above:
+//! Its modules form floors. A module imports only from the floors below it:
 //!
 //! ```text
 //! command_line   the verbs and where their options go

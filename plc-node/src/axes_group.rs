@@ -12,7 +12,7 @@ use crate::function_blocks::{BlockError, is_at_rest};
 
 /// How many scans the program waits for the robot.
 ///
-/// Scans are counted instead of time taken, so that a PLC that stalled does not blame the robot for it.
+/// Scans are counted, and no time is measured, so that a stalled PLC does not report the robot.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Patience {
     /// Scans until a command must be echoed.
@@ -21,7 +21,7 @@ pub struct Patience {
     pub silent_scans: u32,
 }
 
-/// One robot behind the process image: inputs of this scan, outputs of this scan, and who commands.
+/// One robot behind the process image: inputs of this scan, outputs of this scan, and the block that commands.
 #[derive(Clone, PartialEq, Debug)]
 pub struct AxesGroup {
     pub(crate) command: Command,
@@ -55,7 +55,7 @@ impl AxesGroup {
         }
     }
 
-    /// Begins a scan: takes over the robot's image, none where there is no connection, and counts the PLC's life.
+    /// Begins a scan: takes over the robot's image, or `None` without a connection, and counts up the PLC's life counter.
     pub fn read(&mut self, feedback: Option<Feedback>) {
         self.command.life = self.command.life.wrapping_add(1);
         self.still_scans = match (&self.feedback, &feedback) {
@@ -122,7 +122,7 @@ impl AxesGroup {
         self.command.control.set(Control::HALT, true);
     }
 
-    /// Takes that stop back once the robot stands.
+    /// Ends that stop once the robot stands.
     fn end_error_stop(&mut self) {
         let Some(since) = self.error_stop else { return };
         if self.has_seen(since) && self.feedback.as_ref().is_some_and(is_at_rest) {
@@ -146,8 +146,8 @@ impl AxesGroup {
         self.command.outputs = outputs;
     }
 
-    /// Takes back everything but the number, the override and the digital outputs: the image that must stand on the bus while nobody commands, so that a
-    /// robot that comes up meanwhile finds nothing to execute.
+    /// Clears everything but the number, the override and the digital outputs. This image must be on the bus while nobody
+    /// commands, so that a robot that starts meanwhile finds nothing to execute.
     pub fn disarm(&mut self) {
         self.command.control = Control::default();
         self.commanded = false;
@@ -157,7 +157,7 @@ impl AxesGroup {
         self.still_scans = 0;
     }
 
-    /// Claims the robot for the skill whose turn it is and gives the command a number that the robot takes for a new one.
+    /// Claims the robot for the skill whose turn it is, and gives the command a number that is new to the robot.
     ///
     /// A PLC that was restarted does not know the number it used last, so the robot's echo is avoided too; 0 is left
     /// out because it stands for no command on a robot that was just switched on.
@@ -176,7 +176,7 @@ impl AxesGroup {
         Ok(number)
     }
 
-    /// Ends the claim of the skill with this number, which is done, or failed or was given up.
+    /// Ends the claim of the skill with this number, which is done, has failed or was given up.
     pub(crate) const fn release(&mut self, number: u16, is_done: bool) {
         if self.command.number == number {
             self.command.control.set(Control::EXECUTE, false);

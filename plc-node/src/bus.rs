@@ -25,7 +25,7 @@ pub enum BusError {
     /// What the setup says of PROFINET does not work.
     #[error("bus: {0}")]
     Profinet(profinet::ConfigError),
-    /// No EtherNet/IP connection waits for that long.
+    /// An EtherNet/IP connection cannot have such a long timeout.
     #[error(
         "bus.watchdog_cycles is {intervals}, but an EtherNet/IP connection waits for 512 packet intervals at most"
     )]
@@ -53,7 +53,7 @@ struct Station {
 /// Returns the PLC's endpoint on the bus of a setup, on an interface with this MAC address. It looks for the robot
 /// from `start` on.
 ///
-/// `seed` makes its UUIDs and connection numbers its own among those of earlier runs.
+/// `seed` makes its UUIDs and connection numbers different from those of earlier runs.
 pub fn open(bus: &Bus, mac: Mac, seed: u64, start: Instant) -> Result<PlcBus, BusError> {
     let station = Station { mac, seed, start };
     Ok(match &bus.kind {

@@ -1,4 +1,4 @@
-//! What a PLC node is told before it starts.
+//! The configuration of a PLC node.
 
 use machine::Duration;
 use planning::{Stop, ToStart};
@@ -7,14 +7,14 @@ use setup::Setup;
 
 use crate::{MotionList, MotionSource, Patience};
 
-/// How long a robot that is alive may take to take up a command, beyond what its setup says it needs. Assumed: no
-/// source states it; long enough for any controller, short enough for a person who waits.
+/// Time that a working robot may take to accept a command, in addition to the time in its setup. Assumed, since no source
+/// states it: long enough for any controller, short enough for a person who waits.
 const ANSWER_MARGIN: Duration = Duration::from_secs(1);
 
-/// Robot cycles that a living robot may let pass without counting its life counter. Assumed.
+/// Robot cycles in which a working robot may leave its life counter unchanged. Assumed.
 const SILENT_ROBOT_CYCLES: u32 = 10;
 
-/// What a PLC node is told before it starts.
+/// The configuration of a PLC node.
 #[derive(Debug)]
 pub struct PlcConfig {
     /// Time from one scan to the next.
@@ -32,7 +32,7 @@ pub struct PlcConfig {
     pub program: u16,
     /// The motions that SM and CM run.
     pub motions: Box<dyn MotionSource>,
-    /// How the arm gets to where they begin. Without a motion there, a run begins wherever the arm stands.
+    /// How the arm moves to where they begin. Without a motion, a run begins where the arm stands.
     pub to_start: ToStart<image::Motion>,
     /// Where their continuous motions end, in order, and what the PLC switches there. Without any, CM runs all motions
     /// as one.

@@ -1,4 +1,4 @@
-//! What a PLC node tells its owner.
+//! The events of a PLC node.
 
 use core::fmt;
 use core::str::FromStr;
@@ -53,7 +53,7 @@ impl FromStr for ExecutionType {
 )]
 pub struct UnknownExecutionType(pub String);
 
-/// What a PLC node tells its owner.
+/// The events of a PLC node.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum PlcEvent {
     /// News of the connection.
@@ -64,9 +64,9 @@ pub enum PlcEvent {
     ImageGood,
     /// The arm does not stand where a run starts and is moved there.
     MovingToStart,
-    /// The robot is connected and ready, and the arm stands where a run starts: a run may start. Comes again after each run
-    /// and each lost connection. Where the arm could not be moved to the start it comes nevertheless, since the next run
-    /// tries again, and says why not if it fails.
+    /// The robot is connected and ready, and the arm stands where a run starts: a run may start. The event comes again
+    /// after each run and each lost connection. It also comes if the arm could not be moved to the start: the next run
+    /// tries again, and reports the reason if that fails.
     Ready,
     /// The scan at `at` set the start edge of a run.
     Started {

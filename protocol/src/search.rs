@@ -1,4 +1,4 @@
-//! Finding devices: who is on this cable, on PROFINET and on EtherNet/IP at the same time.
+//! Search for devices on a cable, on PROFINET and on EtherNet/IP at the same time.
 
 use alloc::vec::Vec;
 

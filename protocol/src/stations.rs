@@ -9,7 +9,7 @@ use crate::image::IMAGE_LEN;
 
 /// The robot node on PROFINET: a device access point in slot 0 and the process image in slot 1.
 pub const PROFINET_ROBOT: profinet::description::Description = profinet::description::Description {
-    // No vendor stands behind a test bench, and 0xFFFF belongs to none.
+    // A test bench has no vendor, and 0xFFFF belongs to none.
     identity: Identity { vendor: 0xFFFF, device: 0x0001 },
     station_type: "skillbench robot",
     order_id: "skillbench-robot",
@@ -61,7 +61,7 @@ pub const FEEDBACK: u32 = 100;
 /// Instance of the robot node's assembly with the command image.
 pub const COMMAND: u32 = 150;
 
-/// ODVA vendor number of both nodes: the last one, which ODVA has not given to anybody. A product needs one of its own.
+/// ODVA vendor number of both nodes: the last one, which ODVA has not assigned. A product needs one of its own.
 pub const ETHERNET_IP_VENDOR: u16 = 0xFFFF;
 
 /// The robot node on EtherNet/IP.
@@ -90,7 +90,7 @@ pub const ETHERNET_IP_ROBOT: ethernet_ip::description::Description = ethernet_ip
 
 /// The robot node on EtherCAT: one process data object each way, which is the image.
 pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice::Description {
-    // No vendor stands behind a test bench, and the last number belongs to none.
+    // A test bench has no vendor, and the last number belongs to none.
     vendor_id: 0xFFFF_FFFF,
     product_code: 1,
     revision: 0x0001_0000,

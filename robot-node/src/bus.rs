@@ -17,8 +17,8 @@ pub type RobotBus = Endpoint<Device, Adapter, EthercatSubDevice>;
 /// Returns the robot's endpoint on the bus of a setup, on an interface with this MAC address and, if it has one
 /// already, this IP address.
 ///
-/// `seed` makes its connection numbers its own among those of earlier runs. `start` is asked only by an endpoint that
-/// has cycles of its own, for its first one.
+/// `seed` makes its connection numbers different from those of earlier runs. `start` is called only by an endpoint with
+/// cycles of its own; it returns the instant of the first one.
 pub fn open(
     bus: &Bus,
     mac: Mac,

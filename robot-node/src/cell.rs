@@ -1,4 +1,5 @@
-//! The robot in the cell of an application: what stands around it, and whether it can stand where the application starts.
+//! The robot in the cell of an application: the surfaces around it, and whether the arm reaches the start of the
+//! application.
 
 use planning::{Application, ToStart};
 use protocol::image::{Motion, MotionKind};

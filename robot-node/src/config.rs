@@ -1,4 +1,4 @@
-//! What the robot node takes from a setup.
+//! The part of a setup that the robot node uses.
 
 use core::time::Duration;
 
@@ -6,7 +6,7 @@ use setup::{Drives, Setup};
 
 use crate::arm::{Arm, ConfigError, Frames, Installation, Joints, Surface};
 
-/// Everything that the robot node is told before it starts.
+/// The configuration of a robot node.
 #[derive(Clone, Debug)]
 pub struct RobotConfig {
     /// The arm.
@@ -25,19 +25,19 @@ pub struct RobotConfig {
     pub path_acceleration_mm_s2: f64,
     /// Highest path jerk, in mm/s³.
     pub path_jerk_mm_s3: f64,
-    /// How it presses; none without a force controller.
+    /// Its force control; `None` without a force controller.
     pub force: Option<ForceControl>,
-    /// What the tool can press against, in the root.
+    /// The surfaces that the tool can press against, in the root frame.
     pub surfaces: Vec<Surface>,
     /// Interpolation cycle.
     pub cycle: Duration,
-    /// The interpreter notices a command after a time evenly spread between 0 and this.
+    /// The interpreter notices a command after a time evenly distributed between 0 and this.
     pub interpreter_quantum: Duration,
-    /// What else passes, evenly spread between 0 and this, before it notices a program or a MoveContinuousSkill.
+    /// Additional time before it notices a program or a MoveContinuousSkill, evenly distributed between 0 and this.
     pub start_quantum: Duration,
     /// Cycles that pass before the first motion of a MoveContinuousSkill, and not before that of a program.
     pub continuous_start_cycles: u32,
-    /// What a skill call costs besides its motion.
+    /// Time of a skill call besides its motion.
     pub skill_overhead: Duration,
     /// What moves the joints; `None` for joints that are at once where they are set.
     pub drives: Option<Drives>,
@@ -50,7 +50,7 @@ pub struct ForceControl {
     pub max_n: f64,
     /// The stiffest surface that the controller is set for, in N/mm.
     pub stiffest_n_per_mm: f64,
-    /// How far from the force asked for, in N, counts as reached.
+    /// Tolerance around the programmed force, in N.
     pub tolerance_n: f64,
     /// How long it must stay reached.
     pub settling: Duration,
@@ -63,7 +63,7 @@ fn error<T>(key: &str, problem: impl Into<String>) -> Result<T, ConfigError> {
 }
 
 impl RobotConfig {
-    /// Reads the robot's part of a setup and checks that it makes sense.
+    /// Reads the robot's part of a setup and checks its values.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The robot as a machine: a bus endpoint and a controller that meet every robot cycle.
+//! The robot as a machine: a bus endpoint and a controller, which exchange images every robot cycle.
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,7 @@ const CATCH_UP: u64 = 250;
 /// Time with nothing but altered images after which the connection counts as lost: a usual watchdog.
 const ALTERED_FOR: Duration = Duration::from_millis(100);
 
-/// News of the connection that wait for the owner.
+/// Capacity for events of the connection that wait for the owner.
 const LINK_EVENTS: usize = 16;
 
 /// The robot on its bus.
@@ -259,7 +259,7 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
     }
 
     fn poll_event(&mut self) -> Option<RobotEvent> {
-        // A bus may have news after a command or a transmission, too.
+        // A bus may also have events after a command or a transmission.
         self.take_link_events();
         self.link_events.pop_front().or_else(|| self.controller.poll_event())
     }

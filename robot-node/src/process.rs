@@ -1,7 +1,7 @@
 //! The robot node as a process: its command line, its messages, and the robot on a real bus.
 //!
-//! It waits for a PLC and does what that one says, until it is ended. With `--control` or `--json` it says what happens in
-//! one line of JSON a message.
+//! It waits for a PLC and executes its skills until it is ended. With `--control` or `--json` it prints its messages as
+//! JSON, one per line.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -65,7 +65,7 @@ pub enum RobotMessage {
         /// What it did.
         account: Account,
     },
-    /// All images of the PLC have wrong checks, or no longer so.
+    /// Whether all images of the PLC have wrong checks; sent when this changes.
     ImagesAltered(bool),
     /// The drives do not follow the set-points any more: why, in words.
     DrivesFailed(String),
@@ -204,7 +204,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     }
 }
 
-/// Does what the PLC says, and tells what came of it.
+/// Executes the PLC's skills and reports the results.
 struct OnInstruction;
 
 impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction {

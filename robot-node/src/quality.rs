@@ -18,7 +18,8 @@ const PASSING_REST: f64 = 0.6;
 /// Speeds below this share of the rated ones are rounding.
 const STILL: f64 = 1e-9;
 
-/// Speeds whose ratio differs from 1 by less are one: so of two cycles that a rest lies between, the first counts.
+/// Largest deviation of a ratio of speeds from 1 at which they count as equal: if a rest lies between two cycles, the
+/// first one counts.
 const EVEN: f64 = 1e-6;
 
 /// Steps of the search for the nearest point of a curve; each squares the error.
@@ -27,10 +28,10 @@ const APPROACHES: usize = 4;
 /// The share of a curve over which its slope is taken.
 const SLOPE_STEP: f64 = 1e-4;
 
-/// What rounding may add to a share of a rated value.
+/// Error of a share of a rated value that rounding may cause.
 const ROUNDING: f64 = 1e-3;
 
-/// A joint did more than it is rated for, as nothing but an error of the controller makes it.
+/// A joint exceeded its rating, which only an error of the controller can cause.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 #[error("a joint had {rated} of {:.1} % of its rating, by the differences from one robot cycle to the next", share * 100.0)]
 pub struct RatingExceeded {
@@ -69,7 +70,7 @@ pub struct Quality {
     pub energy_proxy_s: f64,
 }
 
-/// How much there was of a quantity: its peak, and what its root mean square follows from.
+/// The amount of a quantity: its peak, and the sums for its root mean square.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Load {
     /// Highest value.
@@ -113,7 +114,7 @@ impl Quality {
         self.rests.saturating_sub(1)
     }
 
-    /// Checks that each joint kept what it is rated for.
+    /// Checks that no joint exceeded its ratings.
     ///
     /// # Errors
     ///
@@ -179,7 +180,7 @@ impl Observer {
         if let Some(segment) = path.current()
             && segment.tool != self.tool_frame
         {
-            // From here on another point of the hand is the tool, and was so all the time.
+            // From this cycle on another point of the flange is the tool; the earlier cycles are converted to it.
             self.tool_frame = segment.tool;
             self.tool = self.joints.map(|joints| arm.forward(&joints).origin_of(&segment.tool));
         }
@@ -256,7 +257,7 @@ fn off_curve(segment: &Segment, way: f64, tool: [f64; 3], arm: &Arm) -> f64 {
     let (mut way, mut here) = (way, place(way));
     let mut nearest = distance(here, tool);
     for _ in 0..APPROACHES {
-        // A curve is asked for no place beyond its end.
+        // A place beyond the end of the curve does not exist.
         let step = if way > whole / 2.0 { -SLOPE_STEP } else { SLOPE_STEP } * whole;
         let there = place(way + step);
         let slope: [f64; 3] = core::array::from_fn(|i| (there[i] - here[i]) / step);

@@ -1,5 +1,5 @@
-//! The arm alone: what the controller does with an application's motions when it gets them at once and nothing disturbs
-//! it. A measured run is compared with it.
+//! The controller without a bus: what it does with an application's motions if it gets all of them at once and nothing
+//! disturbs it. A measured run is compared with it.
 
 use core::time::Duration;
 
@@ -42,7 +42,7 @@ pub struct Rehearsed {
 pub struct Stuck {
     /// The first motion of the skill that did not end as commanded.
     pub motion: usize,
-    /// How it ended; none if it did not end.
+    /// How it ended; `None` if it did not end.
     pub ending: Option<Ending>,
 }
 

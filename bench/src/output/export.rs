@@ -20,14 +20,14 @@ pub struct Exports {
     /// Write the results to this file as well, as JSON; bench/schemas/results.schema.json says what is in it.
     #[arg(long = "export-json", value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write AET, MAD and their neighbours to this file, as CSV with a line a type; each repetition is a line of
-    /// DIR/samples.csv.
+    /// Write AET, MAD and related figures to this file, as CSV with one line per type; DIR/samples.csv has one line per
+    /// repetition.
     #[arg(long = "export-csv", value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write the table and what stands below it to this file, as Markdown.
     #[arg(long = "export-markdown", value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// Write the repetitions to this file, as JUnit XML: a suite a type, a case a repetition.
+    /// Write the repetitions to this file, as JUnit XML: one suite per type, one case per repetition.
     #[arg(long = "export-junit", value_name = "FILE")]
     junit: Option<PathBuf>,
     /// When the run started, in UTC by ISO 8601.

@@ -174,8 +174,7 @@ pub(super) fn marked(results: &Results) -> impl Iterator<Item = &Calibrated> {
     })
 }
 
-/// Rounds to this many digits behind the point, at most three, halves away from zero: by this rule wherever figures are
-/// shown.
+/// Rounds to this many decimals, at most three, halves away from zero. All shown figures are rounded by this function.
 pub(super) fn rounded(value: f64, digits: usize) -> f64 {
     let unit = [1.0, 10.0, 100.0].get(digits).copied().unwrap_or(1_000.0);
     // Negative zero would be shown with a sign.

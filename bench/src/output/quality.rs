@@ -44,7 +44,7 @@ pub const LEGEND: [&str; 3] = [
     "Energy proxy: sum over the joints of ∫ |acceleration · speed| dt, each by its rated value: ms at rated power.",
 ];
 
-/// Returns a sentence on what single skills cost more than one MoveContinuousSkill; `None` if either is missing.
+/// Returns a sentence on how much more single skills cost than one MoveContinuousSkill; `None` if either is missing.
 #[must_use]
 pub fn summary(results: &Results) -> Option<String> {
     let quality = |execution_type| results.results.get(execution_type).and_then(|result| result.quality);

@@ -12,7 +12,7 @@ use crate::records::lateness::CycleLateness;
 use crate::records::results::{Allocations, Results};
 use crate::records::schedule::repetitions;
 
-/// Repetitions that the host disturbed and that are named.
+/// Largest number of disturbed repetitions that are named.
 const HELD_UP_SHOWN: usize = 5;
 
 /// Formats the whole report for the screen.
@@ -82,7 +82,7 @@ pub(super) fn sentences(results: &Results) -> Vec<String> {
     sentences
 }
 
-/// Returns how the nodes, the host and the bus did.
+/// Returns sentences on the nodes, the host and the bus: lateness, lost frames, disturbed repetitions.
 fn conditions(results: &Results) -> Vec<String> {
     let mut sentences = Vec::new();
     let suppressed = results.blends_suppressed();

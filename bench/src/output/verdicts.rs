@@ -136,7 +136,7 @@ pub struct Claim {
     pub figures: String,
 }
 
-/// Returns the claims that this run can be held against.
+/// Returns the paper's claims that this run can check.
 #[must_use]
 pub fn claims(results: &Results) -> Vec<Claim> {
     if results.paper.is_none() {

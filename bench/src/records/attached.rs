@@ -1,4 +1,4 @@
-//! The nodes of a run that ran already, somewhere.
+//! The nodes of a run that the bench did not start itself.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! Numbers of a setup that were chosen so that a figure of the paper comes out, and which figure each one meets.
+//! Numbers of a setup that were chosen to reproduce a figure of the paper, and which figure each of them reproduces.
 
 use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
@@ -68,7 +68,7 @@ pub const fn of_mad(execution_type: ExecutionType) -> &'static [&'static str] {
     }
 }
 
-/// Returns what a calibrated number meets, in words. `all` are the calibrated numbers of the setup.
+/// Names the figure that a calibrated number reproduces. `all` are the calibrated numbers of the setup.
 #[must_use]
 pub fn figure(key: &str, all: &[Calibrated]) -> &'static str {
     let has_start = all.iter().any(|calibrated| calibrated.key == START_QUANTUM);

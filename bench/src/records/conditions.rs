@@ -23,7 +23,7 @@ pub struct Measured {
     pub interference: Interference,
 }
 
-/// What the robot reported of its skills in one run.
+/// The robot's reports on its skills in one run, summed up.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moved {
     /// Motions that were executed.

@@ -1,8 +1,8 @@
 //! How far a run is from the paper, in standard errors.
 //!
-//! Both are samples of a few repetitions, so that a difference means something only beside its error. The paper's error
-//! follows from its MADs, the run's from its own; for MADs see [`error_of_mad`]. The formulas are those of a normal
-//! distribution.
+//! Run and paper are both samples of a few repetitions, so a difference has no meaning without its standard error. The
+//! paper's error follows from its MADs, the run's from its own; for MADs see [`error_of_mad`]. The formulas are those of
+//! a normal distribution.
 
 use plc_node::ExecutionType;
 
@@ -11,7 +11,7 @@ use crate::records::results::Results;
 use crate::records::schedule::REPETITIONS;
 use crate::records::statistics::{AetMad, error_of_mad, error_of_mean};
 
-/// Beyond so many standard errors a figure counts as not reproduced: one of twenty is there by chance.
+/// Number of standard errors beyond which a figure counts as not reproduced; by chance, one figure of twenty is.
 pub const REPRODUCED_WITHIN: f64 = 2.0;
 
 /// Fewest repetitions of each type from which an error is derived.
@@ -27,7 +27,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Returns this less another one; the errors are independent.
+    /// Subtracts another estimate; the errors are independent.
     #[must_use]
     pub fn less(self, other: Self) -> Self {
         Self { ms: self.ms - other.ms, error_ms: libm::hypot(self.error_ms, other.error_ms) }
@@ -63,7 +63,7 @@ impl Distance {
 }
 
 /// Returns the distance of each figure that the paper has: AETs, MADs, and the difference of CM's and RC's AETs. Empty if
-/// the paper's figures do not stand beside the run; a type of fewer than five repetitions, or without scatter, is left out.
+/// the run is not compared with the paper; a type of fewer than five repetitions, or without scatter, is left out.
 #[must_use]
 pub fn distances(results: &Results) -> Vec<Distance> {
     let of_types: Vec<OfType> = results.figures().iter().filter_map(OfType::new).collect();

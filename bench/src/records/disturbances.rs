@@ -1,10 +1,11 @@
-//! What disturbed a run without ending it, as in results.json: cycles that the host let pass, images that were altered.
+//! What disturbed a run without ending it, as in results.json: cycles that a stalled node missed, images that were
+//! altered.
 
 use serde::{Deserialize, Serialize};
 
 use crate::records::conditions::{Health, Interference};
 
-/// Cycles that passed without a run of a node during one repetition.
+/// Cycles that the nodes missed during one repetition.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MissedCycles {
@@ -16,7 +17,7 @@ pub struct MissedCycles {
     pub held_up: bool,
 }
 
-/// Share of a node's cycles above which missed ones count.
+/// Share of missed cycles above which a repetition measures the host as well.
 const HELD_UP: f64 = 0.01;
 
 impl MissedCycles {

@@ -44,7 +44,7 @@ impl Mean {
         Some(Self { ms: aet_ms, error_ms: deviation / count.sqrt(), freedom: count - 1.0 })
     }
 
-    /// Returns this mean less another one of other samples.
+    /// Subtracts the mean of other samples.
     #[must_use]
     pub fn less(self, other: Self) -> Self {
         let [own, others] = [self, other].map(|mean| mean.error_ms * mean.error_ms);

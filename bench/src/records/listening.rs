@@ -11,7 +11,7 @@ const PROGRAMS: [&str; 3] = ["plc-node", "robot-node", "bench"];
 /// State of a listening TCP socket in /proc/net/tcp.
 const LISTEN: &str = "0A";
 
-/// A socket that takes what others send.
+/// A socket that receives what others send.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct Listening {
     /// The program and its process number.

@@ -1,7 +1,7 @@
-//! When the paper's figures stand beside a run.
+//! When a run is compared with the paper's figures.
 //!
-//! They do only if the run is of the paper's cell: the content of setup and application is that of the built-in ones, and
-//! nothing was changed for the run. Otherwise the reason is said in one line.
+//! This is so only for a run of the paper's cell: setup and application have the content of the built-in ones, and
+//! nothing was changed for the run. Otherwise one line gives the reason.
 
 use planning::Application;
 use plc_node::OverrideSchedule;
@@ -29,7 +29,7 @@ const FREE: [&str; 9] = [
     "bus.profinet.robot_station_name",
 ];
 
-/// Whether the paper's figures stand beside a run.
+/// Whether a run is compared with the paper's figures.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Standing {
     /// It is the paper's cell, whose figures are these.
@@ -80,8 +80,7 @@ impl Results {
         self.attached.as_ref().is_none_or(|attached| attached.robot.is_some())
     }
 
-    /// Returns these results with the paper's figures and the numbers that were calibrated to them, or with the reason why
-    /// they do not stand there.
+    /// Adds the paper's figures and the numbers that were calibrated to them, or the reason why there are none.
     #[must_use]
     pub fn beside_the_paper(self, setup: &Setup, standing: Standing) -> Self {
         match standing {
@@ -92,7 +91,7 @@ impl Results {
     }
 }
 
-/// Returns in what a cell is not the paper's; `None` if it is.
+/// Returns the first difference between a cell and the paper's; `None` if there is none.
 fn other_than_the_paper(setup: &Setup, application: &Application) -> Option<String> {
     let name = &setup.name;
     let Some(shipped) = built_in(name) else {

@@ -34,7 +34,7 @@ pub enum Durability {
     Written,
 }
 
-/// There is something where the directory is wanted.
+/// The path of the directory is in use.
 #[derive(Debug, thiserror::Error)]
 #[error("{} {found}; choose another directory by --out", path.display())]
 pub struct Occupied {
@@ -43,7 +43,7 @@ pub struct Occupied {
 }
 
 impl Occupied {
-    /// Checks that nothing is at this path but a directory without a run.
+    /// Checks that the path is free, or a directory without a run.
     fn check(path: &Path) -> Result<(), Self> {
         let found = if path.join("samples.csv").exists() {
             "holds a run already"

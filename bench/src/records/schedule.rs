@@ -28,7 +28,7 @@ pub struct Step {
     pub repetition: u32,
     /// Pause before the start edge.
     pub pause: Duration,
-    /// What becomes of the override meanwhile.
+    /// Changes of the override during the run.
     pub overrides: Option<OverrideSchedule>,
 }
 
@@ -41,7 +41,7 @@ pub struct Schedule {
     pub reps: u32,
     /// Seed of the pauses.
     pub seed: u64,
-    /// What becomes of the override in each run.
+    /// Changes of the override during each run.
     pub overrides: Option<OverrideSchedule>,
 }
 

@@ -1,5 +1,6 @@
-//! Verifies each repetition: that the motions of the plan were sent and executed, at the override that the PLC commanded,
-//! on the way that the arm alone takes, and that the two clocks agree as far as the cycles between them allow.
+//! Verifies each repetition: the motions of the plan were sent and executed, at the override that the PLC commanded,
+//! along the path that the controller takes without a bus; and the times of the two clocks differ by no more than the
+//! cycles between them explain.
 
 mod times;
 

@@ -18,7 +18,7 @@ use crate::records::schedule::{Schedule, repetitions};
 use crate::stands::reaction_limits::reaction_limits;
 use crate::stands::virtual_run::{reactions, whole};
 
-/// Drawings of clocks and phases for the reactions, and reactions of each.
+/// Number of random sets of clocks and phases for the reactions, and number of reactions with each.
 const DRAWINGS: u64 = 100;
 const REACTIONS: usize = 20;
 

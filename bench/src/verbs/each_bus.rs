@@ -1,4 +1,4 @@
-//! The same setup over every bus, for the verbs that set the buses beside each other.
+//! The same setup over every bus, for the verbs that compare the buses.
 
 use setup::{Addresses, BusKind, Cyclic, Error, Ethercat, EthernetIp, Profinet, Setup};
 

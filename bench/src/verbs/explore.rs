@@ -45,7 +45,7 @@ pub struct ExploreOptions {
     /// Which execution types.
     #[arg(long, value_name = "TYPE,...", default_value = "rc,sm,cm", num_args = 1..)]
     pub types: Vec<List<ExecutionType>>,
-    /// Only every so-manieth frame of each direction.
+    /// Test only every Nth frame of each direction.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
     /// Seed of clocks, phases and pauses.
@@ -98,11 +98,11 @@ struct Job {
 
 /// How a run ended.
 enum End {
-    /// It passed; its time less that of the run without a fault, in ns.
+    /// It passed; the value is its time minus that of the run without a fault, in ns.
     Passed { later_ns: i64 },
     /// It failed, with this reason.
     Refused(String),
-    /// It ended, and something in it was not as planned: the verification found it.
+    /// It ended, but the verification found a difference from the plan.
     Altered(String),
     /// The program panicked.
     Panicked(String),

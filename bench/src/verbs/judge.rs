@@ -20,13 +20,13 @@ use crate::output::exit::{Exit, Failure};
 use crate::verbs::event_loop::{event_loop, interrupt};
 use crate::verbs::jobs;
 
-/// Lists unless they are counted otherwise.
+/// Default number of lists.
 const LISTS: u64 = 10_000;
 
-/// Lists that a core takes at a time.
+/// Number of lists that a core executes in one job.
 const CHUNK: u64 = 250;
 
-/// Cases of each class that are made small and written.
+/// Number of cases of each class that are shrunk and written.
 const CASES: usize = 3;
 
 const EXAMPLES: &str = "\
@@ -50,13 +50,13 @@ pub struct JudgeOptions {
     /// Seed of the lists.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Run this case instead, as a run with violations writes them.
+    /// Run this case instead: a file that a run with violations wrote.
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
-    /// Where cases that break a law are written, three of each law, with all left out that is not needed.
+    /// Directory for cases that break a law: three of each law, each shrunk to what is needed.
     #[arg(long, value_name = "DIR", default_value = "judged")]
     pub out: PathBuf,
-    /// Laws that are not looked at.
+    /// Laws that are not checked.
     #[arg(long, value_name = "LAW,…", num_args = 1.., value_parser = list(law))]
     pub ignore: Vec<List<Class>>,
     /// Print the result only: no progress.
@@ -165,7 +165,7 @@ fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant)
     }
 }
 
-/// Makes the first cases of each class small, and writes them.
+/// Shrinks the first cases of each class and writes them.
 fn write_cases(
     options: &JudgeOptions,
     setup: &Setup,

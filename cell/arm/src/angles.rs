@@ -42,7 +42,7 @@ const COSINE_PAIRS: [[f64; 2]; 4] = [
 /// that number's.
 const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
 
-/// Angles up to this are taken as they are, in degrees; of larger ones the full turns are taken away first.
+/// Largest angle in degrees that is used as it is; from larger ones the full turns are subtracted first.
 const MANY_TURNS: f64 = 1e9;
 
 /// Returns the sines and cosines of angles in degrees, to some 10⁻¹⁶; exactly 0 and ±1 on the axes.

@@ -1,16 +1,17 @@
-//! Targets whose configuration is given: status and turn decide between the ways to reach a pose.
+//! Targets with a configuration: status and turn select one of the ways to reach a pose.
 
 use protocol::image::Configuration;
 
 use super::{Arm, Frame, Joints, Violation};
 
-/// A joint that is nearer to 0°, in degrees, may count as below 0° or not: more than single precision on the wire leaves.
+/// Distance from 0° in degrees within which a joint may count as below 0° or not; single precision on the wire causes
+/// less.
 const SIGN_TOLERANCE_DEG: f64 = 0.01;
 
-/// Joints that differ by less, in degrees (mm), are those of one configuration.
+/// Largest difference of joints, in degrees (mm), that belong to one configuration.
 const SAME_DEG: f64 = 0.02;
 
-/// Whole turns to either side that are looked at: more than any joint has.
+/// Number of whole turns in each direction that are tried: more than any joint has.
 const TURNS: i32 = 3;
 
 impl Arm {
@@ -19,7 +20,7 @@ impl Arm {
     ///
     /// # Errors
     ///
-    /// The configuration is none of this arm, or beyond the range of a joint, or the pose is out of reach.
+    /// The arm does not have the configuration, a joint would leave its range, or the pose is out of reach.
     pub fn inverse_in(
         &self,
         flange: &Frame,
@@ -48,7 +49,7 @@ impl Arm {
     /// [`Violation::OtherConfiguration`].
     pub fn ends_in(&self, joints: &Joints, configuration: Configuration) -> Result<(), Violation> {
         self.has(configuration)?;
-        // Where two configurations meet, the same joints are of both.
+        // Where two configurations meet, the same joints belong to both.
         let same =
             |other: &Joints| joints.iter().zip(other).all(|(one, other)| (one - other).abs() < SAME_DEG);
         let found = self.inverse_in(&self.forward(joints), configuration, joints);

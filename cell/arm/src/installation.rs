@@ -12,12 +12,12 @@ use crate::{
 /// Frames by number; the field in a motion has four bits.
 pub type Frames = [Option<Frame>; 16];
 
-/// What the robot's part of a setup says of the arm.
+/// The arm as the robot's part of a setup describes it.
 #[derive(Clone, Debug)]
 pub struct Installation {
     /// The arm.
     pub arm: Arm,
-    /// Joints at power-on; none where the setup leaves them out, so that the arm stands where its application starts.
+    /// Joints at power-on; `None` if the setup leaves them out: then the arm stands where its application starts.
     pub home: Option<Joints>,
     /// Tool frames by number, from the flange; number 0 is the flange.
     pub tools: Frames,
@@ -40,7 +40,7 @@ fn error<T>(key: impl Into<String>, problem: impl Into<String>) -> Result<T, Con
 }
 
 impl Installation {
-    /// Reads the arm of a setup and checks that it makes sense.
+    /// Reads the arm of a setup and checks its values.
     ///
     /// # Errors
     ///

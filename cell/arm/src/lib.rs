@@ -1,7 +1,7 @@
 //! The arm of a cell: conversion between joints and poses, and the limits of the joints.
 //!
-//! The robot node moves it, and planning asks it before anything runs whether it reaches what is planned: both by the same
-//! [`Arm`], which a setup describes ([`Installation::from_setup`]).
+//! The robot node moves the arm, and planning checks before a run whether the arm reaches what is planned. Both use the
+//! same [`Arm`], which a setup describes ([`Installation::from_setup`]).
 //!
 //! Lengths are in mm, angles in degrees and joints in degrees (mm on a linear joint) everywhere, as on the wire.
 

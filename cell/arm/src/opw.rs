@@ -8,19 +8,20 @@
 //! orientation = Rz(θ1)·Ry(θ2 + θ3)·Rz(θ4)·Ry(θ5)·Rz(θ6)
 //! ```
 //!
-//! That crate's inverse finds all eight configurations, checks each with a forward one and returns them in a new `Vec`:
-//! several microseconds and an allocation, 50 times for one line with its corner. A path wants one configuration, that of
-//! the point before, so [`Opw`] solves for that one alone. The crate also takes its sines from the C library, whose last
-//! bits differ from one processor to another. So both ways are our own; tests compare them with the crate's.
+//! The inverse kinematics of that crate finds all eight configurations, checks each by forward kinematics and returns
+//! them in a new `Vec`: several microseconds and an allocation, 50 times for one line with its corner. A path needs only
+//! the configuration of the previous point, so [`Opw`] solves for that one alone. The crate also takes its sines from the
+//! C library, whose last bits differ from one processor to another. So both directions are our own; tests compare them
+//! with the crate.
 
 use super::angles::{degrees, sin_cos};
 use super::branch::{Branch, to_joints, to_model};
 use super::{Frame, Joints, Kinematics, Rotation, Violation};
 
-/// Below this tangent of half of axis 5's angle, axes 4 and 6 turn about one line: axis 4 stays.
+/// Tangent of half of axis 5's angle below which axes 4 and 6 turn about one line; then axis 4 keeps its angle.
 const WRIST_STRETCHED: f64 = 1e-9;
 
-/// What rounding may add to the reach, as a share of it: the arm may be stretched out straight.
+/// Share of the reach that rounding may add: a fully stretched arm is allowed.
 const ROUNDING: f64 = 1e-9;
 
 /// The geometry of a six-axis arm as numbers. Lengths in mm, offsets in degrees.
@@ -40,9 +41,9 @@ pub struct OpwParameters {
     pub c3: f64,
     /// From the wrist centre to the flange.
     pub c4: f64,
-    /// What a joint's zero is away from the model's.
+    /// Each joint's zero relative to that of the model.
     pub offsets: Joints,
-    /// 1 where a joint turns as the model does, −1 where against it.
+    /// 1 if a joint turns in the model's direction, −1 if it turns in the opposite one.
     pub signs: [i8; 6],
 }
 
@@ -50,9 +51,9 @@ pub struct OpwParameters {
 #[derive(Clone, Copy, Debug)]
 pub struct Opw {
     parameters: OpwParameters,
-    /// k: from axis 3 to the wrist centre.
+    /// k: distance from axis 3 to the wrist centre.
     forearm: f64,
-    /// ψ, in degrees: what the forearm leans from axis 4.
+    /// ψ, in degrees: angle between axis 4 and the line from axis 3 to the wrist centre.
     lean: f64,
     lean_direction: Direction,
     /// c2² + k²: the square of the wrist centre's distance from axis 2 where the forearm is bent by 90°.
@@ -93,7 +94,7 @@ impl Opw {
             let ([upper_arm, forearm], _) = sin_cos([q2, q2 + elbow]);
             a1 + c2 * upper_arm + self.forearm * forearm
         };
-        // Where all of its parts lie in front, nothing needs to be summed up.
+        // If all of its parts lie in front, their sum need not be computed.
         let front =
             (a1 >= 0.0 && is_within_the_first_half_turn(q2) && is_within_the_first_half_turn(q2 + elbow))
                 || wrist_centre() >= 0.0;
@@ -111,7 +112,7 @@ impl Opw {
         let forearm = self.forearm;
         let ground = x * x + y * y;
         let square = ground - b * b;
-        // Below zero the wrist centre is nearer to axis 1 than the arm's own plane.
+        // Below zero the wrist centre is nearer to axis 1 than the plane of the arm.
         let radial = if branch.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
         let (n, h) = (radial - a1, z - c1);
         let reach = n * n + h * h;
@@ -127,7 +128,7 @@ impl Opw {
         let sine = (1.0 - bend * bend).sqrt();
         let sine = if branch.elbow_positive { sine } else { -sine };
         let (along, across) = (c2 + forearm * bend, forearm * sine);
-        // Products of two vectors that are as long as each other, so that nobody needs to take a root for their length.
+        // Products of two vectors of equal length, so that their length, a root, is not needed.
         let base = Direction::of(x * radial + y * b, y * radial - x * b, ground);
         let shoulder = Direction::of(h * along + n * across, n * along - h * across, reach);
         let elbow = Direction { cos: bend, sin: sine, length: 1.0 };
@@ -170,8 +171,8 @@ fn is_within_the_first_half_turn(degrees: f64) -> bool {
     degrees - 360.0 * (degrees / 360.0).floor() <= 180.0
 }
 
-/// An angle as a vector in the plane, so that angles are added and halved without computing any. Cosine and sine are both
-/// `length` times what they are of an angle: only ratios count, and a length of 1 would cost a root and a division each time.
+/// An angle as a vector in the plane: angles are added and halved without computing any arc tangent. Cosine and sine are
+/// multiplied by `length`; only their ratio counts, and a length of 1 would cost a root and a division each time.
 #[derive(Clone, Copy, Debug)]
 struct Direction {
     cos: f64,
@@ -200,7 +201,7 @@ impl Direction {
 
     /// Returns cosine and sine of half of the angle, which counts from −180° to 180°, times some length.
     fn half(self) -> (f64, f64) {
-        // Of both ways to say it the one that subtracts nothing, and so loses no digits.
+        // Of the two formulas the one without a subtraction, which loses no digits.
         if self.cos >= 0.0 {
             (self.length + self.cos, self.sin)
         } else {

@@ -1,4 +1,4 @@
-//! Where an arm stands of which nothing else is known.
+//! Where an arm stands if nothing else says so.
 
 use protocol::image::{Configuration, ErrorNumber};
 
@@ -15,8 +15,8 @@ impl Arm {
         })
     }
 
-    /// Returns the joints for this pose of the flange, of all configurations those of the one that leaves the joints most
-    /// room to the ends of their ranges.
+    /// Returns the joints for this pose of the flange, in the configuration that leaves the joints the most room to the
+    /// ends of their ranges.
     ///
     /// # Errors
     ///

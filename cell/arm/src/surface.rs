@@ -1,4 +1,4 @@
-//! What the tool can press against: the elastic surfaces of the cell, part of the simulated plant.
+//! The elastic surfaces of the cell that the tool can press against; they are part of the simulated plant.
 
 use super::frame::{distance, dot};
 
@@ -9,9 +9,9 @@ pub struct Surface {
     pub point: [f64; 3],
     /// The unit vector out of it, towards where the tool is free.
     pub normal: [f64; 3],
-    /// How far from its middle it reaches, in mm; infinite for a whole plane.
+    /// Radius around its middle, in mm; infinite for a whole plane.
     pub radius_mm: f64,
-    /// How much more it pushes back with for each millimetre that the tool is in it, in N/mm.
+    /// Stiffness: force for each millimetre that the tool is inside it, in N/mm.
     pub stiffness_n_per_mm: f64,
 }
 

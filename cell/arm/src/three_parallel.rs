@@ -1,5 +1,5 @@
-//! A six-axis arm without a spherical wrist, whose axes 2, 3 and 4 are parallel: those of Universal Robots and of others
-//! that are built alike. Its parameters are the Denavit-Hartenberg ones that Universal Robots publishes.
+//! A six-axis arm without a spherical wrist, whose axes 2, 3 and 4 are parallel, such as those of Universal Robots. Its
+//! parameters are the Denavit-Hartenberg ones that Universal Robots publishes.
 //!
 //! ```text
 //! model angle θ = sign·q − offset
@@ -10,18 +10,18 @@
 //! flange = d1·up + axis 4 + d4·n + d5·z4 + d6·z6
 //! ```
 //!
-//! The inverse is closed: z6 and the flange give the point before it, whose distance d4 from the arm's plane gives axis 1
-//! (two ways). What of z6 lies across the plane gives axis 5 (two ways), the rest of z6 gives φ, and the flange's x and y give
-//! axis 6. What is left are two links in a plane (two ways).
+//! The inverse has a closed form. z6 and the flange give the point before the flange, whose distance d4 from the arm's
+//! plane gives axis 1 (two ways). The part of z6 across the plane gives axis 5 (two ways), the rest of z6 gives φ, and
+//! the flange's x and y give axis 6. Two links in a plane remain (two ways).
 
 use super::angles::{degrees, sin_cos};
 use super::branch::{Branch, to_joints, to_model};
 use super::{Frame, Joints, Kinematics, Rotation, Violation, dot};
 
-/// Below this sine of axis 5's angle, axis 6 is parallel to axes 2, 3 and 4: it stays.
+/// Sine of axis 5's angle below which axis 6 is parallel to axes 2, 3 and 4; then axis 6 keeps its angle.
 const WRIST_STRETCHED: f64 = 1e-9;
 
-/// What rounding may add to the reach, as a share of it: the arm may be stretched out straight.
+/// Share of the reach that rounding may add: a fully stretched arm is allowed.
 const ROUNDING: f64 = 1e-9;
 
 /// The geometry of such an arm as numbers. Lengths in mm, offsets in degrees.
@@ -39,9 +39,9 @@ pub struct ThreeParallelParameters {
     pub d5: f64,
     /// From axis 5 to the flange.
     pub d6: f64,
-    /// What a joint's zero is away from the model's.
+    /// Each joint's zero relative to that of the model.
     pub offsets: Joints,
-    /// 1 where a joint turns as the model does, −1 where against it.
+    /// 1 if a joint turns in the model's direction, −1 if it turns in the opposite one.
     pub signs: [i8; 6],
 }
 
@@ -91,7 +91,7 @@ impl ThreeParallel {
         }
         let along = square.max(0.0).sqrt();
         let radial = if front { along } else { -along } * self.forward_sign();
-        // Right above axis 1 there is no direction, and d4 is 0: any will do.
+        // Exactly above axis 1 there is no direction, and d4 is 0, so any direction is right.
         let ground = radial * radial + d4 * d4;
         if ground == 0.0 {
             return Ok(([1.0, 0.0], 0.0));

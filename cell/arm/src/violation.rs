@@ -6,14 +6,14 @@ use core::fmt;
 
 use protocol::image::{Configuration, ErrorNumber, Finding};
 
-/// A joint that would turn by more than this, in degrees, from one sample of a curve's finest piece to the next does not
-/// follow the curve: the arm turns over into another configuration there.
+/// Largest turn of a joint, in degrees, from one sample of a curve's finest piece to the next. If a joint would turn
+/// farther, the arm cannot follow the curve: it would turn over into another configuration there.
 pub const TURNED_OVER_DEG: f64 = 60.0;
 
-/// A curve on which a joint leaves less than this of the programmed velocity counts as singular.
+/// Share of the programmed velocity below which a curve counts as singular, if a joint leaves no more than that.
 pub const SINGULAR_SHARE: f64 = 0.01;
 
-/// Shorter than this, in mm, is no way: single precision on the wire leaves some micrometres.
+/// Length in mm below which a motion has no length: single precision on the wire causes some micrometres.
 pub const LEAST_WAY_MM: f64 = 1e-3;
 
 /// What an axis is rated for besides its range.
@@ -40,7 +40,7 @@ impl fmt::Display for Rated {
 /// Why a motion or a skill cannot be run.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum Violation {
-    /// The error number says everything.
+    /// A violation that its error number describes completely.
     #[error("{0}")]
     Plain(ErrorNumber),
     /// A coordinate of the target (1 to 6) or of the auxiliary point or force (7 to 9).
@@ -130,7 +130,7 @@ pub enum Violation {
     Turn {
         /// Which joint, from 1.
         axis: u8,
-        /// Where it would be.
+        /// Value that it would have.
         value: f64,
         /// Its lowest value.
         lower: f64,
@@ -156,14 +156,14 @@ pub enum Violation {
     Axis {
         /// Which joint, from 1.
         axis: u8,
-        /// Where it would be.
+        /// Value that it would have.
         value: f64,
         /// Its lowest value.
         lower: f64,
         /// Its highest value.
         upper: f64,
     },
-    /// The next robot cycle would be beyond what a joint is rated for: the plan is wrong, and the arm does not follow it.
+    /// The next robot cycle would exceed the rating of a joint: the plan is wrong, and the arm does not follow it.
     #[error(
         "joint {axis} would move at {rated} of {value:.3}, it is rated for {limit:.3} (degrees or mm, s)"
     )]
@@ -172,9 +172,9 @@ pub enum Violation {
         axis: u8,
         /// Which of its ratings.
         rated: Rated,
-        /// What the cycle asks for.
+        /// Value that the cycle needs.
         value: f64,
-        /// What the joint is rated for.
+        /// The joint's rating.
         limit: f64,
     },
     /// The path passes so close to a singular position that the arm could hardly move on it.
@@ -184,7 +184,7 @@ pub enum Violation {
     Singular {
         /// Which joint, from 1.
         axis: u8,
-        /// What is left of the velocity, 0…1.
+        /// Share of the velocity that is left, 0…1.
         share: f64,
     },
     /// The target is where the motion starts.

@@ -1,6 +1,6 @@
-//! What an application says, with every name resolved.
+//! The content of an application, with every name resolved.
 //!
-//! [`Application::parse`] is the only way to one, so a planner never meets a name that is not there.
+//! Only [`Application::parse`] makes one, so a planner never finds a name that does not exist.
 
 use std::fmt;
 
@@ -21,13 +21,13 @@ pub struct Application {
     pub start: (Place, Tool),
     /// How blends are sized.
     pub zones: Zones,
-    /// How ways over obstacles are found; without obstacles there may be none.
+    /// How ways over obstacles are found; may be missing without obstacles.
     pub ways: Option<Ways>,
     /// The grids that the frames move on from one cycle to the next. All have the same number of cells.
     pub grids: Vec<Grid>,
-    /// What no way may come near.
+    /// The obstacles that no way may come near.
     pub obstacles: Vec<Obstacle>,
-    /// What the tool can press against.
+    /// The surfaces that the tool can press against.
     pub surfaces: Vec<Surface>,
     /// The process steps in order; the last ends in an accurate stop.
     pub steps: Vec<Step>,
@@ -55,24 +55,24 @@ impl Application {
 pub struct Zones {
     /// Approximation distance in mm in place of the setup's.
     pub approximation_mm: Option<f64>,
-    /// How far in mm an accurate path may leave its course where an arc runs smoothly into the next segment. 0 stops
-    /// there.
+    /// Largest deviation of an accurate path from its course in mm, where an arc runs smoothly into the next segment;
+    /// with 0 the arm stops there.
     pub path_tolerance_mm: f64,
 }
 
 /// How ways over obstacles are found.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Ways {
-    /// What stays free around the tool's path, in mm: half the tool and the part, and what safety wants.
+    /// Distance in mm that stays free around the tool's path: half of tool and part, and a safety distance.
     pub clearance_mm: f64,
     /// Highest z of an intermediate position, in mm.
     pub ceiling_mm: f64,
     /// Intermediate positions lie at whole multiples of this height, in mm.
     pub height_step_mm: f64,
-    /// A PTP bows off the straight line no more than an arc of this radius, in mm: about the tool's least distance from
-    /// the arm's first axis.
+    /// Radius in mm of an arc that deviates from the straight line at least as much as a PTP: about the tool's smallest
+    /// distance from the arm's first axis.
     pub ptp_radius_mm: f64,
-    /// How much longer a way may be to use an intermediate position that another way of the cycle has, in %.
+    /// How much longer a way may be, in %, in order to use an intermediate position of another way of the cycle.
     pub detour_percent: f64,
 }
 
@@ -109,7 +109,7 @@ impl Grid {
     }
 }
 
-/// What no way may come near.
+/// The obstacles that no way may come near.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Obstacle {
     /// Its name.
@@ -198,10 +198,10 @@ pub struct Step {
     pub then: Option<Action>,
 }
 
-/// What a step wants of the tool.
+/// The task of a step for the tool.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Course {
-    /// A secondary motion: be there, whatever the way.
+    /// A secondary motion: reach the frame by any path.
     Reach(Place),
     /// A primary process: follow the path.
     Follow {

@@ -1,7 +1,8 @@
-//! What is refused of a motion: no length, speeds beyond the robot's, and obstacles.
+//! Checks of a motion: its length, its speeds against the robot's, and obstacles.
 //!
-//! The motions of a path keep the application's clearance from every obstacle, as ways do: half the approximation distance
-//! more where a blend cuts a corner, which an accurate path has none of. What a path needs to come nearer to is no obstacle.
+//! The motions of a path keep the application's clearance from every obstacle, as ways do, and half the approximation
+//! distance more where a blend cuts a corner; an accurate path has no blends. A path cannot come nearer to an obstacle
+//! than this, so a thing that a tool must touch is not entered as an obstacle.
 
 use protocol::image::MotionKind;
 
@@ -69,7 +70,7 @@ impl Planner<'_> {
         if let Some(speed) = motion.speed_mm_s {
             within("speed", speed, robot.path_velocity_mm_s.value, "mm/s")?;
         }
-        // What the wire rounds to nothing is nothing.
+        // A distance that the wire rounds to zero counts as zero.
         let wire = motion.wire(self.setup);
         let programmed = &self.setup.motions;
         if wire.velocity == 0 {

@@ -1,4 +1,4 @@
-//! How near a course comes to an obstacle.
+//! How near the course of the tool comes to an obstacle.
 //!
 //! A course runs along a straight leg and may leave it, most in the middle and not at the ends: at the share s of the leg
 //! by no more than 4·bow·s·(1 − s) along each axis. It comes too near where it may be inside the obstacle's box with every

@@ -1,4 +1,4 @@
-//! Where the tool of a planned motion passes, as straight legs that it hardly leaves.
+//! The course of the tool in a planned motion, approximated by straight legs.
 //!
 //! A circle is cut so fine that its legs are off it by [`SAGITTA_MM`]. A spline has the shape that the robot node gives it:
 //! a piece between two targets blends the parabola through the three targets around its start with the one around its end,
@@ -20,13 +20,13 @@ use crate::motion::Motion;
 /// How far a leg of a circle is off it, in mm.
 const SAGITTA_MM: f64 = 0.02;
 
-/// Most legs of a circle.
+/// Largest number of legs of a circle.
 const MOST_LEGS: f64 = 512.0;
 
 /// Legs of a piece of a spline.
 const SPLINE_LEGS: u32 = 64;
 
-/// Chords that enclose more than this many degrees, counted from straight on, turn back: a spline stops there.
+/// Largest change of direction in degrees between two chords of a spline; at a larger one the spline stops.
 const TURNS_BACK_DEG: f64 = 160.0;
 
 impl Motion {
@@ -103,7 +103,7 @@ impl Motion {
             .collect()
     }
 
-    /// Makes this motion and the next one pieces of one spline, if the robot goes on from the one to the other.
+    /// Joins this motion and the next one into one spline, if the robot continues from one to the other.
     pub(crate) fn bend_into(&mut self, next: &mut Self) {
         let are_splines = self.kind == MotionKind::Spline && next.kind == MotionKind::Spline;
         let (one, other) = (self.target.point - self.start.point, next.target.point - next.start.point);

@@ -12,10 +12,10 @@ use crate::zone::Why;
 /// Width of the longest label.
 const LABEL: usize = "accurate path, accurate stop".len();
 
-/// Room for the reasons beside a table, in characters: with less they would be broken into too many lines.
+/// Smallest width of the column of reasons, in characters: a narrower one would have too many lines.
 const LEAST_REASON: usize = 30;
 
-/// By which of the paper's planning steps (section 4) something in the plan was made.
+/// The paper's planning step (section 4) that made a part of the plan.
 const STEPS: [(&str, &str); 4] = [
     ("I", "paths of the process"),
     ("II", "linear pre- and post-movements"),

@@ -9,10 +9,11 @@
 //! ```
 //!
 //! The columns are the fields of [`image::Motion`](protocol::image::Motion) in the units of the wire, so that a list
-//! says exactly what the robot gets: mm and degrees, or joints; velocity in 0.1 mm/s, acceleration in mm/s², for a PTP
-//! both in 0.01 % of the rated values; the approximation distance in 0.01 mm. Status and turn are empty where a motion has
-//! no configuration, turn where any will do. Deceleration has the unit of the acceleration, jerk 10 mm/s³ or 0.01 %; 0 is the robot's own. The
-//! first line that is no comment names the columns; a list without the last four is read as well.
+//! contains exactly what the robot receives: mm and degrees, or joints; velocity in 0.1 mm/s, acceleration in mm/s², for
+//! a PTP both in 0.01 % of the rated values; the approximation distance in 0.01 mm. Status and turn are empty where a
+//! motion has no configuration, turn where any will do. Deceleration has the unit of the acceleration, jerk 10 mm/s³ or
+//! 0.01 %; 0 is the robot's own. The first line that is no comment names the columns; a list without the last four is
+//! read as well.
 
 use std::fmt::Display;
 use std::io::{self, BufRead, Read, Write};
@@ -20,11 +21,11 @@ use std::str::FromStr;
 
 use protocol::image::{Configuration, Motion, MotionKind};
 
-/// What every list starts with: the columns in their order.
+/// The first line of every list: the columns in their order.
 pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base,status,turn,\
     deceleration,jerk";
 
-/// The last of them, which a list may lack.
+/// The last columns, which a list may lack.
 const OPTIONAL: &str = ",status,turn,deceleration,jerk";
 
 /// Highest number of a tool or base.
@@ -76,7 +77,7 @@ pub struct MotionLines<R> {
     origin: String,
     line: u64,
     text: String,
-    /// What the line of the columns was; empty before that.
+    /// The line of the columns; empty before it was read.
     header: String,
     ended: bool,
 }
@@ -88,7 +89,7 @@ impl<R: BufRead> MotionLines<R> {
         Self { reader, origin, line: 0, text: String::new(), header: String::new(), ended: false }
     }
 
-    /// Reads to the next line that says something; false at the end.
+    /// Reads up to the next line that is neither empty nor a comment; false at the end.
     fn advance(&mut self) -> Result<bool, ListError> {
         loop {
             self.text.clear();

@@ -1,6 +1,6 @@
 //! Finding applications: a built-in one by its name, one's own by its path.
 //!
-//! Reading the file is the affair of [`setup::find`], as for setups.
+//! [`setup::find`] reads the file, as for setups.
 
 use std::path::Path;
 
@@ -25,16 +25,16 @@ pub const APPLICATIONS: &[(&str, &str)] = &[
 /// An application and the text that it was read from.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Found {
-    /// What messages call it: the file's path, or the built-in's name.
+    /// Its name in messages: the file's path, or the built-in's name.
     pub origin: String,
-    /// The text as it was found, to be kept beside results.
+    /// The text as it was read, to be kept beside results.
     pub text: String,
-    /// What the text says.
+    /// The application in the text.
     pub application: Application,
 }
 
 impl Found {
-    /// Plans it as [`plan()`] does; a refusal names where the application was found.
+    /// Plans it like [`plan()`]; a refusal names the file of the application.
     ///
     /// # Errors
     /// [`Error::Unplannable`]
@@ -46,7 +46,7 @@ impl Found {
         })
     }
 
-    /// Follows its plan with the arm of a setup, as [`Plan::reach`] does; a refusal names where the application was found.
+    /// Follows its plan with the arm of a setup like [`Plan::reach`]; a refusal names the file of the application.
     ///
     /// # Errors
     /// [`Error::OutOfReach`]
@@ -73,7 +73,7 @@ pub fn application(name: &str, directory: Option<&Path>) -> Result<Found, Error>
 /// its directory.
 ///
 /// # Errors
-/// Those of [`setup::setup()`] and of [`application()`]. Whether the two fit each other shows when it is planned.
+/// Those of [`setup::setup()`] and of [`application()`]. Whether the two fit each other is checked by planning.
 pub fn setup_with_application(name: &str) -> Result<(Setup, Found), Error> {
     let (setup, directory) = setup::setup_with_directory(name)?;
     let found = application(&setup.application, directory.as_deref())?;

@@ -46,13 +46,13 @@ impl Role {
 /// One planned motion.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Motion {
-    /// What it is called: its kind and its step.
+    /// Its name: its kind and its step.
     pub name: String,
     /// Index of its step.
     pub step: usize,
     /// What it is for.
     pub role: Role,
-    /// How it gets to its target.
+    /// Its kind: how it moves to its target.
     pub kind: MotionKind,
     /// Whether its label is *accurate path*.
     pub accurate_path: bool,
@@ -68,13 +68,13 @@ pub struct Motion {
     pub auxiliary: [f64; 3],
     /// The points before its start and after its target that a spline bends by, where it goes on through them.
     pub spline_neighbours: [Option<Point>; 2],
-    /// How long its path is in mm; of a PTP and a spline the straight line.
+    /// Length of its path in mm; for a PTP and a spline, of the straight line.
     pub length_mm: f64,
     /// How far the tool turns, in degrees.
     pub turn_deg: f64,
-    /// The direction in which it leaves its start; unknown of a PTP and a spline, whose course is the robot's affair.
+    /// The direction in which it leaves its start; unknown for a PTP and a spline, whose course the robot determines.
     pub leaves: Option<Point>,
-    /// The direction in which it arrives; unknown of a PTP and a spline.
+    /// The direction in which it arrives; unknown for a PTP and a spline.
     pub arrives: Option<Point>,
     /// Highest speed in mm/s that its step allows.
     pub speed_mm_s: Option<f64>,
@@ -88,7 +88,7 @@ pub struct Motion {
     pub base: u8,
 }
 
-/// How the arm is to stand at the target of a PTP; as it comes where nothing is said.
+/// Configuration of the arm at the target of a PTP; any, if none is given.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Arrival {
     pub(crate) joints_deg: Option<[f64; 6]>,

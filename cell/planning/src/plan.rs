@@ -1,4 +1,4 @@
-//! What planning yields.
+//! The result of planning.
 
 use std::ops::Range;
 
@@ -32,13 +32,13 @@ pub struct Plan {
     pub cycles: Vec<usize>,
 }
 
-/// How the arm gets to where the tool stands before the first step. The PLC moves it there before a repetition, unmeasured,
-/// unless it is there.
+/// How the arm moves to the place of the tool before the first step. The PLC moves it there before a repetition, unless
+/// it is there; this is not measured.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ToStart<M = Motion> {
-    /// Point to point from wherever the arm is; none where nobody knows the start.
+    /// Point to point from anywhere; `None` if the start is not known.
     pub from_anywhere: Option<M>,
-    /// On a way that is free of obstacles from where the last motion ends; empty where that is the start.
+    /// On a way that is free of obstacles, from the end of the last motion; empty if that is the start.
     pub from_end: Vec<M>,
 }
 

@@ -1,8 +1,8 @@
 //! Whether the arm of a setup reaches a plan: the start, each target, and every place along each path.
 //!
-//! The arm is followed from its start through all motions, as the robot node does it before it moves: point to point to each
-//! target, along a path by steps that are halved wherever a joint turns far. What is not looked at are the corners that
-//! replace the ends of blended motions; they lie within the zones, and the robot node checks them.
+//! The arm is followed from its start through all motions, as the robot node does it before it moves: point to point to
+//! each target, along a path by steps that are halved wherever a joint turns far. The corners that replace the ends of
+//! blended motions are not checked here: they lie within the zones, and the robot node checks them.
 
 use arm::{Arm, Frame, Installation, Joints, Rotation, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
 use setup::Setup;
@@ -16,10 +16,10 @@ use crate::plan::Plan;
 const STEP_MM: f64 = 5.0;
 const STEP_DEG: f64 = 2.0;
 
-/// A step in which a joint turns farther, in degrees, is halved.
+/// Turn of a joint in degrees above which a step is halved.
 const HALVED_DEG: f64 = 10.0;
 
-/// A step is halved so often at most.
+/// Largest number of times that a step is halved.
 const HALVINGS: u32 = 10;
 
 /// Where the arm stands in a plan that it reaches.
@@ -54,7 +54,7 @@ impl Plan {
     }
 }
 
-/// What the arm is followed with.
+/// The state of following a plan with an arm.
 struct Walk<'a> {
     setup: &'a Setup,
     installation: &'a Installation,
@@ -145,7 +145,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Goes on along a path to the share `to` of it.
+    /// Follows a path up to the share `to`.
     fn step(
         &self,
         motion: &Motion,

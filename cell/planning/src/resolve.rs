@@ -23,7 +23,7 @@ const HIGHEST_FRAME: u8 = 15;
 const HIGHEST_STATUS: u8 = 7;
 const HIGHEST_TURN: u8 = 63;
 
-/// Most cells of a grid: a plan of more is not a grid but a mistake.
+/// Largest number of cells of a grid: more are taken for a mistake.
 const MOST_CELLS: u64 = 1_000_000;
 
 impl Application {
@@ -37,7 +37,7 @@ impl Application {
     }
 }
 
-/// No coordinate lies farther out, in mm (degrees): no robot has such a reach.
+/// Largest coordinate, in mm (degrees): no robot reaches farther.
 const FARTHEST_MM: f64 = 1e6;
 
 struct Resolver<'a> {
@@ -217,7 +217,7 @@ impl Resolver<'_> {
         let mut shift = [0.0; 3];
         let mut at = name;
         let mut at_key = key;
-        // A chain longer than there are names goes round in a circle.
+        // A chain that is longer than the number of names contains a cycle.
         for _ in 0..=self.file.frames.len() + self.file.grids.len() {
             if let Some(index) = self.file.grids.keys().position(|grid| grid == at.get_ref()) {
                 if place.grid.is_some() {

@@ -1,4 +1,4 @@
-//! Motions one after another, without a list of them: five million take no more memory than one cycle.
+//! A stream of motions without a list in memory: five million take no more memory than one cycle.
 
 use protocol::image;
 use setup::Setup;
@@ -41,8 +41,8 @@ pub struct Stream<'a> {
 
 /// Streams the motions of `passes` repetitions of an application on a setup.
 ///
-/// An item is an error where a motion is refused; those before it have been handed out, the last of them ending in an
-/// exact stop, and nothing comes after it.
+/// An item is an error if a motion is refused. The motions before it were returned, the last of them with an exact stop,
+/// and nothing follows the error.
 #[must_use]
 pub fn stream<'a>(application: &'a Application, setup: &'a Setup, passes: u64) -> Stream<'a> {
     Stream {

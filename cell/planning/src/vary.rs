@@ -1,4 +1,4 @@
-//! The same application in another size, and the same plan in other pieces, for studies that ask what depends on it.
+//! The same application in another size, and the same plan in other pieces, for studies of their effect.
 
 use std::ops::Range;
 
@@ -43,7 +43,7 @@ impl Application {
             (space.lower, space.upper) = (about(space.lower), about(space.upper));
         }
         if let Some(ways) = &mut scaled.ways {
-            // The ceiling is a height; the raster of heights lies at its multiples.
+            // The ceiling is a height, and the heights of intermediate positions are multiples of the raster.
             ways.ceiling_mm = about(Point::new(start.x, start.y, ways.ceiling_mm)).z;
             ways.ptp_radius_mm *= factor;
         }

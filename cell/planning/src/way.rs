@@ -12,10 +12,10 @@
 //!   a joint of its own, so its PTP bows sideways only. The bound is taken as it is at each point of the chord: with the
 //!   largest of each eighth, ways over an obstacle were 10 mm higher than need be.
 //!
-//! The first of these that is free is taken: the straight way; one intermediate position, over the obstacle, the end or
-//! the start, at the lowest height that is free; two of them, above the start and above the end. Those whose legs are too
-//! short for a full blend are taken last. A cycle that has crossed an obstacle
-//! before takes the same intermediate position again where that is hardly longer.
+//! Candidates are tried in this order, and the first free one is used: the straight way; one intermediate position over
+//! the obstacle, the end or the start, at the lowest free height; two of them, above the start and above the end.
+//! Candidates with legs that are too short for a full blend come last. If the cycle has crossed an obstacle before, its
+//! intermediate position is used again if the way is hardly longer.
 
 use std::cell::Cell;
 
@@ -24,10 +24,10 @@ use crate::clearance::Leg;
 use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::Point;
 
-/// How far above the ceiling to look for a height to name in the refusal, in mm.
+/// How far above the ceiling a free height is searched for the text of the refusal, in mm.
 const LOOK_ABOVE_MM: f64 = 2000.0;
 
-/// Most heights tried for one way, so that planning stays bounded.
+/// Largest number of heights that are tried for one way, so that planning stays bounded.
 const MOST_HEIGHTS: u32 = 2000;
 
 /// A way from one point to another.
@@ -46,7 +46,7 @@ pub(crate) enum Way {
     },
 }
 
-/// The space in which ways are sought.
+/// The space in which ways are searched.
 pub(crate) struct Space<'a> {
     pub(crate) obstacles: &'a [Obstacle],
     pub(crate) ways: &'a Ways,
@@ -207,7 +207,7 @@ impl Space<'_> {
             let ways = vias.map(|z| [from, above(from, z), above(to, z), to]);
             ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way, &before))
         };
-        // Legs that are long enough for their blends, where there are such.
+        // First candidates whose legs are long enough for their blends.
         let legs = [2.0 * self.approximation_mm, LEAST_MM];
         let single = legs.into_iter().find_map(one).map(|[_, via, _]| [Some(via), None]);
         single.or_else(|| legs.into_iter().find_map(two).map(|[_, up, down, _]| [Some(up), Some(down)]))

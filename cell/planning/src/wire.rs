@@ -1,4 +1,4 @@
-//! A plan in the units of the wire, which are the same for the PLC, which sends it, and the robot's program store.
+//! A plan in the units of the wire. They are the same for the PLC, which sends it, and for the robot's program store.
 
 use core::time::Duration;
 

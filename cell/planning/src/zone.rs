@@ -7,17 +7,18 @@ use protocol::image::MotionKind;
 use crate::geometry::Point;
 use crate::motion::{Motion, Role};
 
-/// Directions that differ by less, in degrees, are one: over a zone of 100 mm the path moves by less than the wire's
-/// 0.01 mm.
+/// Largest difference of directions in degrees that count as the same: over a zone of 100 mm the path moves by less than
+/// the wire's 0.01 mm.
 const COLLINEAR_DEG: f64 = 0.01;
 
-/// Directions that differ by less, in degrees, are tangent: what frames taught to a tenth of a millimetre give.
+/// Largest difference of directions in degrees that count as tangent: frames taught to a tenth of a millimetre differ by
+/// as much.
 const TANGENT_DEG: f64 = 0.5;
 
 /// The smallest zone that the wire carries, in mm.
 pub(crate) const LEAST_ZONE_MM: f64 = 0.01;
 
-/// Why something in a plan is as it is.
+/// The reason for something in a plan.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Why {
     /// No zone: labelled *accurate stop*, and what happens there.
@@ -168,12 +169,12 @@ pub(crate) fn swallowed_point(index: usize, motion: &Motion, next: &Motion, zone
     })
 }
 
-/// What sizes the zones of an application on a setup.
+/// The rules by which the zones of an application on a setup get their size.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sizes {
     /// The approximation distance in mm.
     pub(crate) approximation_mm: f64,
-    /// How far an accurate path may be left where it runs on smoothly, in mm.
+    /// Largest deviation from an accurate path where it continues smoothly, in mm.
     pub(crate) path_tolerance_mm: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Whose turn it is: which block's skill comes after the one that is under way.
 //!
-//! One skill may wait. It starts once the block of the one under way has seen its end; that block need not know of it. A
-//! skill that is given up or fails takes the one that waits with it, unless that one gave it up.
+//! One skill may wait. It starts once the block of the skill under way has seen its end; that block need not know of it.
+//! If the skill under way is given up or fails, the waiting one fails too, unless the waiting one gave it up.
 
 use protocol::image::Control;
 
@@ -29,12 +29,12 @@ pub(crate) enum Turn {
     Cancelling,
     /// It starts its skill in this scan.
     Now,
-    /// Its place was taken away: the skill under way failed or was given up, or another block's is to abort it.
+    /// It lost its place: the skill under way failed or was given up, or a third block aborts it.
     Lost,
 }
 
 impl AxesGroup {
-    /// Takes the place behind the skill under way; where there is none it is the block's turn at once.
+    /// Takes the place behind the skill under way; without one it is the block's turn at once.
     pub(crate) fn take_ticket(&mut self, aborts: bool) -> Result<Ticket, BlockError> {
         if self.waiting.is_some() && !aborts {
             return Err(BlockError::QueueFull);
@@ -59,7 +59,7 @@ impl AxesGroup {
             self.withdraw();
             return Ok(Turn::Now);
         }
-        // A command that the robot has not taken up yet would be dropped instead of given up.
+        // A command that the robot has not accepted yet would be lost instead of given up.
         if waiting.aborts && feedback.number == self.command.number {
             self.set_control(Control::CANCEL, true);
             return Ok(Turn::Cancelling);
@@ -67,7 +67,7 @@ impl AxesGroup {
         Ok(Turn::Wait)
     }
 
-    /// Takes the place away from the skill that waits, if one does.
+    /// Removes the waiting skill, if there is one.
     pub(crate) const fn withdraw(&mut self) {
         if let Some(Waiting { aborts: true, .. }) = self.waiting {
             self.set_control(Control::CANCEL, false);

@@ -1,4 +1,4 @@
-//! Function blocks with the face that PLCopen gives to motion control.
+//! Function blocks with the interface of PLCopen's motion control.
 //!
 //! | output | TRUE while |
 //! |---|---|

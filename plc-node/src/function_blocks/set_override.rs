@@ -3,7 +3,7 @@
 use super::BlockError;
 use crate::{AxesGroup, Override};
 
-/// What the programmed motion is multiplied by.
+/// The factors by which the programmed motion is multiplied.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OverrideFactors {
     /// PLCopen's `VelFactor`: share of every programmed velocity, 0…1. At 0 the arm stops on its path and stays in its skill.
@@ -26,7 +26,7 @@ impl Default for OverrideFactors {
 pub struct EnableOutputs {
     /// The block writes the override into the image.
     pub busy: bool,
-    /// The robot goes by the override that stands at the input.
+    /// The robot follows the override at the input.
     pub enabled: bool,
     /// Something is wrong; the override that was set last stands.
     pub error: bool,
@@ -36,8 +36,8 @@ pub struct EnableOutputs {
 
 /// Sets the override while `Enable` is TRUE, whether a skill runs or not. The robot changes its speed within its limits.
 ///
-/// After `Enable` has fallen the override stays. An input out of its range is an error and is not written: the skill
-/// that runs goes on with the override before. An error shows until `Enable` falls, also once its cause has gone.
+/// The override stays after the falling edge of `Enable`. An input out of its range is an error and is not written: the
+/// running skill continues with the override before. An error is shown until `Enable` falls, even if its cause is gone.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub struct GroupSetOverride {
     pub(super) phase: Phase,

@@ -9,7 +9,7 @@ use super::skill::{SkillCall, Tally};
 use super::{BlockError, BufferMode, MotionInputs, Outputs, SkillState};
 use crate::AxesGroup;
 
-/// What the six have in common.
+/// The block inside all six.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub(super) struct SingleMotion {
     pub(super) call: SkillCall<Latched>,

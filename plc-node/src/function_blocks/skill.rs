@@ -14,7 +14,7 @@ use super::face::{End, Face, SkillState};
 use super::{BlockError, BufferMode, Outputs, is_executing};
 use crate::{AxesGroup, Ticket, Turn};
 
-/// What a skill tells about its motions beside the outputs. Stays until the next start.
+/// Results of a skill besides the outputs; kept until the next start.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub(crate) struct Tally {
     /// Motions that the robot counts as executed.
@@ -36,7 +36,7 @@ pub(super) struct SkillCall<P> {
     pub(super) acknowledged: bool,
     /// Scans since the start while the robot has not taken the command up.
     pub(super) waited: u32,
-    /// Whether the robot's counts speak of motions that came from the PLC.
+    /// Whether the robot counts motions that came from the PLC.
     counted: bool,
     pub(super) tally: Tally,
 }
@@ -156,7 +156,8 @@ impl<P: Copy> SkillCall<P> {
         }
     }
 
-    /// Ends the call. An error does not leave the arm moving: the robot is stopped unless it says that the skill has ended.
+    /// Ends the call. After an error the arm must not go on moving: the robot is stopped unless it reports that the skill
+    /// has ended.
     fn end(&mut self, group: &mut AxesGroup, end: End) {
         group.release(self.number, end == End::Done);
         let has_ended = group.feedback.as_ref().is_some_and(|feedback| has_ended(feedback, self.number));
@@ -234,8 +235,8 @@ impl<P: Copy> SkillCall<P> {
         Ok(None)
     }
 
-    /// Takes the robot's counts over, if they can be true. A count may jump: two short motions can end between two
-    /// scans, and a frame can be lost.
+    /// Takes over the robot's counts, if they are possible. A count may skip numbers: two short motions can end between
+    /// two scans, and a frame can be lost.
     fn count(&mut self, feedback: &Feedback, command: &Command) -> Result<(), BlockError> {
         let (from, to) = (self.tally.executed, feedback.executed);
         let counted = to.max(feedback.accepted);

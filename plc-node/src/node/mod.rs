@@ -24,10 +24,10 @@ use crate::{
     Sample, Scan, StartError,
 };
 
-/// Scans without a change of the robot's image that are more than any robot cycle.
+/// Number of scans that is longer than any robot cycle: then the robot's image should have changed.
 const STILL: u32 = 20;
 
-/// More events than one handler can bring about; the owner drains them after each.
+/// Capacity for events: more than one handler can cause; the owner drains them after each.
 const EVENTS: usize = 16;
 
 /// A PLC with one robot on one bus.
@@ -46,17 +46,17 @@ pub struct PlcNode<B> {
     motions: Digested,
     stops: Vec<Stop>,
     start_position: StartPosition,
-    /// The arm could not be moved to the start the last time.
+    /// Whether the last attempt to move the arm to the start failed.
     start_not_reached: bool,
     connected: bool,
-    /// The owner was told that the robot marks its data as bad.
+    /// Whether the owner knows that the robot marks its data as bad.
     image_bad: bool,
     /// Frames received when the robot's image had not changed for [`STILL`] scans.
     received_still: u64,
     mode: Mode,
     readiness: Readiness,
     run: Run,
-    /// What becomes of the override in the runs that start from now on; none leaves it as it is.
+    /// Changes of the override in the runs that start from now on; `None` leaves it unchanged.
     overrides: Option<OverrideSchedule>,
     /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
@@ -348,7 +348,7 @@ impl<B: Fieldbus> PlcNode<B> {
         })
     }
 
-    /// Hands on what the bus has to say. A lost connection fails a run at once, not with the next scan.
+    /// Passes on the events of the bus. A lost connection fails a run at once, not with the next scan.
     fn drain_bus(&mut self) {
         while let Some(event) = self.bus.poll_event() {
             self.push(PlcEvent::Link(event));

@@ -14,9 +14,9 @@ use crate::process_data::{INPUT_LEN, Inputs, OUTPUT_LEN};
 pub enum Cause {
     /// The drive has a fault.
     Fault(ErrorCode),
-    /// The drive stops though nobody told it to.
+    /// The drive stops without a command.
     QuickStop,
-    /// The drive took the torque away though nobody told it to.
+    /// The drive switched the torque off without a command.
     SwitchedOff,
 }
 

@@ -1,4 +1,4 @@
-//! The controller's side of one drive: which control word leads it where it is wanted.
+//! The controller's side of one drive: the control words that lead it to the wanted state.
 
 use crate::error_code::ErrorCode;
 use crate::process_data::{Inputs, Outputs};

@@ -33,7 +33,7 @@ const fn value(name: &'static str, data_type: DataType, access: Access, default:
 
 /// A servo drive with cyclic synchronous position. Window, times and quick stop can be set by SDO.
 pub static DRIVE: Description = Description {
-    // No vendor stands behind an emulated drive, and the last number belongs to none.
+    // An emulated drive has no vendor, and the last number belongs to none.
     vendor_id: 0xFFFF_FFFF,
     product_code: 0x0000_0402,
     revision: 0x0001_0000,

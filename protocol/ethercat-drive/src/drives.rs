@@ -15,7 +15,7 @@ use crate::error_code::ErrorCode;
 use crate::process_data::Outputs;
 use crate::state::State;
 
-/// Most cycles that are made up for after a stall of the host.
+/// Largest number of missed cycles that are run after a stall of the host.
 const CATCH_UP: u64 = 1_000;
 
 /// A drive on the cable.

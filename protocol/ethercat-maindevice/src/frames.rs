@@ -66,7 +66,7 @@ impl Frames {
         if self.received.is_empty() {
             return;
         }
-        // A late or a doubled frame is an error to it; everything else goes on.
+        // ethercrab reports a late or duplicated frame as an error; that is ignored.
         self.refused += u64::from(rx.receive_frame(&self.received).is_err());
         self.received.clear();
     }

@@ -75,7 +75,7 @@ impl MainDevice {
         self.process.explain(words)
     }
 
-    /// Polls the operation. There are devices whose words make ethercrab panic; they are no reason to end a PLC.
+    /// Polls the operation. Some answers of devices make ethercrab panic; that must not end a PLC.
     fn run(&mut self, now: Instant, poll: impl FnOnce(&mut Scripted<Operation>)) {
         let poll = || lend(PLACE, &mut self.process, || poll(&mut self.operation));
         if catch_unwind(AssertUnwindSafe(poll)).is_err() {

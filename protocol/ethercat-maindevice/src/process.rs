@@ -12,7 +12,7 @@ use crate::problem::Problem;
 /// Events that wait for the owner at most; the owner takes them after each call.
 const EVENTS: usize = 4;
 
-/// Silence that is reported: a device that is switched on later than this MainDevice is no news.
+/// Time without an answer after which that is reported: a device may be switched on later than this MainDevice.
 const REPORTED_SILENCE: Duration = Duration::from_secs(1);
 
 thread_local! {

@@ -1,4 +1,5 @@
-//! Finding SubDevices without changing them: who is on the cable, in which place, with which addresses and in which state.
+//! A search for SubDevices that does not change them: which devices are on the cable, at which position, with which
+//! addresses and in which state.
 //!
 //! ethercrab's own way of finding devices takes all of them to INIT and gives them new station addresses. A search must
 //! not do that, so it addresses them by their position, reads registers, and writes only to the EEPROM interface, whose
@@ -15,7 +16,7 @@ use crate::script::{Scripted, with_main_device};
 use crate::sii::{Identity, Sii, Unreadable};
 use crate::time;
 
-/// Most devices of a listing. More on one cable must be forged.
+/// Largest number of devices of a listing. More on one cable must be forged.
 const MOST_DEVICES: u16 = 1024;
 
 /// How often a frame that does not come back is sent once more.

@@ -1,4 +1,4 @@
-//! A device as it stands on a cable: what it is, and what is its own.
+//! A device on a cable: its description, and what belongs to this device alone.
 
 use machine::Duration;
 

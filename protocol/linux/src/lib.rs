@@ -1,11 +1,11 @@
 //! Ports and the real-time driver: what runs a [`machine::Machine`] on Linux.
 //!
-//! From the bottom up: an [`Interface`] is a network interface by name; an [`OpenPort`] is a socket on it that a
-//! machine knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a
-//! [`CyclicThread`] runs that loop on a thread of its own, with real-time scheduling where the host allows it, and
-//! talks to other threads over wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one
-//! host, also for an ordinary user; [`impaired`] makes a cable that loses, delays, doubles or corrupts frames.
-//! [`Recorder`] writes the frames that pass an interface into a capture.
+//! From the bottom up: an [`Interface`] is a network interface by name; an [`OpenPort`] is a socket on it that a machine
+//! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a [`CyclicThread`] runs
+//! that loop on a thread of its own, with real-time scheduling where the host allows it, and talks to other threads over
+//! wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, also for an ordinary user;
+//! [`impaired`] makes a cable that loses, delays, duplicates or corrupts frames. [`Recorder`] writes the frames that pass
+//! an interface into a capture.
 //!
 //! This is the only crate of the workspace with `unsafe` code.
 

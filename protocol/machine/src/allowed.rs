@@ -1,11 +1,11 @@
-//! The peers that may connect to a station or be connected to, where its owner lists them.
+//! The peers that a station may connect to or be connected by, if its owner lists them.
 
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
 use crate::ethernet::Mac;
 
-/// A peer, by whatever is listed of it. The sender of a frame can forge each of them.
+/// What is listed of a peer. The sender of a frame can forge each of these values.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Peer {
     /// IP address.

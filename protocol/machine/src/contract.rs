@@ -54,7 +54,7 @@ pub struct Transmit {
     pub len: usize,
 }
 
-/// A machine's own number for a TCP connection that it makes, to tell it from others that it makes.
+/// A machine's own number for a TCP connection that it opens, which distinguishes it from its others.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
 pub struct Attempt(pub u16);
 
@@ -88,9 +88,9 @@ pub enum StreamRequest {
 
 /// A protocol endpoint, a PLC or a robot: plain state without clock, socket, thread or async.
 ///
-/// There are four kinds of methods. *Getters* change nothing. *Handlers* (`handle_*`) bring in what happened.
-/// *Commands* (any other `&mut self` method) bring in what the owner wants. *Polls* (`poll_*`) return what follows
-/// from it.
+/// There are four kinds of methods. *Getters* change nothing. *Handlers* (`handle_*`) report what happened to the
+/// machine. *Commands* (any other `&mut self` method) tell it what the owner wants. *Polls* (`poll_*`) return what
+/// follows.
 ///
 /// The order: after one handler or command, call [`poll_transmit`](Self::poll_transmit), then
 /// [`poll_stream`](Self::poll_stream), then [`poll_event`](Self::poll_event), each until it returns `None`, then read
@@ -157,8 +157,8 @@ pub trait Machine {
     fn poll_timeout(&self) -> Option<Instant>;
 }
 
-/// Implements what a [`Machine`] asks the driver for, ports, connections, DSCP and groups, as a field of it has it. For a machine
-/// around another one:
+/// Implements what a [`Machine`] asks the driver for (ports, connections, DSCP, groups) by passing on what one of its
+/// fields asks for. For a machine that contains another one:
 ///
 /// ```
 /// use machine::{Instant, Machine, Source, Transmit};

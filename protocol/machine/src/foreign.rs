@@ -1,4 +1,4 @@
-//! Requests for what only the owner of a connection may ask for, from somebody else: refused, and reported.
+//! Requests that only the owner of a connection may make, sent by somebody else: they are refused and reported.
 
 use core::fmt;
 use core::net::Ipv4Addr;
@@ -40,7 +40,7 @@ pub enum Requested {
     Step,
     /// A record or an attribute written.
     Write,
-    /// A record read by the right of the owner's connection.
+    /// A record read that needs the right of the owner's connection.
     Read,
     /// Another station name.
     Name,

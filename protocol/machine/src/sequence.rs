@@ -1,5 +1,5 @@
-//! The place of a receiver in a stream of numbered frames: which frames are newer than all before, and how a receiver
-//! finds its place again after a single frame with a wrong number.
+//! The position of a receiver in a stream of numbered frames: which frames are newer than all before, and how the
+//! receiver finds its position again after a single frame with a wrong number.
 
 use crate::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use crate::{Duration, Instant};
 pub struct Numbering {
     /// All bits of a number.
     pub mask: u32,
-    /// Largest distance at which a frame is newer; beyond it the frame is older.
+    /// Largest distance at which a frame counts as newer; beyond it the frame counts as older.
     pub newer: u32,
     /// Largest distance at which a newer frame is accepted at once, besides what the time since the last frame allows.
     pub slack: u32,
@@ -35,7 +35,7 @@ struct Last {
     at: Instant,
     /// When it was due, by the frames before it.
     due: Instant,
-    /// It did not come before it was due: the sender is not behind it.
+    /// Whether it did not come before it was due, so that the sender is not behind it.
     is_timely: bool,
 }
 

@@ -7,7 +7,7 @@ pub use core::time::Duration;
 
 /// A point in time: nanoseconds since an origin that the driver chooses. It has no `now()`.
 ///
-/// The clock is monotonic. Two nodes have two clocks; an `Instant` of one means nothing to the other.
+/// The clock is monotonic. Two nodes have two clocks, so an `Instant` of one must not be compared with one of the other.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Instant(u64);
 

@@ -1,4 +1,4 @@
-//! One node's endpoint on whichever bus its setup names.
+//! One node's endpoint on the bus that its setup names.
 
 use core::fmt;
 use core::net::Ipv4Addr;
@@ -22,7 +22,7 @@ pub enum Endpoint<P, E, C> {
     Ethercat(C),
 }
 
-/// Evaluates an expression for the endpoint that there is.
+/// Evaluates an expression for the endpoint of the setup's bus.
 macro_rules! on {
     ($endpoint:expr, $bus:ident => $value:expr) => {
         match $endpoint {

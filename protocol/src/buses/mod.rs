@@ -1,4 +1,4 @@
-//! The stacks' endpoints as [`Fieldbus`](crate::fieldbus::Fieldbus): what carries the image on each bus.
+//! The stacks' endpoints as [`Fieldbus`](crate::fieldbus::Fieldbus): how each bus carries the image.
 
 mod assemblies;
 mod endpoint;
@@ -10,7 +10,7 @@ pub use endpoint::Endpoint;
 pub use process_data::EthercatSubDevice;
 pub use submodules::ProfinetController;
 
-/// Implements [`machine::Machine`] for an endpoint with one connection: all of its methods but that for events.
+/// Implements [`machine::Machine`] for an endpoint with one connection: all methods except the one for events.
 macro_rules! machine_with_one_connection {
     ($endpoint:ident, $machine:ident) => {
         impl machine::Machine for $endpoint {

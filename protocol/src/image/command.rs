@@ -75,8 +75,8 @@ pub struct Command {
     pub number: u16,
     /// The skill to execute.
     pub skill: Skill,
-    /// Override in % of every velocity, 0..=100. At 0 the arm stops on its path, and a higher one lets it go on. It may
-    /// change at any time; one above 100 is refused, and the last one stands.
+    /// Override in % of every velocity, 0..=100. At 0 the arm stops on its path; a higher one lets it continue. It may
+    /// change at any time; a value above 100 is refused, and the last valid one stays in effect.
     pub override_percent: u8,
     /// Total motions of this skill: the paper's `totalNo`.
     pub total: u32,

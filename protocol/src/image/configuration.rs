@@ -1,4 +1,4 @@
-//! Configuration of an arm at a Cartesian target, which it can reach in several ways.
+//! Configuration of an arm at a Cartesian target, which selects one of several ways to reach it.
 
 use core::fmt;
 

@@ -44,8 +44,8 @@ bits! {
         AT_REST = 4,
         /// Drives are on: `enable` is set and nothing prevents motion.
         ENABLED = 5,
-        /// Nothing ended, but the error number says what the robot does not take over: an override above 100 %. Never
-        /// together with `ERROR`; goes by itself when its cause has gone.
+        /// Nothing ended, but the error number says what the robot refuses: an override above 100 %. Never set together
+        /// with `ERROR`; cleared when its cause is gone.
         WARNING = 6,
     }
 }

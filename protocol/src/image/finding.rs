@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::ErrorNumber;
 
-/// The quantity that an [`ErrorNumber`] speaks of, as it was found and within which limits it must be.
+/// The quantity that an [`ErrorNumber`] refers to: its value and the limits that it must keep.
 ///
 /// What `index`, `value`, `lower` and `upper` mean follows from the number; [`Finding::in_words`] says it in words.
 ///

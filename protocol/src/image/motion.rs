@@ -68,7 +68,7 @@ pub struct Motion {
     /// The intermediate point of a circle in mm, or the force in N; otherwise zero. Only kinds that
     /// [have one](MotionKind::has_auxiliary) carry it.
     pub auxiliary: [f32; 3],
-    /// Configuration in which the arm reaches a Cartesian target; none is the one nearest to where the arm comes from.
+    /// Configuration in which the arm reaches a Cartesian target; `None` is the one nearest to the arm's present joints.
     /// Only kinds without an auxiliary point or force carry it.
     pub configuration: Option<Configuration>,
     /// Path velocity in 0.1 mm/s; for PTP 0.01 % of the rated axis speeds.
@@ -109,7 +109,7 @@ impl Motion {
     /// Parses the 44 bytes.
     pub fn parse<O: ByteOrder>(reader: &mut Reader<'_, O>) -> Result<Self, Truncated> {
         let slot = reader.array::<MOTION_LEN>()?;
-        // The kind comes after what it decides about.
+        // The kind stands behind the fields whose meaning depends on it.
         let [.., kind, frames] = slot;
         let mut motion = Self { kind: kind.into(), tool: frames >> 4, base: frames & 0x0F, ..Self::EMPTY };
         let mut fields = Reader::<O>::new(&slot);

@@ -1,4 +1,4 @@
-//! The byte order of a bus, as a value: nodes read and write their images in the order that their bus has.
+//! The byte order of a bus, as a value: nodes read and write their images in the order of their bus.
 
 use machine::wire::{BigEndian, LittleEndian, Truncated};
 

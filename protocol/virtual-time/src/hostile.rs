@@ -140,7 +140,7 @@ impl Stranger {
             (Port::Udp(_), Some(to)) => Port::Udp(to.port()),
             (port, _) => port,
         };
-        // Cyclic frames are many and alike: of the frames of one kind a few are enough.
+        // There are many cyclic frames of one kind, so a few of each kind are enough.
         let mut pool: Vec<(Port, Vec<u8>)> = Vec::new();
         for sent in heard {
             let alike = |(other, frame): &&(Port, Vec<u8>)| {

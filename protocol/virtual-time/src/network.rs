@@ -1,4 +1,4 @@
-//! Any number of machines on one switch, in virtual time: for what concerns more stations than the two of a
+//! Any number of machines on one switch, in virtual time, for tests with more stations than the two of a
 //! [`Pair`](crate::Pair). All have the same clock, and every frame arrives after the same delay.
 
 use alloc::collections::VecDeque;

@@ -149,7 +149,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         let answers = self.station(from.other()).address == Some(*to.ip());
         self.streams.open.push(Stream::new(id, (from, attempt)));
         let Some(source) = source.filter(|_| answers) else {
-            // There is nobody to refuse it, so the attempt times out.
+            // No host is there to refuse it, so the attempt times out.
             return self.in_flight.push(self.now + TIMEOUT, from, Delivery::Closed(id));
         };
         if listens == Some(to.port()) {
@@ -382,7 +382,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Side::A => self.a.handle_stream(local, id, change),
             Side::B => self.b.handle_stream(local, id, change),
         }
-        // What the machine still says to a connection that is gone, goes nowhere.
+        // Bytes of a machine for a connection that is gone are dropped.
         if let Some(stream) = self.streams.get(id).filter(|_| is_end) {
             *stream.ended(side) = true;
         }

@@ -1,4 +1,5 @@
-//! What one skill did, for whoever verifies a run: which motions, at which override, from which joints to which.
+//! Account of what one skill did, for the verification of a run: which motions, at which override, from which joints to
+//! which.
 
 use protocol::image::{Skill, Sum};
 use serde::{Deserialize, Serialize};

@@ -15,7 +15,7 @@ use crate::arm::Violation;
 pub enum RobotEvent {
     /// News of the connection.
     Link(LinkEvent),
-    /// All images of the PLC have wrong checks, or no longer so.
+    /// Whether all images of the PLC have wrong checks; reported when this changes.
     ImagesAltered(bool),
     /// The drives do not follow the set-points any more.
     DrivesFailed(DriveError),
@@ -45,7 +45,7 @@ pub enum RobotEvent {
         /// What it did.
         account: Account,
     },
-    /// A motion was run to an exact stop because its successor was not there at its decision point.
+    /// A motion ended in an exact stop because the next motion had not arrived at its decision point.
     BlendSuppressed {
         /// Which motion of the skill, counted from 0.
         motion: u32,

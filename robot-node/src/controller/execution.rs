@@ -1,4 +1,4 @@
-//! One skill from the moment the interpreter takes it up: where its motions come from and how far it is.
+//! One skill from the moment at which the interpreter accepts it: where its motions come from, and how far it is.
 
 use core::time::Duration;
 
@@ -24,7 +24,7 @@ const CHECKS_BESIDE_A_MOTION: u32 = 2;
 pub(super) enum Source {
     /// Slot 0 of the command image: a single motion of this kind.
     Single(MotionKind),
-    /// The slots of the command image, filled again and again.
+    /// The slots of the command image, which the PLC refills.
     Slots,
     /// The program store: the index of a program in it.
     Program(usize),
@@ -192,9 +192,9 @@ impl Execution {
         self.check = Check { next: self.accepted, from: end };
     }
 
-    /// Checks some more motions that are there but not on the path yet: those of a program, and those in the slots
+    /// Checks some more motions that have arrived but are not on the path yet: those of a program, and those in the slots
     /// behind a LIN force, as if it ended at its target. `took_one` says that this cycle has put a motion on the path.
-    /// True when there is nothing left to check.
+    /// Returns true when there is nothing left to check.
     pub(super) fn check_ahead(
         &mut self,
         took_one: bool,

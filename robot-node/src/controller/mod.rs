@@ -8,17 +8,17 @@
 //!    '-- halt, enable taken back, connection lost, error: stop on the path first
 //! ```
 //!
-//! A skill costs time besides its motion. The interpreter notices a command after a time evenly spread over its
-//! quantum, drawn anew for every call: it runs free against the interpolation, so that calls meet it at any phase. (On
-//! a fixed grid the calls of one run would all meet it at one phase and pay one quantum in all; the paper's MAD of
-//! single skills, which grows with the number of calls, contradicts that.) Then half of the overhead passes before
-//! the motion, and half after it until the arm has settled: only the sum can be identified from the paper. Motions
-//! within a program or a MoveContinuous pay neither. A MoveContinuous may need some cycles more than a program before its
-//! first motion.
+//! A skill takes time besides its motion. The interpreter notices a command after a time that is evenly distributed over
+//! its quantum and drawn again for every call: it is not synchronised with the interpolation, so a call may come at any
+//! phase. (On a fixed grid the calls of one run would all meet it at one phase and pay one quantum in all; the paper's
+//! MAD of single skills, which grows with the number of calls, contradicts that.) Half of the overhead passes before the
+//! motion, and half after it until the arm has settled; only the sum can be identified from the paper. Motions within a
+//! program or a MoveContinuous have neither. A MoveContinuous may need some cycles more than a program before its first
+//! motion.
 //!
-//! The robot's digital outputs, which the PLC reads as inputs, have two who switch them: a program of the robot, and
-//! the PLC by a change of a bit of its own outputs. The last one counts. A lost connection switches nothing: a gripper
-//! must not drop its part.
+//! Both a program of the robot and the PLC, by a change of a bit of its own outputs, switch the robot's digital outputs,
+//! which the PLC reads as inputs. The last change counts. A lost connection switches nothing: a gripper must not drop its
+//! part.
 
 mod account;
 mod drives;
@@ -68,7 +68,7 @@ struct Pending {
     noticed_at: Instant,
 }
 
-/// The robot controller. It lives by [`tick`](Self::tick), once every robot cycle.
+/// The robot controller. Its owner calls [`tick`](Self::tick) once every robot cycle.
 #[derive(Clone, Debug)]
 pub struct Controller {
     config: RobotConfig,
@@ -77,14 +77,14 @@ pub struct Controller {
     interpolator: Interpolator,
     observer: Observer,
     state: State,
-    /// The last command number that was taken up or refused; none until the first image of a connection, whose
-    /// number is an old one.
+    /// The last command number that was accepted or refused; `None` until the first image of a connection, whose number
+    /// is an old one.
     last_number: Option<u16>,
     pending: Option<Pending>,
     execution: Option<Execution>,
     /// The LIN force that waits for its turn, runs, or holds its force.
     press: Option<press::Press>,
-    /// What the surfaces push the tool with, in N along the root's axes, as of the last tick.
+    /// Force of the surfaces on the tool, in N along the root's axes, as of the last tick.
     contact: [f64; 3],
     /// The robot's digital outputs.
     outputs: u16,
@@ -99,9 +99,9 @@ pub struct Controller {
     hold: bool,
     /// The override, 0…1.
     factor: f64,
-    /// The override in the command image, if it is none that there can be.
+    /// The override in the command image, if it is above 100 %.
     wrong_override: Option<u8>,
-    /// No image of the PLC is as it was sent.
+    /// Whether all images of the PLC were altered.
     images_altered: bool,
     /// What the drives last reported; `None` for joints that are at once where they are set.
     drives: Option<DriveReport>,
@@ -312,7 +312,7 @@ impl Controller {
             return;
         }
         if !self.interpolator.is_at_rest() {
-            // It held a force against a surface that moves, or brakes: the motion starts where the arm stands.
+            // The arm held a force against a moving surface, or braked: the motion starts where the arm stands.
             self.press = None;
             return;
         }

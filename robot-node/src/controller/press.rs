@@ -1,21 +1,20 @@
 //! LIN force: along a line until the contact force is reached, and then holding it.
 //!
-//! The arm is led cycle by cycle, with one law for approach and contact: its velocity along the line is the least of
+//! The arm is moved cycle by cycle, by one law for approach and contact. Its velocity along the line is the smallest of
 //!
 //! - what is programmed, by the override,
-//! - what it can stop from within the rest of the line,
+//! - the velocity from which it can stop within the rest of the line,
 //! - in contact, what it can stop from before the force is reached on the stiffest surface that it is set for, and
 //! - in contact, the admittance: [`SHARE`] of what would reach that force on that surface within one cycle.
 //!
-//! On a surface of stiffness k the last one makes the force's error shrink by the factor 1 − `SHARE`·k/k_stiffest a
-//! cycle, so the loop is stable and does not overshoot for every k up to the stiffest, and is the slower the softer
-//! the surface is. What the arm can stop from is reckoned with [`JERK_SHARE`] of the jerk that it has: the rest is
-//! left to follow that curve. Velocity, acceleration and jerk along the line keep their limits all the time, and so
-//! every axis keeps its own.
+//! On a surface of stiffness k the last one reduces the error of the force by the factor 1 − `SHARE`·k/k_stiffest per
+//! cycle. So the loop is stable and does not overshoot for any k up to the stiffest; a softer surface makes it slower.
+//! Stops are computed with [`JERK_SHARE`] of the arm's jerk; the rest is needed to follow that curve. Velocity,
+//! acceleration and jerk along the line keep their limits all the time, and so every axis keeps its own.
 //!
 //! *Done* means: the force was within its tolerance for the whole settling time, and the arm came to rest. It is held
-//! from then on, also in `Ready`, until the robot takes up the next motion, halts or loses its connection; then the
-//! arm stays where it is. Held or not, it never leaves the line. An end of the line without the force is an error.
+//! from then on, also in `Ready`, until the robot starts the next motion, halts or loses its connection; then the arm
+//! stays where it is. Held or not, it never leaves the line. An end of the line without the force is an error.
 
 use protocol::image::{Motion, MotionKind};
 
@@ -23,19 +22,20 @@ use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance, dot, len
 use crate::motion::{Curve, Limits, Segment, next_change};
 use crate::{ForceControl, RobotConfig};
 
-/// The share of the way to the wanted force, on the stiffest surface, that one cycle goes.
+/// Share of the remaining path to the programmed force, on the stiffest surface, that one cycle covers.
 const SHARE: f64 = 0.25;
 
-/// The share of the jerk that stops are reckoned with.
+/// Share of the jerk with which stops are computed.
 const JERK_SHARE: f64 = 0.25;
 
 /// Cycles from the one that enters a surface to the first one that is slowed by what was felt there, and one more.
 const BLIND_CYCLES: f64 = 2.0;
 
-/// How far the force may point away from the line, in degrees: what rounding of frames may leave.
+/// Largest angle between force and line, in degrees; rounding of frames causes less.
 const MOST_ASTRAY_DEG: f64 = 5.0;
 
-/// Nearer than this, in mm, is at an end of the line. The way left would get ever less and never end otherwise.
+/// Distance in mm at which the arm counts as being at an end of the line. Without it, the remaining path would shrink
+/// forever.
 const AT_END_MM: f64 = 1e-3;
 
 /// Where a press stands.
@@ -192,7 +192,7 @@ impl Press {
 
     fn wanted_speed(&self, share: f64, pressing_n: f64) -> f64 {
         let missing_n = self.wanted_n - pressing_n;
-        // Half of the tolerance, so that it rests well within it.
+        // Half of the tolerance, so that the force settles well within it.
         if missing_n.abs() <= self.control.tolerance_n / 2.0 {
             return 0.0;
         }
@@ -230,7 +230,7 @@ impl Press {
         if is_at_rest && f64::from(self.settled) * self.cycle_s >= self.control.settling.as_secs_f64() {
             return Outcome::Reached;
         }
-        // Where there is too much of it, the line has its other end.
+        // With too much force the arm moves back, towards the other end of the line.
         let way_mm = if found_n > self.wanted_n { 0.0 } else { self.curve.length() };
         let is_there = (way_mm - self.way).abs() < AT_END_MM && self.speed.abs() < AT_END_MM / self.cycle_s;
         if is_there && !within {

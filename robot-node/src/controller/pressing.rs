@@ -1,4 +1,4 @@
-//! What happens where a path ends: a LIN force takes over, a program switches an output, or the skill is over.
+//! What happens at the end of a path: a LIN force begins, a program switches an output, or the skill ends.
 
 use machine::Instant;
 
@@ -165,7 +165,7 @@ mod tests {
                 assert!((force - 25.0).abs() < 4.0, "{force} N");
             }
         }
-        // At override 0 it stops and follows nothing.
+        // At override 0 it stops and does not follow the surface.
         command.override_percent = 0;
         (0..50).for_each(|_| tick(&mut controller, &command));
         let joints = *controller.joints();

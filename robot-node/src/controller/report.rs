@@ -1,4 +1,4 @@
-//! What the controller tells: the feedback image's values and events.
+//! What the controller reports: the values of the feedback image, and events.
 
 use machine::Instant;
 use protocol::image::{Command, Control, ErrorNumber, Feedback, Finding, Status};

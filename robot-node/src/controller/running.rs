@@ -1,4 +1,4 @@
-//! The skill that runs, cycle by cycle: its motions taken and driven, until it ends.
+//! The running skill, cycle by cycle: its motions are accepted and executed until it ends.
 
 use core::time::Duration;
 
@@ -34,7 +34,7 @@ impl Controller {
                     None => execution.phase = Phase::Driving,
                 }
             }
-            // The motion starts at this tick: the next one finds the arm a cycle further.
+            // The motion starts at this tick: at the next one the arm is a cycle further.
             self.rest();
         } else if let Phase::Waiting { until } = execution.phase {
             self.rest();
@@ -53,7 +53,7 @@ impl Controller {
             self.drive(at, &mut execution);
         }
         self.observer.look(&self.config.arm, &self.interpolator);
-        // A command that was refused meanwhile has the image to itself.
+        // The image shows a command that was refused meanwhile.
         if self.feedback.number == execution.number {
             self.feedback.executed = self.executed(&execution);
             self.feedback.accepted = execution.accepted;
@@ -147,7 +147,7 @@ impl Controller {
         }
     }
 
-    /// Ends what runs, on the path; without a skill the state alone changes, and with a cancel not even that.
+    /// Stops the running skill on its path. Without a skill only the state changes, and after a cancel not even that.
     pub(super) fn give_up(&mut self, at: Instant, ending: Ending) {
         self.pending = None;
         let Some(mut execution) = self.execution else {
@@ -158,7 +158,7 @@ impl Controller {
             return;
         };
         match execution.phase {
-            // What asks for a reset counts more than what does not.
+            // An ending that needs a reset takes precedence over one that does not.
             Phase::Stopping(Ending::Cancelled) => {
                 execution.phase = Phase::Stopping(ending);
                 self.execution = Some(execution);

@@ -110,7 +110,7 @@ pub(crate) fn figure(
     Ok(svg.replace('\n', ""))
 }
 
-/// Gives the circles of a figure, in the order in which they were drawn, what the pointer shows over them.
+/// Adds a tooltip to each circle of a figure, in the order in which they were drawn.
 pub(crate) fn with_tooltips(svg: &str, mut tooltips: impl Iterator<Item = String>) -> String {
     let mut parts = svg.split("<circle ");
     let mut told = parts.next().unwrap_or_default().to_owned();

@@ -1,7 +1,7 @@
-//! A run as `motion.mcap`: the arm's joints, the way of its tool and the speed along it, as Foxglove and Rerun play it.
+//! A run as `motion.mcap`: the arm's joints, the path of its tool and the speed along it, for Foxglove and Rerun.
 //!
-//! The messages are ROS 2's, since those are the ones that both know as joints and poses; messages in JSON Rerun shows as
-//! text. The first repetitions of the types stand beside each other, each from its start edge on, which is time zero:
+//! The messages are those of ROS 2, because both programs show them as joints and poses; Rerun shows messages in JSON as
+//! text. Time zero of each type is the start edge of its first repetition, so that the types play side by side:
 //!
 //! ```text
 //! /rc/joint_states      sensor_msgs/JointState     every robot cycle, in rad and rad/s, m and m/s on a linear axis

@@ -1,5 +1,5 @@
-//! The pages of a run: its report, to read, print and send, and the race, which moves. Each is one file without anything
-//! from elsewhere; the report has no scripts.
+//! The pages of a run: the report, which can be read, printed and sent, and the race, which is animated. Each page is one
+//! file that loads nothing else; the report has no scripts.
 //!
 //! ```text
 //! run        what a run directory holds

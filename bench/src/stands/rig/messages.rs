@@ -216,7 +216,7 @@ impl Rig {
                 | RigError::Detached { .. }),
             ) => better,
             Err(RigError::NoAnswer { role, .. }) => {
-                // It had its time to answer; the end of the rig need not wait for it again.
+                // It has already had its time to answer, so the rig does not wait for it again when it ends.
                 self.node(role).into_iter().for_each(Node::kill);
                 error
             }

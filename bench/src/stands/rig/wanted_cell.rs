@@ -23,7 +23,7 @@ impl WantedCell<'_> {
             Ok(differences) => differences,
             Err(error) => return Some(error.to_string()),
         };
-        // Where the application's file is, each side says for itself; how frames travel, the PLC decides.
+        // Each side has its own path of the application's file, and the PLC decides how frames are sent.
         let is_free = |key: &str| key == "application" || key == CYCLIC && role == NodeRole::Robot;
         let of_setup = differences.into_iter().find(|difference| !is_free(&difference.key));
         of_setup.map(|difference| in_words("setup", difference)).or_else(|| {

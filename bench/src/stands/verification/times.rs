@@ -1,4 +1,4 @@
-//! How the PLC's time of a repetition and the robot's belong together: the cycles between the two, and what delayed them.
+//! By how much the PLC's time of a repetition may exceed the robot's: the cycles between both, and what delayed them.
 
 use std::time::Duration;
 

@@ -34,7 +34,7 @@ const CONNECT: Duration = Duration::from_secs(60);
 /// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
-/// The setup asks its bus for another robot than the one that is there.
+/// The bus found another robot than the setup describes.
 #[derive(Debug, thiserror::Error)]
 #[error("no connection to the robot: {0}")]
 pub(super) struct OtherRobot(String);
@@ -151,8 +151,8 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         &self.pair
     }
 
-    /// Returns the PLC's next event up to `until` in true time. Meanwhile it does what a station's owner would, it
-    /// sets addresses, and it makes the changes of the faults.
+    /// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask
+    /// for, and applies the changes of the faults.
     pub(crate) fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
         loop {
             let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
@@ -322,8 +322,8 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     }
 }
 
-/// Returns the PLC's next event up to `until` in true time. Meanwhile it does what a station's owner would, it sets
-/// addresses, and adds what the robot reports of its skills to `moved`.
+/// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask for,
+/// and adds the robot's reports on its skills to `moved`.
 fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,

@@ -230,8 +230,8 @@ impl VirtualRun {
     }
 }
 
-/// Plans an application and executes a whole schedule of it without progress output, run directory or interrupts. The paper's
-/// figures do not stand beside the results.
+/// Plans an application and executes a whole schedule of it without progress output, run directory or interrupts. The
+/// results are not compared with the paper.
 ///
 /// # Errors
 ///

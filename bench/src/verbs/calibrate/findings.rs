@@ -47,7 +47,7 @@ pub struct Calibration {
     pub found: Vec<Found>,
     /// What the setup reaches, over all seeds.
     pub reached: Vec<(Figure, Estimate)>,
-    /// What else RC's AET depends on.
+    /// How RC's AET depends on programmed speed and acceleration.
     pub speed: Speed,
     pub(super) paper: Paper,
     pub(super) conditions: Conditions,
@@ -102,7 +102,7 @@ impl Calibration {
         format!("`bench calibrate` on {figures}, {seeds} seeds: {interval}{assumed}")
     }
 
-    /// Returns by how much more speed a hundredth more acceleration is balanced, in words.
+    /// Returns a sentence on how much speed has the same effect as one percent of acceleration.
     fn beside_acceleration(&self) -> String {
         let Speed { by_velocity_ms, by_acceleration_ms, .. } = self.speed;
         if by_velocity_ms >= -0.05 {

@@ -1,38 +1,38 @@
-//! Finds the value of a number with which figures come out.
+//! Finds the value of a number with which the model reproduces figures.
 //!
 //! An AET goes up in steps, because motions start and end with a robot cycle: those of SM, which has many motions of one
-//! length, are of several cycles. So the figures are measured at a few values around the wanted one, and a straight line
-//! through them says where they are met, and how much each depends on the number. Which value near it meets an AET best,
-//! only a measurement tells.
+//! length, are of several cycles. So the figures are measured at a few values around the wanted one. A straight line
+//! through them gives the value at which they are met, and how much each figure depends on the number. Further
+//! measurements find the value near it that meets an AET best.
 
 use anyhow::bail;
 
 use super::figure::Figure;
 use crate::records::distance::Estimate;
 
-/// Values at which the figures are measured, on either side of the middle one; for MADs, which have no steps and need more
-/// repetitions, one.
+/// Number of values on either side of the middle one at which the figures are measured; for MADs, which have no steps and
+/// need more repetitions, one.
 const EITHER_SIDE: i32 = 2;
 
-/// The measured values reach so many errors of a figure from the middle one: several steps of an AET.
+/// Distance of the outermost measured values from the middle one, in errors of a figure: several steps of an AET.
 const REACH: f64 = 8.0;
 
-/// A value is rounded by so much of what it is known to, at most.
+/// Largest rounding of a value, as a share of the accuracy to which it is known.
 const ROUNDED_BY: f64 = 0.5;
 
-/// A value that meets a figure with steps is looked for within so many errors of the line's value, and the interval is halved
-/// so often.
+/// Width of the search for a value that meets a figure with steps, in errors around the line's value, and number of times
+/// that the interval is halved.
 const TRIED: f64 = 2.0;
 const HALVINGS: usize = 7;
 
-/// They reach from a thousandth to a quarter of the number's value.
+/// Smallest and largest distance of the measured values from the middle one, as shares of the number's value.
 const NARROWEST: f64 = 1e-3;
 const WIDEST: f64 = 0.25;
 
-/// A value is looked for in so many lines.
+/// Largest number of lines for one value.
 const ROUNDS: usize = 12;
 
-/// A figure and what it is to be, with what it is known to.
+/// A figure with its wanted value and the error of that.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Target {
     /// The figure.

@@ -8,8 +8,8 @@
 //! write      these lines into a setup's file
 //! ```
 //!
-//! Each figure depends on one number more than on the others, so the numbers are found in turn. Only those are changed that
-//! the setup calls calibrated; of the others the figures' opinion is printed.
+//! Each figure depends on one number more than on the others, so the numbers are found one after another. Only numbers
+//! that the setup marks as calibrated are changed; for the others the value that the figures suggest is printed.
 
 mod figure;
 mod findings;
@@ -37,10 +37,11 @@ use crate::verbs::setup_option::SetupOption;
 use findings::Conditions;
 use fit::Target;
 
-/// Seeds of a calibration: its own error is then small beside the paper's.
+/// Number of seeds of a calibration: with this many, its own error is small compared with the paper's.
 const SEEDS: u32 = 32;
 
-/// Speed and cost of a call take a little of each other's figure: each round takes back what the other did.
+/// Number of rounds: speed and cost of a call both affect the same figures, and each round corrects the effect of the
+/// other number.
 const ROUNDS: usize = 2;
 
 /// A programmed speed from which the right one is found where the setup's own is on a plateau, in %.

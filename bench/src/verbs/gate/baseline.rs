@@ -1,4 +1,4 @@
-//! The committed figures of a setup, and which file is refused as such.
+//! The committed figures of a setup, and which files are refused as a baseline.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub const BASELINES: &[(&str, &str)] = &[
     ("D", include_str!("../../../baselines/D.json")),
 ];
 
-/// Half of the millisecond that must not pass unseen.
+/// Half of the millisecond that the gate must detect.
 const MILLIS_TOLERANCE: f64 = 0.5;
 
 /// Half a millisecond's frames at a cycle of 1 ms, both ways, over the three types.
@@ -47,7 +47,7 @@ pub struct Baseline {
     pub reps: u32,
     /// Seed of the run.
     pub seed: u64,
-    /// What came out.
+    /// The figures of the run.
     pub figures: Vec<Expected>,
 }
 

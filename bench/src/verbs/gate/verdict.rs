@@ -9,9 +9,9 @@ use crate::records::schedule::repetitions;
 /// How one figure compares.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Change {
-    /// What the baseline has; none for a figure that it does not know.
+    /// The baseline's value; `None` for a figure that the baseline does not have.
     pub expected: Option<Expected>,
-    /// What the run gave; none for a figure that it does not have. Its tolerance means nothing.
+    /// The run's value; `None` for a figure that the run does not have. Its tolerance is not used.
     pub found: Option<Expected>,
 }
 

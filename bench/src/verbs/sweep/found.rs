@@ -1,4 +1,4 @@
-//! What a sweep comes to, in sentences with the figures in them.
+//! The results of a sweep as sentences.
 
 use super::table::{depths, percent, slots};
 use super::{Point, Sweep};

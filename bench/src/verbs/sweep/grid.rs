@@ -1,4 +1,4 @@
-//! The runs of a sweep and what comes of them.
+//! The runs of a sweep and their results.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use crate::verbs::jobs;
 /// so that RC and CM start alike. Both pay it once, and it is taken off again.
 const OVERHEAD_US: u32 = 200_000;
 
-/// From this share on CM counts as slower than RC: below it lies what a robot cycle does to a run.
+/// Share of RC's time from which on CM counts as slower; smaller differences come from the robot's cycle.
 const SLOWER: f64 = 0.01;
 
 /// What is varied.
@@ -37,7 +37,7 @@ pub struct Grid {
     pub seed: u64,
 }
 
-/// What one point of the grid came to.
+/// The result of one point of the grid.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Point {
     /// Slots in use.
@@ -91,14 +91,14 @@ impl Point {
     }
 }
 
-/// One run: of RC, which knows no depth, or of CM.
+/// One run: of RC, which has no depth, or of CM.
 struct Job {
     depth: Option<u32>,
     bus_cycle_us: u32,
     length_mm: f64,
 }
 
-/// What it came to.
+/// The result of a run.
 #[derive(Clone, Copy)]
 struct Outcome {
     path_ms: f64,

@@ -4,8 +4,8 @@
 //! ```text
 //! grid        the runs: RC and CM round a square, in virtual time
 //! ├─ square      that application
-//! └─ round_trip  what must be known of a setup to say beforehand who wins
-//! found       what the grid comes to, in sentences
+//! └─ round_trip  the time from a free slot to the next motion in it
+//! found       the results of the grid as sentences
 //! table       the grid on screen, and as CSV; report::sweep draws it
 //! ```
 
@@ -101,7 +101,7 @@ fn length(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Everything that a sweep found out.
+/// The results of a sweep.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Sweep {
     /// Version of this format.

@@ -52,7 +52,7 @@ pub(crate) const END: u16 = 0x1000;
 /// Numbers of FMMUs and sync managers, as the ET1100 has.
 pub(crate) const UNITS: u8 = 8;
 
-/// What the chip has: a row of ranges, each with the bits that the MainDevice may write in each of its bytes.
+/// The registers of the chip: ranges, each with the bits that the MainDevice may write in each of its bytes.
 struct Range(u16, u16, u8);
 
 const READ: u8 = 0x00;

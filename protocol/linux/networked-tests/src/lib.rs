@@ -12,8 +12,8 @@
 //! }
 //! ```
 //!
-//! Options and output are those of the usual harness. On a host that lets no ordinary user make networks, the tests
-//! count as ignored and the reason is printed. They fail there instead for root, and where [`REQUIRED`] is set.
+//! Options and output are those of the usual harness. On a host that does not allow ordinary users to make networks, the
+//! tests count as ignored and the reason is printed. For root, and if [`REQUIRED`] is set, they fail there instead.
 
 #![expect(clippy::print_stderr, reason = "a harness tells why it does not run its tests")]
 

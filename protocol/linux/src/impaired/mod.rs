@@ -1,4 +1,5 @@
-//! A cable that loses, delays, doubles, corrupts and is cut: two veth pairs and a thread between them.
+//! A cable that loses, delays, duplicates and corrupts frames, and that can be cut: two veth pairs and a thread between
+//! them.
 //!
 //! ```text
 //!   one end ══ veth ══ │ middle: a network of its own │ ══ veth ══ other end

@@ -170,7 +170,7 @@ impl Explored {
         (robot, plc)
     }
 
-    /// Takes everything back, halts and resets: the arm must rest and the robot be ready, from wherever it was.
+    /// Withdraws all requests, halts and resets: from every state the arm must come to rest and the robot become ready.
     pub(super) fn leads_back_to_ready(&self, source: &mut MotionList) -> Self {
         let mut now = self.clone();
         (now.connected, now.enabled, now.execute) = (true, true, [false; BLOCKS]);

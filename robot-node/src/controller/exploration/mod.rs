@@ -1,9 +1,10 @@
-//! Robot and PLC together in every order of commands, losses of connection and faults, until no new state turns up.
+//! Robot and PLC together in every order of commands, losses of connection and faults, until no new state is found.
 //!
-//! A step is one scan of the PLC's function blocks (two of a skill where one waits for the other), and one robot cycle on the image that they wrote. Before each, one
-//! thing may change: `Execute` of a block rises, and falls when the block has ended; the override, to 0, to 100 % or to
-//! one that is none; `enable`; the connection; or the robot gets an old image once more, which is what a lost frame comes to. From every state all of them are tried. (All
-//! orders of `Execute` alone are the affair of the blocks' own exploration.)
+//! A step is one scan of the PLC's function blocks (two of a skill where one waits for the other), and one robot cycle on
+//! the image that they wrote. Before each, one thing may change: `Execute` of a block rises, and falls when the block has
+//! ended; the override, to 0, to 100 % or to one that is none; `enable`; the connection; or the robot gets an old image
+//! again, which is the effect of a lost frame. From every state all of them are tried. (The blocks' own exploration tries
+//! all orders of `Execute` alone.)
 //!
 //! States count as one when they differ in running numbers, or by less than [`Skills::place_mm`] in place and not in whether
 //! the arm rests: with that the exploration closes. So it is exhaustive over the discrete states and their order, not

@@ -15,9 +15,10 @@ use crate::records::trace::{PlcScan, Recording, RobotTick};
 /// Ticks that are shown at most, so that a page stays below a few MB; of a longer recording every second or third.
 const TICKS: usize = 10_000;
 
-/// A tool that is slower than this, in mm/s, stands still ...
+/// Speed of the tool in mm/s below which it counts as standing still, if it stays below for [`STILL_MS`].
 const STILL_MM_S: f32 = 1.0;
-/// ... if it does for as long as this, in ms: turning back on its path takes a cycle or two, and nobody sees that.
+/// Shortest standstill that is shown, in ms: where the tool turns back on its path it is slow for a cycle or two, which
+/// nobody sees.
 const STILL_MS: f64 = 20.0;
 
 /// Units of the columns.
@@ -125,7 +126,8 @@ fn still(ticks: &[&RobotTick]) -> Vec<[f64; 2]> {
     stretches.filter_map(ends).filter(|[from, to]| to - from >= STILL_MS).collect()
 }
 
-/// Numbers the motions of a run's commands throughout: a command has the motions of the ones before it behind it.
+/// Numbers the motions of a run across its commands: the first motion of a command follows the last one of the command
+/// before.
 #[derive(Default)]
 struct Numbering {
     command: Option<u16>,
@@ -135,7 +137,7 @@ struct Numbering {
 }
 
 impl Numbering {
-    /// Returns the motions of the commands before this one; this one has had so many so far.
+    /// Returns the number of motions of the earlier commands; `motions` is the number of motions of this command so far.
     fn before(&mut self, command: u16, motions: u32) -> u32 {
         if self.command.replace(command) != Some(command) {
             self.before += std::mem::take(&mut self.motions);

@@ -33,7 +33,7 @@ pub(super) const FILE: &str = "race.html";
 
 const TEMPLATE: &str = include_str!("race.html");
 const STYLE: &str = include_str!("race.css");
-/// In the order in which they need each other.
+/// The scripts, each after those that it uses.
 const SCRIPTS: [&str; 6] = [
     include_str!("../../../../vendor/three.min.js"),
     include_str!("../../../../vendor/uplot.min.js"),
@@ -88,7 +88,7 @@ struct Summary {
 }
 
 impl Race {
-    /// Returns what a run's recordings show, or why they show nothing and what would do.
+    /// Reads a run's recordings for the page; the error says why there are none and how to record them.
     pub(super) fn of(run: &Run) -> Result<Self, String> {
         let Some(trace) = &run.trace else { return Err(run.no_trace()) };
         let (Some(setup), Some(application)) = (&run.setup, &run.application) else {
@@ -179,7 +179,7 @@ pub(super) fn render(run: &Run) -> anyhow::Result<String> {
         style: Value::from_safe_string(format!("{LIBRARY_STYLE}\n{STYLE}")),
         scripts: race.as_ref().map(|_| scripts()).unwrap_or_default(),
         data: match &race {
-            // Within a script element only `<` could end it.
+            // Only `<` could end the script element.
             Some(race) => Value::from_safe_string(serde_json::to_string(race)?.replace('<', "\\u003c")),
             None => Value::from(()),
         },

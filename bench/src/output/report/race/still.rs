@@ -30,8 +30,8 @@ struct View {
 }
 
 impl View {
-    /// Looks from the side that the work is on, so that all these points, with so much around them, are in a picture of this
-    /// size.
+    /// Creates a view from the side of the targets in which all these points, with this margin, fit into a picture of
+    /// this size.
     fn of(
         points: &[[f64; 3]],
         around_mm: f64,
