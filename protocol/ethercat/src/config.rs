@@ -3,8 +3,8 @@
 use machine::Duration;
 
 use crate::description::Description;
+use crate::dictionary::PdoConfiguration;
 use crate::esc::LocalClock;
-use crate::pdo_configuration::PdoConfiguration;
 
 /// A device to be added to a segment.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,8 @@
 //!
 //! Entries that are mapped into process data show these; the others keep a value of their own.
 
+mod pdo_configuration;
+
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -9,7 +11,9 @@ use crate::abort_code::AbortCode;
 use crate::al::AlState;
 use crate::description::{Access, DataType, Description, Entry, Object, ObjectCode, Pdo};
 use crate::layout::Usage;
-use crate::pdo_configuration::{PdoConfiguration, configures};
+
+pub use pdo_configuration::PdoConfiguration;
+pub(crate) use pdo_configuration::configures;
 
 /// Where a value is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -9,12 +9,12 @@ use machine::{Duration, Instant};
 use crate::al::{AlState, AlStatusCode, StateMachine};
 use crate::config::DeviceConfig;
 use crate::description::Description;
+use crate::dictionary::PdoConfiguration;
 use crate::dictionary::{Dictionary, ProcessData};
 use crate::esc::{Esc, Sync};
 use crate::event::{Event, Sink};
 use crate::layout::{Layout, SyncManagerLayout, Usage};
 use crate::mailbox::{Context, Emergency, File, Mailbox};
-use crate::pdo_configuration::PdoConfiguration;
 use crate::sii_image::sii_image;
 
 /// A SubDevice.

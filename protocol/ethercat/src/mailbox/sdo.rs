@@ -13,7 +13,7 @@ use super::{Context, MailboxError, Outbox, coe, report_written};
 use crate::Reader;
 use crate::abort_code::AbortCode;
 use crate::description::{Access, ObjectCode};
-use crate::pdo_configuration::configures;
+use crate::dictionary::configures;
 
 /// Length in bytes of the largest value: longer ones are refused before memory is taken for them.
 const MAX_LEN: usize = 0x1_0000;

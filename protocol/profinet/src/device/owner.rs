@@ -52,7 +52,7 @@ impl Device {
         self.core.counters()
     }
 
-    /// Reports that the owner did what [`LinkEvent::SetAddress`] asked for, or could not.
+    /// Reports that the owner did what [`LinkEvent::SetAddress`](machine::LinkEvent::SetAddress) asked for, or could not.
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
         if self.core.station.address_set(now, done) {

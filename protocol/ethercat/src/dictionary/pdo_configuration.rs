@@ -15,8 +15,9 @@ use alloc::vec::Vec;
 use crate::abort_code::AbortCode;
 use crate::al::AlState;
 use crate::description::{Description, Pdo, PdoEntry, process_data_len};
-use crate::dictionary::Dictionary;
 use crate::layout::Usage;
+
+use super::Dictionary;
 
 /// What the MainDevice may choose of a device's process data.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
