@@ -272,6 +272,7 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .arms.a_ms
     .arms.b_as_a_ms
     .arms.b_ms
+    .bus.foreign
     .bus.frames_received
     .bus.frames_sent
     .bus.lost

@@ -9,7 +9,7 @@ use crate::output::verdicts;
 use crate::records::calibrated::figure;
 use crate::records::disturbances::Images;
 use crate::records::lateness::CycleLateness;
-use crate::records::results::{Allocations, Results};
+use crate::records::results::{Allocations, Frames, Results};
 use crate::records::schedule::repetitions;
 
 /// Largest number of disturbed repetitions that are named.
@@ -102,15 +102,7 @@ fn conditions(results: &Results) -> Vec<String> {
             });
         sentences.push(format!("Connected {after:.0} ms after the start of the nodes{allocations}."));
     }
-    let bus = results.bus;
-    let mut frames = format!(
-        "Cyclic frames: {} sent, {} received, {} lost",
-        bus.frames_sent, bus.frames_received, bus.lost
-    );
-    if bus.skipped > 0 {
-        frames += &format!("; {} cycles skipped by a node that its host held up", bus.skipped);
-    }
-    sentences.push(frames + ".");
+    sentences.push(cyclic_frames(&results.bus));
     sentences.extend(images(&results.images));
     sentences.extend(held_up(results));
     if results.repeated > 0 {
@@ -122,6 +114,21 @@ fn conditions(results: &Results) -> Vec<String> {
     sentences.extend(results.faults.as_ref().map(ToString::to_string));
     sentences.extend(results.incomplete.iter().cloned());
     sentences
+}
+
+/// Returns how many frames passed. The two directions have counts of their own: each node sends by its own clock.
+pub(super) fn cyclic_frames(bus: &Frames) -> String {
+    let Frames { frames_sent, frames_received, skipped, lost, foreign } = *bus;
+    let mut text = format!(
+        "Cyclic frames of the PLC: {frames_sent} sent to the robot, {frames_received} received from it; lost in both directions: {lost}"
+    );
+    if skipped > 0 {
+        text += &format!("; {skipped} cycles skipped by a node that its host held up");
+    }
+    if foreign > 0 {
+        text += &format!("; {foreign} frames of another connection ignored");
+    }
+    text + "."
 }
 
 /// Returns which images were altered on the way, and whose images nothing protects against that.
@@ -249,7 +256,7 @@ mod tests {
           the same motions by the same law, and one call each. The model predicts only that the PLC sends
           them in time.
           h = 0: a skill call costs nothing but its motion and the cycles it waits for.
-          Cyclic frames: 0 sent, 0 received, 0 lost.
+          Cyclic frames of the PLC: 0 sent to the robot, 0 received from it; lost in both directions: 0.
         ");
     }
 
@@ -269,6 +276,19 @@ mod tests {
             line.starts_with("  No columns of the paper: motions.velocity_percent is 50.0 and in"),
             "{line}"
         );
+    }
+
+    #[test]
+    fn the_two_directions_of_the_bus_have_counts_of_their_own_and_frames_of_others_are_named() {
+        let bus = Frames { frames_sent: 100, frames_received: 102, ..Frames::default() };
+        assert_eq!(
+            cyclic_frames(&bus),
+            "Cyclic frames of the PLC: 100 sent to the robot, 102 received from it; lost in both directions: 0."
+        );
+        let disturbed = cyclic_frames(&Frames { skipped: 2, lost: 1, foreign: 3, ..bus });
+        assert!(disturbed.ends_with(
+            "lost in both directions: 1; 2 cycles skipped by a node that its host held up; 3 frames of another connection ignored."
+        ), "{disturbed}");
     }
 
     #[test]
@@ -295,7 +315,7 @@ mod tests {
         ────────────────────────────────────────────────────────────
 
           Cycles late by p50 / p99 / max: PLC not reported; robot not reported.
-          Cyclic frames: 0 sent, 0 received, 0 lost.
+          Cyclic frames of the PLC: 0 sent to the robot, 0 received from it; lost in both directions: 0.
         ");
     }
 }

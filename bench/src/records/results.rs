@@ -212,6 +212,9 @@ pub struct Frames {
     pub skipped: u64,
     /// Sent by either node and never received.
     pub lost: u64,
+    /// Well-formed frames of another connection that either node received and ignored.
+    #[serde(default)]
+    pub foreign: u64,
 }
 
 /// Allocations of the cyclic threads once the connection was up.
@@ -307,6 +310,7 @@ impl Results {
             frames_received: health.bus.received,
             skipped: health.bus.skipped + health.robot_bus.skipped,
             lost: health.frames_lost(),
+            foreign: health.bus.foreign + health.robot_bus.foreign,
         };
         self.images = Images::of(health);
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);

@@ -13,6 +13,7 @@ use crate::output::html::document::fill_with;
 use crate::output::html::figure::Figure;
 use crate::output::progress::label;
 use crate::output::quality;
+use crate::output::table;
 use crate::output::verdicts;
 use crate::records::calibrated;
 use crate::records::ratio::Ratio;
@@ -44,7 +45,7 @@ struct Page {
     claims: Vec<verdicts::Claim>,
     ratio: Option<String>,
     suppressed: u32,
-    frames: [u64; 4],
+    frames: String,
     repeated: u32,
     quality: Vec<QualityRow>,
     quality_columns: [[&'static str; 2]; quality::COLUMNS.len()],
@@ -137,7 +138,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         claims: verdicts::claims(results),
         ratio: ratio(results),
         suppressed: results.blends_suppressed(),
-        frames: [results.bus.frames_sent, results.bus.frames_received, results.bus.lost, results.bus.skipped],
+        frames: table::cyclic_frames(&results.bus),
         repeated: results.repeated,
         quality: qualities(results),
         quality_columns: quality::COLUMNS,
