@@ -269,3 +269,61 @@ fn has_ended(feedback: &Feedback, number: u16) -> bool {
     let ends = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
     feedback.number == number && feedback.status.0 & ends != 0 && !is_executing(feedback)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Patience;
+
+    const PATIENCE: Patience = Patience { answer_scans: 5, silent_scans: u32::MAX };
+
+    /// Scans a call with what the robot sends, until it ends; returns in which scan, from 1 on, and with what error.
+    fn ends_in(
+        call: &mut SkillCall<()>,
+        group: &mut AxesGroup,
+        mode: BufferMode,
+        feedback: impl Fn(u16) -> Feedback,
+    ) -> (u32, Option<BlockError>) {
+        for scan in 1..100 {
+            group.read(Some(feedback(group.command.number)));
+            call.call(true, mode, group, || Ok(()), |_, ()| Ok(true));
+            if !call.outputs().busy {
+                return (scan, call.face.error());
+            }
+        }
+        panic!("it waits for ever")
+    }
+
+    #[test]
+    fn a_robot_that_does_not_echo_the_number_has_as_many_scans_as_the_setup_says() {
+        let (mut call, mut group) = (SkillCall::default(), AxesGroup::new(PATIENCE));
+        let ended = ends_in(&mut call, &mut group, BufferMode::Aborting, |_| Feedback::default());
+        // The first scan sends the command.
+        assert_eq!(ended, (6, Some(BlockError::NoAnswer { number: 1, scans: 5 })));
+    }
+
+    #[test]
+    fn a_robot_that_echoes_the_number_and_says_no_more_has_as_many_scans() {
+        let (mut call, mut group) = (SkillCall::default(), AxesGroup::new(PATIENCE));
+        let echo = |number| Feedback { number, ..Feedback::default() };
+        let ended = ends_in(&mut call, &mut group, BufferMode::Aborting, echo);
+        assert_eq!(ended, (6, Some(BlockError::NoAnswer { number: 1, scans: 5 })));
+    }
+
+    #[test]
+    fn a_robot_that_does_not_give_up_a_skill_is_stopped_after_as_many_scans() {
+        let mut group = AxesGroup::new(PATIENCE);
+        let busy =
+            |number| Feedback { number, status: Status::BUSY, state: State::Running, ..Feedback::default() };
+        let mut first = SkillCall::<()>::default();
+        for _ in 0..2 {
+            group.read(Some(busy(group.command.number)));
+            first.call(true, BufferMode::Aborting, &mut group, || Ok(()), |_, ()| Ok(true));
+        }
+        assert!(first.outputs().active);
+        let mut second = SkillCall::default();
+        let ended = ends_in(&mut second, &mut group, BufferMode::Aborting, busy);
+        assert_eq!(ended, (5, Some(BlockError::StateNotReached { scans: 5 })));
+        assert!(group.command.control.contains(protocol::image::Control::HALT));
+    }
+}
