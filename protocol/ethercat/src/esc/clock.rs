@@ -64,6 +64,12 @@ pub(crate) struct Clock {
     pulses: [Option<Pulses>; 2],
 }
 
+/// Returns whether a system time is still to come. It begins anew after 2^64 ns, and an offset may put it just before that.
+const fn is_ahead(time: u64, system: u64) -> bool {
+    let ahead = time.wrapping_sub(system);
+    ahead != 0 && ahead <= u64::MAX / 2
+}
+
 impl Clock {
     pub(crate) fn new(now: Instant, local: LocalClock) -> Self {
         Self {
@@ -187,7 +193,7 @@ impl Clock {
         self.pulses = [None; 2];
         // A cycle that is no longer than a pulse would be no signal.
         let pulse = (u64::from(memory.u16(PULSE_LENGTH)) * 10).max(MIN_CYCLE_NS);
-        if activation & 1 == 0 || start <= system || (1..=pulse).contains(&cycle) {
+        if activation & 1 == 0 || !is_ahead(start, system) || (1..=pulse).contains(&cycle) {
             return;
         }
         let [sync0, sync1] = &mut self.pulses;
@@ -198,7 +204,7 @@ impl Clock {
             let shift = u64::from(memory.u32(SYNC1_CYCLE));
             let skipped = shift.checked_div(cycle).unwrap_or(0);
             let period = cycle.saturating_mul(skipped + 1);
-            *sync1 = Some(Pulses { next: start.saturating_add(shift), period });
+            *sync1 = Some(Pulses { next: start.wrapping_add(shift), period });
         }
     }
 
@@ -210,8 +216,7 @@ impl Clock {
 
     /// Returns when the next SYNC signal is due.
     pub(crate) fn deadline(&self, memory: &Memory) -> Option<Instant> {
-        let next = self.pulses.iter().flatten().map(|pulses| pulses.next).min()?;
-        Some(self.instant(next, memory))
+        self.pulses.iter().flatten().map(|pulses| self.instant(pulses.next, memory)).min()
     }
 
     /// Returns the next SYNC signal that is due now, with its system time.
@@ -219,11 +224,13 @@ impl Clock {
         let system = self.system(now, memory);
         let [sync0, sync1] = &mut self.pulses;
         for (sync, slot) in [(Sync::Sync0, sync0), (Sync::Sync1, sync1)] {
-            let Some(pulses) = slot.as_mut().filter(|pulses| pulses.next <= system) else { continue };
+            let Some(pulses) = slot.as_mut().filter(|pulses| !is_ahead(pulses.next, system)) else {
+                continue;
+            };
             let at = pulses.next;
-            match (system - at).checked_div(pulses.period) {
+            match system.wrapping_sub(at).checked_div(pulses.period) {
                 // A driver that woke late gets one pulse, not a burst.
-                Some(missed) => pulses.next = at.saturating_add((missed + 1).saturating_mul(pulses.period)),
+                Some(missed) => pulses.next = at.wrapping_add((missed + 1).saturating_mul(pulses.period)),
                 // Without a period there is a single one.
                 None => *slot = None,
             }

@@ -223,6 +223,29 @@ fn a_sync1_longer_than_the_cycle_comes_after_every_second_sync0_and_a_cycle_of_0
     }
 }
 
+/// Found by the fuzzer: at the end of the time, the same signal came for ever.
+#[test]
+fn sync_signals_go_on_where_the_64_bit_system_time_begins_anew() {
+    let mut segment = Segment::new();
+    segment.add(&bridge((0, 0, 0)));
+    let mut hand = Hand::start(segment);
+    let ends_in = |nanos: u64| (u64::MAX - nanos).to_le_bytes();
+    hand.write(0x0920, &ends_in(10_000_000));
+    hand.write(0x0990, &ends_in(2_499_999));
+    hand.write(0x09A0, &1_000_000_u32.to_le_bytes());
+    hand.write(0x0981, &[0x03]);
+    hand.wait(Duration::from_millis(12));
+    let pulses: Vec<u64> = hand
+        .events
+        .iter()
+        .filter_map(|(_, event)| match event {
+            Event::Sync0 { system_time_ns } => Some(system_time_ns.wrapping_add(2_500_000)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(pulses, [0, 1_000_000, 2_000_000, 3_000_000, 4_000_000]);
+}
+
 #[test]
 fn a_sync_start_that_has_passed_makes_no_signal_and_keeps_the_device_from_safe_op() {
     let mut segment = Segment::new();
