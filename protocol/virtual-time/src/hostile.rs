@@ -1,7 +1,8 @@
 //! A pair of stations and a stranger on one switch: what does the stranger change?
 //!
 //! The stranger sends altered copies of the pair's own frames, from addresses of its own, to both. A run with it is
-//! compared with one without it: the pair must send each other the same bytes at the same instants.
+//! compared with one without it: the pair must send each other the same bytes at the same instants. What it sends is
+//! chosen by a seeded random stream, or by the bytes of a fuzzer.
 
 use alloc::collections::{BTreeSet, VecDeque};
 use alloc::vec::Vec;
@@ -27,6 +28,58 @@ const FRAMES_PER_MS: usize = 20;
 const MS: Duration = Duration::from_millis(1);
 /// RegisterSession of EtherNet/IP: its reply names the session that later messages carry in bytes 4 to 7.
 const REGISTER_SESSION: [u8; 2] = [0x65, 0];
+
+/// Where a stranger's choices come from.
+pub trait Choices {
+    /// Returns a number below `limit`, or 0 if that is 0.
+    fn below(&mut self, limit: usize) -> usize;
+
+    /// Returns whether there are no more choices: the stranger falls silent.
+    fn is_over(&self) -> bool {
+        false
+    }
+}
+
+/// Choices of a seeded random stream.
+pub type Random = Pcg64Mcg;
+
+impl Choices for Random {
+    fn below(&mut self, limit: usize) -> usize {
+        usize::try_from(self.next_u64() % limit.max(1) as u64).unwrap_or(0)
+    }
+}
+
+/// Choices read from bytes, such as a fuzzer's: each takes as many bytes as its limit has.
+#[derive(Clone, Debug)]
+pub struct Script(VecDeque<u8>);
+
+impl Script {
+    /// Takes all choices from these bytes.
+    #[must_use]
+    pub fn new(bytes: &[u8]) -> Self {
+        Self(bytes.iter().copied().collect())
+    }
+
+    /// Takes so many bytes as they are, or what is left.
+    pub fn take(&mut self, len: usize) -> Vec<u8> {
+        self.0.drain(..len.min(self.0.len())).collect()
+    }
+}
+
+impl Choices for Script {
+    fn below(&mut self, limit: usize) -> usize {
+        let (mut value, mut most) = (0_usize, 0_usize);
+        while most < limit.saturating_sub(1) {
+            value = value << 8 | usize::from(self.0.pop_front().unwrap_or(0));
+            most = most << 8 | 0xFF;
+        }
+        value % limit.max(1)
+    }
+
+    fn is_over(&self) -> bool {
+        self.0.is_empty()
+    }
+}
 
 /// A frame that one station of the pair sent.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -112,8 +165,10 @@ impl<M: Machine> Watched<M> {
 
 /// The stranger.
 #[derive(Debug)]
-pub struct Stranger {
-    random: Pcg64Mcg,
+pub struct Stranger<C = Random> {
+    choices: C,
+    /// The MAC address that it sends from.
+    mac: Mac,
     /// Frames to alter: port of the receiver and bytes.
     pool: Vec<(Port, Vec<u8>)>,
     targets: [(Mac, Ipv4Addr); 2],
@@ -131,6 +186,20 @@ impl Stranger {
     #[must_use]
     pub fn new(
         seed: u64,
+        heard: &[Sent],
+        targets: [(Mac, Ipv4Addr); 2],
+        listen: Option<SocketAddrV4>,
+        time: (Instant, Instant),
+    ) -> Self {
+        Self::choosing(Random::seed_from_u64(seed), heard, targets, listen, time)
+    }
+}
+
+impl<C: Choices> Stranger<C> {
+    /// A stranger as [`new`](Stranger::new) makes it, whose choices come from elsewhere.
+    #[must_use]
+    pub fn choosing(
+        choices: C,
         heard: &[Sent],
         targets: [(Mac, Ipv4Addr); 2],
         listen: Option<SocketAddrV4>,
@@ -153,7 +222,8 @@ impl Stranger {
             }
         }
         Self {
-            random: Pcg64Mcg::seed_from_u64(seed),
+            choices,
+            mac: STRANGER_MAC,
             pool,
             targets,
             next: start,
@@ -165,8 +235,15 @@ impl Stranger {
         }
     }
 
+    /// Makes it send from another MAC address: that of one of the pair.
+    #[must_use]
+    pub const fn forging(mut self, mac: Mac) -> Self {
+        self.mac = mac;
+        self
+    }
+
     fn below(&mut self, limit: usize) -> usize {
-        usize::try_from(self.random.next_u64() % limit.max(1) as u64).unwrap_or(0)
+        self.choices.below(limit)
     }
 
     /// Changes some bits or bytes of a frame, or its length, or leaves it unchanged.
@@ -174,14 +251,18 @@ impl Stranger {
         for _ in 0..self.below(4) {
             let span = frame.len().saturating_sub(from);
             let place = from + self.below(span);
-            let value = match self.below(4) {
-                0 => 0,
-                1 => 0xFF,
-                2 => self.random.next_u32() as u8,
-                _ => frame.get(place).copied().unwrap_or(0) ^ 1 << self.below(8),
-            };
-            if let Some(byte) = frame.get_mut(place) {
-                *byte = value;
+            // A run of bytes reaches numbers that no single byte does.
+            let (kind, run) = (self.below(5), if self.below(4) == 0 { 4 } else { 1 });
+            for place in place..place + run {
+                let value = match kind {
+                    0 => 0,
+                    1 => 0xFF,
+                    2 | 3 => self.below(256) as u8,
+                    _ => frame.get(place).copied().unwrap_or(0) ^ 1 << self.below(8),
+                };
+                if let Some(byte) = frame.get_mut(place) {
+                    *byte = value;
+                }
             }
         }
         match self.below(16) {
@@ -205,7 +286,7 @@ impl Stranger {
                 self.alter(&mut frame, 12);
                 let destination = if header.destination.is_group() { header.destination } else { mac };
                 frame.get_mut(..6)?.copy_from_slice(&destination.0);
-                frame.get_mut(6..12)?.copy_from_slice(&STRANGER_MAC.0);
+                frame.get_mut(6..12)?.copy_from_slice(&self.mac.0);
                 (Port::Ethernet, None)
             }
             Port::Udp(port) => {
@@ -260,13 +341,13 @@ impl Stranger {
 
 /// A station of the network: one of the pair, or the stranger.
 #[derive(Debug)]
-pub enum Member<A, B> {
+pub enum Member<A, B, C = Random> {
     /// The first of the pair.
     A(Watched<A>),
     /// The second of the pair.
     B(Watched<B>),
     /// The stranger.
-    Stranger(Stranger),
+    Stranger(Stranger<C>),
 }
 
 /// An event of one of the pair.
@@ -278,7 +359,7 @@ pub enum MemberEvent<A, B> {
     B(B),
 }
 
-impl<A: Machine, B: Machine> Machine for Member<A, B> {
+impl<A: Machine, B: Machine, C: Choices> Machine for Member<A, B, C> {
     type Event = MemberEvent<A::Event, B::Event>;
 
     fn ports(&self) -> &[PortRequest] {
@@ -336,7 +417,7 @@ impl<A: Machine, B: Machine> Machine for Member<A, B> {
             Self::Stranger(stranger) => {
                 stranger.left = FRAMES_PER_MS;
                 // At instants of its own, between the frames of the pair and together with them.
-                let wait = Duration::from_nanos(stranger.random.next_u64() % 2_000_000);
+                let wait = Duration::from_nanos(stranger.below(2_000_000) as u64);
                 stranger.next = now + wait.max(MS / 8);
                 stranger.change_streams();
             }
@@ -348,7 +429,7 @@ impl<A: Machine, B: Machine> Machine for Member<A, B> {
             Self::A(watched) => watched.poll_transmit(now, buf),
             Self::B(watched) => watched.poll_transmit(now, buf),
             Self::Stranger(stranger) => {
-                while stranger.left > 0 {
+                while stranger.left > 0 && !stranger.choices.is_over() {
                     stranger.left -= 1;
                     if let Some(transmit) = stranger.send(buf) {
                         return Some(transmit);
@@ -371,7 +452,10 @@ impl<A: Machine, B: Machine> Machine for Member<A, B> {
         match self {
             Self::A(watched) => watched.machine.poll_timeout(),
             Self::B(watched) => watched.machine.poll_timeout(),
-            Self::Stranger(stranger) => (stranger.next < stranger.end).then_some(stranger.next),
+            Self::Stranger(stranger) => {
+                let sends = stranger.next < stranger.end && !stranger.choices.is_over();
+                sends.then_some(stranger.next)
+            }
         }
     }
 }

@@ -1,0 +1,42 @@
+//! What a fuzzer does with the bytes that it makes: one function for each thing that takes bytes from outside.
+//!
+//! The stations of the buses are attacked in pairs, in virtual time. The bytes are the choices of a stranger on the same switch
+//! (`virtual_time::hostile`), and the pair must behave byte for byte and instant for instant as without it. A stranger
+//! that forges its partner's address may end a connection; then only a panic is a failure.
+//!
+//! `scripts/dev.sh fuzz` runs all of them; each file of `fuzz/corpus` is also a test of the workspace.
+
+mod ethercat;
+mod ethernet_ip;
+mod files;
+mod lone;
+mod profinet;
+mod robot;
+
+use protocol_linux::allocation;
+
+/// What is done with the bytes.
+pub type Target = fn(&[u8]);
+
+/// All targets by name.
+pub const TARGETS: [(&str, Target); 13] = [
+    ("device", profinet::device),
+    ("controller", profinet::controller),
+    ("adapter", ethernet_ip::adapter),
+    ("scanner", ethernet_ip::scanner),
+    ("subdevice", ethercat::subdevice),
+    ("dcp", lone::dcp),
+    ("discovery", lone::discovery),
+    ("robot", robot::robot),
+    ("setup", files::setup),
+    ("application", files::application),
+    ("control", files::control),
+    ("motions", files::motions),
+    ("records", files::records),
+];
+
+/// Returns this thread's heap allocations so far. The allocator that counts them is the bench's.
+fn allocations() -> u64 {
+    assert!(allocation::is_armed() || allocation::arm(), "allocations are not counted");
+    allocation::count()
+}
