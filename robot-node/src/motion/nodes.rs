@@ -1,7 +1,7 @@
 //! The nodes of a curve or a corner.
 
 use core::ops::{Deref, DerefMut};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
 
 use super::derivatives::POINTS;
 use super::node::Node;
@@ -35,11 +35,51 @@ pub(super) fn points_of(share: f64, is_first: bool) -> impl Iterator<Item = usiz
     (0..POINTS).step_by(stride).skip(usize::from(!is_first))
 }
 
-/// Lists that are kept for the next curves: a queue of motions and corners, twice over while a motion takes another shape.
-const SPARE: usize = 40;
+/// Lists that a path needs at most: of a queue of motions, of their corners, and of motions that take another shape.
+const LISTS: usize = 24;
+
+/// So often a thread asks for the spare lists while another one takes or gives one, which takes some nanoseconds.
+const ATTEMPTS: usize = 1_000;
 
 /// Lists that are not made use of, so that a robot cycle need not allocate one.
 static SPARES: Mutex<Vec<Vec<Node>>> = Mutex::new(Vec::new());
+
+/// The spare lists, without ever waiting for a thread that the system has stopped.
+fn spares() -> Option<MutexGuard<'static, Vec<Vec<Node>>>> {
+    (0..ATTEMPTS).find_map(|_| {
+        let spares = SPARES.try_lock().ok();
+        if spares.is_none() {
+            core::hint::spin_loop();
+        }
+        spares
+    })
+}
+
+/// Room for the nodes of a path, as long as there is the path.
+#[derive(Debug)]
+pub(super) struct Room(());
+
+impl Room {
+    /// Allocates it.
+    pub(super) fn new() -> Self {
+        if let Ok(mut spares) = SPARES.lock() {
+            spares.extend((0..LISTS).map(|_| Vec::with_capacity(ROOM)));
+            // As many again may be in use and come back.
+            let used = spares.len().max(8 * LISTS);
+            spares.reserve(used);
+        }
+        Self(())
+    }
+}
+
+impl Drop for Room {
+    fn drop(&mut self) {
+        if let Ok(mut spares) = SPARES.lock() {
+            let left = spares.len().saturating_sub(LISTS);
+            spares.truncate(left);
+        }
+    }
+}
 
 /// Some nodes one after another. They are so many that a motion which is handed on leaves them where they are.
 #[derive(PartialEq, Debug)]
@@ -48,24 +88,14 @@ pub(super) struct Nodes(Vec<Node>);
 impl Nodes {
     /// None yet, with room for as many as any curve has.
     pub(super) fn new() -> Self {
-        // A thread that would have to wait makes room of its own.
-        let spare = SPARES.try_lock().ok().and_then(|mut spares| spares.pop());
+        let spare = spares().and_then(|mut spares| spares.pop());
         Self(spare.unwrap_or_else(|| Vec::with_capacity(ROOM)))
-    }
-
-    /// Makes room for those of a whole path.
-    pub(super) fn make_room() {
-        if let Ok(mut spares) = SPARES.lock() {
-            let missing = SPARE.saturating_sub(spares.len());
-            spares.reserve_exact(missing);
-            spares.extend((0..missing).map(|_| Vec::with_capacity(ROOM)));
-        }
     }
 }
 
 impl Drop for Nodes {
     fn drop(&mut self) {
-        if let Ok(mut spares) = SPARES.try_lock()
+        if let Some(mut spares) = spares()
             && spares.len() < spares.capacity()
         {
             self.0.clear();
@@ -119,9 +149,9 @@ mod tests {
     #[test]
     fn lists_that_are_taken_again_are_empty_and_have_room_for_any_curve() {
         let node = Node::of_axes(0.0, 1.0, &[1.0; 6], &Ratings::of_axes(&LIMITS, 1.0, 1.0));
-        Nodes::make_room();
+        let _room = Room::new();
         for _ in 0..2 {
-            let taken: Vec<Nodes> = (0..2 * SPARE).map(|_| Nodes::new()).collect();
+            let taken: Vec<Nodes> = (0..2 * LISTS).map(|_| Nodes::new()).collect();
             for mut nodes in taken {
                 assert!(
                     nodes.is_empty() && nodes.capacity() == ROOM,

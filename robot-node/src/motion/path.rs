@@ -10,7 +10,7 @@ use super::blend::Blend;
 use super::grid::{PARTS, Part};
 use super::law::Law;
 use super::node::Pace;
-use super::nodes::Nodes;
+use super::nodes::Room;
 use super::piece::{Piece, Spot};
 use super::segment::Segment;
 use super::time_scale::TimeScale;
@@ -68,6 +68,8 @@ pub struct Path {
     pub(super) start: Joints,
     pub(super) end: Joints,
     pub(super) left_behind: u32,
+    /// For the nodes of the queue, which are dropped before it.
+    _room: Room,
 }
 
 impl Clone for Path {
@@ -78,7 +80,20 @@ impl Clone for Path {
         pieces.extend(self.pieces.iter().copied());
         let law = Some(Box::default());
         let Self { time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
-        Self { queue, pieces, law, time, spot, braking, factor, scale, start, end, left_behind }
+        Self {
+            queue,
+            pieces,
+            law,
+            time,
+            spot,
+            braking,
+            factor,
+            scale,
+            start,
+            end,
+            left_behind,
+            _room: Room::new(),
+        }
     }
 }
 
@@ -86,7 +101,6 @@ impl Path {
     /// A path that ends where the arm stands.
     #[must_use]
     pub fn at_rest(joints: Joints) -> Self {
-        Nodes::make_room();
         Self {
             queue: VecDeque::with_capacity(CAPACITY),
             pieces: VecDeque::with_capacity(CELLS),
@@ -99,6 +113,7 @@ impl Path {
             start: joints,
             end: joints,
             left_behind: 0,
+            _room: Room::new(),
         }
     }
 
