@@ -121,7 +121,7 @@ impl Path {
         Course::new(self.pieces.iter().copied(), self.time)
     }
 
-    /// How the rate bends in the parts of the next step where the arm has this jerk.
+    /// How the rate bends in the parts of the next step where the arm has this jerk, in the unit of the part that it is in.
     fn bends(&self, jerk: f64) -> [f64; BENDS] {
         let (mut rate, mut course) = (self.scale.now(), self.course());
         rate.bend = 0.0;
@@ -132,7 +132,7 @@ impl Path {
             let Some(piece) = course.piece else { return 0.0 };
             let (_, Pace { square, acceleration }, law_jerk) = piece.at_with_jerk(course.time);
             let own = share * (share * share * law_jerk + 3.0 * change * acceleration);
-            rate.bend = ((jerk - own) / square.sqrt()).clamp(-MOST_BENT, MOST_BENT);
+            rate.bend = ((jerk * course.unit - own) / square.sqrt()).clamp(-MOST_BENT, MOST_BENT);
             let (end, to_end) = rate.after(each);
             course.advance(to_end - to_middle);
             rate = end;

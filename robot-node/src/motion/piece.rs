@@ -39,6 +39,11 @@ impl Piece {
         (spot, pace_here, self.unit * self.cell.jerk(&pace))
     }
 
+    /// Whether another piece lies on the same part.
+    fn is_on(&self, other: &Self) -> bool {
+        (self.start.motion, self.start.in_blend) == (other.start.motion, other.start.in_blend)
+    }
+
     /// Whether the acceleration falls in it, as it does before the arm slows down.
     pub(super) fn falls(&self) -> bool {
         self.cell.is_to_rest() || self.cell.jerk(&self.cell.at(0.0).1) < 0.0
@@ -53,19 +58,27 @@ pub(super) struct Course<I> {
     pub(super) piece: Option<Piece>,
     /// Seconds since its start.
     pub(super) time: f64,
+    /// By how much the unit of its part has shrunk since the start of the course: figures in the unit there times this are in the unit
+    /// here.
+    pub(super) unit: f64,
 }
 
 impl<I: Iterator<Item = Piece>> Course<I> {
     /// Along these pieces, from a time in the first of them.
     pub(super) fn new(mut pieces: I, time: f64) -> Self {
         let piece = pieces.next();
-        Self { pieces, piece, time }
+        Self { pieces, piece, time, unit: 1.0 }
     }
 
     /// Goes on to the next piece.
     pub(super) fn leave(&mut self, piece: &Piece) {
         self.time -= piece.cell.duration;
         self.piece = if piece.cell.is_to_rest() { None } else { self.pieces.next() };
+        if let Some(next) = self.piece.filter(|next| !next.is_on(piece)) {
+            // The arm goes on as fast as it came.
+            let [came, goes] = [piece.at(piece.cell.duration), next.at(0.0)].map(|(_, pace)| pace.square);
+            self.unit *= if came > 0.0 { (goes / came).sqrt() } else { 1.0 };
+        }
     }
 
     /// Goes on by some of the law's seconds.
