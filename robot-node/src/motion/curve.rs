@@ -10,6 +10,9 @@ use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Rotation, Violation, distance
 const STRAIGHT_MM: f64 = 1e-4;
 const STRAIGHT_DEG: f64 = 1e-4;
 
+/// How far its direction may be off, and its turn on each mm in degrees: near a singular position the joints make much of that.
+const KINK: f64 = 5e-5;
+
 /// Where the tool, or the joints, go from one point to the next. Another kind of motion is another variant.
 #[expect(
     clippy::large_enum_variant,
@@ -91,10 +94,11 @@ impl Line {
         };
         let ((one, direction, turn), (other, next_direction, next_turn)) = (by_mm(self), by_mm(next));
         let shorter = one.min(other);
+        let (kink, turned) = (distance(direction, next_direction), distance(turn, next_turn));
         self.flange == next.flange
             && shorter >= LEAST_WAY_MM
-            && shorter * distance(direction, next_direction) <= STRAIGHT_MM
-            && shorter * distance(turn, next_turn) <= STRAIGHT_DEG
+            && kink <= KINK.min(STRAIGHT_MM / shorter)
+            && turned <= KINK.min(STRAIGHT_DEG / shorter)
     }
 
     /// Whether neither place nor orientation changes.
