@@ -6,15 +6,15 @@ use std::sync::{LazyLock, Mutex};
 
 use ethernet_ip::ENCAPSULATION_PORT;
 use machine::Instant;
-use virtual_time::hostile::{Choices as _, Random, Script, Stranger};
+use virtual_time::hostile::{Choices as _, Phases, Random, Record, Script, Stranger};
 
 #[path = "../../protocol/ethernet-ip/tests/ethernet_ip/samples.rs"]
 mod samples;
 
-#[path = "../../protocol/ethernet-ip/tests/strangers/cell.rs"]
-mod cell;
+#[path = "../../protocol/ethernet-ip/tests/strangers/pair.rs"]
+mod pair;
 
-use cell::{Cell, Phases, Record, STATIONS, difference};
+use pair::{STATIONS, ScannerAndAdapter};
 
 /// Long enough for a connection, some frames of the watchdogs, and parting.
 const PHASES: Phases =
@@ -26,8 +26,8 @@ static ALONE: LazyLock<Mutex<HashMap<bool, &'static Record>>> = LazyLock::new(Mu
 fn alone(listed: bool) -> &'static Record {
     let mut known = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     known.entry(listed).or_insert_with(|| {
-        let cell = Cell::<Random>::new(listed, crate::allocations);
-        Box::leak(Box::new(cell.whole_life(None, PHASES).0))
+        let life = ScannerAndAdapter::life::<Random>(listed, crate::allocations);
+        Box::leak(Box::new(life.whole(None, PHASES).0))
     })
 }
 
@@ -47,7 +47,7 @@ fn attack(side: usize, data: &[u8]) {
     let (listed, forges) = (is(), is());
     let alone = alone(listed);
     let heard = alone.sent.concat();
-    let cell = Cell::new(listed, crate::allocations);
+    let life = ScannerAndAdapter::life(listed, crate::allocations);
     // Without a list, whoever comes first owns the outputs: the stranger begins when the Forward_Open is answered.
     let (start, end) = match (forges, listed) {
         (true, _) | (false, true) => (Instant::ZERO, PHASES.end),
@@ -56,9 +56,13 @@ fn attack(side: usize, data: &[u8]) {
     let listen = SocketAddrV4::new(STATIONS[1].1, ENCAPSULATION_PORT);
     let stranger = Stranger::choosing(choices, &heard, [STATIONS[side]; 2], Some(listen), (start, end));
     if forges {
-        cell.forged_life(stranger, STATIONS[1 - side], PHASES.end);
+        life.forged(stranger, STATIONS[1 - side], PHASES.end);
         return;
     }
-    let (disturbed, _) = cell.whole_life(Some(stranger), PHASES);
-    assert!(*alone == disturbed, "a stranger changed something: {}", difference(alone, &disturbed));
+    let (disturbed, _) = life.whole(Some(stranger), PHASES);
+    assert!(
+        *alone == disturbed,
+        "a stranger changed something: {}",
+        alone.difference::<ScannerAndAdapter>(&disturbed)
+    );
 }

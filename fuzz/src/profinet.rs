@@ -5,17 +5,17 @@ use std::sync::{LazyLock, Mutex};
 
 use machine::Instant;
 use profinet::rt::Transport;
-use virtual_time::hostile::{Choices as _, Random, Script, Stranger};
+use virtual_time::hostile::{Choices as _, Phases, Random, Record, Script, Stranger};
 
 #[allow(dead_code, reason = "other tests use the others")]
 #[path = "../../protocol/profinet/tests/profinet/samples.rs"]
 mod samples;
 
-#[path = "../../protocol/profinet/tests/strangers/cell.rs"]
-mod cell;
+#[path = "../../protocol/profinet/tests/strangers/pair.rs"]
+mod pair;
 
-pub(crate) use cell::STATIONS;
-use cell::{Cell, Phases, Record, difference};
+use pair::ControllerAndDevice;
+pub(crate) use pair::STATIONS;
 pub(crate) use samples::DEVICE;
 
 /// Long enough for a connection, some frames of the watchdogs, and parting.
@@ -28,8 +28,8 @@ static ALONE: LazyLock<Mutex<HashMap<(bool, bool), &'static Record>>> = LazyLock
 fn alone(udp: bool, listed: bool) -> &'static Record {
     let mut known = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     known.entry((udp, listed)).or_insert_with(|| {
-        let cell = Cell::<Random>::new(transport(udp), listed, crate::allocations);
-        Box::leak(Box::new(cell.whole_life(None, PHASES).0))
+        let life = ControllerAndDevice::life::<Random>(transport(udp), listed, crate::allocations);
+        Box::leak(Box::new(life.whole(None, PHASES).0))
     })
 }
 
@@ -53,7 +53,7 @@ fn attack(side: usize, data: &[u8]) {
     let (udp, listed, forges) = (is(), is(), is());
     let alone = alone(udp, listed);
     let heard = alone.sent.concat();
-    let cell = Cell::new(transport(udp), listed, crate::allocations);
+    let life = ControllerAndDevice::life(transport(udp), listed, crate::allocations);
     // Without lists, whoever comes first is the owner: the stranger begins when the device has accepted the Connect.
     let (start, end) = match (forges, listed) {
         (true, _) | (false, true) => (Instant::ZERO, PHASES.end),
@@ -61,9 +61,13 @@ fn attack(side: usize, data: &[u8]) {
     };
     let stranger = Stranger::choosing(choices, &heard, [STATIONS[side]; 2], None, (start, end));
     if forges {
-        cell.forged_life(stranger, STATIONS[1 - side], PHASES.end);
+        life.forged(stranger, STATIONS[1 - side], PHASES.end);
         return;
     }
-    let (disturbed, _) = cell.whole_life(Some(stranger), PHASES);
-    assert!(*alone == disturbed, "a stranger changed something: {}", difference(alone, &disturbed));
+    let (disturbed, _) = life.whole(Some(stranger), PHASES);
+    assert!(
+        *alone == disturbed,
+        "a stranger changed something: {}",
+        alone.difference::<ControllerAndDevice>(&disturbed)
+    );
 }

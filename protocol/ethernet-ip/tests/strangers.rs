@@ -13,15 +13,15 @@ use std::net::SocketAddrV4;
 use ethernet_ip::ENCAPSULATION_PORT;
 use machine::Instant;
 use protocol_linux::allocation::{self, AllocationCounter};
-use virtual_time::hostile::{Random, Stranger};
+use virtual_time::hostile::{Phases, Random, Stranger};
 
 #[path = "ethernet_ip/samples.rs"]
 mod samples;
 
-#[path = "strangers/cell.rs"]
-mod cell;
+#[path = "strangers/pair.rs"]
+mod pair;
 
-use cell::{Cell, Phases, STATIONS, difference};
+use pair::{STATIONS, ScannerAndAdapter};
 
 #[global_allocator]
 static ALLOCATOR: AllocationCounter = AllocationCounter;
@@ -40,7 +40,7 @@ fn a_stranger_that_sends_altered_copies_of_all_frames_changes_nothing_and_costs_
     // Without a list the stranger may own the outputs as long as nobody else does: it begins when the scanner's
     // Forward_Open is answered, and ends with the connection. With it the stranger begins at once.
     for (listed, start_us, end_us) in [(false, 400, 350_000), (true, 0, 360_000)] {
-        let (alone, _) = Cell::<Random>::new(listed, allocation::count).whole_life(None, PHASES);
+        let (alone, _) = ScannerAndAdapter::life::<Random>(listed, allocation::count).whole(None, PHASES);
         assert!(alone.images[60..350].iter().all(|image| image[0].is_some() && image[1].is_some()));
         let heard = alone.sent.concat();
         for seed in 0..runs {
@@ -48,14 +48,22 @@ fn a_stranger_that_sends_altered_copies_of_all_frames_changes_nothing_and_costs_
             let listen = Some(SocketAddrV4::new(STATIONS[1].1, ENCAPSULATION_PORT));
             let stranger = Stranger::new(seed, &heard, STATIONS, listen, time);
             let (disturbed, foreign) =
-                Cell::new(listed, allocation::count).whole_life(Some(stranger), PHASES);
-            assert!(alone == disturbed, "listed: {listed}, seed {seed}: {}", difference(&alone, &disturbed));
+                ScannerAndAdapter::life(listed, allocation::count).whole(Some(stranger), PHASES);
+            assert!(
+                alone == disturbed,
+                "listed: {listed}, seed {seed}: {}",
+                alone.difference::<ScannerAndAdapter>(&disturbed)
+            );
             total = [total[0] + foreign[0], total[1] + foreign[1]];
             // One with the address of a partner may end the connection, and nobody may panic.
             for side in [0, 1] {
                 let time = (Instant::ZERO, PHASES.end);
                 let forger = Stranger::new(seed, &heard, [STATIONS[side]; 2], listen, time);
-                Cell::new(listed, allocation::count).forged_life(forger, STATIONS[1 - side], PHASES.end);
+                ScannerAndAdapter::life(listed, allocation::count).forged(
+                    forger,
+                    STATIONS[1 - side],
+                    PHASES.end,
+                );
             }
         }
     }

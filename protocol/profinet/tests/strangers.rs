@@ -12,16 +12,16 @@ use std::alloc::System;
 use machine::Instant;
 use profinet::rt::Transport;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
-use virtual_time::hostile::{Random, Stranger};
+use virtual_time::hostile::{Phases, Random, Stranger};
 
 #[expect(dead_code, reason = "other tests use the others")]
 #[path = "profinet/samples.rs"]
 mod samples;
 
-#[path = "strangers/cell.rs"]
-mod cell;
+#[path = "strangers/pair.rs"]
+mod pair;
 
-use cell::{Cell, Phases, STATIONS, difference};
+use pair::{ControllerAndDevice, STATIONS};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -44,25 +44,26 @@ fn main() {
         // Without lists a station may be a controller or a device like any other while there is no connection: the stranger
         // begins when the device has accepted the Connect, and ends with the connection.
         for (listed, start_us, end_us) in [(false, 160, 350_000), (true, 0, 360_000)] {
-            let (alone, _) = Cell::<Random>::new(transport, listed, allocations).whole_life(None, PHASES);
+            let (alone, _) =
+                ControllerAndDevice::life::<Random>(transport, listed, allocations).whole(None, PHASES);
             assert!(alone.images[60..350].iter().all(|image| image[0].is_some() && image[1].is_some()));
             let heard = alone.sent.concat();
             for seed in 0..runs {
                 let time = (Instant::from_micros(start_us), Instant::from_micros(end_us));
                 let stranger = Stranger::new(seed, &heard, STATIONS, None, time);
                 let (disturbed, foreign) =
-                    Cell::new(transport, listed, allocations).whole_life(Some(stranger), PHASES);
+                    ControllerAndDevice::life(transport, listed, allocations).whole(Some(stranger), PHASES);
                 assert!(
                     alone == disturbed,
                     "{transport:?}, listed: {listed}, seed {seed}: {}",
-                    difference(&alone, &disturbed)
+                    alone.difference::<ControllerAndDevice>(&disturbed)
                 );
                 total = [total[0] + foreign[0], total[1] + foreign[1]];
                 // One with the addresses of a partner may end the connection, and nobody may panic.
                 for side in [0, 1] {
                     let time = (Instant::ZERO, PHASES.end);
                     let forger = Stranger::new(seed, &heard, [STATIONS[side]; 2], None, time);
-                    Cell::new(transport, listed, allocations).forged_life(
+                    ControllerAndDevice::life(transport, listed, allocations).forged(
                         forger,
                         STATIONS[1 - side],
                         PHASES.end,

@@ -4,6 +4,10 @@
 //! compared with one without it: the pair must send each other the same bytes at the same instants. What it sends is
 //! chosen by a seeded random stream, or by the bytes of a fuzzer.
 
+mod life;
+
+pub use life::{Couple, Life, Phases, Place, Record, Reported};
+
 use alloc::collections::{BTreeSet, VecDeque};
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};

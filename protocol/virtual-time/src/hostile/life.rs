@@ -1,0 +1,194 @@
+//! The life of the pair: it connects, exchanges data and parts, alone or beside a stranger.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::net::Ipv4Addr;
+
+use machine::ethernet::Mac;
+use machine::{Duration, Instant, LinkEvent, Machine};
+
+use super::{Choices, MS, Member, MemberEvent, Random, STRANGER, STRANGER_MAC, Sent, Stranger, Watched};
+use crate::{Network, StationId};
+
+/// What both stations of a pair do in their life, by their protocol.
+pub trait Couple {
+    /// Name of a connection of the first station.
+    type Id: core::fmt::Debug;
+    /// The first station: it connects and parts.
+    type A: Machine<Event = (Self::Id, LinkEvent)>;
+    /// The second station.
+    type B: Machine<Event = LinkEvent>;
+    /// Names of the stations.
+    const NAMES: [&'static str; 2];
+    /// The second station asks for its address.
+    const ASKS_FOR_ADDRESS: bool = false;
+
+    /// Fills the data that the first station sends with a value; returns the first byte of what it received.
+    fn exchange_a(&self, station: &mut Self::A, value: u8) -> Option<u8>;
+
+    /// Fills the data that the second station sends with a value; returns the first byte of what it received.
+    fn exchange_b(&self, station: &mut Self::B, value: u8) -> Option<u8>;
+
+    /// Ends the connection.
+    fn part(&self, station: &mut Self::A, now: Instant);
+
+    /// Tells the second station that it has the address that it asked for.
+    fn address_set(&self, station: &mut Self::B, now: Instant) {
+        let _ = (station, now);
+    }
+}
+
+/// A station of the pair before it is on the switch.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<M> {
+    /// The station.
+    pub machine: M,
+    /// Its MAC address.
+    pub mac: Mac,
+    /// Its IP address, if it has one at the start.
+    pub address: Option<Ipv4Addr>,
+}
+
+/// An event of either station, and when.
+pub type Reported = (Instant, MemberEvent<LinkEvent, LinkEvent>);
+
+/// When what happens in the life of the pair.
+#[derive(Clone, Copy, Debug)]
+pub struct Phases {
+    /// Data are exchanged by then; from now on nothing of a stranger may cost heap memory.
+    pub up: Instant,
+    /// The pair parts.
+    pub parting: Instant,
+    /// The end.
+    pub end: Instant,
+}
+
+/// What a life left behind.
+#[derive(PartialEq, Debug)]
+pub struct Record {
+    /// Bytes and instants of each side's frames.
+    pub sent: [Vec<Sent>; 2],
+    /// What both reported.
+    pub events: Vec<Reported>,
+    /// Data that arrived, one entry a millisecond: the first byte at each side.
+    pub images: Vec<[Option<u8>; 2]>,
+}
+
+/// The pair on its switch, and a place for a stranger.
+#[derive(Debug)]
+pub struct Life<P: Couple, C: Choices = Random> {
+    couple: P,
+    network: Network<Member<P::A, P::B, C>>,
+    stations: [StationId; 2],
+    events: Vec<Reported>,
+    images: Vec<[Option<u8>; 2]>,
+}
+
+impl<P: Couple, C: Choices> Life<P, C> {
+    /// Puts the pair on a switch. `count` returns the heap allocations so far.
+    #[must_use]
+    pub fn new(couple: P, a: Place<P::A>, b: Place<P::B>, count: fn() -> u64) -> Self {
+        let mut network = Network::new(Duration::from_micros(25));
+        let stations = [
+            network.add(Member::A(Watched::new(a.machine, count)), a.mac, a.address),
+            network.add(Member::B(Watched::new(b.machine, count)), b.mac, b.address),
+        ];
+        Self { couple, network, stations, events: Vec::new(), images: Vec::new() }
+    }
+
+    fn a<R>(&mut self, command: impl FnOnce(&P, &mut Watched<P::A>, Instant) -> R) -> Option<R> {
+        let couple = &self.couple;
+        let done = self.network.command(self.stations[0], |station, now| match station {
+            Member::A(watched) => Some(command(couple, watched, now)),
+            _ => None,
+        });
+        done.flatten()
+    }
+
+    fn b<R>(&mut self, command: impl FnOnce(&P, &mut Watched<P::B>, Instant) -> R) -> Option<R> {
+        let couple = &self.couple;
+        let done = self.network.command(self.stations[1], |station, now| match station {
+            Member::B(watched) => Some(command(couple, watched, now)),
+            _ => None,
+        });
+        done.flatten()
+    }
+
+    /// Runs to `until`; both sides change their data every millisecond.
+    fn run(&mut self, until: Instant) {
+        while self.network.now() < until {
+            let step = self.network.now() + MS;
+            while let Some((_, event)) = self.network.next_event(step) {
+                self.take(event);
+            }
+            let value = (self.images.len() % 251) as u8;
+            let input = self.a(|couple, watched, _| couple.exchange_a(&mut watched.machine, value));
+            let output = self.b(|couple, watched, _| couple.exchange_b(&mut watched.machine, value));
+            self.images.push([input.flatten(), output.flatten()]);
+        }
+    }
+
+    fn take(&mut self, event: MemberEvent<(P::Id, LinkEvent), LinkEvent>) {
+        let now = self.network.now();
+        let reported = match event {
+            MemberEvent::A((_, LinkEvent::Foreign(_))) | MemberEvent::B(LinkEvent::Foreign(_)) => return,
+            MemberEvent::A((_, event)) => MemberEvent::A(event),
+            MemberEvent::B(LinkEvent::SetAddress { address, .. }) if P::ASKS_FOR_ADDRESS => {
+                self.network.set_address(self.stations[1], Some(address));
+                self.b(|couple, watched, now| couple.address_set(&mut watched.machine, now));
+                MemberEvent::B(LinkEvent::Up)
+            }
+            MemberEvent::B(event) => MemberEvent::B(event),
+        };
+        self.events.push((now, reported));
+    }
+
+    /// Connects, exchanges data, parts, and waits; returns what was sent and reported, and how many frames of a stranger
+    /// each side got.
+    ///
+    /// # Panics
+    ///
+    /// While data are exchanged, a frame of the stranger costs heap memory.
+    pub fn whole(mut self, stranger: Option<Stranger<C>>, phases: Phases) -> (Record, [u64; 2]) {
+        if let Some(stranger) = stranger {
+            self.network.add(Member::Stranger(stranger), STRANGER_MAC, Some(STRANGER));
+        }
+        self.run(phases.up);
+        let before = self.allocations();
+        self.run(phases.parting);
+        assert_eq!(self.allocations(), before, "allocations for a stranger while data are exchanged");
+        let foreign = [self.a(|_, a, _| a.foreign), self.b(|_, b, _| b.foreign)];
+        self.a(|couple, watched, now| couple.part(&mut watched.machine, now));
+        self.run(phases.end);
+        let sent =
+            [self.a(|_, a, _| core::mem::take(&mut a.sent)), self.b(|_, b, _| core::mem::take(&mut b.sent))];
+        let record =
+            Record { sent: sent.map(Option::unwrap_or_default), events: self.events, images: self.images };
+        (record, foreign.map(Option::unwrap_or_default))
+    }
+
+    fn allocations(&mut self) -> [Option<u64>; 2] {
+        [self.a(|_, a, _| a.allocations), self.b(|_, b, _| b.allocations)]
+    }
+
+    /// Lives beside a station that sends from the addresses of one of the pair. Whether it ends the connection is not judged.
+    pub fn forged(mut self, stranger: Stranger<C>, (mac, address): (Mac, Ipv4Addr), end: Instant) {
+        self.network.add(Member::Stranger(stranger.forging(mac)), mac, Some(address));
+        self.run(end);
+    }
+}
+
+impl Record {
+    /// Returns the first frame in which a disturbed life of such a couple differs.
+    #[must_use]
+    pub fn difference<P: Couple>(&self, disturbed: &Self) -> String {
+        for ((name, alone), disturbed) in P::NAMES.into_iter().zip(&self.sent).zip(&disturbed.sent) {
+            if let Some((one, other)) = alone.iter().zip(disturbed).find(|(one, other)| one != other) {
+                return format!("the {name} sent\n{other:02x?}\ninstead of\n{one:02x?}");
+            }
+        }
+        let (one, other) = (self.sent.each_ref().map(Vec::len), disturbed.sent.each_ref().map(Vec::len));
+        format!("{one:?} and {other:?} frames; events {:?} instead of {:?}", disturbed.events, self.events)
+    }
+}
