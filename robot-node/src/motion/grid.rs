@@ -2,7 +2,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::knot::{Knot, Ramps};
+use super::knot::{Knot, Rates};
 use super::node::{Node, Pace, Ratings};
 use super::slopes::Slopes;
 
@@ -40,9 +40,9 @@ impl Part<'_> {
     }
 
     /// The knot at a place of its own unit, which is at `way` of the stretch.
-    pub(super) fn knot(&self, own_way: f64, way: f64, ramps: &Ramps) -> Option<Knot> {
+    pub(super) fn knot(&self, own_way: f64, way: f64, rates: &Rates) -> Option<Knot> {
         let (one, other, share) = self.nodes_around(own_way)?;
-        Some(Knot::between(one, other, share, ramps, way, self.unit))
+        Some(Knot::between(one, other, share, rates, way, self.unit))
     }
 
     /// What a place of its own unit asks, in that unit.
@@ -108,9 +108,9 @@ impl Grid {
         let length: f64 = parts.iter().map(Part::length).sum();
         let mut begin = 0.0;
         for part in parts {
-            let ramps = Ramps::of(part.ratings);
-            self.begin_part(part.knot(part.from, begin, &ramps)?)?;
-            self.take_part((part, &ramps), begin, length, stride)?;
+            let rates = Rates::of(part.ratings);
+            self.begin_part(part.knot(part.from, begin, &rates)?)?;
+            self.take_part((part, &rates), begin, length, stride)?;
             begin += part.length();
         }
         if self.rough.len() < 2 {
@@ -138,7 +138,7 @@ impl Grid {
     /// Takes what is behind the first knot of a part that begins at `begin`. No cell is too long for the whole `length`.
     fn take_part(
         &mut self,
-        (part, ramps): (&Part<'_>, &Ramps),
+        (part, rates): (&Part<'_>, &Rates),
         begin: f64,
         length: f64,
         stride: usize,
@@ -157,11 +157,11 @@ impl Grid {
             for cell in 1..cells as usize {
                 let between = before + (way - before) * cell as f64 / cells;
                 let own = part.from + (between - begin) * part.unit;
-                push(&mut self.rough, part.knot(own, between, ramps)?)?;
+                push(&mut self.rough, part.knot(own, between, rates)?)?;
             }
             let knot = match node {
-                Some(node) => Knot::new(node, ramps, way, part.unit),
-                None => part.knot(part.from + (way - begin) * part.unit, way, ramps)?,
+                Some(node) => Knot::new(node, rates, way, part.unit),
+                None => part.knot(part.from + (way - begin) * part.unit, way, rates)?,
             };
             push(&mut self.rough, knot)?;
         }

@@ -2,6 +2,7 @@
 
 use core::iter::zip;
 
+use super::load::Ramps;
 use super::node::{Node, Ratings, Vector, square};
 use super::slopes::Slopes;
 use crate::arm::{AXES, Joints, dot};
@@ -20,32 +21,28 @@ pub(super) struct Knot {
     /// The share of acceleration and of jerk that may be made use of.
     pub(super) tightness: [f64; 2],
     pub(super) slopes: Slopes,
-    pub(super) ramps: Ramps,
+    pub(super) rates: Rates,
     /// One over the joints' slopes.
     flatness: Joints,
     /// The largest of what bends and twists count to the jerk.
     most_turning: [f64; 2],
 }
 
-/// What of the [`Ratings`] a law needs.
+/// What a law needs of a part's [`Ratings`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ramps {
-    pub(super) ramp_s: Joints,
-    /// One over that.
+pub(super) struct Rates {
+    pub(super) ramps: Ramps,
+    /// One over the joints' ramps.
     quickness: Joints,
     /// How long the joints take to their rated speeds, in s: these over the accelerations.
     speed_s: Joints,
-    pub(super) tool_ramp_s: f64,
-    pub(super) deceleration: f64,
-    pub(super) tool_deceleration: f64,
 }
 
-impl Ramps {
+impl Rates {
     pub(super) fn of(ratings: &Ratings) -> Self {
-        let Ratings { ramp_s, tool_ramp_s, deceleration, tool_deceleration, .. } = *ratings;
-        let quickness = ramp_s.map(|ramp_s| 1.0 / ramp_s);
+        let quickness = ratings.ramp_s.map(|ramp_s| 1.0 / ramp_s);
         let speed_s = core::array::from_fn(|axis| ratings.speed[axis] / ratings.acceleration[axis]);
-        Self { ramp_s, quickness, speed_s, tool_ramp_s, deceleration, tool_deceleration }
+        Self { ramps: Ramps::of(ratings), quickness, speed_s }
     }
 
     /// The square of the speed at which the first joint has its rated speed.
@@ -58,29 +55,29 @@ impl Ramps {
 
 impl Knot {
     /// `unit` is what the node's unit grows by for each unit of the stretch.
-    pub(super) fn new(node: &Node, ramps: &Ramps, way: f64, unit: f64) -> Self {
+    pub(super) fn new(node: &Node, rates: &Rates, way: f64, unit: f64) -> Self {
         let speed = node.programmed / unit;
         let highest = (speed * speed).min(node.highest / (unit * unit));
-        Self::with(Slopes::of(node, unit), highest, way, *ramps)
+        Self::with(Slopes::of(node, unit), highest, way, *rates)
     }
 
     /// Between two nodes, at a share of the way from the first to the second.
-    pub(super) fn between(one: &Node, other: &Node, share: f64, ramps: &Ramps, way: f64, unit: f64) -> Self {
+    pub(super) fn between(one: &Node, other: &Node, share: f64, rates: &Rates, way: f64, unit: f64) -> Self {
         let mix = |one: f64, other: f64| one + share * (other - one);
         let speed = mix(one.programmed, other.programmed) / unit;
         let highest = (speed * speed).min(mix(one.highest, other.highest) / (unit * unit));
-        Self::with(Slopes::between(one, other, share, unit), highest, way, *ramps)
+        Self::with(Slopes::between(one, other, share, unit), highest, way, *rates)
     }
 
-    fn with(slopes: Slopes, highest: f64, way: f64, ramps: Ramps) -> Self {
+    fn with(slopes: Slopes, highest: f64, way: f64, rates: Rates) -> Self {
         let most = |of_joints: &Joints, of_tool: &Vector<f64>| {
-            let of_joints = zip(of_joints, &ramps.ramp_s).map(|(value, ramp)| value.abs() * ramp);
-            of_joints.fold(square(*of_tool).sqrt() * ramps.tool_ramp_s, f64::max)
+            let of_joints = zip(of_joints, &rates.ramps.ramp_s).map(|(value, ramp)| value.abs() * ramp);
+            of_joints.fold(square(*of_tool).sqrt() * rates.ramps.tool_ramp_s, f64::max)
         };
         let Slopes { bend, twist, tool, .. } = &slopes;
         let most_turning = [most(bend, &tool[1]), most(twist, &tool[2])];
         let flatness = slopes.slope.map(|slope| 1.0 / slope);
-        Self { way, highest, tightness: [1.0; 2], slopes, ramps, flatness, most_turning }
+        Self { way, highest, tightness: [1.0; 2], slopes, rates, flatness, most_turning }
     }
 
     /// A place between this one and another one of the same part, at a share of the way to it.
@@ -94,7 +91,7 @@ impl Knot {
             highest: self.highest.max(other.highest),
             tightness: [1.0; 2],
             slopes,
-            ramps: self.ramps,
+            rates: self.rates,
             flatness: slopes.slope.map(|slope| 1.0 / slope),
             most_turning: core::array::from_fn(|order| one[order].max(two[order])),
         }
@@ -120,8 +117,8 @@ impl Knot {
     /// The highest acceleration from rest, and the highest jerk there.
     pub(super) fn at_rest(&self) -> (f64, f64) {
         let (tool, steepest) = (square(self.slopes.tool[0]).sqrt(), self.slopes.steepest());
-        let ramps = zip(&self.slopes.slope, &self.ramps.ramp_s).map(|(slope, ramp)| slope.abs() * ramp);
-        let jerk = ramps.fold(tool * self.ramps.tool_ramp_s, f64::max);
+        let ramps = zip(&self.slopes.slope, &self.rates.ramps.ramp_s).map(|(slope, ramp)| slope.abs() * ramp);
+        let jerk = ramps.fold(tool * self.rates.ramps.tool_ramp_s, f64::max);
         (self.tightness[0] / steepest, self.tightness[1] / jerk)
     }
 
@@ -129,8 +126,11 @@ impl Knot {
     /// `weight` at this place; `sign` is that of the acceleration from here to there.
     pub(super) fn reach(&self, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
         let slope = sign / (2.0 * distance);
-        let (joints, tool) =
-            if sign < 0.0 { (self.ramps.deceleration, self.ramps.tool_deceleration) } else { (1.0, 1.0) };
+        let (joints, tool) = if sign < 0.0 {
+            (self.rates.ramps.deceleration, self.rates.ramps.tool_deceleration)
+        } else {
+            (1.0, 1.0)
+        };
         let mut most = f64::INFINITY;
         let left = self.tightness[0] * joints;
         for axis in 0..AXES {
@@ -160,10 +160,10 @@ impl Knot {
             let taken = 3.0 * self.slopes.bend[axis] * acceleration + self.slopes.twist[axis] * square_speed;
             // Of a joint that stands this is no number, and does not count.
             let flatness = self.flatness[axis];
-            let x = whole * self.ramps.quickness[axis] * flatness.abs() - sign * taken * flatness;
+            let x = whole * self.rates.quickness[axis] * flatness.abs() - sign * taken * flatness;
             least = if x < least { x } else { least };
         }
-        let ramp = self.ramps.tool_ramp_s;
+        let ramp = self.rates.ramps.tool_ramp_s;
         if ramp > 0.0 {
             let [along, bend, twist] = &self.slopes.tool;
             let taken: Vector<f64> =

@@ -1,8 +1,24 @@
 //! What a law takes at a place of what joints and tool are allowed there.
 
-use super::knot::Ramps;
+use super::node::Ratings;
 use super::slopes::Slopes;
 use crate::arm::{AXES, Joints};
+
+/// How long the accelerations of joints and tool take to come up, in s, and how much of them slowing down may have.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ramps {
+    pub(super) ramp_s: Joints,
+    pub(super) tool_ramp_s: f64,
+    pub(super) deceleration: f64,
+    pub(super) tool_deceleration: f64,
+}
+
+impl Ramps {
+    pub(super) const fn of(ratings: &Ratings) -> Self {
+        let Ratings { ramp_s, tool_ramp_s, deceleration, tool_deceleration, .. } = *ratings;
+        Self { ramp_s, tool_ramp_s, deceleration, tool_deceleration }
+    }
+}
 
 /// Accelerations and jerks as shares of what is allowed where the arm speeds up.
 #[derive(Clone, Copy, Debug)]

@@ -12,13 +12,13 @@ pub(super) const PIECES: usize = 40;
 /// A piece of a curve that is shorter than this share of it needs few nodes: the speed has no time to change much.
 const SHORT: f64 = 1.0 / 8.0;
 
-/// Of a short piece of a curve, one in so many points is a node; of a longer one, and of a whole curve, one in fewer.
+/// Of a short piece of a curve one in so many points is a node, and of a longer one one in fewer; of a whole curve all are.
 const STRIDE: usize = 4;
 const LONG_STRIDE: usize = 2;
 const _: () = assert!((POINTS - 1).is_multiple_of(STRIDE) && STRIDE.is_multiple_of(LONG_STRIDE));
 
 /// As many as any curve has.
-const ROOM: usize = PIECES * (POINTS - 1) / STRIDE
+const MOST_NODES: usize = PIECES * (POINTS - 1) / STRIDE
     + (1.0 / SHORT) as usize * (POINTS - 1) * (STRIDE - LONG_STRIDE) / (STRIDE * LONG_STRIDE)
     + 1;
 
@@ -63,7 +63,7 @@ impl Room {
     /// Allocates it.
     pub(super) fn new() -> Self {
         if let Ok(mut spares) = SPARES.lock() {
-            spares.extend((0..LISTS).map(|_| Vec::with_capacity(ROOM)));
+            spares.extend((0..LISTS).map(|_| Vec::with_capacity(MOST_NODES)));
             // As many again may be in use and come back.
             let used = spares.len().max(8 * LISTS);
             spares.reserve(used);
@@ -89,7 +89,7 @@ impl Nodes {
     /// None yet, with room for as many as any curve has.
     pub(super) fn new() -> Self {
         let spare = spares().and_then(|mut spares| spares.pop());
-        Self(spare.unwrap_or_else(|| Vec::with_capacity(ROOM)))
+        Self(spare.unwrap_or_else(|| Vec::with_capacity(MOST_NODES)))
     }
 }
 
@@ -154,12 +154,12 @@ mod tests {
             let taken: Vec<Nodes> = (0..2 * LISTS).map(|_| Nodes::new()).collect();
             for mut nodes in taken {
                 assert!(
-                    nodes.is_empty() && nodes.capacity() == ROOM,
+                    nodes.is_empty() && nodes.capacity() == MOST_NODES,
                     "{} of {}",
                     nodes.len(),
                     nodes.capacity()
                 );
-                nodes.extend([node; ROOM]);
+                nodes.extend([node; MOST_NODES]);
             }
         }
     }

@@ -4,8 +4,8 @@
 //! the step is known before: the rate levels out. Only a step from which that keeps the limits is begun, so that there is always a
 //! way on; the next cycle mostly takes another step instead. The last one levels out at the override.
 
-use super::knot::Ramps;
-use super::load::Load;
+use super::knot::Rates;
+use super::load::{Load, Ramps};
 use super::node::Pace;
 use super::path::Path;
 use super::piece::{Course, Piece};
@@ -71,7 +71,7 @@ impl Path {
     /// way changes it as much.
     fn quickest_ramp(&self) -> Option<Ramp> {
         let (part, spot, Pace { square, acceleration }) = self.here()?;
-        let (most, most_jerk) = part.knot(spot.way, 0.0, &Ramps::of(part.ratings))?.at_rest();
+        let (most, most_jerk) = part.knot(spot.way, 0.0, &Rates::of(part.ratings))?.at_rest();
         let (now, speed) = (self.scale.now(), square.sqrt());
         let sign = 1.0_f64.copysign(self.factor - now.share);
         let under_way = self.scale.after(STEP_S).change;

@@ -124,7 +124,7 @@ impl Law {
         for cell in 0..cells {
             let (start, end) = (&self.grid.knots[cell], self.end_of(cell));
             let between = start.slopes.half_way(&end.slopes, end.way - start.way);
-            self.tops.push(start.ramps.highest(&between));
+            self.tops.push(start.rates.highest(&between));
             self.grid.middles.push(between);
         }
         self.steps.clear();

@@ -37,9 +37,9 @@ impl Law {
         let [start, end] = [&self.grid.knots[cell], self.end_of(cell)];
         let (between, length) = (&self.grid.middles[cell], self.length(cell));
         let load = |slopes: &Slopes, pace: Pace, jerk: f64| {
-            Load::new(slopes, [pace.square, pace.acceleration, jerk], &start.ramps)
+            Load::new(slopes, [pace.square, pace.acceleration, jerk], &start.rates.ramps)
         };
-        let most = |load: Load, pace: Pace| load.most(pace.acceleration < 0.0, &start.ramps);
+        let most = |load: Load, pace: Pace| load.most(pace.acceleration < 0.0, &start.rates.ramps);
         if from.is_rest() || to.is_rest() {
             let (knot, pace) = if from.is_rest() { (end, to) } else { (start, from) };
             let jerk = 2.0 / 9.0 * pace.square * pace.square.sqrt() / (length * length);
