@@ -56,14 +56,15 @@ impl Path {
             let mut law = self.law.take().unwrap_or_default();
             let found = law.find(&parts, start.1);
             if is_first {
-                let is_possible = found.is_some() || start.1.is_rest();
-                // At rest a ramp is over.
-                let keeps_limits = start.1.is_rest() || self.scale.is_steady() || {
-                    let kept = self.pieces.iter().take(begin.pieces).copied();
-                    let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
-                    self.keeps_limits(self.scale.ahead(), &mut course)
-                };
-                if !is_possible || !keeps_limits {
+                // Where the arm rests it can always go on otherwise, and a ramp is over.
+                let is_possible = start.1.is_rest()
+                    || found.is_some()
+                        && (self.scale.is_steady() || {
+                            let kept = self.pieces.iter().take(begin.pieces).copied();
+                            let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
+                            self.keeps_limits(self.scale.ahead(), &mut course)
+                        });
+                if !is_possible {
                     self.law = Some(law);
                     return false;
                 }
