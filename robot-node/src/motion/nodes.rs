@@ -55,9 +55,9 @@ fn spares() -> Option<MutexGuard<'static, Vec<Vec<Node>>>> {
     })
 }
 
-/// Room for the nodes of a path, as long as there is the path.
+/// Room for the nodes of a path, as long as there is the path: so many of the spare lists are its own.
 #[derive(Debug)]
-pub(super) struct Room(());
+pub(super) struct Room(usize);
 
 impl Room {
     /// Allocates it.
@@ -68,14 +68,21 @@ impl Room {
             let used = spares.len().max(8 * LISTS);
             spares.reserve(used);
         }
-        Self(())
+        Self(LISTS)
+    }
+
+    /// No room: the nodes are allocated when there are some.
+    pub(super) const fn none() -> Self {
+        Self(0)
     }
 }
 
 impl Drop for Room {
     fn drop(&mut self) {
-        if let Ok(mut spares) = SPARES.lock() {
-            let left = spares.len().saturating_sub(LISTS);
+        if self.0 > 0
+            && let Ok(mut spares) = SPARES.lock()
+        {
+            let left = spares.len().saturating_sub(self.0);
             spares.truncate(left);
         }
     }

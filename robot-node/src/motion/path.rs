@@ -73,27 +73,12 @@ pub struct Path {
 }
 
 impl Clone for Path {
-    /// The copy has room of its own.
+    /// A copy has no room beforehand: it allocates what it needs.
     fn clone(&self) -> Self {
-        let (mut queue, mut pieces) = (VecDeque::with_capacity(CAPACITY), VecDeque::with_capacity(CELLS));
-        queue.extend(self.queue.iter().cloned());
-        pieces.extend(self.pieces.iter().copied());
-        let law = Some(Box::default());
         let Self { time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
-        Self {
-            queue,
-            pieces,
-            law,
-            time,
-            spot,
-            braking,
-            factor,
-            scale,
-            start,
-            end,
-            left_behind,
-            _room: Room::new(),
-        }
+        let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
+        let (law, _room) = (None, Room::none());
+        Self { queue, pieces, law, time, spot, braking, factor, scale, start, end, left_behind, _room }
     }
 }
 
