@@ -14,7 +14,7 @@ mod stream;
 mod tap;
 
 pub use clock::Clock;
-pub use link::{Fate, Impairment, Link, LinkCounters, Strike};
+pub use link::{Fate, Impairment, Link, LinkCounters, Strike, Strikes};
 pub use network::{Network, StationId};
 pub use side::Side;
 pub use tap::{Carrier, Segment, Tapped};
@@ -66,6 +66,8 @@ struct Station {
     /// The same instant in true time.
     timeout: Option<Instant>,
     alive: bool,
+    /// Number of the frame of this side at which the pair stops, counted from 1.
+    stop_at: Option<u64>,
 }
 
 /// Two machines on one cable, in virtual time.
@@ -99,6 +101,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             local_timeout: None,
             timeout: None,
             alive: true,
+            stop_at: None,
         };
         let mut pair = Self {
             a,
@@ -188,6 +191,32 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         station.timeout = None;
     }
 
+    /// Starts another machine in place of the first one, which was killed. Its TCP connections are closed.
+    pub fn restart_a(&mut self, machine: A) {
+        self.a = machine;
+        self.restarted(Side::A);
+    }
+
+    /// Starts another machine in place of the second one, which was killed. Its TCP connections are closed.
+    pub fn restart_b(&mut self, machine: B) {
+        self.b = machine;
+        self.restarted(Side::B);
+    }
+
+    fn restarted(&mut self, side: Side) {
+        self.close_streams_of(side);
+        let station = self.station(side);
+        station.alive = true;
+        station.local_timeout = None;
+        let local = self.local_time(side);
+        self.settle(side, local);
+    }
+
+    /// Makes [`next_event`](Self::next_event) return once `side` has put so many frames into the cable.
+    pub fn stop_at_frame(&mut self, side: Side, frame: Option<u64>) {
+        self.station(side).stop_at = frame;
+    }
+
     /// Returns what the cable did to the frames that `side` sent.
     #[must_use]
     pub fn link_counters(&self, side: Side) -> LinkCounters {
@@ -198,17 +227,31 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         }
     }
 
-    /// Runs until a machine has an event, or until `until` in true time, whichever is first.
+    /// Runs until a machine has an event, until `until` in true time, or until a frame of
+    /// [`stop_at_frame`](Self::stop_at_frame), whichever is first.
     pub fn next_event(&mut self, until: Instant) -> Option<Event<A::Event, B::Event>> {
         loop {
             if let Some(event) = self.events.pop_front() {
                 return Some(event);
+            }
+            if self.stops() {
+                return None;
             }
             if !self.step(until) {
                 self.now = self.now.max(until);
                 return None;
             }
         }
+    }
+
+    /// Returns whether a side has put in the frame at which the pair stops, once for each such frame.
+    fn stops(&mut self) -> bool {
+        let reached = |station: &mut Station| {
+            let sent = station.link.counters().sent;
+            station.stop_at.take_if(|frame| *frame <= sent).is_some()
+        };
+        let [a, b] = &mut self.stations;
+        reached(a) | reached(b)
     }
 
     /// Processes the next thing in flight or due, unless it is after `until`. Returns whether there was one.

@@ -27,8 +27,8 @@ pub struct Impairment {
     pub corrupt_ppm: u32,
     /// Frames in which one bit flips on the wire: the frame's checksum finds it, so that the frame is lost.
     pub corrupt_on_wire_ppm: u32,
-    /// What happens to one frame, by its number among those that were put in, counted from 1.
-    pub strike: Option<(u64, Strike)>,
+    /// What happens to single frames.
+    pub strikes: Strikes,
 }
 
 /// What happens to one frame.
@@ -40,6 +40,64 @@ pub enum Strike {
     Double,
     /// It is held back, so that later ones may overtake it.
     Hold(Duration),
+    /// This bit of it flips behind the checksums, counted from the lowest bit of the first byte and from there again
+    /// behind the end.
+    Flip(u32),
+    /// A bit of it flips on the wire: the frame's checksum finds it, so that the frame is lost. A segment of a TCP
+    /// stream is sent again.
+    FlipOnWire,
+}
+
+/// What happens to single frames, by their numbers among those that were put in, counted from 1.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct Strikes([Option<(u64, Strike)>; Strikes::MOST]);
+
+impl Strikes {
+    /// Most strikes of one direction.
+    pub const MOST: usize = 4;
+    /// No frame is struck.
+    pub const NONE: Self = Self([None; Self::MOST]);
+
+    /// Adds a strike. Returns whether there was room for it.
+    pub fn add(&mut self, frame: u64, strike: Strike) -> bool {
+        let room = self.0.iter_mut().find(|one| one.is_none());
+        room.map(|room| *room = Some((frame, strike))).is_some()
+    }
+
+    /// Returns all strikes.
+    pub fn iter(&self) -> impl Iterator<Item = (u64, Strike)> + '_ {
+        self.0.iter().flatten().copied()
+    }
+
+    /// Returns the longest time for which it holds a frame back.
+    #[must_use]
+    pub fn longest_hold(&self) -> Duration {
+        let hold = |(_, strike)| match strike {
+            Strike::Hold(by) => Some(by),
+            _ => None,
+        };
+        self.iter().filter_map(hold).max().unwrap_or_default()
+    }
+}
+
+/// All that strikes one frame.
+#[derive(Clone, Copy, Default)]
+struct Struck {
+    is_lost: bool,
+    is_doubled: bool,
+    held: Option<Duration>,
+    flipped: Option<u32>,
+    flips_on_wire: bool,
+}
+
+/// A piece of a TCP stream that passed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Passed {
+    pub(super) arrival: Instant,
+    /// How often it was lost before.
+    pub(super) losses: u32,
+    /// Which of its bits flips behind the checksums.
+    pub(super) flipped_bit: Option<u32>,
 }
 
 /// What a cable did to the frames of one direction.
@@ -194,22 +252,20 @@ impl Link {
             reorder_by,
             corrupt_ppm,
             corrupt_on_wire_ppm,
-            strike: _,
+            strikes: _,
         } = self.impairment;
         let struck = self.struck();
         let mut fate = Fate { cut: self.cut, ..Fate::default() };
-        fate.lost = !fate.cut && (self.chance(loss_ppm) || struck == Some(Strike::Lose));
-        fate.failed_checksum = !fate.cut && !fate.lost && self.chance(corrupt_on_wire_ppm);
+        fate.lost = !fate.cut && (self.chance(loss_ppm) || struck.is_lost);
+        fate.failed_checksum =
+            !fate.cut && !fate.lost && (self.chance(corrupt_on_wire_ppm) || struck.flips_on_wire);
         self.counters.corrupted_on_wire += u64::from(fate.failed_checksum);
         if fate.cut || fate.lost || fate.failed_checksum {
             self.counters.lost += 1;
             return (fate, None);
         }
         let mut arrival = now + delay + self.up_to(jitter);
-        let held = match struck {
-            Some(Strike::Hold(by)) => Some(by),
-            _ => self.chance(reorder_ppm).then_some(reorder_by),
-        };
+        let held = struck.held.or_else(|| self.chance(reorder_ppm).then_some(reorder_by));
         if let Some(by) = held {
             self.counters.reordered += 1;
             fate.held_back = Some(by);
@@ -218,45 +274,59 @@ impl Link {
             arrival = arrival.max(self.last_arrival);
             self.last_arrival = arrival;
         }
-        fate.duplicated = self.chance(duplicate_ppm) || struck == Some(Strike::Double);
+        fate.duplicated = self.chance(duplicate_ppm) || struck.is_doubled;
         self.counters.duplicated += u64::from(fate.duplicated);
-        if self.chance(corrupt_ppm) && (1..=FRAME_CAPACITY).contains(&len) {
-            self.counters.corrupted += 1;
-            fate.flipped_bit = Some(self.below(len as u64 * 8) as u32);
+        if (1..=FRAME_CAPACITY).contains(&len) {
+            let chance = self.chance(corrupt_ppm).then(|| self.below(len as u64 * 8) as u32);
+            fate.flipped_bit = chance.or_else(|| Some(struck.flipped? % (len as u32 * 8)));
+            self.counters.corrupted += u64::from(fate.flipped_bit.is_some());
         }
         (fate, Some(arrival))
     }
 
-    /// Returns when a piece of a TCP stream sent now arrives, and how often it was lost before: where a datagram
-    /// would be lost, it arrives later. `None` while cut.
-    pub(super) fn pass_stream(&mut self, now: Instant, retransmission: Duration) -> Option<(Instant, u32)> {
+    /// Returns how a piece of `len` bytes of a TCP stream sent now arrives: where a datagram would be lost, it arrives
+    /// later. `None` while cut. Of its bits only a strike flips one behind the checksums.
+    pub(super) fn pass_stream(
+        &mut self,
+        now: Instant,
+        len: usize,
+        retransmission: Duration,
+    ) -> Option<Passed> {
         self.counters.sent += 1;
         if self.cut {
             return None;
         }
+        let struck = self.struck();
         let mut arrival = now + self.impairment.delay + self.up_to(self.impairment.jitter);
-        let mut losses = 0;
-        match self.struck() {
-            Some(Strike::Lose) => {
-                self.counters.lost += 1;
-                losses = 1;
-                arrival += retransmission;
-            }
-            Some(Strike::Hold(by)) => arrival += by,
-            Some(Strike::Double) | None => {}
-        }
+        arrival += struck.held.unwrap_or_default();
+        let mut losses = u32::from(struck.is_lost || struck.flips_on_wire);
+        self.counters.corrupted_on_wire += u64::from(struck.flips_on_wire);
         while self.chance(self.impairment.loss_ppm.min(900_000)) {
-            self.counters.lost += 1;
             losses += 1;
-            arrival += retransmission;
         }
-        Some((arrival, losses))
+        self.counters.lost += u64::from(losses);
+        arrival += retransmission * losses;
+        let flipped_bit = struck.flipped.filter(|_| (1..=FRAME_CAPACITY).contains(&len));
+        let flipped_bit = flipped_bit.map(|bit| bit % (len as u32 * 8));
+        self.counters.corrupted += u64::from(flipped_bit.is_some());
+        Some(Passed { arrival, losses, flipped_bit })
     }
 
-    /// Returns what happens to the frame that was counted last.
-    fn struck(&self) -> Option<Strike> {
-        let (number, strike) = self.impairment.strike?;
-        (number == self.counters.sent).then_some(strike)
+    /// Returns what strikes the frame that was counted last.
+    fn struck(&self) -> Struck {
+        let mut struck = Struck::default();
+        for (number, strike) in self.impairment.strikes.iter() {
+            if number == self.counters.sent {
+                match strike {
+                    Strike::Lose => struck.is_lost = true,
+                    Strike::Double => struck.is_doubled = true,
+                    Strike::Hold(by) => struck.held = Some(by),
+                    Strike::Flip(bit) => struck.flipped = Some(bit),
+                    Strike::FlipOnWire => struck.flips_on_wire = true,
+                }
+            }
+        }
+        struck
     }
 
     /// Draws no random number if the rate is zero, so that switching on one fault does not shift the others.

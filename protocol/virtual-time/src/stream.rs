@@ -7,6 +7,7 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::in_flight::{Delivery, InFlight};
+use super::link::{Passed, flip};
 use super::tap::Label;
 use super::{Carrier, Fate, Pair, Segment, Side, holding};
 use machine::{Attempt, Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
@@ -245,21 +246,29 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     fn push_stream(&mut self, from: Side, id: StreamId, delivery: Delivery) {
         let (now, to) = (self.now, from.other());
         let alive = self.station(to).alive;
-        let passed = self.station(from).link.pass_stream(now, RETRANSMISSION);
+        let mut delivery = delivery;
+        let len = if let Delivery::Frame { len, .. } = &delivery { *len } else { 0 };
+        let passed = self.station(from).link.pass_stream(now, len, RETRANSMISSION);
         if let Some(segment) = self.segment(from, id, &delivery) {
             let bytes = match &delivery {
                 Delivery::Frame { buf, len, .. } => buf.get(..*len).unwrap_or_default(),
                 _ => &[],
             };
-            for loss in 0..passed.map_or(1, |(_, losses)| losses) {
+            for loss in 0..passed.map_or(1, |passed| passed.losses) {
                 let fate = Fate { lost: passed.is_some(), cut: passed.is_none(), ..Fate::default() };
                 self.tap_stream(now + RETRANSMISSION * loss, from, id, segment, fate, bytes);
             }
-            if let Some((_, losses)) = passed {
-                self.tap_stream(now + RETRANSMISSION * losses, from, id, segment, Fate::default(), bytes);
+            if let Some(Passed { losses, flipped_bit, .. }) = passed {
+                let fate = Fate { flipped_bit, ..Fate::default() };
+                self.tap_stream(now + RETRANSMISSION * losses, from, id, segment, fate, bytes);
             }
         }
-        let arrival = passed.map(|(arrival, _)| arrival).filter(|_| alive);
+        if let (Delivery::Frame { buf, .. }, Some(bit)) =
+            (&mut delivery, passed.and_then(|passed| passed.flipped_bit))
+        {
+            flip(buf, bit);
+        }
+        let arrival = passed.map(|passed| passed.arrival).filter(|_| alive);
         let Some(stream) = self.streams.get(id) else { return };
         match arrival {
             Some(arrival) if stream.held.iter().all(|(side, _)| *side != to) => {
@@ -303,6 +312,17 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             for (to, delivery) in pieces {
                 self.push_stream(to.other(), id, delivery);
             }
+        }
+    }
+
+    /// Closes all connections of a side whose machine is another one now.
+    pub(super) fn close_streams_of(&mut self, side: Side) {
+        let open: Vec<_> = self.streams.open.iter().map(|stream| stream.id).collect();
+        for id in open {
+            if let Some(stream) = self.streams.get(id) {
+                *stream.ended(side) = true;
+            }
+            self.push_stream(side, id, Delivery::Closed(id));
         }
     }
 

@@ -8,7 +8,7 @@ use machine::{
     Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
-use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side, Strike};
+use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side, Strike, Strikes};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
@@ -101,7 +101,7 @@ fn the_same_seed_gives_the_same_nanoseconds_under_every_fault() {
         reorder_by: Duration::from_millis(2),
         corrupt_ppm: 200_000,
         corrupt_on_wire_ppm: 200_000,
-        strike: None,
+        strikes: Strikes::NONE,
     };
     assert_eq!(transcript(7, link), transcript(7, link));
     assert_ne!(transcript(7, link), transcript(8, link));
@@ -132,21 +132,44 @@ fn a_bit_that_flips_on_the_wire_loses_the_frame_and_one_behind_the_checksum_arri
 #[test]
 fn a_strike_hits_the_frame_of_its_number_and_no_other() {
     let by = Duration::from_millis(2);
-    for (strike, copies, latest_ms) in
-        [(Strike::Lose, [1, 1, 0, 1], 0), (Strike::Double, [1, 1, 2, 1], 0), (Strike::Hold(by), [1; 4], 2)]
-    {
-        let impairment = Impairment { strike: Some((3, strike)), ..Impairment::default() };
-        let mut link = Link::new(impairment, 1, 0);
+    let none = [0; 8];
+    let flipped = [0, 0x20, 0, 0, 0, 0, 0, 0];
+    for (strike, copies, latest_ms, third) in [
+        (Strike::Lose, [1, 1, 0, 1], 0, None),
+        (Strike::Double, [1, 1, 2, 1], 0, Some(none)),
+        (Strike::Hold(by), [1; 4], 2, Some(none)),
+        (Strike::FlipOnWire, [1, 1, 0, 1], 0, None),
+        // Bit 77 of 64 is bit 13.
+        (Strike::Flip(77), [1; 4], 0, Some(flipped)),
+    ] {
+        let mut strikes = Strikes::NONE;
+        assert!(strikes.add(3, strike));
+        let mut link = Link::new(Impairment { strikes, ..Impairment::default() }, 1, 0);
         let mut latest = Instant::ZERO;
-        let arrivals = [0; 4].map(|_: u8| {
+        let arrivals = [1, 2, 3, 4].map(|number| {
             let mut copies = 0;
-            link.pass(Instant::ZERO, &[0; 8], |at, _, _| {
+            link.pass(Instant::ZERO, &none, |at, _, frame| {
                 (copies, latest) = (copies + 1, latest.max(at));
+                assert_eq!(frame, if number == 3 { third.unwrap() } else { none }, "{strike:?}");
             });
             copies
         });
         assert_eq!((arrivals, latest), (copies, Instant::from_millis(latest_ms)), "{strike:?}");
     }
+}
+
+#[test]
+fn a_direction_has_room_for_a_few_strikes_and_all_of_them_hit() {
+    let mut strikes = Strikes::NONE;
+    assert!((1..=4).all(|frame| strikes.add(2 * frame, Strike::Lose)));
+    assert!(!strikes.add(10, Strike::Lose));
+    let mut link = Link::new(Impairment { strikes, ..Impairment::default() }, 1, 0);
+    let arrives = [(); 10].map(|()| {
+        let mut arrives = false;
+        link.pass(Instant::ZERO, &[0], |_, _, _| arrives = true);
+        arrives
+    });
+    assert_eq!(arrives, [true, false, true, false, true, false, true, false, true, true]);
 }
 
 #[test]
@@ -170,6 +193,30 @@ fn a_cut_cable_and_a_killed_node_deliver_nothing() {
     assert_eq!(pair.next_event(Instant::from_millis(9)), None);
     assert_eq!(pair.link_counters(Side::A).sent, 9);
     assert_eq!(pair.link_counters(Side::B).sent, 3);
+}
+
+#[test]
+fn a_pair_stops_at_a_frame_and_a_node_that_is_started_again_counts_from_one() {
+    let first = Instant::from_millis(1);
+    let config = PairConfig {
+        seed: 0,
+        clocks: [Clock::default(); 2],
+        links: [Impairment::default(); 2],
+        addresses: [None; 2],
+    };
+    let mut pair = Pair::new(Counter::new(first), Counter::new(first), config);
+    pair.stop_at_frame(Side::B, Some(3));
+    while pair.next_event(Instant::from_millis(9)).is_some() {}
+    assert_eq!(pair.now(), Instant::from_millis(3));
+    pair.kill(Side::B);
+    while pair.next_event(Instant::from_millis(5)).is_some() {}
+    assert_eq!(pair.now(), Instant::from_millis(5));
+    pair.restart_b(Counter::new(Instant::from_millis(6)));
+    let numbers: Vec<_> = std::iter::from_fn(|| pair.next_event(Instant::from_millis(7))).collect();
+    let at = Instant::from_millis;
+    let (six, seven) =
+        ([Event::B((at(6), 6)), Event::A((at(6), 1))], [Event::B((at(7), 7)), Event::A((at(7), 2))]);
+    assert_eq!(numbers, [six, seven].concat());
 }
 
 /// Connects to TCP port 7 of its peer, or listens there, sends all its bytes, and records what it receives.
