@@ -1,6 +1,8 @@
 //! Faults that the user injects with `--fault`, and their result; the same in both modes.
 
+mod at_frame;
 mod drives;
+mod limits;
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,11 +12,12 @@ use node::role::NodeRole;
 use protocol_linux::impaired::ImpairmentPlan;
 use robot_node::Disturbance;
 use serde::{Deserialize, Serialize};
-use setup::Setup;
 use virtual_time::{Impairment, LinkCounters, Side, Strike};
 
+pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
+pub use limits::{NotReal, TooManyStrikes, check_drives, check_real, check_strikes};
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]
@@ -36,6 +39,7 @@ enum Kind {
     Corrupt(u32),
     CorruptOnWire(u32),
     Strike(u64, Strike),
+    AtFrame(AtFrame),
     Cut(Duration, Duration),
     Kill(NodeRole, Duration),
     Drive(DriveFault),
@@ -48,8 +52,10 @@ pub enum FaultError {
     #[error(
         "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001@memory, corrupt=0.001@wire, reorder=0.01@2ms, \
          delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as \
-         to-robot:loss=0.001; of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms; and of a drive \
-         drive-fault=3@2s, drive-stop=3@2s or drive-block=3@2s..2.5s"
+         to-robot:loss=0.001; of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms, \
+         to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode from one frame on to-robot:cut-frame=17@10ms, \
+         to-robot:restart-robot=17@100ms, to-plc:restart-plc=17@100ms; and of a drive drive-fault=3@2s, drive-stop=3@2s or \
+         drive-block=3@2s..2.5s"
     )]
     Form(String),
     /// It is not a share of the frames.
@@ -108,6 +114,7 @@ impl FromStr for Fault {
                 let (number, by) = value.split_once('@').ok_or_else(form)?;
                 Kind::Strike(frame(number)?, Strike::Hold(time(by)?))
             }
+            "flip-frame" if from.is_some() => flip(value).ok_or_else(form)??,
             "cut-at" if from.is_none() => {
                 let (start, end) = value.split_once("..").ok_or_else(form)?;
                 let (start, end) = (time(start)?, time(end)?);
@@ -118,8 +125,10 @@ impl FromStr for Fault {
             }
             "kill-robot-at" if from.is_none() => Kind::Kill(NodeRole::Robot, time(value)?),
             "kill-plc-at" if from.is_none() => Kind::Kill(NodeRole::Plc, time(value)?),
-            _ if from.is_none() => Kind::Drive(DriveFault::parse(key, value).ok_or_else(form)??),
-            _ => return Err(form()),
+            _ => match from {
+                Some(from) => Kind::AtFrame(AtFrame::parse(from, key, value).ok_or_else(form)??),
+                None => Kind::Drive(DriveFault::parse(key, value).ok_or_else(form)??),
+            },
         };
         Ok(Self { text: text.to_owned(), from, kind })
     }
@@ -138,6 +147,19 @@ fn frame(text: &str) -> Result<u64, FaultError> {
     text.parse().ok().filter(|number| *number > 0).ok_or_else(|| FaultError::Frame(text.to_owned()))
 }
 
+/// Parses a bit that flips, such as `17.93@memory` for bit 93 of frame 17, or `17@wire`; `None` for another form.
+fn flip(text: &str) -> Option<Result<Kind, FaultError>> {
+    let (place, strike) = match text.split_once('@')? {
+        (number, "wire") => (number, Strike::FlipOnWire),
+        (place, "memory") => {
+            let (number, bit) = place.split_once('.')?;
+            (number, Strike::Flip(bit.parse().ok()?))
+        }
+        _ => return None,
+    };
+    Some(frame(place).map(|frame| Kind::Strike(frame, strike)))
+}
+
 fn time(text: &str) -> Result<Duration, FaultError> {
     node::run::parse_duration(text).ok_or_else(|| FaultError::Time(text.to_owned()))
 }
@@ -151,6 +173,8 @@ pub enum Change {
     Mend,
     /// A node is killed.
     Kill(NodeRole),
+    /// A node that was killed is started again.
+    Restart(NodeRole),
     /// Something happens to the drive of an axis, counted from 1.
     Drive(u8, Disturbance),
 }
@@ -169,9 +193,10 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
                     Kind::Duplicate(ppm) => link.duplicate_ppm = ppm,
                     Kind::Corrupt(ppm) => link.corrupt_ppm = ppm,
                     Kind::CorruptOnWire(ppm) => link.corrupt_on_wire_ppm = ppm,
-                    Kind::Strike(frame, strike) => link.strike = Some((frame, strike)),
+                    // What has no room is refused by `check_strikes`.
+                    Kind::Strike(frame, strike) => _ = link.strikes.add(frame, strike),
                     Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
-                    Kind::Cut(..) | Kind::Kill(..) | Kind::Drive(..) => {}
+                    Kind::AtFrame(_) | Kind::Cut(..) | Kind::Kill(..) | Kind::Drive(..) => {}
                 }
             }
         }
@@ -195,51 +220,19 @@ pub fn changes(faults: &[Fault]) -> Vec<(Duration, Change)> {
     changes
 }
 
+/// Returns the changes that begin with a frame.
+pub fn at_frames(faults: &[Fault]) -> impl Iterator<Item = AtFrame> + '_ {
+    faults.iter().filter_map(|fault| match fault.kind {
+        Kind::AtFrame(at) => Some(at),
+        _ => None,
+    })
+}
+
 /// Returns a capture's comment on the faults; empty without faults.
 #[must_use]
 pub fn about(faults: &[Fault]) -> String {
     let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
     if asked.is_empty() { String::new() } else { format!("faults put in: {}", asked.join(", ")) }
-}
-
-/// Checks whether the robot of a setup has the drives that the faults are for.
-///
-/// # Errors
-///
-/// The first fault without its drive.
-pub fn check_drives(faults: &[Fault], setup: &Setup) -> Result<(), NoSuchDrive> {
-    faults.iter().try_for_each(|fault| match fault.kind {
-        Kind::Drive(fault) => fault.check(setup),
-        _ => Ok(()),
-    })
-}
-
-/// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.
-const LONGEST_HOLD: Duration = Duration::from_secs(1);
-
-/// Checks whether a cable between two processes can do these faults.
-///
-/// # Errors
-///
-/// They hold frames for longer than it can.
-pub fn check_real(faults: &[Fault]) -> Result<(), HeldTooLong> {
-    let struck = |link: &Impairment| match link.strike {
-        Some((_, Strike::Hold(by))) => by,
-        _ => Duration::ZERO,
-    };
-    let hold = |link: &Impairment| link.delay + link.jitter + link.reorder_by.max(struck(link));
-    let longest = links(faults, Impairment::default()).iter().map(hold).max().unwrap_or_default();
-    if longest > LONGEST_HOLD { Err(HeldTooLong { longest }) } else { Ok(()) }
-}
-
-/// Frames would be held for longer than their memory allows.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-#[error(
-    "these faults hold frames for up to {longest:?}, and a cable between two processes for {LONGEST_HOLD:?} at most: ask \
-     for less, or add --mode virtual"
-)]
-pub struct HeldTooLong {
-    longest: Duration,
 }
 
 /// Converts the faults to the impairments of a cable between two processes. The host determines that cable's own
@@ -249,7 +242,7 @@ pub fn impairment_plan(faults: &[Fault], seed: u64) -> ImpairmentPlan {
     let cut = |(at, change)| match change {
         Change::Cut => Some((at, true)),
         Change::Mend => Some((at, false)),
-        Change::Kill(_) | Change::Drive(..) => None,
+        Change::Kill(_) | Change::Restart(_) | Change::Drive(..) => None,
     };
     ImpairmentPlan {
         links: links(faults, Impairment::default()),
@@ -345,7 +338,10 @@ mod tests {
         assert_eq!(to_plc, Impairment { reorder_ppm: 500_000, reorder_by: by, ..lossy });
         let [corrupt, _] = links(&faults(&["corrupt=0.1@memory", "to-robot:corrupt=0.2@wire"]), cable);
         let [_, struck] = links(&faults(&["to-plc:hold-frame=17@2ms"]), cable);
-        assert_eq!(struck.strike, Some((17, Strike::Hold(Duration::from_millis(2)))));
+        assert!(struck.strikes.iter().eq([(17, Strike::Hold(Duration::from_millis(2)))]));
+        let flips = ["to-plc:flip-frame=3.93@memory", "to-plc:flip-frame=4@wire"];
+        let [_, struck] = links(&faults(&flips), cable);
+        assert!(struck.strikes.iter().eq([(3, Strike::Flip(93)), (4, Strike::FlipOnWire)]));
         assert_eq!((corrupt.corrupt_ppm, corrupt.corrupt_on_wire_ppm), (100_000, 200_000));
     }
 
@@ -378,6 +374,20 @@ mod tests {
     }
 
     #[test]
+    fn more_faults_of_single_frames_than_there_is_room_for_are_refused() {
+        let mut five = vec!["to-plc:lose-frame=1"; 4];
+        assert_eq!(check_strikes(&faults(&five)), Ok(()));
+        five.extend(["to-robot:lose-frame=1", "to-plc:flip-frame=9@wire"]);
+        insta::assert_snapshot!(check_strikes(&faults(&five)).unwrap_err(), @"5 faults of single frames in one direction, and there is room for 4: ask for fewer");
+    }
+
+    #[test]
+    fn a_cut_from_a_frame_on_is_for_virtual_time() {
+        let cut = faults(&["to-robot:cut-frame=17@10ms"]);
+        insta::assert_snapshot!(check_real(&cut).unwrap_err(), @"`to-robot:cut-frame=17@10ms` is for virtual time only: add --mode virtual, or give a time, as in cut-at=2s..2.1s");
+    }
+
+    #[test]
     fn a_real_cable_holds_no_frame_for_longer_than_a_second() {
         assert_eq!(
             check_real(&faults(&["to-plc:delay=600ms", "to-robot:jitter=600ms", "cut-at=1s..9s"])),
@@ -407,5 +417,11 @@ mod tests {
         }
         assert!(said("drive-fault=1@1s..2s").contains("is no time"));
         assert!(said("to-plc:drive-fault=1@1s").contains("is no fault"));
+        for wrong in
+            ["to-plc:flip-frame=1", "to-plc:flip-frame=1@memory", "cut-frame=1@1ms", "to-plc:cut-frame=1"]
+        {
+            assert!(said(wrong).contains("is no fault"), "{wrong}");
+        }
+        assert!(said("to-plc:restart-plc=0@1ms").contains("is no number of a frame"));
     }
 }

@@ -326,7 +326,8 @@ impl Rig {
                     robot.tell(&Instruction::Node(RobotInstruction::Disturb { axis, disturbance })).await;
                 }
             }
-            Change::Cut | Change::Mend => {}
+            // A restart is for virtual time, and the options refuse it here.
+            Change::Cut | Change::Mend | Change::Restart(_) => {}
         }
     }
 

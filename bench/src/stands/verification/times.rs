@@ -5,7 +5,7 @@ use std::time::Duration;
 use planning::Stop;
 use plc_node::ExecutionType;
 use setup::Setup;
-use virtual_time::{Impairment, Strike};
+use virtual_time::Impairment;
 
 use super::Difference;
 use crate::records::conditions::{Interference, Measured};
@@ -33,11 +33,8 @@ impl Times {
         let micros = |value: u32| Duration::from_micros(value.into());
         let [scan, robot_cycle, bus_cycle] =
             [setup.plc.scan_cycle_us.value, setup.robot.cycle_us.value, setup.bus.cycle_us.value].map(micros);
-        let struck = |link: &Impairment| match link.strike {
-            Some((_, Strike::Hold(by))) => by,
-            _ => Duration::ZERO,
-        };
-        let hold = |link: Impairment| link.delay + link.jitter + link.reorder_by + struck(&link);
+        let hold =
+            |link: Impairment| link.delay + link.jitter + link.reorder_by + link.strikes.longest_hold();
         let held: Duration = faults::links(faults, Impairment::default()).into_iter().map(hold).sum();
         let reaction = reaction_limits(setup).1;
         // The PLC's outputs leave at the end of a scan, and its next step begins with the next scan.

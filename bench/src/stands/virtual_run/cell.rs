@@ -1,7 +1,7 @@
 //! Both nodes of a virtual run on their cable, for every bus.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
+use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -9,17 +9,19 @@ use ::node::report::LatenessReport;
 use ::node::role::NodeRole;
 use anyhow::{Context as _, anyhow, bail};
 use machine::{Instant, Lateness};
-use planning::PROGRAM;
-use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
+use plc_node::{ExecutionType, PlcEvent, PlcNode};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::Digest;
 use protocol_linux::capture::Note;
-use robot_node::{Program, RobotEvent, RobotNode};
+use robot_node::{RobotEvent, RobotNode};
 use setup::Setup;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 
 use super::Work;
+use super::changes::Changes;
+use super::new_nodes::{Restart, new_plc, new_robot};
 use super::phases::Phases;
+
 use super::watch::{SharedFrames, Watch};
 use crate::records::conditions::{Counts, Health, Measured, Moved};
 use crate::records::faults::{self, Change, Fault, FaultReport};
@@ -31,6 +33,9 @@ use crate::stands::frame_name;
 /// Longest wait for the connection; one that is not up by then never will be.
 const CONNECT: Duration = Duration::from_secs(60);
 
+/// Longest time after a failed run until the robot is ready again.
+const RECOVERY: Duration = Duration::from_secs(60);
+
 /// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
@@ -38,6 +43,11 @@ const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 #[derive(Debug, thiserror::Error)]
 #[error("no connection to the robot: {0}")]
 pub(super) struct OtherRobot(String);
+
+/// A run did not end within any time that a run takes.
+#[derive(Debug, thiserror::Error)]
+#[error("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())]
+pub(crate) struct Endless;
 
 /// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
@@ -53,6 +63,8 @@ pub(super) struct Surroundings<'a> {
 pub(super) trait Cell {
     fn connect(&mut self) -> anyhow::Result<()>;
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
+    /// Waits until the robot is ready again after a run that failed.
+    fn recover(&mut self) -> anyhow::Result<()>;
     fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
     fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent>;
     fn digests(&self) -> [Digest; 2];
@@ -64,19 +76,16 @@ pub(super) trait Cell {
 /// Connects both nodes by a cable.
 pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
     setup: &Setup,
-    Work { source, program, stops, to_start, robot }: Work,
+    Work { source, program, stops, to_start, robot, .. }: Work,
     phases: &mut Phases,
-    plc_bus: P,
-    robot_bus: R,
+    buses: (P, R),
     Surroundings { faults, capture, frames }: &Surroundings<'_>,
-) -> anyhow::Result<Box<dyn Cell>> {
+    restart: Option<Restart<P, R>>,
+) -> Box<dyn Cell> {
     let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
     let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
-    let program = Program::new(program, &stops);
-    let plc_config =
-        PlcConfig { motions: source, to_start, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
-    let plc = PlcNode::new(plc_config, plc_bus, plc_start);
-    let robot = RobotNode::new(robot, vec![(PROGRAM, program)], robot_bus, phases.seed, robot_start);
+    let robot = new_robot(robot, (program, &stops), buses.1, phases.seed, robot_start);
+    let plc = new_plc(setup, (source, stops, to_start), buses.0, plc_start);
     let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed: phases.seed,
@@ -103,16 +112,17 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
             }
         });
     }
-    Ok(Box::new(Nodes {
+    Box::new(Nodes {
         pair,
+        addresses: config.addresses,
         faults: faults.to_vec(),
-        changes: faults::changes(faults).into(),
+        changes: Changes::of(faults),
+        restart,
         killed: None,
-        ready_at: None,
         capture: capture.clone(),
         frames: frames.clone(),
         moved: Moved::default(),
-    }))
+    })
 }
 
 /// Converts a tapped frame to a timeline's frame; the watch sets its time since the start edge.
@@ -134,12 +144,14 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
 /// Both nodes on a cable, and the changes that the faults make.
 pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     pair: Pair<PlcNode<P>, RobotNode<R>>,
+    /// IP addresses that the sides had at the start.
+    addresses: [Option<Ipv4Addr>; 2],
     faults: Vec<Fault>,
-    /// Times count from `ready_at`.
-    changes: VecDeque<(Duration, Change)>,
+    changes: Changes,
+    /// What makes a node once more; `None` where no fault asks for it.
+    restart: Option<Restart<P, R>>,
     /// The first node that a fault has killed.
     killed: Option<NodeRole>,
-    ready_at: Option<Instant>,
     capture: Option<SharedCapture>,
     frames: Option<SharedFrames>,
     /// What the robot reported of the current run, or of the last one.
@@ -155,22 +167,27 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
     /// for, and applies the changes of the faults.
     pub(crate) fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
         loop {
-            let next = self.ready_at.zip(self.changes.front()).map(|(ready, (after, _))| ready + *after);
-            let change = next.filter(|at| *at <= until);
-            if let Some(event) = next_plc_event(&mut self.pair, change.unwrap_or(until), &mut self.moved) {
+            for side in [Side::A, Side::B] {
+                self.pair.stop_at_frame(side, self.changes.next_frame(side));
+            }
+            let due = self.changes.next().filter(|at| *at <= until);
+            if let Some(event) = next_plc_event(&mut self.pair, due.unwrap_or(until), &mut self.moved) {
                 return Some(event);
             }
-            change?;
-            self.change();
+            let pair = &self.pair;
+            let struck = self.changes.take_at(pair.now(), |side| pair.link_counters(side).sent);
+            // Without a frame the pair stops at the instant that was asked for.
+            let change = struck.or_else(|| due.and_then(|_| self.changes.take()))?;
+            self.change(change);
         }
     }
 
     /// Waits until the arm is at the application's start, so that a run can begin at once.
-    fn until_at_start(&mut self) -> anyhow::Result<()> {
-        let until = self.pair.now() + LONGEST_RUN;
+    fn until_at_start(&mut self, longest: Duration) -> anyhow::Result<()> {
+        let until = self.pair.now() + longest;
         while !self.pair.a().is_ready() {
             if self.next_event(until).is_none() {
-                bail!("the robot was not ready within {} s of virtual time", LONGEST_RUN.as_secs());
+                bail!("the robot was not ready within {} s of virtual time", longest.as_secs());
             }
         }
         Ok(())
@@ -199,18 +216,20 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         }
     }
 
-    fn change(&mut self) {
-        let Some((_, change)) = self.changes.pop_front() else { return };
+    fn change(&mut self, change: Change) {
         let lost =
             |pair: &Pair<_, _>| [Side::A, Side::B].map(|side| pair.link_counters(side).lost).iter().sum();
         let before: u64 = lost(&self.pair);
         match change {
-            Change::Cut => self.pair.set_cut(true),
-            Change::Mend => self.pair.set_cut(false),
+            Change::Cut | Change::Mend => {
+                let is_cut = self.changes.count_cut(change == Change::Cut);
+                self.pair.set_cut(is_cut);
+            }
             Change::Kill(node) => {
                 self.killed.get_or_insert(node);
                 self.pair.kill(faults::end_of(node));
             }
+            Change::Restart(node) => return self.restart(node),
             Change::Drive(axis, disturbance) => {
                 return self.pair.command_b(|robot, _| robot.disturb_drive(axis, disturbance));
             }
@@ -222,9 +241,30 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
                 Change::Cut => Note::Cut { lost_under_way: lost },
                 Change::Mend => Note::Mended,
                 Change::Kill(node) => Note::Killed(faults::end_of(node)),
-                Change::Drive(..) => return,
+                Change::Restart(_) | Change::Drive(..) => return,
             });
         }
+    }
+
+    /// Starts a node again that was killed, with the address that it had at the start.
+    fn restart(&mut self, node: NodeRole) {
+        let Some(restart) = &self.restart else { return };
+        let side = faults::end_of(node);
+        let now = self.pair.local_time(side);
+        let [plc, robot] = self.addresses;
+        match node {
+            NodeRole::Plc => {
+                let Ok(plc_node) = (restart.plc)(now) else { return };
+                self.pair.set_address(side, plc);
+                self.pair.restart_a(plc_node);
+            }
+            NodeRole::Robot => {
+                let Ok(robot_node) = (restart.robot)(now) else { return };
+                self.pair.set_address(side, robot);
+                self.pair.restart_b(robot_node);
+            }
+        }
+        self.killed.take_if(|killed| *killed == node);
     }
 }
 
@@ -234,7 +274,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         while let Some(event) = self.next_plc_event(until) {
             match event {
                 PlcEvent::Ready => {
-                    self.ready_at = Some(self.pair.now());
+                    self.changes.ready(self.pair.now());
                     return Ok(());
                 }
                 PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down)),
@@ -245,7 +285,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
     }
 
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
-        self.until_at_start()?;
+        self.until_at_start(LONGEST_RUN)?;
         let start = self.pair.now() + step.pause;
         while self.next_plc_event(start).is_some() {}
         self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
@@ -268,11 +308,14 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                     });
                 }
                 PlcEvent::Failed(failure) => return Err(failure.into()),
+                // A PLC that executes a run says so only behind its end: this one is another.
+                PlcEvent::Ready => {
+                    bail!("the plc-node was started again during the run and knows nothing of it")
+                }
                 PlcEvent::Link(_)
                 | PlcEvent::ImageBad
                 | PlcEvent::ImageGood
                 | PlcEvent::MovingToStart
-                | PlcEvent::Ready
                 | PlcEvent::Started { .. } => {}
             }
         }
@@ -281,7 +324,11 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                 "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
             );
         }
-        bail!("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())
+        Err(Endless.into())
+    }
+
+    fn recover(&mut self) -> anyhow::Result<()> {
+        self.until_at_start(RECOVERY)
     }
 
     fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {

@@ -2,6 +2,8 @@
 //!
 //! ```text
 //! cell           the nodes on the cable: from event to event, from the start edge of a run to its end
+//! changes        when the faults change cable, nodes and drives
+//! new_nodes      both nodes, and once more where they are started again
 //! phases         what the seed determines
 //! reaction       a number from the PLC to the robot and back, without program and skill
 //! plant_speed    how much faster than the plant it was
@@ -9,6 +11,8 @@
 //! ```
 
 mod cell;
+mod changes;
+mod new_nodes;
 mod phases;
 mod plant_speed;
 mod reaction;
@@ -30,11 +34,12 @@ use robot_node::RobotConfig;
 use setup::Setup;
 use virtual_time::Side;
 
-pub(crate) use cell::Nodes;
+pub(crate) use cell::{Endless, Nodes};
 pub use plant_speed::PlantSpeed;
 pub use reaction::reactions;
 
 use cell::{Cell, OtherRobot, SharedCapture, Surroundings, cell};
+use new_nodes::Restart;
 use phases::Phases;
 
 use crate::output::exit::{Exit, Failure};
@@ -81,12 +86,21 @@ pub(crate) struct Work {
     stops: Vec<Stop>,
     to_start: ToStart<Motion>,
     robot: RobotConfig,
+    /// The same once more, for nodes that are started again; only work that was planned has it.
+    again: Option<Box<PlannedCell>>,
 }
 
 impl Work {
     fn of(PlannedCell { robot, motions, stops, to_start, .. }: PlannedCell) -> Self {
         let source = Box::new(MotionList::from(motions.clone()));
-        Self { source, program: motions, stops, to_start, robot }
+        Self { source, program: motions, stops, to_start, robot, again: None }
+    }
+
+    /// Creates work for a run with these faults.
+    fn with(planned: PlannedCell, faults: &[Fault]) -> Self {
+        let restarts = faults::at_frames(faults).any(|at| at.restarted().is_some());
+        let again = restarts.then(|| Box::new(planned.clone()));
+        Self { again, ..Self::of(planned) }
     }
 
     /// Creates the work of motions that the PLC sends; the robot's program store is empty.
@@ -96,7 +110,7 @@ impl Work {
         to_start: ToStart<Motion>,
     ) -> anyhow::Result<Self> {
         let robot = RobotConfig::from_setup(setup)?;
-        Ok(Self { source, program: Vec::new(), stops: Vec::new(), to_start, robot })
+        Ok(Self { source, program: Vec::new(), stops: Vec::new(), to_start, robot, again: None })
     }
 }
 
@@ -138,13 +152,51 @@ impl VirtualRun {
         bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
-        Self::start_on(setup, Work::of(PlannedCell::of(setup, application)?), seed, bus, extras)
+        let work = Work::with(PlannedCell::of(setup, application)?, &extras.faults);
+        Self::start_on(setup, work, seed, bus, extras)
+    }
+
+    /// Switches on both nodes of a cell that is planned already, which do not know each other yet:
+    /// [`connect`](Self::connect) waits for that.
+    pub(crate) fn switch_on(
+        setup: &Setup,
+        planned: PlannedCell,
+        seed: u64,
+        extras: &Extras,
+    ) -> anyhow::Result<Self> {
+        Self::new(setup, Work::with(planned, &extras.faults), seed, VirtualBus::OfSetup, extras)
+    }
+
+    /// Waits until the nodes are connected and the robot is ready.
+    pub(crate) fn connect(&mut self) -> anyhow::Result<()> {
+        self.cell.connect()
+    }
+
+    /// Waits until the robot is ready again after a run that failed.
+    pub(crate) fn recover(&mut self) -> anyhow::Result<()> {
+        self.cell.recover()
     }
 
     /// Starts a run like [`VirtualRun::start_with`], of motions that were planned elsewhere.
     pub(crate) fn start_on(
         setup: &Setup,
         work: Work,
+        seed: u64,
+        bus: VirtualBus,
+        extras: &Extras,
+    ) -> anyhow::Result<Self> {
+        let mut run = Self::new(setup, work, seed, bus, extras)?;
+        if let Err(error) = run.cell.connect() {
+            // Captures matter most when a run failed.
+            run.end_capture(true)?;
+            return Err(error);
+        }
+        Ok(run)
+    }
+
+    fn new(
+        setup: &Setup,
+        mut work: Work,
         seed: u64,
         bus: VirtualBus,
         extras: &Extras,
@@ -157,24 +209,19 @@ impl VirtualRun {
         let cell = match bus {
             VirtualBus::Direct => {
                 let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, work, &mut phases, plc, robot, faults)?
+                cell(setup, work, &mut phases, (plc, robot), faults, None)
             }
             VirtualBus::OfSetup => {
+                let restart = work.again.take().map(|planned| Restart::of(setup, *planned, seed));
                 let bus = &setup.bus;
                 let start = phases.first(Side::A, bus.cycle_us.value);
                 let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
                 let start = || phases.first(Side::B, bus.cycle_us.value);
                 let robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
-                cell(setup, work, &mut phases, plc, robot, faults)?
+                cell(setup, work, &mut phases, (plc, robot), faults, restart)
             }
         };
-        let mut run = Self { cell, trace: Trace::default(), capture, started };
-        if let Err(error) = run.cell.connect() {
-            // Captures matter most when a run failed.
-            run.end_capture(true)?;
-            return Err(error);
-        }
-        Ok(run)
+        Ok(Self { cell, trace: Trace::default(), capture, started })
     }
 
     /// Ends the captures, if any. Captures held in memory are written only if `wanted`.

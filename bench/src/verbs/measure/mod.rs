@@ -85,6 +85,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     }
     let usage = |error: NoSuchDrive| Failure::new(Exit::Usage, error);
     faults::check_drives(&flat(&options.fault), &setup).map_err(usage)?;
+    faults::check_strikes(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     if options.mode == Mode::Real {
         faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     }

@@ -72,7 +72,8 @@ pub struct RunOptions {
     /// Put a fault into the cable, any number of times: loss=0.001, duplicate=0.01, corrupt=0.001@memory or
     /// corrupt=0.001@wire, reorder=0.01@2ms, delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
     /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s; of one frame to-robot:lose-frame=17, to-plc:double-frame=17,
-    /// to-plc:hold-frame=17@2ms; with drives, of that of an axis drive-fault=3@2s, drive-stop=3@2s, drive-block=3@2s..2.5s. Times count from the moment that the robot is ready; the same
+    /// to-plc:hold-frame=17@2ms, to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode
+    /// to-robot:cut-frame=17@10ms, to-robot:restart-robot=17@100ms, to-plc:restart-plc=17@100ms; with drives, of that of an axis drive-fault=3@2s, drive-stop=3@2s, drive-block=3@2s..2.5s. Times count from the moment that the robot is ready; the same
     /// seed gives the same faults.
     #[arg(long, value_name = "FAULT", num_args = 1..)]
     pub fault: Vec<List<Fault>>,

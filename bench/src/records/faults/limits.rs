@@ -1,0 +1,81 @@
+//! What faults a setup, a cable and a mode can have.
+
+use std::time::Duration;
+
+use setup::Setup;
+use virtual_time::{Impairment, Side, Strikes};
+
+use super::{Fault, Kind, NoSuchDrive, links};
+
+/// Checks whether the robot of a setup has the drives that the faults are for.
+///
+/// # Errors
+///
+/// The first fault without its drive.
+pub fn check_drives(faults: &[Fault], setup: &Setup) -> Result<(), NoSuchDrive> {
+    faults.iter().try_for_each(|fault| match fault.kind {
+        Kind::Drive(fault) => fault.check(setup),
+        _ => Ok(()),
+    })
+}
+
+/// Checks whether the cable can strike so many frames.
+///
+/// # Errors
+///
+/// There are more in one direction.
+pub fn check_strikes(faults: &[Fault]) -> Result<(), TooManyStrikes> {
+    let strikes = |side| {
+        let of = |fault: &&Fault| matches!(fault.kind, Kind::Strike(..)) && fault.from == Some(side);
+        faults.iter().filter(of).count()
+    };
+    match [Side::A, Side::B].map(strikes).into_iter().max().unwrap_or(0) {
+        0..=Strikes::MOST => Ok(()),
+        found => Err(TooManyStrikes { found }),
+    }
+}
+
+/// More frames of one direction are lost, doubled, held or flipped than there is room for.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "{found} faults of single frames in one direction, and there is room for {}: ask for fewer",
+    Strikes::MOST
+)]
+pub struct TooManyStrikes {
+    found: usize,
+}
+
+/// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.
+const LONGEST_HOLD: Duration = Duration::from_secs(1);
+
+/// Checks whether a cable between two processes can do these faults.
+///
+/// # Errors
+///
+/// They hold frames for longer than it can, or begin with a frame.
+pub fn check_real(faults: &[Fault]) -> Result<(), NotReal> {
+    if let Some(fault) = faults.iter().find(|fault| matches!(fault.kind, Kind::AtFrame(_))) {
+        return Err(NotReal::AtFrame(fault.to_string()));
+    }
+    let hold =
+        |link: &Impairment| link.delay + link.jitter + link.reorder_by.max(link.strikes.longest_hold());
+    let longest = links(faults, Impairment::default()).iter().map(hold).max().unwrap_or_default();
+    if longest > LONGEST_HOLD { Err(NotReal::HeldTooLong { longest }) } else { Ok(()) }
+}
+
+/// What a cable between two processes cannot do.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum NotReal {
+    /// Frames would be held for longer than their memory allows.
+    #[error(
+        "these faults hold frames for up to {longest:?}, and a cable between two processes for {LONGEST_HOLD:?} at most: ask \
+         for less, or add --mode virtual"
+    )]
+    HeldTooLong {
+        /// Longest time asked for.
+        longest: Duration,
+    },
+    /// A cut or a restart begins with a frame.
+    #[error("`{0}` is for virtual time only: add --mode virtual, or give a time, as in cut-at=2s..2.1s")]
+    AtFrame(String),
+}
