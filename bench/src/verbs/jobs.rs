@@ -25,36 +25,68 @@ pub(super) fn run<J: Sync, R: Send>(
     jobs: &[J],
     work: impl Fn(&J) -> anyhow::Result<R> + Sync,
 ) -> anyhow::Result<Vec<R>> {
-    let next = AtomicUsize::new(0);
-    let workers = thread::available_parallelism().map_or(1, usize::from).min(jobs.len().max(1));
-    let mut progress = Progress::start(name, quiet, jobs.len());
     let mut results: Vec<Option<R>> = jobs.iter().map(|_| None).collect();
-    thread::scope(|scope| {
-        let (done, outcomes) = mpsc::channel();
-        for _ in 0..workers {
-            let (done, next, work) = (done.clone(), &next, &work);
-            scope.spawn(move || {
-                while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
-                    .and_then(|index| Some((index, jobs.get(index)?)))
-                {
-                    // After a job failed, nobody receives results any more.
-                    if done.send((index, work(job))).is_err() {
-                        break;
-                    }
-                }
-            });
+    Pool { name, quiet, threads: None }.each(jobs, work, |index, result| {
+        if let Some(slot) = results.get_mut(index) {
+            *slot = Some(result);
         }
-        drop(done);
-        for (index, outcome) in outcomes {
-            if let Some(slot) = results.get_mut(index) {
-                *slot = Some(outcome?);
-            }
-            progress.step();
-        }
-        anyhow::Ok(())
+        Ok(())
     })?;
-    progress.end();
     Ok(results.into_iter().flatten().collect())
+}
+
+/// How jobs are run.
+pub(super) struct Pool<'a> {
+    /// What the line of progress begins with.
+    pub(super) name: &'a str,
+    /// Whether there is none.
+    pub(super) quiet: bool,
+    /// How many at a time; `None` for one per core.
+    pub(super) threads: Option<u16>,
+}
+
+impl Pool<'_> {
+    /// Runs all jobs, and calls `done` with the number and the result of each, in the order in which they end. The
+    /// first error ends it.
+    ///
+    /// # Errors
+    ///
+    /// The error of a job, or of `done`.
+    pub(super) fn each<J: Sync, R: Send>(
+        &self,
+        jobs: &[J],
+        work: impl Fn(&J) -> anyhow::Result<R> + Sync,
+        mut done: impl FnMut(usize, R) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let next = AtomicUsize::new(0);
+        let cores = || thread::available_parallelism().map_or(1, usize::from);
+        let workers = self.threads.map_or_else(cores, usize::from).min(jobs.len().max(1));
+        let mut progress = Progress::start(self.name, self.quiet, jobs.len());
+        thread::scope(|scope| {
+            let (ended, outcomes) = mpsc::channel();
+            for _ in 0..workers {
+                let (ended, next, work) = (ended.clone(), &next, &work);
+                scope.spawn(move || {
+                    while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
+                        .and_then(|index| Some((index, jobs.get(index)?)))
+                    {
+                        // After a job failed, nobody receives results any more.
+                        if ended.send((index, work(job))).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop(ended);
+            for (index, outcome) in outcomes {
+                done(index, outcome?)?;
+                progress.step();
+            }
+            anyhow::Ok(())
+        })?;
+        progress.end();
+        Ok(())
+    }
 }
 
 /// Progress on standard error: a live line on a terminal, plain lines elsewhere.

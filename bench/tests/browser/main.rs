@@ -130,8 +130,9 @@ fn the_pages_of_studies_are_laid_out_on_every_screen() {
     let directory = tempfile::tempdir().unwrap();
     bench(directory.path(), &["sensitivity", "--reps", "1", "--quiet", "--out", "s"]);
     bench(directory.path(), &["sweep", "--depths", "1,5", "--reps", "1", "--quiet", "--out", "w"]);
+    bench(directory.path(), &["explore", "--types", "rc,cm", "--every", "200", "--quiet", "--out", "e"]);
     let mut browser = Browser::new(Graphics::None);
-    for page in ["s/sensitivity.html", "w/sweep.html"] {
+    for page in ["s/sensitivity.html", "w/sweep.html", "e/explore.html"] {
         for screen in Screen::all() {
             browser.open(&directory.path().join(page), "", screen);
             assert_eq!(browser.eval(LAYOUT), json!([]), "{page} {screen:?}");
