@@ -128,3 +128,23 @@ single_motion_blocks! {
     /// Moves the tool on a straight line into contact and holds the force.
     MoveLinForceCartesian: MoveLinForceCartesian, LinForceCartesian;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Patience;
+    use protocol::image::Feedback;
+
+    #[test]
+    fn a_single_motion_is_sent_without_an_approximation_distance() {
+        let mut group = AxesGroup::new(Patience { answer_scans: 5, silent_scans: 5 });
+        group.read(Some(Feedback::default()));
+        let blended = Motion { kind: MotionKind::LinCartesian, approximation: 50, ..Motion::EMPTY };
+        let inputs = MotionInputs::from(&blended);
+        let mut block = MoveLinCartesian::default();
+        assert!(block.call(true, &inputs, BufferMode::Aborting, &mut group).busy);
+        let sent = group.command.slots[0];
+        assert_eq!((sent.kind, sent.approximation), (MotionKind::LinCartesian, 0));
+        assert_eq!(inputs.motion(MotionKind::LinCartesian).unwrap().approximation, 50);
+    }
+}

@@ -213,6 +213,14 @@ mod tests {
     }
 
     #[test]
+    fn a_reply_takes_session_and_context_of_its_request_and_neither_length_nor_options() {
+        let request = Header { session: 7, options: 9, ..Header::parse(REGISTER).unwrap() };
+        let reply = request.reply(Status::InvalidLength);
+        let expected = Header { length: 0, options: 0, status: Status::InvalidLength, ..request };
+        assert_eq!((reply, reply.length, reply.options), (expected, 0, 0));
+    }
+
+    #[test]
     fn messages_are_reassembled_from_a_stream_that_is_cut_at_every_byte() {
         let mut reassembly = Reassembly::default();
         for byte in &REGISTER[..REGISTER.len() - 1] {

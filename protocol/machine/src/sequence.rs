@@ -218,6 +218,28 @@ mod tests {
     }
 
     #[test]
+    fn a_number_that_is_too_far_ahead_by_up_to_the_slack_is_left_again_after_a_cycle() {
+        for ahead in 4..=100 {
+            let mut sequence = sequence();
+            (0..10).for_each(|millis| _ = sequence.accept(at(millis), millis as u32));
+            assert_eq!(sequence.accept(at(10), 9 + ahead), Some(ahead));
+            let true_numbers = (11..13).map(|millis| sequence.accept(at(millis), millis as u32));
+            assert_eq!(true_numbers.collect::<Vec<_>>(), [None, Some(1)], "{ahead} ahead");
+        }
+    }
+
+    #[test]
+    fn the_next_frame_of_a_slow_sender_is_due_when_it_comes_so_that_a_wrong_number_is_still_early() {
+        // Each cycle is a hundredth longer than agreed.
+        let at = |frame: u64| Instant::from_nanos(frame * 1_010_000);
+        let mut sequence = sequence();
+        (0..1_000).for_each(|frame| _ = sequence.accept(at(frame), frame as u32));
+        assert_eq!(sequence.accept(at(1_000), 1_003), Some(4));
+        let true_numbers = (1_001..1_003).map(|frame| sequence.accept(at(frame), frame as u32));
+        assert_eq!(true_numbers.collect::<Vec<_>>(), [None, Some(1)]);
+    }
+
+    #[test]
     fn a_repeated_old_frame_never_becomes_the_place() {
         let mut sequence = sequence();
         sequence.accept(at(0), 50);

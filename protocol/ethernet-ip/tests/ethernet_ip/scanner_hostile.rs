@@ -353,6 +353,17 @@ fn an_adapter_with_another_serial_number_than_listed_is_not_opened() {
 }
 
 #[test]
+fn another_device_is_refused_for_its_identity_and_not_for_what_its_reply_adds() {
+    let (mut dialogue, question) = asked_for_identity();
+    // Success, with a word of additional status that says "invalid connection size", and all attributes of a stranger.
+    let mut reply = vec![0x81, 0, 0, 1, 0x09, 0x01];
+    reply.extend([0x99, 0x99, 1, 0, 1, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, b'x']);
+    let (_, events) = dialogue.reply_cip(&question, &reply);
+    let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+    assert_eq!((down.cause, down.code), (DownCause::Refused, 0x25 << 16), "{}", down.text);
+}
+
+#[test]
 fn a_stream_that_grows_without_a_message_is_ended() {
     let mut dialogue = Dialogue::new();
     let mut endless = vec![0; 24];
