@@ -240,6 +240,24 @@ mod tests {
     }
 
     #[test]
+    fn the_next_frame_of_a_fast_sender_is_due_when_it_comes_so_that_its_old_frames_are_refused() {
+        // Each cycle is a hundredth shorter than agreed.
+        let at = |frame: u64| Instant::from_nanos(frame * 990_000);
+        let mut sequence = sequence();
+        (0..1_000).for_each(|frame| _ = sequence.accept(at(frame), frame as u32));
+        let held_up = [(1_001, 980), (1_003, 981), (1_005, 982)];
+        assert_eq!(held_up.map(|(when, frame)| sequence.accept(at(when), frame)), [None; 3]);
+    }
+
+    #[test]
+    fn a_sequence_has_started_with_its_first_frame() {
+        let mut sequence = sequence();
+        assert!(!sequence.has_started());
+        sequence.accept(at(0), 7);
+        assert!(sequence.has_started());
+    }
+
+    #[test]
     fn a_repeated_old_frame_never_becomes_the_place() {
         let mut sequence = sequence();
         sequence.accept(at(0), 50);
