@@ -155,7 +155,8 @@ impl ImpairedCable {
     }
 
     fn end(&mut self) -> Result<Stopped, RecorderError> {
-        self.shared.stop.store(true, Ordering::Relaxed);
+        // Who sees the end sees whether captures are wanted: the thread passes it on to the writer with the ring's end.
+        self.shared.stop.store(true, Ordering::Release);
         self.waker.notify();
         let allocations = self.thread.take().map_or(0, |thread| thread.join().unwrap_or(0));
         // The thread has ended, so the ring is complete.
@@ -198,7 +199,7 @@ impl Passing {
         }
         let mut buffer = FrameBuffer::new();
         allocation::arm();
-        while !self.shared.stop.load(Ordering::Relaxed) {
+        while !self.shared.stop.load(Ordering::Acquire) {
             let limit = self.middle.deadline().map(|due| due.since(clock::now()));
             // An interrupted wait is an early end of the wait.
             if !matches!(waits.wait(limit), Ok(()) | Err(Errno::INTR)) {
