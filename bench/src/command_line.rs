@@ -16,6 +16,7 @@ use crate::verbs::new::NewOptions;
 use crate::verbs::overhead::OverheadOptions;
 use crate::verbs::report::{CompareOptions, ReportOptions};
 use crate::verbs::sensitivity::SensitivityOptions;
+use crate::verbs::soak::SoakOptions;
 use crate::verbs::sweep::SweepOptions;
 use crate::verbs::timing::TimingOptions;
 
@@ -85,8 +86,10 @@ pub enum Command {
     Sweep(SweepOptions),
     /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
     Sensitivity(SensitivityOptions),
-    /// Lose, double and hold back every single frame of a short run in virtual time, and class how the runs end.
+    /// Put one fault into a short run at every single frame, or pairs of faults, in virtual time, and class how the runs end.
     Explore(ExploreOptions),
+    /// Live through hours of the plant in virtual time with faults all the time; memory must not grow.
+    Soak(SoakOptions),
     /// Run random motion lists on the robot and hold each of its cycles against laws and kinematics that are not its own.
     Judge(JudgeOptions),
     /// Print completions for a shell: `bench completions bash >~/.local/share/bash-completion/completions/bench`.

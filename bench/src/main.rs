@@ -10,7 +10,7 @@ use bench::output::exit::Failure;
 use bench::stands::rig;
 use bench::verbs::{
     buses, calibrate, doctor, explore, gate, history, install, judge, long, measure, new, overhead, report,
-    sensitivity, sweep, timing,
+    sensitivity, soak, sweep, timing,
 };
 use clap::{CommandFactory, Parser};
 use node::screen;
@@ -38,6 +38,7 @@ fn main() -> ExitCode {
         Some(Command::Sensitivity(options)) => sensitivity::run(options),
         Some(Command::Judge(options)) => judge::run(options),
         Some(Command::Explore(options)) => explore::run(options),
+        Some(Command::Soak(options)) => soak::run(options),
         Some(Command::Completions(options)) => install::completions(options, Cli::command()),
         Some(Command::Man(options)) => install::man(options, Cli::command()),
     };

@@ -18,6 +18,7 @@ pub mod overhead;
 pub mod report;
 pub mod sensitivity;
 mod setup_option;
+pub mod soak;
 mod study;
 pub mod sweep;
 pub mod timing;

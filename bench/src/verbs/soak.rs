@@ -1,0 +1,247 @@
+//! `bench soak`: many hours of the plant in virtual time, over many seeds, with faults all the time: every repetition is
+//! verified, and memory and descriptors of this process must not grow.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use clap::Args;
+use node::list::{List, flat};
+use plc_node::ExecutionType;
+use setup::Setup;
+
+use super::jobs::Pool;
+use super::setup_option::SetupOption;
+use crate::outln;
+use crate::output::exit::{Exit, Failure};
+use crate::records::faults::{self, Fault};
+use crate::records::mode::Mode;
+use crate::records::schedule::Schedule;
+use crate::stands::planned_cell::PlannedCell;
+use crate::stands::verification::{Difference, Verification};
+use crate::stands::virtual_run::{Extras, VirtualRun};
+
+/// Faults that a cell lives with: more of each than any plant has.
+const BACKGROUND: &str =
+    "loss=0.001,duplicate=0.0005,jitter=100us,reorder=0.0005@2ms,corrupt=0.0001@memory,corrupt=0.0001@wire";
+
+/// Growth of resident memory in MiB that is taken for growth: the allocator keeps what it once had.
+const GROWTH_MIB: f64 = 8.0;
+
+/// Options of the soak.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bench soak                                  an hour of the plant, a minute or less here
+  bench soak --setup B --hours 100 --threads 1")]
+pub struct SoakOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Hours of the plant.
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    pub hours: f64,
+    /// Minutes of the plant after which a cell is switched off, and another one with the next seed is switched on.
+    #[arg(long, value_name = "N", default_value_t = 60.0)]
+    pub life_minutes: f64,
+    /// Faults of every life.
+    #[arg(long, value_name = "FAULT,...", default_value = BACKGROUND, num_args = 1..)]
+    pub fault: Vec<List<Fault>>,
+    /// Seed of the first life.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Lives at a time [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Print the result only: no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Counts of one life, or of all.
+#[derive(Clone, Default, Debug)]
+struct Counts {
+    plant: Duration,
+    passed: u64,
+    /// Repetitions that failed with a reason, and the first reason.
+    refused: u64,
+    reason: Option<String>,
+    /// Repetitions that ended, but differ from the plan, and the first difference.
+    altered: u64,
+    difference: Option<String>,
+}
+
+/// What this process has.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Held {
+    /// Resident memory in MiB.
+    memory_mib: f64,
+    /// Open descriptors.
+    descriptors: usize,
+}
+
+/// Runs all lives and prints what they did.
+///
+/// # Errors
+///
+/// The setup cannot be read, a cell is not ready again after a failed run, or the kernel does not say what this process has.
+pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
+    let (setup, found) = options.setup.load()?;
+    let faults = flat(&options.fault);
+    faults::check_drives(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+    faults::check_strikes(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
+    let (life, started) = (options.life_minutes.max(1.0 / 60.0), Instant::now());
+    let lives = (options.hours * 60.0 / life).ceil().max(1.0) as u64;
+    let seeds: Vec<u64> = (0..lives).map(|life| options.seed.wrapping_add(life)).collect();
+    let life = Duration::from_secs_f64(life * 60.0);
+    let (mut all, mut held) = (Counts::default(), Vec::new());
+    let pool = Pool { name: "soak", quiet: options.quiet, threads: options.threads };
+    pool.each(
+        &seeds,
+        |seed| live(&setup, &planned, &faults, *seed, life),
+        |_, counts| {
+            all.add(counts);
+            held.push(Held::now()?);
+            Ok(())
+        },
+    )?;
+    let growth = Growth::of(&held);
+    outln!("Setup {}, {} {growth}", setup.name, all.told(lives, started.elapsed()));
+    let is_well = all.altered == 0 && all.passed > 0 && growth.is_none();
+    Ok(if is_well { Exit::Pass } else { Exit::RunFailed })
+}
+
+/// Lives with these faults for so long: one repetition of each type after the other.
+fn live(
+    setup: &Setup,
+    planned: &PlannedCell,
+    faults: &[Fault],
+    seed: u64,
+    life: Duration,
+) -> anyhow::Result<Counts> {
+    let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
+    let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, faults)?;
+    let mut run = VirtualRun::switch_on(setup, planned.clone(), seed, &extras)?;
+    let mut counts = Counts::default();
+    // A connection that the faults cut off is made again.
+    let mut connected = run.connect();
+    for step in Schedule::new(&ExecutionType::ALL, u32::MAX, seed).steps() {
+        let ended = connected
+            .and_then(|()| run.execute_unrecorded(step))
+            .and_then(|measured| verification.check(&measured));
+        connected = Ok(());
+        match ended {
+            Ok(()) => counts.passed += 1,
+            Err(error) if error.is::<Difference>() => {
+                counts.altered += 1;
+                counts.difference.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+            }
+            Err(error) => {
+                counts.refused += 1;
+                counts.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+                run.recover().with_context(|| format!("seed {seed}, after: {error:#}"))?;
+            }
+        }
+        if run.plant_time() >= life {
+            break;
+        }
+    }
+    counts.plant = run.plant_time();
+    Ok(counts)
+}
+
+impl Counts {
+    fn add(&mut self, other: Self) {
+        self.plant += other.plant;
+        self.passed += other.passed;
+        self.refused += other.refused;
+        self.altered += other.altered;
+        self.reason = self.reason.take().or(other.reason);
+        self.difference = self.difference.take().or(other.difference);
+    }
+
+    fn told(&self, lives: u64, host: Duration) -> String {
+        let Self { plant, passed, refused, reason, altered, difference } = self;
+        let hours = plant.as_secs_f64() / 3_600.0;
+        let first =
+            |text: &Option<String>| text.as_ref().map_or_else(String::new, |text| format!(" ({text})"));
+        format!(
+            "{hours:.1} hours of the plant in {lives} lives, {:.0} s here: {passed} repetitions passed, {refused} were refused{}, \
+             {altered} altered{}.",
+            host.as_secs_f64(),
+            first(reason),
+            first(difference)
+        )
+    }
+}
+
+impl Held {
+    /// Reads it from the kernel.
+    fn now() -> anyhow::Result<Self> {
+        let status = std::fs::read_to_string("/proc/self/status").context("cannot read /proc/self/status")?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kib: Option<f64> = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok());
+        let memory_mib = kib.context("/proc/self/status does not say `VmRSS: … kB`")? / 1_024.0;
+        let open = std::fs::read_dir("/proc/self/fd").context("cannot read /proc/self/fd")?;
+        Ok(Self { memory_mib, descriptors: open.count() })
+    }
+}
+
+/// How much more this process has after the last life than after the first tenth of them.
+#[derive(Clone, Copy, Debug)]
+struct Growth {
+    from: Held,
+    to: Held,
+}
+
+impl Growth {
+    fn of(held: &[Held]) -> Self {
+        let nothing = Held { memory_mib: 0.0, descriptors: 0 };
+        // By then every thread has had a life.
+        let from = held.get(held.len() / 10).copied().unwrap_or(nothing);
+        Self { from, to: held.last().copied().unwrap_or(nothing) }
+    }
+
+    fn is_none(&self) -> bool {
+        let Self { from, to } = self;
+        to.memory_mib <= from.memory_mib + GROWTH_MIB && to.descriptors <= from.descriptors
+    }
+}
+
+impl fmt::Display for Growth {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { from, to } = self;
+        write!(
+            f,
+            "Memory {:.1} MiB at first and {:.1} MiB at last, descriptors {} and {}.",
+            from.memory_mib, to.memory_mib, from.descriptors, to.descriptors
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_or_descriptors_that_grow_from_life_to_life_are_found() {
+        let held = |memory_mib, descriptors| Held { memory_mib, descriptors };
+        let flat = [held(20.0, 9), held(21.0, 9), held(24.0, 9)];
+        assert!(Growth::of(&flat).is_none());
+        assert!(!Growth::of(&[held(20.0, 9), held(29.0, 9)]).is_none());
+        assert!(!Growth::of(&[held(20.0, 9), held(20.0, 10)]).is_none());
+    }
+
+    #[test]
+    fn a_minute_of_the_plant_with_many_faults_passes_on_every_bus() {
+        for setup in ["A", "B", "C"] {
+            let (setup, found) = planning::setup_with_application(setup).unwrap();
+            let planned = PlannedCell::of(&setup, &found.application).unwrap();
+            let faults: Vec<Fault> = BACKGROUND.split(',').map(|fault| fault.parse().unwrap()).collect();
+            let counts = live(&setup, &planned, &faults, 1, Duration::from_secs(60)).unwrap();
+            assert!(counts.plant >= Duration::from_secs(60) && counts.passed > 5, "{counts:?}");
+            assert_eq!(counts.altered, 0, "{counts:?}");
+        }
+    }
+}
