@@ -88,6 +88,16 @@ verb_purity() { #: prove that the crates of machines can name no clock, socket, 
         echo "ethercrab's feature std is on: it would wait by the system's clock instead of by a machine's" >&2
         exit 1
     fi
+    # Steps of the host's clock change nothing: only what stamps captures and measured arrivals reads UTC.
+    local utc_users
+    utc_users=$(grep -rlE 'SystemTime|ClockId::Realtime|clock::utc|instant_of' --include='*.rs' \
+        protocol/src protocol/*/src node/src plc-node/src robot-node/src cell |
+        grep -vE '^protocol/linux/src/(clock|recorder|packet_socket|impaired/mod)\.rs$' || true)
+    [ -z "$utc_users" ] || { echo "UTC is read in $utc_users" >&2; exit 1; }
+    if grep -rlE 'packet_socket::receive' --include='*.rs' protocol/linux/src | grep -vE '/(packet_socket|arrivals|impaired/mod)\.rs$'; then
+        echo "a node's frames are taken with their stamps in UTC" >&2
+        exit 1
+    fi
     local unsafe_users
     unsafe_users=$(grep -rlP '(?<!-)\bunsafe\b(?!-)' --include='*.rs' . | grep -vE '^\./(target|protocol/linux)/' || true)
     [ -z "$unsafe_users" ] || { echo "unsafe outside protocol-linux: $unsafe_users" >&2; exit 1; }
@@ -179,6 +189,84 @@ verb_mutants() { #: change one operator or value at a time; a change that no tes
     mkdir -p "$out"
     # What else is given goes to cargo-mutants, such as --re skill.rs.
     cargo mutants --output "$out" --no-times --baseline skip --timeout 120 "${shard[@]}" "$@"
+}
+
+verb_deny() { #: licences, doubled crates, sources and known faults of all dependencies (cargo-deny)
+    command -v cargo-deny >/dev/null || { echo "cargo install --locked cargo-deny" >&2; return 1; }
+    cargo deny --locked check licenses bans sources
+    # The database of known faults is a repository of its own, which not every network reaches.
+    if cargo deny fetch db >/dev/null 2>&1; then
+        cargo deny --locked check --disable-fetch advisories
+    else
+        echo "the database of advisories cannot be reached: known faults of dependencies are not checked" >&2
+        [ -z "${CI:-}" ]
+    fi
+}
+
+# nightly COMPONENT...: fails with what is missing for a nightly toolchain with these components.
+nightly() {
+    local component
+    for component in "$@"; do
+        rustup component list --toolchain nightly --installed 2>/dev/null | grep -q "^$component" ||
+            { echo "rustup toolchain install nightly --component $(tr ' ' ',' <<<"$*")" >&2; return 1; }
+    done
+}
+
+verb_miri() { #: the tests of pure crates in Miri, which finds undefined behaviour, or only of the crates that are named
+    nightly miri rust-src
+    local crate crates=("$@")
+    [ $# -gt 0 ] || crates=("${PURE[@]%%:*}")
+    for crate in "${crates[@]}"; do
+        echo "-- $crate"
+        # Fewer cases of property tests: Miri is some hundred times slower. Snapshots and proptest read files.
+        PROPTEST_CASES=4 PROPTEST_FAILURE_PERSISTENCE=off INSTA_WORKSPACE_ROOT=$PWD \
+            MIRIFLAGS="${MIRIFLAGS:-} -Zmiri-disable-isolation" \
+            cargo +nightly miri test --locked --package "$crate" --lib --target-dir "${CARGO_TARGET_DIR:-target}/miri"
+    done
+}
+
+verb_sanitize() { #: protocol-linux, which has all unsafe code, under AddressSanitizer and ThreadSanitizer, or those that are named
+    nightly rust-src
+    local host sanitizer sanitizers=("$@")
+    [ $# -gt 0 ] || sanitizers=(address thread)
+    host=$(rustc -vV | sed -n 's/^host: //p')
+    for sanitizer in "${sanitizers[@]}"; do
+        echo "-- $sanitizer"
+        # The standard library is built with it as well: ThreadSanitizer knows only what it has seen. Without the tests on
+        # networks: their nodes lock their memory, and with it the terabytes that a sanitizer reserves.
+        RUSTFLAGS="-Zsanitizer=$sanitizer" RUSTDOCFLAGS="-Zsanitizer=$sanitizer" \
+            cargo +nightly test -Zbuild-std --locked --package protocol-linux --lib --target "$host" \
+            --target-dir "${CARGO_TARGET_DIR:-target}/sanitize-$sanitizer"
+    done
+}
+
+verb_coverage() { #: which lines the tests reach, by crate, of all crates or those that are named (llvm-tools)
+    local host tools out crate
+    host=$(rustc -vV | sed -n 's/^host: //p')
+    tools=$(rustc --print sysroot)/lib/rustlib/$host/bin
+    [ -x "$tools/llvm-profdata" ] || { echo "rustup component add llvm-tools" >&2; return 1; }
+    out=${CARGO_TARGET_DIR:-$PWD/target}/coverage
+    rm -rf "$out/profiles"
+    mkdir -p "$out/profiles"
+    local packages=(--workspace)
+    if [ $# -gt 0 ]; then
+        packages=()
+        for crate in "$@"; do packages+=(--package "$crate"); done
+    fi
+    local status=0
+    RUSTFLAGS="-Cinstrument-coverage" LLVM_PROFILE_FILE="$out/profiles/%p-%m.profraw" \
+        cargo test "${packages[@]}" --all-features --locked --no-fail-fast --lib --tests --target-dir "$out" || status=$?
+    find "$out/profiles" -name '*.profraw' >"$out/profiles.txt"
+    "$tools/llvm-profdata" merge --sparse --input-files "$out/profiles.txt" --output "$out/merged.profdata"
+    local objects=() object
+    while read -r object; do
+        objects+=(--object "$object")
+    done < <(find "$out/debug" -maxdepth 2 -type f -executable ! -name '*.so' ! -name '*.rlib')
+    "$tools/llvm-cov" export --summary-only --instr-profile "$out/merged.profdata" \
+        --ignore-filename-regex '(/registry/|/rustc/|/tests?/|tests\.rs|/target/)' "${objects[@]}" 2>/dev/null |
+        python3 scripts/coverage.py "$PWD"
+    # A test that failed reaches fewer lines.
+    return "$status"
 }
 
 verb_browser() { #: open the pages in a headless Chromium: phone to desktop, light, dark and print; play the race
