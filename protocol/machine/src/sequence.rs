@@ -191,6 +191,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "takes hours there")]
     fn whichever_frames_are_held_back_no_frame_is_accepted_behind_a_newer_one() {
         const FRAMES: u64 = 14;
         for held_ms in 1..6 {
@@ -247,6 +248,29 @@ mod tests {
         (0..1_000).for_each(|frame| _ = sequence.accept(at(frame), frame as u32));
         let held_up = [(1_001, 980), (1_003, 981), (1_005, 982)];
         assert_eq!(held_up.map(|(when, frame)| sequence.accept(at(when), frame)), [None; 3]);
+    }
+
+    #[test]
+    fn after_a_silence_a_frame_may_be_ahead_by_the_slack_and_twice_what_the_time_allows_and_no_more() {
+        for (step, slack) in [(1, 100), (32, 320)] {
+            let cycle = Duration::from_millis(1);
+            let numbering = Numbering { mask: u32::MAX, newer: 0x7FFF_FFFF, slack, step, cycle };
+            let most = slack + 2 * 5_000 * step;
+            for (ahead, accepted) in [(most, Some(most)), (most + 1, None)] {
+                let mut sequence = Sequence::new(numbering);
+                sequence.accept(at(0), 7);
+                assert_eq!(sequence.accept(at(5_000), 7 + ahead), accepted, "step {step}");
+            }
+        }
+    }
+
+    #[test]
+    fn frames_that_do_not_follow_each_other_are_no_place() {
+        let mut sequence = sequence();
+        sequence.accept(at(0), 50);
+        for frame in 1..100 {
+            assert_eq!(sequence.accept(at(frame.into()), frame * 10_000_000), None);
+        }
     }
 
     #[test]
