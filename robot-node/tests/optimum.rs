@@ -148,7 +148,7 @@ impl Row {
         ("LIN, at most 60 mm", Self::Single(MotionKind::LinCartesian, 0.15), [1.03, 1.03]),
         ("CIRC", Self::Single(MotionKind::Circular, 1.0), [1.04, 1.05]),
         ("SPLINE of four", Self::Spline, [1.12, 1.17]),
-        ("eight with corners", Self::Corners { same_speed: true }, [1.05, 1.10]),
+        ("eight with corners", Self::Corners { same_speed: true }, [1.04, 1.05]),
         // The reference lets a slow motion have the speed of a fast one already in the corner between them.
         ("eight, other speeds", Self::Corners { same_speed: false }, [1.13, 1.20]),
     ];

@@ -72,7 +72,8 @@ pub(super) struct Grid {
     pub(super) middles: Vec<Slopes>,
     /// The knots at nodes and borders, before cells are cut.
     rough: Vec<Knot>,
-    /// The same places as parts have them that end there, for all parts but the first: the third derivative may be another.
+    /// The same places as parts have them that end there, for all parts but the first: with their own limits, and perhaps another
+    /// third derivative.
     pub(super) ends: ArrayVec<Knot, PARTS>,
     /// The knot at which a part begins.
     pub(super) begins: ArrayVec<usize, PARTS>,
@@ -128,7 +129,9 @@ impl Grid {
         match self.rough.last_mut() {
             Some(last) => {
                 self.ends.try_push(*last).ok()?;
-                last.join(first);
+                let highest = first.highest.min(last.highest);
+                *last = first;
+                last.highest = highest;
             }
             None => self.rough.push(first),
         }

@@ -97,18 +97,6 @@ impl Knot {
         }
     }
 
-    /// Where another part begins with this knot: its rows from now on, with what holds on both sides.
-    pub(super) fn join(&mut self, next: Self) {
-        let ratio = self.slopes.steepest() / next.slopes.steepest();
-        let highest = self.highest.min(next.highest);
-        *self = Self { highest, ..next };
-        if ratio > 1.0 && ratio.is_finite() {
-            self.slopes.scale(ratio);
-            self.most_turning.iter_mut().for_each(|value| *value *= ratio);
-            self.flatness.iter_mut().for_each(|value| *value /= ratio);
-        }
-    }
-
     /// The square of the highest speed, where limits are drawn tighter.
     pub(super) fn highest(&self) -> f64 {
         self.highest * self.tightness[0].min(self.tightness[1])

@@ -89,14 +89,6 @@ impl Slopes {
         found
     }
 
-    /// The same in a unit that is smaller by a ratio, as far as the accelerations along the way go.
-    pub(super) fn scale(&mut self, ratio: f64) {
-        for values in [&mut self.slope, &mut self.bend, &mut self.twist] {
-            values.iter_mut().for_each(|value| *value *= ratio);
-        }
-        self.tool.iter_mut().flatten().for_each(|value| *value *= ratio);
-    }
-
     /// The most that a unit of acceleration along the way asks.
     pub(super) fn steepest(&self) -> f64 {
         self.slope.iter().fold(square(self.tool[0]).sqrt(), |most, slope| most.max(slope.abs()))

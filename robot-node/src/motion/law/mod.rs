@@ -146,9 +146,24 @@ impl Law {
 
     /// The knot at the end of a cell, as the cell's part has it.
     fn end_of(&self, cell: usize) -> &Knot {
+        self.other_side(cell).unwrap_or(&self.grid.knots[cell + 1])
+    }
+
+    /// The knot after a cell as the part has it that ends there, if one does.
+    fn other_side(&self, cell: usize) -> Option<&Knot> {
         match self.ends_at[cell] {
-            0 => &self.grid.knots[cell + 1],
-            end => &self.grid.ends[usize::from(end) - 1],
+            0 => None,
+            end => Some(&self.grid.ends[usize::from(end) - 1]),
+        }
+    }
+
+    /// The highest square that a neighbour of the knot after a cell may have, as both parts there have it; see [`Knot::reach`].
+    #[inline]
+    fn reach(&self, cell: usize, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
+        let most = self.grid.knots[cell + 1].reach(known, distance, weight, sign);
+        match self.other_side(cell) {
+            None => most,
+            Some(other) => most.min(other.reach(known, distance, weight, sign)),
         }
     }
 
@@ -209,7 +224,9 @@ impl Law {
     /// The highest square at the other end of a cell beside a rest, by the jerk.
     fn highest_beside_rest(&self, rest: usize, knot: usize, cell: usize) -> f64 {
         let length = self.length(cell);
-        let jerk = self.grid.knots[rest].at_rest().1.min(self.grid.knots[knot].at_rest().1);
+        let jerk_at = |knot: &Knot| knot.at_rest().1;
+        let jerk = jerk_at(&self.grid.knots[rest]).min(jerk_at(&self.grid.knots[knot]));
+        let jerk = self.other_side(knot - 1).map_or(jerk, |other| jerk.min(jerk_at(other)));
         let root = libm::cbrt(4.5 * jerk * length * length);
         root * root
     }
@@ -231,7 +248,7 @@ impl Law {
             let (knot, next) = (cell + 1, self.values[cell + 1]);
             let distance = self.places[knot] - self.places[cell];
             let weight = (self.places[knot] - self.grid.knots[knot].way) / distance;
-            let mut most = self.grid.knots[knot].reach(next, distance, weight, -1.0);
+            let mut most = self.reach(cell, next, distance, weight, -1.0);
             if knot == last {
                 most = most.min(self.highest_beside_rest(knot + 1, knot, knot) / weight);
             } else {
@@ -255,7 +272,7 @@ impl Law {
             let (knot, known) = (cell, self.values[cell - 1]);
             let distance = self.places[cell] - self.places[cell - 1];
             let weight = (self.grid.knots[knot].way - self.places[cell - 1]) / distance;
-            let mut most = self.grid.knots[knot].reach(known, distance, weight, 1.0);
+            let mut most = self.reach(cell - 1, known, distance, weight, 1.0);
             if cell == 1 && self.start.is_rest() {
                 most = most.min(self.highest_beside_rest(0, 1, 0) / weight);
             } else {
