@@ -19,7 +19,7 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 /// Joints of the arm, cycle by cycle, without the cycles in which it stands.
-type Way = Vec<[f32; 6]>;
+type JointPath = Vec<[f32; 6]>;
 
 /// How repetitions ended.
 #[derive(Default)]
@@ -37,22 +37,27 @@ struct Classes {
 struct Cell {
     setup: Setup,
     found: Found,
-    ways: BTreeMap<ExecutionType, Way>,
+    ways: BTreeMap<ExecutionType, JointPath>,
 }
 
 impl Cell {
     fn new(setup: &str) -> Self {
         let (setup, found) = planning::setup_with_application(setup).unwrap();
         let mut cell = Self { setup, found, ways: BTreeMap::new() };
-        for of in ExecutionType::ALL {
-            let (way, _) = cell.run(of, 1, &[]);
-            cell.ways.insert(of, way.unwrap());
+        for execution_type in ExecutionType::ALL {
+            let (way, _) = cell.run(execution_type, 1, &[]);
+            cell.ways.insert(execution_type, way.unwrap());
         }
         cell
     }
 
     /// Runs the sequence once; returns the arm's way, and the number of bits that flipped.
-    fn run(&self, of: ExecutionType, seed: u64, faults: &[Fault]) -> (anyhow::Result<Way>, u64) {
+    fn run(
+        &self,
+        execution_type: ExecutionType,
+        seed: u64,
+        faults: &[Fault],
+    ) -> (anyhow::Result<JointPath>, u64) {
         let Self { setup, found, .. } = self;
         let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
         let application = &found.application;
@@ -63,13 +68,14 @@ impl Cell {
         };
         let mut verification = Verification::new(setup, application, Mode::Virtual, faults).unwrap();
         let pause = Duration::from_micros(40_000 + seed % 4_000);
-        let step = Step { execution_type: of, repetition: 1, pause, overrides: None };
+        let step = Step { execution_type, repetition: 1, pause, overrides: None };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let measured = runtime.block_on(run.execute(step));
         let flipped = run.health().faults.map_or(0, |faults| faults.corrupted);
         let verified = measured.and_then(|measured| verification.check(&measured));
-        let ticks = run.trace().types.get(of).map_or(&[][..], |recording| recording.robot_ticks());
-        let mut way: Way = ticks.iter().map(|tick| tick.sample.joints).collect();
+        let ticks =
+            run.trace().types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
+        let mut way: JointPath = ticks.iter().map(|tick| tick.sample.joints).collect();
         way.dedup();
         (verified.map(|()| way), flipped)
     }
@@ -82,15 +88,19 @@ fn classes(repetitions: u64) -> Classes {
     let count = |class: &AtomicU64, by: u64| class.fetch_add(by, Ordering::Relaxed);
     let work = || {
         while let Some(seed) = Some(count(&next, 1)).filter(|seed| *seed < repetitions) {
-            let of = ExecutionType::ALL[(seed % 3) as usize];
+            let execution_type = ExecutionType::ALL[(seed % 3) as usize];
             let cell = &cells[(seed / 3 % 3) as usize];
             let share = ["corrupt=0.0005", "corrupt=0.002@memory", "corrupt=0.01"][(seed / 9 % 3) as usize];
-            let (way, flipped) = cell.run(of, seed, &[share.parse().unwrap()]);
+            let (way, flipped) = cell.run(execution_type, seed, &[share.parse().unwrap()]);
             count(&classes.flipped, flipped);
             match way {
-                Ok(way) if way == cell.ways[&of] => count(&classes.same, 1),
+                Ok(way) if way == cell.ways[&execution_type] => count(&classes.same, 1),
                 Ok(way) => {
-                    eprintln!("{} {of}, seed {seed}, {share}: {} cycles", cell.setup.name, way.len());
+                    eprintln!(
+                        "{} {execution_type}, seed {seed}, {share}: {} cycles",
+                        cell.setup.name,
+                        way.len()
+                    );
                     count(&classes.altered, 1)
                 }
                 Err(_) => count(&classes.refused, 1),

@@ -38,12 +38,15 @@ fn on_every_setup_all_types_run_as_without_drives_but_for_two_robot_cycles() {
         let driven = setup.clone().with_drives(Drives::Ethercat);
         let with = whole(&driven, &found.application, &schedule).unwrap();
         let delay_ms = f64::from(setup.robot.cycle_us.value) * 2.0 / 1e3;
-        for of in ExecutionType::ALL {
+        for execution_type in ExecutionType::ALL {
             let [one, other] =
-                [&without, &with].map(|results| results.results.get(of).unwrap().aet_ms.unwrap());
+                [&without, &with].map(|results| results.results.get(execution_type).unwrap().aet_ms.unwrap());
             // Phases are drawn anew where a run begins elsewhere: half a quantum in the mean.
             let quantum_ms = f64::from(setup.robot.interpreter_quantum_us.value) / 1e3;
-            assert!((one - other).abs() <= delay_ms + quantum_ms, "{name} {of}: {one} and {other} ms");
+            assert!(
+                (one - other).abs() <= delay_ms + quantum_ms,
+                "{name} {execution_type}: {one} and {other} ms"
+            );
         }
     }
 }

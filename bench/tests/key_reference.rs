@@ -64,15 +64,16 @@ impl<'a> Reference<'a> {
         reference.text
     }
 
-    fn table(&mut self, of: &'a Value) {
+    fn table(&mut self, schema: &'a Value) {
         self.text.push_str("| key | type | | meaning |\n|---|---|---|---|\n");
         let required: Vec<_> =
-            of["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-        for (key, value) in of["properties"].as_object().unwrap() {
+            schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        for (key, value) in schema["properties"].as_object().unwrap() {
             let kind = self.kind(value);
             let optional = if required.contains(&key.as_str()) { "" } else { "optional" };
             // The key that tells one variant from another says what the variant says.
-            let meaning = Some(described(value)).filter(|it| !it.is_empty()).unwrap_or_else(|| described(of));
+            let meaning =
+                Some(described(value)).filter(|it| !it.is_empty()).unwrap_or_else(|| described(schema));
             writeln!(self.text, "| `{key}` | {kind} | {optional} | {meaning} |").unwrap();
         }
     }

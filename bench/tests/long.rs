@@ -138,8 +138,8 @@ fn a_lost_duplicated_or_misplaced_motion_between_list_and_robot_is_noticed() {
         assert_eq!(bad.sent, bad.accepted, "the fault is before the PLC");
         assert_eq!(bad.sent.motions, good.sent.motions, "the number does not show it");
         assert_ne!(bad.sent.value, good.sent.value, "{fault:?}");
-        let Mismatch { one, other, .. } = bad.check().unwrap_err();
-        assert_eq!((one, other), ("the list", "the PLC"));
+        let Mismatch { first, second, .. } = bad.check().unwrap_err();
+        assert_eq!((first, second), ("the list", "the PLC"));
     }
 }
 

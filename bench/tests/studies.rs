@@ -72,11 +72,11 @@ fn the_sensitivity_of_setup_a_agrees_with_the_model() {
         row.calibrated.aet_improvement
     };
     let as_it_is = share(None, 1.0).unwrap();
-    let of = |factor, times| share(Some(factor), times).unwrap();
-    assert!(of(Factor::Overhead, 0.0) < of(Factor::Overhead, 0.5));
-    assert!(of(Factor::Overhead, 0.5) < as_it_is && as_it_is < of(Factor::Overhead, 2.0));
-    assert!(of(Factor::Motions, 0.5) < as_it_is && as_it_is < of(Factor::Motions, 2.0));
-    assert!(of(Factor::Approximation, 0.0) < as_it_is, "without blending CM stops as SM does");
+    let improvement = |factor, times| share(Some(factor), times).unwrap();
+    assert!(improvement(Factor::Overhead, 0.0) < improvement(Factor::Overhead, 0.5));
+    assert!(improvement(Factor::Overhead, 0.5) < as_it_is && as_it_is < improvement(Factor::Overhead, 2.0));
+    assert!(improvement(Factor::Motions, 0.5) < as_it_is && as_it_is < improvement(Factor::Motions, 2.0));
+    assert!(improvement(Factor::Approximation, 0.0) < as_it_is, "without blending CM stops as SM does");
     let base = study.rows.first().unwrap();
     assert_eq!(base.without_skill_overhead.aet_improvement, share(Some(Factor::Overhead), 0.0));
     assert!(base.uncalibrated.rc_ms < base.calibrated.rc_ms, "at rated speeds");

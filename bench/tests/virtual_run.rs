@@ -109,13 +109,13 @@ fn an_override_of_0_stops_every_type_on_its_path_and_a_higher_one_lets_it_go_on(
     };
     let (full, half, stopped) =
         (whole(&setup, &application, &schedule).unwrap(), with("50"), with("100,0@1s,100@3s"));
-    for of in ExecutionType::ALL {
-        let aet = |results: &Results| results.figure(of).unwrap().aet_ms;
-        assert!(aet(&half) > aet(&full) + 200.0, "{of}: {} and {} ms", aet(&half), aet(&full));
+    for execution_type in ExecutionType::ALL {
+        let aet = |results: &Results| results.figure(execution_type).unwrap().aet_ms;
+        assert!(aet(&half) > aet(&full) + 200.0, "{execution_type}: {} and {} ms", aet(&half), aet(&full));
         // It stands for two seconds less what it takes to brake, and needs as long to be up to speed again. Between two
         // single motions it has nothing to brake.
         let longer = aet(&stopped) - aet(&full);
-        assert!((1_850.0..2_150.0).contains(&longer), "{of}: {longer} ms longer");
+        assert!((1_850.0..2_150.0).contains(&longer), "{execution_type}: {longer} ms longer");
     }
     assert_eq!(stopped.overrides.as_deref(), Some("100,0@1s,100@3s"));
 }

@@ -62,8 +62,8 @@ fn status(reference: &OPWKinematics, joints: &Joints) -> Option<u8> {
 }
 
 /// Whether two joints are the same but for whole turns.
-fn same_but_for_turns(one: f64, other: f64) -> bool {
-    let turn = one - other;
+fn same_but_for_turns(a_deg: f64, b_deg: f64) -> bool {
+    let turn = a_deg - b_deg;
     (turn - 360.0 * (turn / 360.0).round()).abs() < 1e-4
 }
 

@@ -78,8 +78,8 @@ fn reset(cell: &mut Cell) {
     assert_eq!(cell.feedback().error, ErrorNumber::None);
 }
 
-fn farthest(one: &[f32; 6], other: &[f32; 6]) -> f32 {
-    one.iter().zip(other).map(|(one, other)| (one - other).abs()).fold(0.0, f32::max)
+fn largest_difference(a: &[f32; 6], b: &[f32; 6]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
 #[test]
@@ -89,8 +89,8 @@ fn every_kind_of_run_is_that_without_drives_but_for_their_delay() {
         let mut cell = ready(with_drives());
         let with = run(&mut cell, skill);
         assert!(without.status.contains(Status::DONE) && with.status.contains(Status::DONE), "{skill:?}");
-        assert!(farthest(&with.joints, &without.joints) < EXACT, "{skill:?}: {:?}", with.joints);
-        assert!(farthest(&with.pose, &without.pose) < 10.0 * EXACT, "{skill:?}: {:?}", with.pose);
+        assert!(largest_difference(&with.joints, &without.joints) < EXACT, "{skill:?}: {:?}", with.joints);
+        assert!(largest_difference(&with.pose, &without.pose) < 10.0 * EXACT, "{skill:?}: {:?}", with.pose);
         // The arm has settled long after its drives are there: they add nothing.
         let more = with.execution_ns.abs_diff(without.execution_ns);
         assert!(more <= 2 * CYCLE_NS, "{skill:?}: {more} ns");
@@ -114,7 +114,7 @@ fn where_a_call_costs_nothing_a_skill_ends_two_cycles_later_once_the_drives_are_
     let with = run(&mut cell, Skill::RunProgram);
     let later = with.execution_ns - without.execution_ns;
     assert!((CYCLE_NS..=2 * CYCLE_NS).contains(&later), "{later}");
-    assert!(farthest(&with.joints, &without.joints) < EXACT);
+    assert!(largest_difference(&with.joints, &without.joints) < EXACT);
 }
 
 #[test]
@@ -140,11 +140,11 @@ fn after_a_reset_the_arm_goes_on_from_where_its_drives_stopped() {
     let stopped = cell.feedback().joints;
     assert!(cell.feedback().status.contains(Status::AT_REST));
     reset(&mut cell);
-    assert!(farthest(&cell.feedback().joints, &stopped) < EXACT, "a reset moves nothing");
+    assert!(largest_difference(&cell.feedback().joints, &stopped) < EXACT, "a reset moves nothing");
     let planned = run(&mut ready(config()), Skill::RunProgram);
     let again = run(&mut cell, Skill::RunProgram);
     assert!(again.status.contains(Status::DONE), "{again:?}");
-    assert!(farthest(&again.joints, &planned.joints) < EXACT);
+    assert!(largest_difference(&again.joints, &planned.joints) < EXACT);
     assert_eq!(failures(&cell).len(), 1);
 }
 

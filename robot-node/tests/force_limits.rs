@@ -150,8 +150,8 @@ proptest! {
         watched.robot.command.control = Control::ENABLE | Control::HALT;
         (0..200).for_each(|_| watched.tick());
         prop_assert!(watched.is_within, "an axis left its range");
-        for (load, of) in watched.loads.iter().zip(["speed", "acceleration", "jerk"]) {
-            prop_assert!(*load <= TOLERANCE, "{load} of a rated {of}");
+        for (load, rating) in watched.loads.iter().zip(["speed", "acceleration", "jerk"]) {
+            prop_assert!(*load <= TOLERANCE, "{load} of a rated {rating}");
         }
     }
 }

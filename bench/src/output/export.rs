@@ -285,7 +285,7 @@ mod tests {
 
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
-    use crate::records::paper::Standing;
+    use crate::records::paper::PaperComparison;
     use crate::records::schedule::Schedule;
     use std::time::Duration;
 
@@ -294,7 +294,7 @@ mod tests {
         let schedule = Schedule::new(&[ExecutionType::Rc, ExecutionType::Cm], 3, 7);
         let application = planning::application("pick-and-place", None).unwrap().application;
         let mut results = Results::new(&setup, "pick, place", Mode::Virtual, &schedule)
-            .beside_the_paper(&setup, Standing::of(&setup, &application, None, &[]));
+            .with_paper(&setup, PaperComparison::of(&setup, &application, None, &[]));
         for (repetition, micros) in [(1, 3_722_000), (2, 3_728_500)] {
             let mut measured = Measured::lasting(Duration::from_micros(micros));
             measured.execution.blends_suppressed = repetition;

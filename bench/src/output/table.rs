@@ -155,17 +155,17 @@ fn images(images: &Images) -> Option<String> {
 fn held_up(results: &Results) -> Option<String> {
     let mut named = Vec::new();
     let mut without = Vec::new();
-    for of in ExecutionType::ALL {
-        let Some(result) = results.results.get(of) else { continue };
+    for execution_type in ExecutionType::ALL {
+        let Some(result) = results.results.get(execution_type) else { continue };
         let (held_up, good): (Vec<_>, Vec<_>) =
             (1..).zip(&result.missed_cycles).partition(|(_, missed)| missed.held_up);
         named.extend(held_up.iter().map(|(repetition, missed)| {
-            format!("{of} {repetition} (PLC {}, robot {} cycles)", missed.plc, missed.robot)
+            format!("{execution_type} {repetition} (PLC {}, robot {} cycles)", missed.plc, missed.robot)
         }));
         let good: Vec<_> = good.iter().filter_map(|(at, _)| result.samples_ms.get(at - 1).copied()).collect();
         if !held_up.is_empty() && !good.is_empty() {
             let mean_ms = good.iter().sum::<f64>() / good.len() as f64;
-            without.push(format!("{of} {mean_ms:.1} ms over {}", good.len()));
+            without.push(format!("{execution_type} {mean_ms:.1} ms over {}", good.len()));
         }
     }
     if named.is_empty() {
@@ -199,18 +199,18 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
-    use crate::records::paper::Standing;
+    use crate::records::paper::PaperComparison;
     use crate::records::schedule::Schedule;
     use setup::Provenance;
     use std::time::Duration;
 
     fn results(mode: Mode, types: &[ExecutionType]) -> Results {
         let (mut setup, found) = planning::setup_with_application("A").unwrap();
-        let standing = Standing::of(&setup, &found.application, None, &[]);
+        let comparison = PaperComparison::of(&setup, &found.application, None, &[]);
         let cycle = setup::Sourced { from: Provenance::Calibrated, ..setup.robot.cycle_us.varied(1) };
         setup.robot.continuous_start_cycles = Some(cycle);
         let mut results = Results::new(&setup, "pick-and-place", mode, &Schedule::new(types, 2, 7))
-            .beside_the_paper(&setup, standing);
+            .with_paper(&setup, comparison);
         for calibrated in &mut results.calibrated {
             calibrated.value = 1.0;
         }
@@ -264,11 +264,10 @@ mod tests {
     fn a_copy_with_another_speed_has_no_columns_of_the_paper_and_says_why_in_one_line() {
         let (mut setup, found) = planning::setup_with_application("A").unwrap();
         setup.motions.velocity_percent.value = 50.0;
-        let standing = Standing::of(&setup, &found.application, None, &[]);
+        let comparison = PaperComparison::of(&setup, &found.application, None, &[]);
         let schedule = Schedule::new(&[ExecutionType::Rc], 2, 7);
         let table = render(
-            &Results::new(&setup, "pick-and-place", Mode::Virtual, &schedule)
-                .beside_the_paper(&setup, standing),
+            &Results::new(&setup, "pick-and-place", Mode::Virtual, &schedule).with_paper(&setup, comparison),
         );
         assert!(!table.contains("3725") && !table.contains("calibrated"), "{table}");
         let line = table.lines().find(|line| line.contains("paper")).unwrap();

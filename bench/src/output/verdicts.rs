@@ -103,9 +103,9 @@ fn signed(value: f64) -> String {
 /// Returns why CM's AET is RC's, for a run of the paper's cell; `None` for any other run.
 #[must_use]
 pub fn by_construction(results: &Results) -> Option<String> {
-    let has = |of| results.results.get(of).is_some();
+    let has = |execution_type| results.results.get(execution_type).is_some();
     if results.paper.is_none()
-        || !results.is_of_the_model()
+        || !results.has_modelled_robot()
         || !has(ExecutionType::Rc)
         || !has(ExecutionType::Cm)
     {
@@ -199,22 +199,22 @@ mod tests {
     use super::*;
     use crate::records::conditions::Measured;
     use crate::records::mode::Mode;
-    use crate::records::paper::Standing;
+    use crate::records::paper::PaperComparison;
     use crate::records::schedule::Schedule;
     use std::time::Duration;
 
     /// Returns a run of Setup B in which the samples of each type scatter by its MAD about its AET, in µs.
     fn run(figures: [(u64, u64); 3], repetitions: u32) -> Results {
         let (mut setup, found) = planning::setup_with_application("B").unwrap();
-        let standing = Standing::of(&setup, &found.application, None, &[]);
+        let comparison = PaperComparison::of(&setup, &found.application, None, &[]);
         setup.robot.interpreter_quantum_us.from = setup::Provenance::Datasheet;
         let schedule = Schedule::new(&ExecutionType::ALL, repetitions, 7);
-        let mut results = Results::new(&setup, "pick-and-place", Mode::Virtual, &schedule)
-            .beside_the_paper(&setup, standing);
-        for (of, (aet, mad)) in ExecutionType::ALL.into_iter().zip(figures) {
+        let mut results =
+            Results::new(&setup, "pick-and-place", Mode::Virtual, &schedule).with_paper(&setup, comparison);
+        for (execution_type, (aet, mad)) in ExecutionType::ALL.into_iter().zip(figures) {
             for repetition in 0..repetitions {
                 let micros = if repetition % 2 == 0 { aet - mad } else { aet + mad };
-                results.record(of, &Measured::lasting(Duration::from_micros(micros))).unwrap();
+                results.record(execution_type, &Measured::lasting(Duration::from_micros(micros))).unwrap();
             }
         }
         results
@@ -242,8 +242,10 @@ mod tests {
             energy_proxy_s,
             ..MotionQuality::default()
         };
-        for (of, rms, energy) in [(ExecutionType::Sm, 127e3, 0.275), (ExecutionType::Cm, 142e3, 0.253)] {
-            results.results.entry(of).as_mut().unwrap().quality = Some(quality(rms, energy));
+        for (execution_type, rms, energy) in
+            [(ExecutionType::Sm, 127e3, 0.275), (ExecutionType::Cm, 142e3, 0.253)]
+        {
+            results.results.entry(execution_type).as_mut().unwrap().quality = Some(quality(rms, energy));
         }
         results.arms = Some(Arms { a_ms: 3725.0, b_ms: 7617.0, b_as_a_ms: 4624.0, a_as_b_ms: 7700.0 });
         let told = |results: &Results| {

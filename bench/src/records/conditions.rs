@@ -81,7 +81,7 @@ impl Counts {
     /// Returns what happened since an earlier moment.
     #[must_use]
     pub fn since(&self, before: &Self) -> Interference {
-        let more = |of: fn(&Self) -> u64| of(self).saturating_sub(of(before));
+        let more = |counter: fn(&Self) -> u64| counter(self).saturating_sub(counter(before));
         Interference {
             missed: [more(|counts| counts.missed[0]), more(|counts| counts.missed[1])],
             runs: [more(|counts| counts.runs[0]), more(|counts| counts.runs[1])],

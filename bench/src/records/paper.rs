@@ -17,7 +17,7 @@ const APPLICATION: &str = "pick-and-place";
 
 /// Keys of a setup that do not change what the cell does: where its nodes are in a network, what they are called, and how
 /// long they tolerate a stalled host.
-const FREE: [&str; 9] = [
+const UNCOMPARED_KEYS: [&str; 9] = [
     "title",
     "application",
     "bus.watchdog_cycles",
@@ -31,17 +31,17 @@ const FREE: [&str; 9] = [
 
 /// Whether a run is compared with the paper's figures.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Standing {
+pub enum PaperComparison {
     /// It is the paper's cell, whose figures are these.
-    Paper(PerType<AetMad>),
+    Comparable(PerType<AetMad>),
     /// Its setup has figures of the paper, but the run is of something else, for this reason.
-    Other(String),
+    NotComparable(String),
     /// Its setup has no figures of the paper.
-    Unpublished,
+    NoPaper,
 }
 
-impl Standing {
-    /// Returns the standing of a run under these conditions.
+impl PaperComparison {
+    /// Returns the comparison of a run under these conditions.
     #[must_use]
     pub fn of(
         setup: &Setup,
@@ -49,16 +49,16 @@ impl Standing {
         overrides: Option<&OverrideSchedule>,
         faults: &[Fault],
     ) -> Self {
-        let Some(paper) = &setup.paper else { return Self::Unpublished };
+        let Some(paper) = &setup.paper else { return Self::NoPaper };
         if let Some(overrides) = overrides {
-            return Self::Other(format!("the paper had no override, and this run has {overrides}"));
+            return Self::NotComparable(format!("the paper had no override, and this run has {overrides}"));
         }
         if !faults.is_empty() {
-            return Self::Other("faults were put into the cable".to_owned());
+            return Self::NotComparable("faults were put into the cable".to_owned());
         }
         match other_than_the_paper(setup, application) {
-            Some(reason) => Self::Other(reason),
-            None => Self::Paper(PerType {
+            Some(reason) => Self::NotComparable(reason),
+            None => Self::Comparable(PerType {
                 rc: Some(paper.rc.into()),
                 sm: Some(paper.sm.into()),
                 cm: Some(paper.cm.into()),
@@ -70,23 +70,25 @@ impl Standing {
 impl Results {
     /// Returns these results without what is only true of our model of the robot, for a run with another one.
     #[must_use]
-    pub fn without_the_model(self) -> Self {
+    pub fn without_calibration(self) -> Self {
         Self { calibrated: Vec::new(), ..self }
     }
 
     /// Returns whether the robot is our model of one.
     #[must_use]
-    pub fn is_of_the_model(&self) -> bool {
+    pub fn has_modelled_robot(&self) -> bool {
         self.attached.as_ref().is_none_or(|attached| attached.robot.is_some())
     }
 
     /// Adds the paper's figures and the numbers that were calibrated to them, or the reason why there are none.
     #[must_use]
-    pub fn beside_the_paper(self, setup: &Setup, standing: Standing) -> Self {
-        match standing {
-            Standing::Paper(paper) => Self { paper: Some(paper), calibrated: calibrated::of(setup), ..self },
-            Standing::Other(reason) => Self { no_paper: Some(reason), ..self },
-            Standing::Unpublished => self,
+    pub fn with_paper(self, setup: &Setup, comparison: PaperComparison) -> Self {
+        match comparison {
+            PaperComparison::Comparable(paper) => {
+                Self { paper: Some(paper), calibrated: calibrated::of(setup), ..self }
+            }
+            PaperComparison::NotComparable(reason) => Self { no_paper: Some(reason), ..self },
+            PaperComparison::NoPaper => self,
         }
     }
 }
@@ -104,7 +106,7 @@ fn other_than_the_paper(setup: &Setup, application: &Application) -> Option<Stri
         Ok(differences) => differences,
         Err(error) => return Some(error.to_string()),
     };
-    let counts = |difference: &Difference| !FREE.contains(&difference.key.as_str());
+    let counts = |difference: &Difference| !UNCOMPARED_KEYS.contains(&difference.key.as_str());
     if let Some(Difference { key, first, second }) = differences.into_iter().find(counts) {
         let text = |value: Option<String>| value.unwrap_or_else(|| "missing".to_owned());
         return Some(format!("{key} is {} and in the paper's setup {name} {}", text(first), text(second)));
@@ -134,9 +136,9 @@ mod tests {
     }
 
     fn reason(setup: &Setup, application: &Application) -> String {
-        match Standing::of(setup, application, None, &[]) {
-            Standing::Other(reason) => reason,
-            standing => panic!("{standing:?}"),
+        match PaperComparison::of(setup, application, None, &[]) {
+            PaperComparison::NotComparable(reason) => reason,
+            comparison => panic!("{comparison:?}"),
         }
     }
 
@@ -153,8 +155,8 @@ mod tests {
             setup.bus.watchdog_cycles.value = 3;
             setup.application = "copy.toml".to_owned();
             setup.motions.velocity_percent.note.clear();
-            let standing = Standing::of(&setup, &application, None, &[]);
-            assert!(matches!(standing, Standing::Paper(_)), "{standing:?}");
+            let comparison = PaperComparison::of(&setup, &application, None, &[]);
+            assert!(matches!(comparison, PaperComparison::Comparable(_)), "{comparison:?}");
         }
     }
 
@@ -164,8 +166,8 @@ mod tests {
         let mut setup = shipped.clone();
         setup.motions.velocity_percent.value = 50.0;
         let papers = shipped.motions.velocity_percent.value;
-        let told = format!("motions.velocity_percent is 50.0 and in the paper's setup A {papers:?}");
-        assert_eq!(reason(&setup, &application), told);
+        let found = format!("motions.velocity_percent is 50.0 and in the paper's setup A {papers:?}");
+        assert_eq!(reason(&setup, &application), found);
         let mut setup = shipped.clone();
         setup.robot.cycle_us.value = 2_000;
         insta::assert_snapshot!(reason(&setup, &application), @"robot.cycle_us is 2000 and in the paper's setup A 4000");
@@ -176,7 +178,7 @@ mod tests {
         setup.name = "my-cell".to_owned();
         insta::assert_snapshot!(reason(&setup, &application), @"`my-cell` is no setup of the paper; those are A and B");
         setup.paper = None;
-        assert_eq!(Standing::of(&setup, &application, None, &[]), Standing::Unpublished);
+        assert_eq!(PaperComparison::of(&setup, &application, None, &[]), PaperComparison::NoPaper);
     }
 
     #[test]
@@ -186,9 +188,12 @@ mod tests {
         moved.start.0.pose.point.z += 1.0;
         insta::assert_snapshot!(reason(&setup, &moved), @"the application `pick-and-place` differs from the paper's, the built-in pick-and-place");
         let overrides = "50".parse().unwrap();
-        let told = Standing::of(&setup, &application, Some(&overrides), &[]);
-        assert_eq!(told, Standing::Other("the paper had no override, and this run has 50".to_owned()));
-        let told = Standing::of(&setup, &application, None, &["loss=0.1".parse().unwrap()]);
-        assert_eq!(told, Standing::Other("faults were put into the cable".to_owned()));
+        let found = PaperComparison::of(&setup, &application, Some(&overrides), &[]);
+        assert_eq!(
+            found,
+            PaperComparison::NotComparable("the paper had no override, and this run has 50".to_owned())
+        );
+        let found = PaperComparison::of(&setup, &application, None, &["loss=0.1".parse().unwrap()]);
+        assert_eq!(found, PaperComparison::NotComparable("faults were put into the cable".to_owned()));
     }
 }

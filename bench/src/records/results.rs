@@ -332,7 +332,8 @@ impl Results {
     /// Returns how many repetitions have a result, and how many were asked for.
     #[must_use]
     pub fn saved_of_all(&self) -> (usize, usize) {
-        let types = || ExecutionType::ALL.into_iter().filter_map(|of| self.results.get(of));
+        let types =
+            || ExecutionType::ALL.into_iter().filter_map(|execution_type| self.results.get(execution_type));
         (types().map(|result| result.samples_ms.len()).sum(), types().count() * self.reps as usize)
     }
 

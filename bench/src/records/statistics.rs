@@ -16,8 +16,8 @@ pub struct AetMad {
     pub mad_ms: f64,
 }
 
-impl From<setup::Figure> for AetMad {
-    fn from(setup::Figure { aet_ms, mad_ms }: setup::Figure) -> Self {
+impl From<setup::PaperRow> for AetMad {
+    fn from(setup::PaperRow { aet_ms, mad_ms }: setup::PaperRow) -> Self {
         Self { aet_ms, mad_ms }
     }
 }

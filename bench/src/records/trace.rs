@@ -170,9 +170,9 @@ impl Trace {
     /// Returns what the recordings lack, as sentences; none if they are complete.
     #[must_use]
     pub fn incomplete(&self) -> Option<String> {
-        let gaps = ExecutionType::ALL.into_iter().filter_map(|of| {
-            let [scans, cycles] = self.types.get(of)?.gaps();
-            let name = of.to_string().to_uppercase();
+        let gaps = ExecutionType::ALL.into_iter().filter_map(|execution_type| {
+            let [scans, cycles] = self.types.get(execution_type)?.gaps();
+            let name = execution_type.to_string().to_uppercase();
             (scans + cycles > 0).then(|| {
                 format!(
                     "The recording of {name} lacks {scans} scans of the PLC and {cycles} cycles of the robot."
@@ -185,11 +185,13 @@ impl Trace {
 
     /// Returns a sentence that names the recordings that end before their repetitions did; none if there are none.
     fn cut_off(&self) -> Option<String> {
-        let is_cut_off = |of: &ExecutionType| self.types.get(*of).is_some_and(Recording::is_cut_off);
+        let is_cut_off = |execution_type: &ExecutionType| {
+            self.types.get(*execution_type).is_some_and(Recording::is_cut_off)
+        };
         let types: Vec<_> = ExecutionType::ALL
             .into_iter()
             .filter(is_cut_off)
-            .map(|of| of.to_string().to_uppercase())
+            .map(|execution_type| execution_type.to_string().to_uppercase())
             .collect();
         (!types.is_empty()).then(|| {
             format!(
@@ -233,12 +235,15 @@ mod tests {
     #[test]
     fn a_recording_goes_on_after_a_minute_and_says_where_it_ends_before_its_repetition() {
         let mut trace = Trace::default();
-        for (of, length_s) in [(ExecutionType::Rc, 119), (ExecutionType::Sm, 3_600), (ExecutionType::Cm, 121)]
+        for (execution_type, length_s) in
+            [(ExecutionType::Rc, 119), (ExecutionType::Sm, 3_600), (ExecutionType::Cm, 121)]
         {
-            let recording = trace.types.entry(of).insert(Recording::default());
+            let recording = trace.types.entry(execution_type).insert(Recording::default());
             (0..length_s * 1_000).for_each(|millis| recording.plc(scan(millis * 1_000, 0)));
         }
-        let seconds = |of| trace.types.get(of).unwrap().plc_scans().last().unwrap().at_us as f64 / 1e6;
+        let seconds = |execution_type| {
+            trace.types.get(execution_type).unwrap().plc_scans().last().unwrap().at_us as f64 / 1e6
+        };
         assert_eq!(ExecutionType::ALL.map(seconds), [118.999, 120.0, 120.0]);
         let said = trace.incomplete().unwrap();
         assert_eq!(

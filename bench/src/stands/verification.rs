@@ -190,9 +190,9 @@ impl Verification {
     /// The first difference.
     pub fn check(&mut self, measured: &Measured) -> anyhow::Result<()> {
         let Measured { execution, account, .. } = measured;
-        let of = execution.execution_type;
+        let execution_type = execution.execution_type;
         let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
-        let planned = if of == ExecutionType::Rc { Digest::default().sum() } else { self.sent };
+        let planned = if execution_type == ExecutionType::Rc { Digest::default().sum() } else { self.sent };
         if found != planned {
             return Err(Difference::Sent { found, planned }.into());
         }
@@ -211,7 +211,7 @@ impl Verification {
         {
             return Err(Difference::Start { away_mm }.into());
         }
-        let alone = self.rehearsed(of, &account.start)?;
+        let alone = self.rehearsed(execution_type, &account.start)?;
         let planned = alone.account;
         let (found, wanted) = (Executed::of(account), Executed::of(&planned));
         if found != wanted {
@@ -245,31 +245,33 @@ impl Verification {
     }
 
     /// Returns what the arm alone does from these joints. All repetitions of a run mostly begin with the same ones.
-    fn rehearsed(&mut self, of: ExecutionType, start: &Joints) -> anyhow::Result<Rehearsed> {
-        let known = self.rehearsed.get(of).copied();
-        if let Some(known) = known.filter(|known| farthest(&known.account.start, start).1 < JOINT_TOLERANCE) {
+    fn rehearsed(&mut self, execution_type: ExecutionType, start: &Joints) -> anyhow::Result<Rehearsed> {
+        let known = self.rehearsed.get(execution_type).copied();
+        if let Some(known) =
+            known.filter(|known| largest_difference(&known.account.start, start).1 < JOINT_TOLERANCE)
+        {
             return Ok(known);
         }
         let PlannedCell { robot, motions, stops, .. } = &self.planned;
-        let calls = match of {
+        let calls = match execution_type {
             ExecutionType::Rc => Calls::Program,
             ExecutionType::Sm => Calls::Singles,
             ExecutionType::Cm => Calls::Continuous,
         };
         let alone = rehearse(robot, *start, motions, stops, calls)
             .context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
-        Ok(*self.rehearsed.entry(of).insert(alone))
+        Ok(*self.rehearsed.entry(execution_type).insert(alone))
     }
 }
 
-/// Returns the joint that is farthest from the other, counted from 0, and how far.
-fn farthest(one: &Joints, other: &Joints) -> (usize, f64) {
-    let away = one.iter().zip(other).map(|(one, other)| (one - other).abs()).enumerate();
-    away.max_by(|(_, one), (_, other)| one.total_cmp(other)).unwrap_or((0, 0.0))
+/// Returns the joint that differs most, counted from 0, and by how much.
+fn largest_difference(a: &Joints, b: &Joints) -> (usize, f64) {
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs()).enumerate();
+    differences.max_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or((0, 0.0))
 }
 
 fn compare_ends(seen_by: &'static str, found: &Joints, planned: &Joints) -> Result<(), Difference> {
-    let (joint, away) = farthest(found, planned);
+    let (joint, away) = largest_difference(found, planned);
     // A value that is not a number is not within the tolerance.
     if away <= JOINT_TOLERANCE {
         return Ok(());
@@ -285,10 +287,10 @@ mod tests {
     use crate::stands::virtual_run::{VirtualBus, VirtualRun};
 
     /// Runs an application of a setup once, without faults; returns what verifies it and what was measured.
-    fn run(of: ExecutionType) -> (Verification, Measured) {
+    fn run(execution_type: ExecutionType) -> (Verification, Measured) {
         let (setup, found) = planning::setup_with_application("A").unwrap();
         let mut run = VirtualRun::start(&setup, &found.application, 1, VirtualBus::Direct).unwrap();
-        let step = Step { execution_type: of, repetition: 2, pause: PAUSE, overrides: None };
+        let step = Step { execution_type, repetition: 2, pause: PAUSE, overrides: None };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let measured = runtime.block_on(run.execute(step)).unwrap();
         let verification = Verification::new(&setup, &found.application, Mode::Virtual, &[]).unwrap();
@@ -301,8 +303,8 @@ mod tests {
 
     #[test]
     fn a_run_that_nothing_disturbs_is_what_the_plan_says_in_every_type() {
-        for of in ExecutionType::ALL {
-            let (mut verification, measured) = run(of);
+        for execution_type in ExecutionType::ALL {
+            let (mut verification, measured) = run(execution_type);
             verification.check(&measured).unwrap();
         }
     }

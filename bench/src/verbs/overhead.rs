@@ -292,7 +292,7 @@ mod tests {
     fn a_cost_is_printed_with_its_interval_and_its_verdict() {
         let cost = |with: f64| {
             // A stall of the host affects every tenth pair, alternately the recorded and the unrecorded second.
-            let stall = |index: u32, of| if index % 20 == of { 4_000.0 } else { 0.0 };
+            let stall = |index: u32, stalled: u32| if index % 20 == stalled { 4_000.0 } else { 0.0 };
             let pair = |index| Pair {
                 recorded_us: with + f64::from(index % 5) + stall(index, 3),
                 unrecorded_us: 100.0 + f64::from(index / 5) + stall(index, 13),

@@ -356,47 +356,51 @@ impl Violation {
     /// Returns the figures that the feedback image carries for it.
     #[must_use]
     pub fn finding(&self) -> Finding {
-        let of = |index: u8, value: f64, lower: f64, upper: f64| {
+        let finding = |index: u8, value: f64, lower: f64, upper: f64| {
             Finding::new(index, value as f32, lower as f32, upper as f32)
         };
         match *self {
             Self::Plain(_) => Finding::NONE,
             Self::NotFinite(index) | Self::Tool(index) | Self::Base(index) | Self::Kind(index) => {
-                of(index, f64::from(index), 0.0, 0.0)
+                finding(index, f64::from(index), 0.0, 0.0)
             }
-            Self::Radius { radius_mm, nearest_mm, farthest_mm } => of(1, radius_mm, nearest_mm, farthest_mm),
+            Self::Radius { radius_mm, nearest_mm, farthest_mm } => {
+                finding(1, radius_mm, nearest_mm, farthest_mm)
+            }
             Self::WristReach { distance_mm, nearest_mm, farthest_mm } => {
-                of(2, distance_mm, nearest_mm, farthest_mm)
+                finding(2, distance_mm, nearest_mm, farthest_mm)
             }
-            Self::WristRadius { distance_mm, nearest_mm } => of(1, distance_mm, nearest_mm, f64::INFINITY),
-            Self::Tilt { tilt_deg } => of(3, tilt_deg, 0.0, 0.0),
-            Self::Configuration { axis, turn_deg, .. } => of(axis, turn_deg, 0.0, TURNED_OVER_DEG),
+            Self::WristRadius { distance_mm, nearest_mm } => {
+                finding(1, distance_mm, nearest_mm, f64::INFINITY)
+            }
+            Self::Tilt { tilt_deg } => finding(3, tilt_deg, 0.0, 0.0),
+            Self::Configuration { axis, turn_deg, .. } => finding(axis, turn_deg, 0.0, TURNED_OVER_DEG),
             Self::Axis { axis, value, lower, upper } | Self::Turn { axis, value, lower, upper } => {
-                of(axis, value, lower, upper)
+                finding(axis, value, lower, upper)
             }
-            Self::Status { status, bits } => of(7, status.into(), 0.0, bits.into()),
-            Self::TurnBits { turn, bits } => of(8, turn.into(), 0.0, bits.into()),
+            Self::Status { status, bits } => finding(7, status.into(), 0.0, bits.into()),
+            Self::TurnBits { turn, bits } => finding(8, turn.into(), 0.0, bits.into()),
             Self::OtherConfiguration { wanted, found } if wanted.status != found.status => {
-                of(9, found.status.into(), wanted.status.into(), wanted.status.into())
+                finding(9, found.status.into(), wanted.status.into(), wanted.status.into())
             }
             Self::OtherConfiguration { wanted, found } => {
                 let [wanted, found] = [wanted, found].map(|it| it.turn.unwrap_or(0).into());
-                of(10, found, wanted, wanted)
+                finding(10, found, wanted, wanted)
             }
-            Self::NotCartesian(_) => of(11, 0.0, 0.0, 0.0),
-            Self::Rated { axis, value, limit, .. } => of(axis, value, 0.0, limit),
-            Self::Singular { axis, share } => of(axis, share, SINGULAR_SHARE, 1.0),
-            Self::ZeroLength { way_mm } => of(0, way_mm, LEAST_WAY_MM, f64::INFINITY),
-            Self::Collinear { offset_mm, least_mm } => of(0, offset_mm, least_mm, f64::INFINITY),
+            Self::NotCartesian(_) => finding(11, 0.0, 0.0, 0.0),
+            Self::Rated { axis, value, limit, .. } => finding(axis, value, 0.0, limit),
+            Self::Singular { axis, share } => finding(axis, share, SINGULAR_SHARE, 1.0),
+            Self::ZeroLength { way_mm } => finding(0, way_mm, LEAST_WAY_MM, f64::INFINITY),
+            Self::Collinear { offset_mm, least_mm } => finding(0, offset_mm, least_mm, f64::INFINITY),
             Self::Velocity { value, limit }
             | Self::Acceleration { value, limit }
             | Self::Deceleration { value, limit }
             | Self::Jerk { value, limit }
             | Self::Approach { value, limit, .. }
-            | Self::Force { value_n: value, limit_n: limit } => of(0, value, 0.0, limit),
-            Self::Override { percent } => of(0, percent.into(), 0.0, 100.0),
-            Self::ForceDirection { angle_deg, limit_deg } => of(0, angle_deg, 0.0, limit_deg),
-            Self::ForceNotReached { found_n, wanted_n, way_mm } => of(0, found_n, wanted_n, way_mm),
+            | Self::Force { value_n: value, limit_n: limit } => finding(0, value, 0.0, limit),
+            Self::Override { percent } => finding(0, percent.into(), 0.0, 100.0),
+            Self::ForceDirection { angle_deg, limit_deg } => finding(0, angle_deg, 0.0, limit_deg),
+            Self::ForceNotReached { found_n, wanted_n, way_mm } => finding(0, found_n, wanted_n, way_mm),
         }
     }
 }

@@ -55,8 +55,9 @@ impl Plan {
 
     fn show_labels(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "\nlabels at process level")?;
-        let width =
-            |of: &dyn Fn(&crate::plan::StepLabels) -> usize| self.labels.iter().map(of).max().unwrap_or(0);
+        let width = |length: &dyn Fn(&crate::plan::StepLabels) -> usize| {
+            self.labels.iter().map(length).max().unwrap_or(0)
+        };
         let step = width(&|it| it.step.chars().count());
         let labels = width(&|it| it.labels.to_string().len());
         for it in &self.labels {

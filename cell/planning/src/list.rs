@@ -150,10 +150,10 @@ impl<R: BufRead> Iterator for MotionLines<R> {
 
 fn parse(header: &str, text: &str) -> Result<Motion, String> {
     let mut columns = header.split(',').zip(text.split(','));
-    let of = header.split(',').count();
+    let columns_wanted = header.split(',').count();
     let found = text.split(',').count();
-    if found != of {
-        return Err(format!("found {found} columns; a motion has {of}: {header}"));
+    if found != columns_wanted {
+        return Err(format!("found {found} columns; a motion has {columns_wanted}: {header}"));
     }
     let mut column = || columns.next().map(|(name, text)| (name, text.trim())).unwrap_or_default();
     let (_, kind) = column();

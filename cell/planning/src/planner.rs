@@ -154,12 +154,12 @@ impl<'a> Planner<'a> {
                     let pre = Motion { configuration: first.configuration, ..pre };
                     self.push(pre, &format!("LIN before {}", step.name), into)?;
                 }
-                let of = path.motions.len();
+                let count = path.motions.len();
                 for (number, motion) in path.motions.into_iter().enumerate() {
                     let kind = kind_name(motion.kind);
-                    let name = match of {
+                    let name = match count {
                         1 => format!("{kind} {}", step.name),
-                        _ => format!("{kind} {} {}/{of}", step.name, number + 1),
+                        _ => format!("{kind} {} {}/{count}", step.name, number + 1),
                     };
                     self.push(motion, &name, into)?;
                 }
@@ -342,8 +342,8 @@ impl Destination<'_> {
 }
 
 /// Returns whether two poses differ so much that a motion is needed between them.
-fn differ(one: Pose, other: Pose) -> bool {
-    (other.point - one.point).length() >= LEAST_MM || one.turn_deg(other) >= LEAST_TURN_DEG
+fn differ(from: Pose, to: Pose) -> bool {
+    (to.point - from.point).length() >= LEAST_MM || from.turn_deg(to) >= LEAST_TURN_DEG
 }
 
 /// Returns the name of a kind of motion, for people.

@@ -161,10 +161,10 @@ impl fmt::Display for Why {
 
 /// Returns the circle whose intermediate point lies within the zone at a junction: motion number `index` or the next one.
 pub(crate) fn swallowed_point(index: usize, motion: &Motion, next: &Motion, zone_mm: f64) -> Option<Why> {
-    [(index, motion), (index + 1, next)].into_iter().find_map(|(circle, of)| {
-        let corner = motion.target.point;
-        let distance_mm = (Point::from(of.auxiliary) - corner).length();
-        let is_swallowed = of.kind == MotionKind::Circular && distance_mm <= zone_mm;
+    let corner = motion.target.point;
+    [(index, motion), (index + 1, next)].into_iter().find_map(|(circle, motion)| {
+        let distance_mm = (Point::from(motion.auxiliary) - corner).length();
+        let is_swallowed = motion.kind == MotionKind::Circular && distance_mm <= zone_mm;
         is_swallowed.then_some(Why::SwallowsPoint { circle, distance_mm })
     })
 }

@@ -23,7 +23,7 @@ pub use difference::{Difference, text_differences};
 pub use error::Error;
 pub use load::{SETUPS, Text, check, find, setup, setup_from_text, setup_with_directory};
 pub use model::{
-    Axes, Drives, Figure, Frame, Kinematics, Motions, Opw, Paper, Plc, Robot, Scara, Setup, ThreeParallel,
+    Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Setup, ThreeParallel,
 };
 pub use peer::Peer;
 pub use sourced::{Provenance, Sourced};

@@ -35,18 +35,18 @@ pub struct Setup {
 #[serde(deny_unknown_fields)]
 pub struct Paper {
     /// Programmed in the robot controller.
-    pub rc: Figure,
+    pub rc: PaperRow,
     /// Single motions from the PLC.
-    pub sm: Figure,
+    pub sm: PaperRow,
     /// One MoveContinuousSkill from the PLC.
-    pub cm: Figure,
+    pub cm: PaperRow,
 }
 
 /// One row of the paper's Table 2.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct Figure {
+pub struct PaperRow {
     /// Average execution time in ms.
     pub aet_ms: f64,
     /// Mean absolute deviation from the mean in ms.

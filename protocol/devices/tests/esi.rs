@@ -119,14 +119,14 @@ async fn read(main: &MainDevice<'_>) -> Result<Running, Error> {
 }
 
 fn entries(pdos: &[Pdo]) -> Vec<(u16, Vec<Entry>)> {
-    let of = |pdo: &Pdo| {
+    let entries = |pdo: &Pdo| {
         let entries = pdo.entries.iter().map(|entry| {
             let index = u16::from(entry.entry_idx.idx);
             (index, u8::from(entry.entry_idx.sub_idx), u8::try_from(entry.bit_len).unwrap())
         });
         (u16::from(pdo.idx), entries.collect())
     };
-    pdos.iter().map(of).collect()
+    pdos.iter().map(entries).collect()
 }
 
 /// Compares a file with a running device of the same description.

@@ -45,9 +45,9 @@ impl Config {
 
     /// Returns the working counter of a good exchange: a device adds 1 for its inputs and 2 for its outputs.
     pub(crate) fn working_counter(&self) -> u16 {
-        let of = |device: &ExpectedDevice| {
+        let contribution = |device: &ExpectedDevice| {
             u16::from(device.input_bytes > 0) + 2 * u16::from(device.output_bytes > 0)
         };
-        self.devices.iter().map(of).sum()
+        self.devices.iter().map(contribution).sum()
     }
 }

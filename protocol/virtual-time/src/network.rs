@@ -244,8 +244,8 @@ impl<M: Machine> Network<M> {
         }
     }
 
-    fn peer(&self, of: StationId, id: StreamId) -> Option<StationId> {
-        let Stream { ends: [one, other], .. } = self.streams.iter().find(|stream| stream.id == id)?;
-        Some(if *one == of { *other } else { *one })
+    fn peer(&self, station: StationId, id: StreamId) -> Option<StationId> {
+        let Stream { ends: [a, b], .. } = self.streams.iter().find(|stream| stream.id == id)?;
+        Some(if *a == station { *b } else { *a })
     }
 }

@@ -76,8 +76,8 @@ impl Account {
     }
 }
 
-fn join(one: u64, other: u64) -> u64 {
-    other.to_be_bytes().iter().fold(one, |value, byte| (value ^ u64::from(*byte)).wrapping_mul(PRIME))
+fn join(digest: u64, next: u64) -> u64 {
+    next.to_be_bytes().iter().fold(digest, |value, byte| (value ^ u64::from(*byte)).wrapping_mul(PRIME))
 }
 
 #[cfg(test)]

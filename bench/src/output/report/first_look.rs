@@ -49,7 +49,7 @@ struct OfType {
 #[derive(Serialize)]
 struct Bar {
     /// `ours` or `paper`.
-    of: &'static str,
+    origin: &'static str,
     y: f64,
     height: f64,
     /// Where it ends.
@@ -79,13 +79,13 @@ struct Shown {
 }
 
 impl Shown {
-    fn of_run(results: &Results, of: ExecutionType) -> Option<Self> {
-        let ms = results.figure(of)?.aet_ms;
-        Some(Self { ms, mean: Mean::of(&results.results.get(of)?.samples_ms) })
+    fn of_run(results: &Results, execution_type: ExecutionType) -> Option<Self> {
+        let ms = results.figure(execution_type)?.aet_ms;
+        Some(Self { ms, mean: Mean::of(&results.results.get(execution_type)?.samples_ms) })
     }
 
-    fn of_paper(results: &Results, of: ExecutionType) -> Option<Self> {
-        let AetMad { aet_ms, mad_ms } = *results.paper.as_ref()?.get(of)?;
+    fn of_paper(results: &Results, execution_type: ExecutionType) -> Option<Self> {
+        let AetMad { aet_ms, mad_ms } = *results.paper.as_ref()?.get(execution_type)?;
         Some(Self { ms: aet_ms, mean: Mean::published(aet_ms, mad_ms, REPETITIONS) })
     }
 
@@ -123,15 +123,17 @@ const fn how(execution_type: ExecutionType) -> &'static str {
 impl FirstLook {
     /// Returns the picture; `None` without a sample.
     pub(super) fn of(results: &Results) -> Option<Self> {
-        let of_run: Vec<_> =
-            TYPES.iter().filter_map(|of| Some((*of, Shown::of_run(results, *of)?))).collect();
+        let of_run: Vec<_> = TYPES
+            .iter()
+            .filter_map(|execution_type| Some((*execution_type, Shown::of_run(results, *execution_type)?)))
+            .collect();
         if of_run.is_empty() {
             return None;
         }
-        let row = |(of, shown): &(ExecutionType, Shown)| {
-            let paper = Shown::of_paper(results, *of);
+        let row = |(execution_type, shown): &(ExecutionType, Shown)| {
+            let paper = Shown::of_paper(results, *execution_type);
             [
-                label(*of),
+                label(*execution_type),
                 format!("{:.1}", shown.ms),
                 shown.interval(),
                 paper.map_or_else(
@@ -140,9 +142,9 @@ impl FirstLook {
                 ),
             ]
         };
-        let difference = differences(results).into_iter().map(|(of, mean)| {
+        let difference = differences(results).into_iter().map(|(execution_type, mean)| {
             let text = |mean: &Mean| format!("{:+.1}", mean.ms).replace('-', "−");
-            (of, text(&mean), signed_range(mean.interval_ms()))
+            (execution_type, text(&mean), signed_range(mean.interval_ms()))
         });
         let mut rows: Vec<_> = of_run.iter().map(row).collect();
         let differences: Vec<_> = difference.collect();
@@ -167,12 +169,14 @@ impl FirstLook {
 
 /// Returns CM − RC of the run, then of the paper; nothing if the run has no interval.
 pub(super) fn differences(results: &Results) -> Vec<(&'static str, Mean)> {
-    let of = |shown: &dyn Fn(ExecutionType) -> Option<Shown>| {
+    let difference = |shown: &dyn Fn(ExecutionType) -> Option<Shown>| {
         let [cm, rc] = [ExecutionType::Cm, ExecutionType::Rc].map(shown);
         Some(cm?.mean?.less(rc?.mean?))
     };
-    let Some(run) = of(&|of| Shown::of_run(results, of)) else { return Vec::new() };
-    let paper = of(&|of| Shown::of_paper(results, of));
+    let Some(run) = difference(&|execution_type| Shown::of_run(results, execution_type)) else {
+        return Vec::new();
+    };
+    let paper = difference(&|execution_type| Shown::of_paper(results, execution_type));
     [Some(("ours", run)), paper.map(|paper| ("paper", paper))].into_iter().flatten().collect()
 }
 
@@ -181,7 +185,7 @@ impl Bars {
         let width = format.width();
         let text = format.pick(14.0, 12.0);
         let (left, top) = (2.0, 4.0);
-        let papers = types.iter().map(|(of, _)| Shown::of_paper(results, *of));
+        let papers = types.iter().map(|(execution_type, _)| Shown::of_paper(results, *execution_type));
         let longest = types.iter().map(|(_, shown)| shown.ms).chain(papers.flatten().map(|paper| paper.ms));
         let longest = longest.fold(1.0, f64::max);
         // Behind the longest bar there is room for its figure.
@@ -190,14 +194,14 @@ impl Bars {
         let (name, own, other) = (text * 1.75, format.pick(22.0, 18.0), format.pick(15.0, 14.0));
         let mut y = top;
         let mut drawn = Vec::new();
-        for (of, shown) in types {
-            let bar = |of: &'static str, shown: &Shown, y, height, tooltip| Bar {
-                of,
+        for (execution_type, shown) in types {
+            let bar = |origin: &'static str, shown: &Shown, y, height, tooltip| Bar {
+                origin,
                 y,
                 height,
                 end: x(shown.ms),
                 interval: shown.mean.map(|mean| mean.interval_ms()).map(|(low, high)| (x(low), x(high))),
-                text: if of == "paper" { format!("paper {}", shown.text(0)) } else { shown.text(1) },
+                text: if origin == "paper" { format!("paper {}", shown.text(0)) } else { shown.text(1) },
                 tooltip,
             };
             let from = y + name;
@@ -206,17 +210,23 @@ impl Bars {
                 shown,
                 from,
                 own,
-                format!("{}, this run: {}, n = {}", label(*of), shown.text(1), count(results, *of)),
+                format!(
+                    "{}, this run: {}, n = {}",
+                    label(*execution_type),
+                    shown.text(1),
+                    count(results, *execution_type)
+                ),
             )];
-            if let Some(paper) = Shown::of_paper(results, *of) {
-                let tooltip = format!("{}, paper: {}, n = {REPETITIONS}", label(*of), paper.text(1));
+            if let Some(paper) = Shown::of_paper(results, *execution_type) {
+                let tooltip =
+                    format!("{}, paper: {}, n = {REPETITIONS}", label(*execution_type), paper.text(1));
                 bars.push(bar("paper", &paper, from + own + 2.0, other, tooltip));
             }
             let end = bars.last().map_or(from, |bar| bar.y + bar.height);
             drawn.push(OfType {
-                key: of.to_string(),
-                name: label(*of),
-                how: how(*of),
+                key: execution_type.to_string(),
+                name: label(*execution_type),
+                how: how(*execution_type),
                 y: y + name - text * 0.5,
                 bars,
             });
@@ -233,8 +243,8 @@ impl Bars {
     }
 }
 
-fn count(results: &Results, of: ExecutionType) -> usize {
-    results.results.get(of).map_or(0, |result| result.samples_ms.len())
+fn count(results: &Results, execution_type: ExecutionType) -> usize {
+    results.results.get(execution_type).map_or(0, |result| result.samples_ms.len())
 }
 
 impl Strip {
@@ -251,13 +261,13 @@ impl Strip {
         let x = |ms: f64| zero + ms / (farthest * 1.1) * room;
         let top = above + text * 2.4;
         let (line, between) = (format.pick(16.0, 14.0), format.pick(8.0, 6.0));
-        let mark = |(index, (of, mean)): (usize, &(&'static str, Mean))| {
+        let mark = |(index, (origin, mean)): (usize, &(&'static str, Mean))| {
             let (low, high) = mean.interval_ms();
             let ms = format!("{:+.1}", mean.ms).replace('-', "−");
             let margin = mean.margin_ms();
-            let name = if *of == "paper" { "paper " } else { "" };
+            let name = if *origin == "paper" { "paper " } else { "" };
             Bar {
-                of,
+                origin,
                 y: top + between / 2.0 + index as f64 * (line + between),
                 height: line,
                 end: x(mean.ms),
@@ -265,7 +275,7 @@ impl Strip {
                 text: format!("{name}{ms} ± {margin:.1} ms"),
                 tooltip: format!(
                     "CM − RC, {}: {ms} ms, 95 % interval {} ms",
-                    if *of == "paper" { "paper" } else { "this run" },
+                    if *origin == "paper" { "paper" } else { "this run" },
                     signed_range((low, high))
                 ),
             }

@@ -233,9 +233,9 @@ fn qualities(results: &Results) -> Vec<QualityRow> {
 }
 
 fn calibrated(results: &Results) -> Vec<[String; 3]> {
-    let line = |of: &calibrated::Calibrated| {
-        let met = calibrated::figure(&of.key, &results.calibrated);
-        [of.key.clone(), of.value.to_string(), met.to_owned()]
+    let line = |number: &calibrated::Calibrated| {
+        let met = calibrated::figure(&number.key, &results.calibrated);
+        [number.key.clone(), number.value.to_string(), met.to_owned()]
     };
     results.calibrated.iter().map(line).collect()
 }

@@ -18,11 +18,12 @@ struct Means {
 
 /// Returns the sentences; `None` if a type has no sample.
 pub(super) fn sentences(results: &Results) -> Option<String> {
-    let mean = |of| Some(results.figure(of)?.aet_ms);
+    let mean = |execution_type| Some(results.figure(execution_type)?.aet_ms);
     let [rc, sm, cm] = ExecutionType::ALL.map(mean);
     let means = Means { rc: rc?, sm: sm?, cm: cm? };
-    let samples = |of| results.results.get(of).map_or(&[][..], |result| &result.samples_ms[..]);
-    let fewest = ExecutionType::ALL.into_iter().map(|of| samples(of).len()).min()?;
+    let samples =
+        |execution_type| results.results.get(execution_type).map_or(&[][..], |result| &result.samples_ms[..]);
+    let fewest = ExecutionType::ALL.into_iter().map(|execution_type| samples(execution_type).len()).min()?;
     if fewest < FEWEST {
         return Some(without_intervals(means, fewest));
     }

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use setup::{Paper, Provenance, Setup};
 
 use super::Speed;
-use super::figure::{Figure, Seeds};
+use super::metric::{Metric, Seeds};
 use super::fit::Fit;
-use super::number::Number;
+use super::parameter::Parameter;
 use crate::records::distance::Estimate;
 use crate::records::schedule::REPETITIONS;
 use crate::records::statistics::error_of_mad;
@@ -16,7 +16,7 @@ use crate::records::statistics::error_of_mad;
 #[derive(Clone, PartialEq, Debug)]
 pub struct Found {
     /// Which number.
-    pub number: Number,
+    pub number: Parameter,
     /// Its value in the calibrated setup.
     pub value: f64,
     /// Where the setup says that it is from; only a calibrated one is changed.
@@ -46,7 +46,7 @@ pub struct Calibration {
     /// The numbers.
     pub found: Vec<Found>,
     /// What the setup reaches, over all seeds.
-    pub reached: Vec<(Figure, Estimate)>,
+    pub reached: Vec<(Metric, Estimate)>,
     /// How RC's AET depends on programmed speed and acceleration.
     pub speed: Speed,
     pub(super) paper: Paper,
@@ -78,7 +78,7 @@ impl Calibration {
     /// Returns the value of a number as it stands in a setup.
     pub(super) fn value(found: &Found) -> String {
         match found.number {
-            Number::Velocity => format!("{:?}", found.value),
+            Parameter::Velocity => format!("{:?}", found.value),
             _ => format!("{:.0}", found.value),
         }
     }
@@ -88,15 +88,15 @@ impl Calibration {
         let seeds = self.conditions.seeds;
         let interval = found.interval();
         let figures = match found.number {
-            Number::Quantum if self.setup.robot.start_quantum_us.is_some() => "SM's MAD",
-            Number::Quantum => "the MADs of RC and SM",
-            Number::StartQuantum => "RC's MAD",
-            Number::Velocity => "RC's AET",
-            Number::Overhead => "SM's AET",
-            Number::StartCycles => "CM's AET less RC's",
+            Parameter::Quantum if self.setup.robot.start_quantum_us.is_some() => "SM's MAD",
+            Parameter::Quantum => "the MADs of RC and SM",
+            Parameter::StartQuantum => "RC's MAD",
+            Parameter::Velocity => "RC's AET",
+            Parameter::Overhead => "SM's AET",
+            Parameter::StartCycles => "CM's AET less RC's",
         };
         let assumed = match found.number {
-            Number::Velocity => format!(" at the assumed acceleration, {}", self.beside_acceleration()),
+            Parameter::Velocity => format!(" at the assumed acceleration, {}", self.beside_acceleration()),
             _ => String::new(),
         };
         format!("`bench calibrate` on {figures}, {seeds} seeds: {interval}{assumed}")
@@ -176,14 +176,14 @@ impl Calibration {
 
     /// Returns the paper's figure. The error of its MAD is that of the model's MAD at the paper's number of repetitions,
     /// as in a run's report.
-    fn of_paper(&self, figure: Figure, model: Estimate) -> Estimate {
+    fn of_paper(&self, figure: Metric, model: Estimate) -> Estimate {
         let paper = figure.of_paper(&self.paper);
         match figure {
-            Figure::Mad(_) => {
+            Metric::Mad(_) => {
                 let error = error_of_mad(model.ms, self.conditions.reps, REPETITIONS);
                 Estimate { error_ms: error.unwrap_or(paper.error_ms), ..paper }
             }
-            Figure::Aet(_) | Figure::CmLessRc => paper,
+            Metric::Aet(_) | Metric::CmLessRc => paper,
         }
     }
 }

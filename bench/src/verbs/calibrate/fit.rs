@@ -7,7 +7,7 @@
 
 use anyhow::bail;
 
-use super::figure::Figure;
+use super::metric::Metric;
 use crate::records::distance::Estimate;
 
 /// Number of values on either side of the middle one at which the figures are measured; for MADs, which have no steps and
@@ -36,7 +36,7 @@ const ROUNDS: usize = 12;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Target {
     /// The figure.
-    pub(super) figure: Figure,
+    pub(super) figure: Metric,
     /// The wanted value.
     pub(super) wanted: Estimate,
 }
@@ -267,7 +267,7 @@ mod tests {
     use plc_node::ExecutionType;
 
     fn target(ms: f64, error_ms: f64) -> Target {
-        Target { figure: Figure::Aet(ExecutionType::Rc), wanted: Estimate { ms, error_ms } }
+        Target { figure: Metric::Aet(ExecutionType::Rc), wanted: Estimate { ms, error_ms } }
     }
 
     fn exact(ms: f64) -> Estimate {

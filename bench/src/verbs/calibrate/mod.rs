@@ -11,10 +11,10 @@
 //! Each figure depends on one number more than on the others, so the numbers are found one after another. Only numbers
 //! that the setup marks as calibrated are changed; for the others the value that the figures suggest is printed.
 
-mod figure;
 mod findings;
 mod fit;
-mod number;
+mod metric;
+mod parameter;
 mod write;
 
 use std::path::Path;
@@ -23,10 +23,10 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use setup::{Paper, Provenance, Setup};
 
-pub use figure::{Figure, Seeds};
+pub use metric::{Metric, Seeds};
 pub use findings::{Calibration, Found};
 pub use fit::Fit;
-pub use number::Number;
+pub use parameter::Parameter;
 
 use crate::out;
 use crate::output::errln;
@@ -114,19 +114,19 @@ pub fn calibrate(setup: &Setup, seeds: Seeds<'_>, progress: impl FnMut(&str)) ->
     };
     let mut search = Search { paper, seeds, setup: setup.clone(), progress };
     let mut found = Vec::new();
-    for number in [Number::Quantum, Number::StartQuantum] {
+    for number in [Parameter::Quantum, Parameter::StartQuantum] {
         found.extend(search.settle(number, true)?);
     }
     for _ in 1..ROUNDS {
-        search.settle(Number::Velocity, false)?;
-        search.settle(Number::Overhead, false)?;
+        search.settle(Parameter::Velocity, false)?;
+        search.settle(Parameter::Overhead, false)?;
     }
-    for number in [Number::Velocity, Number::Overhead, Number::StartCycles] {
+    for number in [Parameter::Velocity, Parameter::Overhead, Parameter::StartCycles] {
         found.extend(search.settle(number, true)?);
     }
     let Search { paper, setup, .. } = search;
-    let figures = seeds.measure(&setup, &Figure::ALL)?;
-    let reached = Figure::ALL.into_iter().zip(figures).collect();
+    let figures = seeds.measure(&setup, &Metric::ALL)?;
+    let reached = Metric::ALL.into_iter().zip(figures).collect();
     let speed = speed_and_acceleration(&setup, seeds)?;
     Ok(Calibration { paper, found, reached, speed, conditions: Conditions::of(seeds), setup })
 }
@@ -142,7 +142,7 @@ struct Search<'a, P> {
 impl<P: FnMut(&str)> Search<'_, P> {
     /// Finds a number, and takes it over if the setup calls it calibrated: with all its digits, or `as_known` with no more
     /// than are known. `None` if the setup does not have the number.
-    fn settle(&mut self, number: Number, as_known: bool) -> anyhow::Result<Option<Found>> {
+    fn settle(&mut self, number: Parameter, as_known: bool) -> anyhow::Result<Option<Found>> {
         let Some((own, from)) = number.of(&self.setup) else { return Ok(None) };
         let targets: Vec<Target> =
             number.figures(&self.setup).iter().map(|figure| self.target(*figure)).collect();
@@ -167,36 +167,38 @@ impl<P: FnMut(&str)> Search<'_, P> {
     }
 
     /// Returns the targets' figures with a value of a number.
-    fn measure(&self, number: Number, targets: &[Target], value: f64) -> anyhow::Result<Vec<Estimate>> {
-        let figures: Vec<Figure> = targets.iter().map(|target| target.figure).collect();
+    fn measure(&self, number: Parameter, targets: &[Target], value: f64) -> anyhow::Result<Vec<Estimate>> {
+        let figures: Vec<Metric> = targets.iter().map(|target| target.figure).collect();
         let setup = number.put(value, self.setup.clone());
         self.seeds.measure(&setup, &figures)
     }
 
     /// Returns the paper's figure with its error. An AET ends with a robot cycle, so that it is met to the scatter of one.
-    fn target(&self, figure: Figure) -> Target {
+    fn target(&self, figure: Metric) -> Target {
         let Estimate { ms, error_ms } = figure.of_paper(&self.paper);
         let cycle_ms = f64::from(self.setup.robot.cycle_us.value) / 1e3;
         let error_ms = match figure {
-            Figure::Aet(_) => libm::hypot(error_ms, cycle_ms / 12.0_f64.sqrt()),
-            Figure::Mad(_) | Figure::CmLessRc => error_ms,
+            Metric::Aet(_) => libm::hypot(error_ms, cycle_ms / 12.0_f64.sqrt()),
+            Metric::Mad(_) | Metric::CmLessRc => error_ms,
         };
         Target { figure, wanted: Estimate { ms, error_ms } }
     }
 }
 
 fn fit_of(
-    number: Number,
+    number: Parameter,
     targets: &[Target],
     own: f64,
     measure: impl Fn(f64) -> anyhow::Result<Vec<Estimate>> + Copy,
 ) -> anyhow::Result<Fit> {
     let range = number.range();
     match number {
-        Number::StartCycles => fit::fit_from_zero(targets, range, measure),
-        Number::Velocity => fit::fit(targets, own, range, measure)
+        Parameter::StartCycles => fit::fit_from_zero(targets, range, measure),
+        Parameter::Velocity => fit::fit(targets, own, range, measure)
             .or_else(|_| fit::fit(targets, SLOW_PERCENT, range, measure)),
-        Number::Quantum | Number::StartQuantum | Number::Overhead => fit::fit(targets, own, range, measure),
+        Parameter::Quantum | Parameter::StartQuantum | Parameter::Overhead => {
+            fit::fit(targets, own, range, measure)
+        }
     }
 }
 
@@ -213,7 +215,7 @@ pub struct Speed {
 
 fn speed_and_acceleration(setup: &Setup, seeds: Seeds<'_>) -> anyhow::Result<Speed> {
     let rc = |setup: &Setup| -> anyhow::Result<f64> {
-        let figure = Figure::Aet(plc_node::ExecutionType::Rc);
+        let figure = Metric::Aet(plc_node::ExecutionType::Rc);
         Ok(seeds.measure(setup, &[figure])?.first().context("no figure")?.ms)
     };
     let (velocity, acceleration) =

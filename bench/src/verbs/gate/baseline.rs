@@ -81,11 +81,11 @@ pub enum Refusal {
     },
     /// It is of another setup or application.
     #[error(
-        "it is the baseline of setup {of}, and setup {wanted} was to be run; name the one of {wanted} by --baseline, or leave the option out"
+        "it is the baseline of setup {found}, and setup {wanted} was to be run; name the one of {wanted} by --baseline, or leave the option out"
     )]
     OtherSetup {
         /// Setup and application that it is of.
-        of: String,
+        found: String,
         /// Setup and application that were to be run.
         wanted: String,
     },
@@ -138,8 +138,8 @@ impl Baseline {
         if self.setup == setup.name && self.application == application.name {
             return Ok(());
         }
-        let of = format!("{} with {}", self.setup, self.application);
-        Err(Refusal::OtherSetup { of, wanted: format!("{} with {}", setup.name, application.name) })
+        let found = format!("{} with {}", self.setup, self.application);
+        Err(Refusal::OtherSetup { found, wanted: format!("{} with {}", setup.name, application.name) })
     }
 
     /// Makes a baseline from a run. Figures that the old baseline has keep their tolerances.
@@ -205,10 +205,20 @@ pub(super) fn figures(results: &Results) -> Vec<Expected> {
         tolerance,
     };
     let mut figures = Vec::new();
-    for of in ExecutionType::ALL {
-        if let Some(figure) = results.figure(of) {
-            figures.push(expected(format!("{} AET", label(of)), "ms", figure.aet_ms, MILLIS_TOLERANCE));
-            figures.push(expected(format!("{} MAD", label(of)), "ms", figure.mad_ms, MILLIS_TOLERANCE));
+    for execution_type in ExecutionType::ALL {
+        if let Some(figure) = results.figure(execution_type) {
+            figures.push(expected(
+                format!("{} AET", label(execution_type)),
+                "ms",
+                figure.aet_ms,
+                MILLIS_TOLERANCE,
+            ));
+            figures.push(expected(
+                format!("{} MAD", label(execution_type)),
+                "ms",
+                figure.mad_ms,
+                MILLIS_TOLERANCE,
+            ));
         }
     }
     if let (Some(cm), Some(rc)) = (results.figure(ExecutionType::Cm), results.figure(ExecutionType::Rc)) {
@@ -216,7 +226,7 @@ pub(super) fn figures(results: &Results) -> Vec<Expected> {
     }
     let repetitions: usize = ExecutionType::ALL
         .iter()
-        .filter_map(|of| results.results.get(*of))
+        .filter_map(|execution_type| results.results.get(*execution_type))
         .map(|result| result.samples_ms.len())
         .sum();
     if repetitions > 0 {

@@ -69,8 +69,11 @@ impl Compared {
 
 /// Compares the ratios that both the baseline and the run have.
 fn compare(baseline: &Baseline, results: &Results) -> anyhow::Result<Vec<Compared>> {
-    let expected = |of| baseline.get(&format!("{} AET", label(of))).map(|expected| expected.value);
-    let samples = |of| results.results.get(of).map(|result| result.samples_ms.as_slice());
+    let expected = |execution_type| {
+        baseline.get(&format!("{} AET", label(execution_type))).map(|expected| expected.value)
+    };
+    let samples =
+        |execution_type| results.results.get(execution_type).map(|result| result.samples_ms.as_slice());
     let compared = |(over, under): (ExecutionType, ExecutionType)| {
         Some(Compared {
             name: format!("{} / {}", label(over), label(under)),
@@ -132,11 +135,11 @@ mod tests {
         let setup = setup::setup("A").unwrap();
         let mut results =
             Results::new(&setup, "pick-and-place", Mode::Real, &Schedule::new(&ExecutionType::ALL, 10, 1));
-        for (of, mean) in ExecutionType::ALL.into_iter().zip(means_ms) {
+        for (execution_type, mean) in ExecutionType::ALL.into_iter().zip(means_ms) {
             for repetition in 0..10 {
                 let ms = mean + spread_ms * (f64::from(repetition) / 4.5 - 1.0);
                 let execution = Duration::from_secs_f64(ms / 1e3);
-                results.record(of, &Measured::lasting(execution)).unwrap();
+                results.record(execution_type, &Measured::lasting(execution)).unwrap();
             }
         }
         results

@@ -78,11 +78,11 @@ impl Verdict {
     #[must_use]
     pub fn new(baseline: &Baseline, results: &Results) -> Self {
         let found = baseline::figures(results);
-        let of = |name: &str| found.iter().find(|found| found.figure == name).cloned();
-        let known = baseline
-            .figures
-            .iter()
-            .map(|expected| Change { found: of(&expected.figure), expected: Some(expected.clone()) });
+        let found_figure = |name: &str| found.iter().find(|found| found.figure == name).cloned();
+        let known = baseline.figures.iter().map(|expected| Change {
+            found: found_figure(&expected.figure),
+            expected: Some(expected.clone()),
+        });
         let unknown = found.iter().filter(|found| baseline.get(&found.figure).is_none());
         let unknown = unknown.map(|found| Change { expected: None, found: Some(found.clone()) });
         Self { changes: known.chain(unknown).collect() }
@@ -146,12 +146,12 @@ mod tests {
         let setup = setup::setup("A").unwrap();
         let plan = Schedule::new(&ExecutionType::ALL, 2, 7);
         let mut results = Results::new(&setup, "pick-and-place", Mode::Virtual, &plan);
-        for (of, millis) in
+        for (execution_type, millis) in
             [(ExecutionType::Rc, 3_725), (ExecutionType::Sm, sm_ms), (ExecutionType::Cm, 3_729)]
         {
             for millis in [millis - 3, millis + 3] {
                 let execution = Duration::from_millis(millis);
-                results.record(of, &Measured::lasting(execution)).unwrap();
+                results.record(execution_type, &Measured::lasting(execution)).unwrap();
             }
         }
         results.bus = Frames { frames_sent: 6 * sm_ms, frames_received: 6 * sm_ms, ..Frames::default() };

@@ -21,12 +21,12 @@ pub struct LongRun {
 
 /// The two sides disagree about the motions.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("motions were lost, duplicated or reordered: {one} has the digest {}, {other} has {}", .sums[0], .sums[1])]
+#[error("motions were lost, duplicated or reordered: {first} has the digest {}, {second} has {}", .sums[0], .sums[1])]
 pub struct Mismatch {
     /// Owner of the first digest.
-    pub one: &'static str,
+    pub first: &'static str,
     /// Owner of the second digest.
-    pub other: &'static str,
+    pub second: &'static str,
     /// The two digests.
     pub sums: [Sum; 2],
 }
@@ -56,8 +56,12 @@ impl Finished {
     }
 }
 
-fn agree(one: &'static str, first: Sum, other: &'static str, second: Sum) -> Result<(), Mismatch> {
-    if first == second { Ok(()) } else { Err(Mismatch { one, other, sums: [first, second] }) }
+fn agree(first: &'static str, first_sum: Sum, second: &'static str, second_sum: Sum) -> Result<(), Mismatch> {
+    if first_sum == second_sum {
+        Ok(())
+    } else {
+        Err(Mismatch { first, second, sums: [first_sum, second_sum] })
+    }
 }
 
 impl LongRun {

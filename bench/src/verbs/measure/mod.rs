@@ -31,7 +31,7 @@ use crate::records::conditions::Measured;
 use crate::records::faults::{self, Fault, NoSuchDrive};
 use crate::records::host::{self, Host};
 use crate::records::mode::Mode;
-use crate::records::paper::Standing;
+use crate::records::paper::PaperComparison;
 use crate::records::results::{Results, Status};
 use crate::records::run_directory::{self, Durability, RunDirectory, replace};
 use crate::records::schedule::Schedule;
@@ -204,7 +204,7 @@ impl Measurement<'_> {
         let interrupt = interrupt()?;
         let results = self.empty_results();
         let of_the_paper = results.paper.is_some();
-        let companions = || match self.is_of_the_model() {
+        let companions = || match self.has_modelled_robot() {
             true => Companions::start(&self.setup, &self.found.application, &self.schedule, of_the_paper),
             false => Companions::default(),
         };
@@ -231,14 +231,14 @@ impl Measurement<'_> {
     fn empty_results(&self) -> Results {
         let (setup, application) = (&self.setup, &self.found.application);
         let overrides = self.schedule.overrides.as_ref();
-        let standing = Standing::of(setup, application, overrides, &self.faults);
+        let comparison = PaperComparison::of(setup, application, overrides, &self.faults);
         let results = Results::new(setup, &application.name, self.options.mode, &self.schedule)
-            .beside_the_paper(setup, standing);
-        if self.is_of_the_model() { results } else { results.without_the_model() }
+            .with_paper(setup, comparison);
+        if self.has_modelled_robot() { results } else { results.without_calibration() }
     }
 
     /// Returns whether the robot is our model of one, and not another device beside an attached PLC.
-    fn is_of_the_model(&self) -> bool {
+    fn has_modelled_robot(&self) -> bool {
         self.options.attach.as_ref().is_none_or(|attach| attach.robot.is_some())
     }
 

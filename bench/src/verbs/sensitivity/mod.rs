@@ -26,7 +26,7 @@ pub use table::{csv, render};
 
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
-use crate::records::paper::Standing;
+use crate::records::paper::PaperComparison;
 use crate::records::results::PerType;
 use crate::records::schedule::Schedule;
 use crate::records::statistics::AetMad;
@@ -195,9 +195,9 @@ fn study(
         application: application.name.clone(),
         reps: options.reps,
         seed: options.study.seed,
-        paper: match Standing::of(setup, application, None, &[]) {
-            Standing::Paper(paper) => Some(paper),
-            Standing::Other(_) | Standing::Unpublished => None,
+        paper: match PaperComparison::of(setup, application, None, &[]) {
+            PaperComparison::Comparable(paper) => Some(paper),
+            PaperComparison::NotComparable(_) | PaperComparison::NoPaper => None,
         },
         rows: rows.collect(),
     })
@@ -217,7 +217,7 @@ fn figures(job: &Job, schedule: &Schedule) -> anyhow::Result<Figures> {
     let Job { setup, application, plan } = job;
     let planned = PlannedCell::of_plan(setup, application, plan)?;
     let results = virtual_run::whole_planned(setup, planned, schedule)?;
-    let aet = |of| results.figure(of).map(|figure| figure.aet_ms);
+    let aet = |execution_type| results.figure(execution_type).map(|figure| figure.aet_ms);
     Ok(Figures {
         rc_ms: aet(ExecutionType::Rc),
         sm_ms: aet(ExecutionType::Sm),

@@ -151,7 +151,7 @@ impl Grid {
     }
 
     fn one(&self, setup: &Setup, application: &Application, job: &Job) -> anyhow::Result<Outcome> {
-        let (of, depth) = match job.depth {
+        let (execution_type, depth) = match job.depth {
             None => (ExecutionType::Rc, setup.plc.slots_in_use()),
             Some(depth) => (ExecutionType::Cm, depth),
         };
@@ -165,8 +165,9 @@ impl Grid {
             .without_quanta();
         setup::check(&setup)?;
         let square = square::application(application, job.length_mm, self.motions);
-        let results = virtual_run::whole(&setup, &square, &Schedule::new(&[of], self.reps, self.seed))?;
-        let result = results.results.get(of).cloned().unwrap_or_default();
+        let results =
+            virtual_run::whole(&setup, &square, &Schedule::new(&[execution_type], self.reps, self.seed))?;
+        let result = results.results.get(execution_type).cloned().unwrap_or_default();
         let mean = |sum: f64| sum / f64::from(self.reps);
         let robot_ms = mean(result.robot_samples_ms.iter().sum());
         Ok(Outcome {

@@ -155,9 +155,9 @@ fn is_regular(arm: &ThreeParallel, joints: &Joints) -> bool {
     radial.abs() > 5.0 && elbow.abs() > 0.02 && wrist.abs() > 0.02
 }
 
-fn same(one: &Joints, other: &Joints, off_deg: f64) -> bool {
-    one.iter().zip(other).all(|(one, other)| {
-        let turn = one - other;
+fn same(a: &Joints, b: &Joints, off_deg: f64) -> bool {
+    a.iter().zip(b).all(|(a, b)| {
+        let turn = a - b;
         (turn - 360.0 * (turn / 360.0).round()).abs() < off_deg
     })
 }

@@ -24,7 +24,7 @@ const STARTED: Instant = Instant::from_millis(150);
 
 /// What happens to the segment.
 #[derive(Clone, Copy, Debug)]
-enum Happening {
+enum SegmentFault {
     Cut(usize, bool),
     Power(usize, bool),
     Fail(usize, u16),
@@ -35,7 +35,7 @@ enum Happening {
     Readdress(usize, u16),
 }
 
-impl Happening {
+impl SegmentFault {
     fn to(self, segment: &mut Segment, now: Instant) {
         match self {
             Self::Cut(device, cut) => segment.set_cut(DeviceId(device), cut),
@@ -62,7 +62,7 @@ enum Fault {
     /// These happen to frames one after another, while the devices start or while they run.
     Frames { starting: bool, faults: Vec<FrameFault> },
     /// These happen to the segment, so much after an instant while the devices run.
-    Happenings(Vec<(Duration, Happening)>),
+    Happenings(Vec<(Duration, SegmentFault)>),
     /// The cable is like this all the time.
     Cable(Impairment),
     /// The clocks run wrong by so many parts per billion.
@@ -86,11 +86,11 @@ fn scripts() -> Vec<Script> {
             add(format!("{name} {phase}"), Fault::Frames { starting, faults }, true);
         }
     }
-    let happen = |list: &[(u32, Happening)]| {
+    let happen = |list: &[(u32, SegmentFault)]| {
         Fault::Happenings(list.iter().map(|(after, happening)| (MS * *after, *happening)).collect())
     };
     for device in 0..3 {
-        use Happening::{Cut, Eeprom, Fail, Hang, Power, Raise, Readdress};
+        use SegmentFault::{Cut, Eeprom, Fail, Hang, Power, Raise, Readdress};
         let (cut, mended) = (Cut(device, true), Cut(device, false));
         add(format!("cable before {device} cut for 5 ms"), happen(&[(0, cut), (5, mended)]), true);
         add(format!("cable before {device} cut for 300 ms"), happen(&[(0, cut), (300, mended)]), true);
@@ -198,7 +198,7 @@ fn run_all(seeds: u64) -> String {
             assert_eq!(operation.silent, 0, "{run}");
             assert_eq!(operation.good_since >= RECOVERED, script.ends, "{run}");
         }
-        let worst = |of: fn(&Operation) -> usize| runs.iter().flatten().map(of).max().unwrap_or(0);
+        let worst = |figure: fn(&Operation) -> usize| runs.iter().flatten().map(figure).max().unwrap_or(0);
         let failed = worst(|run| run.failed_starts);
         let (starts, bad) = (worst(|run| run.starts), worst(|run| run.bad));
         writeln!(table, "{:<54} {failed:>6} {starts:>6} {bad:>10}", script.name).unwrap();

@@ -93,24 +93,24 @@ impl Sessions {
         owner: Option<Ipv4Addr>,
         is_in_use: impl Fn(StreamId) -> bool,
     ) -> Option<usize> {
-        let of =
+        let sessions_of =
             |host: Ipv4Addr| self.open_sessions().filter(move |session| *session.peer.ip() == host).count();
         let least_wanted = |may_go: &dyn Fn(&Session) -> bool| {
             let numbered = self.slots.iter().enumerate();
             let open = numbered.filter_map(|(index, slot)| Some((index, slot.session.as_ref()?)));
             let key = |session: &Session| {
-                (session.handle != 0, usize::MAX - of(*session.peer.ip()), session.last_heard)
+                (session.handle != 0, usize::MAX - sessions_of(*session.peer.ip()), session.last_heard)
             };
             let may_go = |session: &Session| may_go(session) && !is_in_use(session.stream);
             open.filter(|(_, session)| may_go(session)).min_by_key(|(_, s)| key(s)).map(|(index, _)| index)
         };
-        let own = of(host);
+        let own = sessions_of(host);
         if let Some(free) = self.slots.iter().position(|slot| slot.session.is_none()) {
             return Some(free);
         }
         least_wanted(&|session| {
             let other = *session.peer.ip();
-            let gives_way = owner == Some(host) || session.handle == 0 || of(other) >= own + 2;
+            let gives_way = owner == Some(host) || session.handle == 0 || sessions_of(other) >= own + 2;
             owner != Some(other) && gives_way
         })
     }

@@ -12,11 +12,11 @@ use alloc::vec::Vec;
 /// Data of the assemblies that connections carry.
 #[derive(Debug)]
 pub(in super::super) struct AssemblyData {
-    all: Vec<OneAssembly>,
+    all: Vec<CarriedAssembly>,
 }
 
 #[derive(Debug)]
-struct OneAssembly {
+struct CarriedAssembly {
     instance: u32,
     role: Role,
     data: Box<[u8]>,
@@ -28,34 +28,34 @@ impl AssemblyData {
         let carried =
             description.assemblies.iter().filter(|a| matches!(a.role, Role::Produced | Role::Consumed));
         let zeros = |size: u16| vec![0; usize::from(size)].into_boxed_slice();
-        let one = |a: &super::super::description::Assembly| OneAssembly {
+        let carry = |a: &super::super::description::Assembly| CarriedAssembly {
             instance: a.instance,
             role: a.role,
             data: zeros(a.size),
         };
-        Self { all: carried.map(one).collect() }
+        Self { all: carried.map(carry).collect() }
     }
 
     /// Returns the data of an assembly; empty for an assembly without data.
     pub(in super::super) fn get(&self, instance: u32) -> &[u8] {
-        self.all.iter().find(|one| one.instance == instance).map_or(&[], |one| &one.data)
+        self.all.iter().find(|found| found.instance == instance).map_or(&[], |found| &found.data)
     }
 
     /// Sets the data of an assembly that is sent. Returns whether they changed.
     pub(in super::super) fn set(&mut self, instance: u32, data: &[u8]) -> Result<bool, DataError> {
-        let is_it = |one: &&mut OneAssembly| one.instance == instance && one.role == Role::Produced;
-        let one = self.all.iter_mut().find(is_it).ok_or(DataError::NotProduced { instance })?;
-        if one.data.len() != data.len() {
-            return Err(DataError::Length { expected: one.data.len(), found: data.len() });
+        let is_it = |found: &&mut CarriedAssembly| found.instance == instance && found.role == Role::Produced;
+        let found = self.all.iter_mut().find(is_it).ok_or(DataError::NotProduced { instance })?;
+        if found.data.len() != data.len() {
+            return Err(DataError::Length { expected: found.data.len(), found: data.len() });
         }
-        let changed = *one.data != *data;
-        one.data.copy_from_slice(data);
+        let changed = *found.data != *data;
+        found.data.copy_from_slice(data);
         Ok(changed)
     }
 
     /// Takes the data of an assembly from its owner; other lengths than its own are passed over.
     pub(in super::super) fn consume(&mut self, instance: u32, data: &[u8]) {
-        let place = self.all.iter_mut().find(|one| one.instance == instance).map(|one| &mut one.data);
+        let place = self.all.iter_mut().find(|found| found.instance == instance).map(|found| &mut found.data);
         if let Some(place) = place.filter(|place| place.len() == data.len()) {
             place.copy_from_slice(data);
         }

@@ -53,9 +53,9 @@ impl Object for MessageRouter {
 pub(in super::super) fn multiple_service(
     data: &[u8],
     reply: &mut [u8],
-    one: impl FnMut(&[u8], &mut [u8]) -> usize,
+    answer_request: impl FnMut(&[u8], &mut [u8]) -> usize,
 ) -> usize {
-    match answer_each(data, reply, one) {
+    match answer_each(data, reply, answer_request) {
         Ok(len) => len,
         Err(violation) => refuse(reply, service::MULTIPLE_SERVICE, violation, |_| {}),
     }
@@ -64,7 +64,7 @@ pub(in super::super) fn multiple_service(
 fn answer_each(
     data: &[u8],
     reply: &mut [u8],
-    mut one: impl FnMut(&[u8], &mut [u8]) -> usize,
+    mut answer_request: impl FnMut(&[u8], &mut [u8]) -> usize,
 ) -> Result<usize, Violation> {
     /// Length of the reply's header, before the count.
     const HEAD: usize = 4;
@@ -89,7 +89,7 @@ fn answer_each(
             .ok_or(Violation::ReplyTooLarge)?
             .copy_from_slice(&offset.to_le_bytes());
         let room = reply.get_mut(end..).ok_or(Violation::ReplyTooLarge)?;
-        let len = one(request, room);
+        let len = answer_request(request, room);
         match room.get(2) {
             Some(0) if len >= HEAD => {}
             Some(_) if len >= HEAD => general = General::EmbeddedServiceError,

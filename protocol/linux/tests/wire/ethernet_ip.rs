@@ -140,7 +140,7 @@ pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_
     std::fs::remove_file(&place).unwrap();
 
     let packets = packets(capture);
-    let of = |packets: &[Packet], kind| {
+    let of_kind = |packets: &[Packet], kind| {
         packets.iter().copied().filter(|p| p.kind == kind).collect::<BTreeSet<_>>()
     };
     let packet = |from, to, dscp, kind| Packet { from, to, dscp, kind };
@@ -148,13 +148,13 @@ pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_
     let first_multicast = packets.iter().position(|packet| packet.to == GROUP).unwrap();
     let (before, after) = packets.split_at(first_multicast);
     let to_scanner = packet(ROBOT, PLC, 47, Kind::Cyclic);
-    assert_eq!(of(before, Kind::Cyclic), BTreeSet::from([commands, to_scanner]));
+    assert_eq!(of_kind(before, Kind::Cyclic), BTreeSet::from([commands, to_scanner]));
     let to_group = packet(ROBOT, GROUP, 20, Kind::Cyclic);
-    assert_eq!(of(after, Kind::Cyclic), BTreeSet::from([commands, to_group]));
+    assert_eq!(of_kind(after, Kind::Cyclic), BTreeSet::from([commands, to_group]));
     // The client that sets the DSCP is a plain socket of this test, without a DSCP.
     let of_client = packet(PLC, ROBOT, 0, Kind::Explicit);
     let of_stacks = [packet(PLC, ROBOT, 27, Kind::Explicit), packet(ROBOT, PLC, 27, Kind::Explicit)];
-    assert_eq!(of(&packets, Kind::Explicit), BTreeSet::from([of_client, of_stacks[0], of_stacks[1]]));
+    assert_eq!(of_kind(&packets, Kind::Explicit), BTreeSet::from([of_client, of_stacks[0], of_stacks[1]]));
 }
 
 /// Keeps datagrams that were sent to it or its group, and those that were sent to everybody.

@@ -107,10 +107,13 @@ impl Race {
         let tool = frame(&robot.tools, motions.first().map(|motion| motion.tool));
         let base = frame(&robot.bases, Some(application.base));
         let axes = robot.arm.axes();
-        let of_type = |of: ExecutionType| Some((of, trace.types.get(of)?));
+        let of_type =
+            |execution_type: ExecutionType| Some((execution_type, trace.types.get(execution_type)?));
         let recordings: Vec<_> = ExecutionType::ALL.into_iter().filter_map(of_type).collect();
-        let lanes: Vec<_> =
-            recordings.iter().filter_map(|(of, recording)| Lane::of(*of, recording, axes)).collect();
+        let lanes: Vec<_> = recordings
+            .iter()
+            .filter_map(|(execution_type, recording)| Lane::of(*execution_type, recording, axes))
+            .collect();
         if lanes.is_empty() {
             return Err(run.no_trace());
         }
@@ -140,7 +143,7 @@ impl Race {
             (times, for_s) => format!("{} {times}\u{a0}times for {for_s:.2}\u{a0}s together", lane.name),
         });
         let (ends, still) = (ends.collect::<Vec<_>>().join(", "), still.collect::<Vec<_>>().join(", "));
-        format!("The first repetitions: {ends}. Standing still between two motions: {still}.")
+        format!("The first repetitions: {ends}. PaperComparison still between two motions: {still}.")
     }
 
     fn summaries(&self) -> Vec<Summary> {

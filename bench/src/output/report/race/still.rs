@@ -68,8 +68,8 @@ impl View {
     }
 }
 
-fn dot(one: &[f64; 3], other: &[f64; 3]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| one * other).sum()
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Race {

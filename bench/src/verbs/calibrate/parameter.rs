@@ -3,12 +3,12 @@
 use plc_node::ExecutionType;
 use setup::{Provenance, Setup};
 
-use super::figure::Figure;
+use super::metric::Metric;
 use crate::records::calibrated::{QUANTUM, SKILL_OVERHEAD, START_CYCLES, START_QUANTUM, VELOCITY};
 
 /// A number that only the paper's figures can fix.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Number {
+pub enum Parameter {
     /// The controller's time quantum, in µs.
     Quantum,
     /// What the start of a program takes beyond it, in µs.
@@ -21,7 +21,7 @@ pub enum Number {
     StartCycles,
 }
 
-impl Number {
+impl Parameter {
     /// All numbers, in the order in which they are found.
     pub const ALL: [Self; 5] =
         [Self::Quantum, Self::StartQuantum, Self::Velocity, Self::Overhead, Self::StartCycles];
@@ -75,14 +75,14 @@ impl Number {
     /// Returns the figures that it is found from. SM's motions are no starts, so with a quantum of the start each of the
     /// two has a MAD of its own.
     #[must_use]
-    pub const fn figures(self, setup: &Setup) -> &'static [Figure] {
+    pub const fn figures(self, setup: &Setup) -> &'static [Metric] {
         match self {
-            Self::Quantum if setup.robot.start_quantum_us.is_some() => &[Figure::Mad(ExecutionType::Sm)],
-            Self::Quantum => &[Figure::Mad(ExecutionType::Rc), Figure::Mad(ExecutionType::Sm)],
-            Self::StartQuantum => &[Figure::Mad(ExecutionType::Rc)],
-            Self::Velocity => &[Figure::Aet(ExecutionType::Rc)],
-            Self::Overhead => &[Figure::Aet(ExecutionType::Sm)],
-            Self::StartCycles => &[Figure::CmLessRc],
+            Self::Quantum if setup.robot.start_quantum_us.is_some() => &[Metric::Mad(ExecutionType::Sm)],
+            Self::Quantum => &[Metric::Mad(ExecutionType::Rc), Metric::Mad(ExecutionType::Sm)],
+            Self::StartQuantum => &[Metric::Mad(ExecutionType::Rc)],
+            Self::Velocity => &[Metric::Aet(ExecutionType::Rc)],
+            Self::Overhead => &[Metric::Aet(ExecutionType::Sm)],
+            Self::StartCycles => &[Metric::CmLessRc],
         }
     }
 

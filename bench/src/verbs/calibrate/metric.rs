@@ -13,7 +13,7 @@ use crate::verbs::jobs;
 
 /// A figure of Table 2, or what follows from two of them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Figure {
+pub enum Metric {
     /// Average execution time of a type.
     Aet(ExecutionType),
     /// Mean absolute deviation of a type.
@@ -22,7 +22,7 @@ pub enum Figure {
     CmLessRc,
 }
 
-impl Figure {
+impl Metric {
     /// All figures, in the order in which they are shown.
     pub const ALL: [Self; 7] = [
         Self::Aet(ExecutionType::Rc),
@@ -38,8 +38,8 @@ impl Figure {
     #[must_use]
     pub fn name(self) -> String {
         match self {
-            Self::Aet(of) => format!("{} AET", of.to_string().to_uppercase()),
-            Self::Mad(of) => format!("{} MAD", of.to_string().to_uppercase()),
+            Self::Aet(execution_type) => format!("{} AET", execution_type.to_string().to_uppercase()),
+            Self::Mad(execution_type) => format!("{} MAD", execution_type.to_string().to_uppercase()),
             Self::CmLessRc => "CM − RC".to_owned(),
         }
     }
@@ -47,22 +47,23 @@ impl Figure {
     /// Returns the paper's figure, with the standard error that its 25 repetitions leave.
     #[must_use]
     pub fn of_paper(self, paper: &Paper) -> Estimate {
-        let row = |of| match of {
+        let row = |execution_type| match execution_type {
             ExecutionType::Rc => paper.rc,
             ExecutionType::Sm => paper.sm,
             ExecutionType::Cm => paper.cm,
         };
         match self {
-            Self::Aet(of) => {
-                let setup::Figure { aet_ms, mad_ms } = row(of);
+            Self::Aet(execution_type) => {
+                let setup::PaperRow { aet_ms, mad_ms } = row(execution_type);
                 Estimate { ms: aet_ms, error_ms: error_of_mean(mad_ms, REPETITIONS).unwrap_or(0.0) }
             }
-            Self::Mad(of) => {
-                let ms = row(of).mad_ms;
+            Self::Mad(execution_type) => {
+                let ms = row(execution_type).mad_ms;
                 Estimate { ms, error_ms: error_of_mad(ms, REPETITIONS, REPETITIONS).unwrap_or(0.0) }
             }
             Self::CmLessRc => {
-                let [cm, rc] = [ExecutionType::Cm, ExecutionType::Rc].map(|of| Self::Aet(of).of_paper(paper));
+                let [cm, rc] = [ExecutionType::Cm, ExecutionType::Rc]
+                    .map(|execution_type| Self::Aet(execution_type).of_paper(paper));
                 cm.less(rc)
             }
         }
@@ -106,7 +107,7 @@ impl Seeds<'_> {
     /// # Errors
     ///
     /// A run fails.
-    pub fn measure(&self, setup: &Setup, figures: &[Figure]) -> anyhow::Result<Vec<Estimate>> {
+    pub fn measure(&self, setup: &Setup, figures: &[Metric]) -> anyhow::Result<Vec<Estimate>> {
         let needs_mad = figures.iter().any(|figure| figure.is_mad());
         let reps = if needs_mad { self.reps } else { self.reps.min(MEAN_REPETITIONS) };
         let types: Vec<_> = figures.iter().flat_map(|figure| figure.types()).copied().collect();
@@ -116,14 +117,14 @@ impl Seeds<'_> {
         let runs = jobs::run("seeds", true, &seeds, |seed| {
             let schedule = Schedule::new(&types, reps, *seed);
             let results = virtual_run::whole_planned(setup, planned.clone(), &schedule)?;
-            let value = |figure: &Figure| {
-                let of = |of| results.figure(of);
+            let value = |figure: &Metric| {
+                let measured = |execution_type| results.figure(execution_type);
                 match *figure {
-                    Figure::Aet(execution_type) => of(execution_type).map(|found| found.aet_ms),
-                    Figure::Mad(execution_type) => of(execution_type).map(|found| found.mad_ms),
-                    Figure::CmLessRc => {
-                        of(ExecutionType::Cm).zip(of(ExecutionType::Rc)).map(|(cm, rc)| cm.aet_ms - rc.aet_ms)
-                    }
+                    Metric::Aet(execution_type) => measured(execution_type).map(|found| found.aet_ms),
+                    Metric::Mad(execution_type) => measured(execution_type).map(|found| found.mad_ms),
+                    Metric::CmLessRc => measured(ExecutionType::Cm)
+                        .zip(measured(ExecutionType::Rc))
+                        .map(|(cm, rc)| cm.aet_ms - rc.aet_ms),
                 }
             };
             Ok(figures.iter().map(|figure| value(figure).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
