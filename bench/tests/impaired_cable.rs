@@ -10,7 +10,7 @@ use bench::records::faults;
 use networked_tests::End;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
-use protocol_linux::impaired::{ImpairedCable, ImpairmentPlan, Witness};
+use protocol_linux::impaired::{ImpairedCable, ImpairmentPlan, Observer};
 use protocol_linux::namespace::NetworkNamespace;
 use virtual_time::LinkCounters;
 
@@ -42,7 +42,7 @@ fn networks() -> ([NetworkNamespace; 2], NetworkNamespace) {
 fn lay(middle: &NetworkNamespace, plan: &ImpairmentPlan) -> ImpairedCable {
     let start = || {
         let [left, right] = ["to-left", "to-right"].map(|name| Interface::open(name).unwrap());
-        ImpairedCable::start([&left, &right], plan, [Witness::default(), Witness::default()]).unwrap()
+        ImpairedCable::start([&left, &right], plan, [Observer::default(), Observer::default()]).unwrap()
     };
     middle.run(start).unwrap()
 }

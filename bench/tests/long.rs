@@ -6,7 +6,7 @@ use std::fs;
 use std::time::Duration;
 
 use assert_cmd::Command;
-use bench::verbs::long::{Finished, LongRun, Mismatch, Origin, Supplied, Supply};
+use bench::verbs::long::{Finished, LongRun, Mismatch, Origin, SuppliedMotions, SupplyThread};
 use plc_node::MotionSource;
 use protocol::image::Motion;
 use protocol_linux::allocation;
@@ -68,7 +68,7 @@ fn two_runs_of_one_seed_are_equal_to_the_nanosecond_however_late_the_list_arrive
 /// drops the last one, and for a lost one the first one follows at the end.
 #[derive(Debug)]
 struct Faulty {
-    list: Supplied,
+    list: SuppliedMotions,
     fault: Fault,
     taken: u32,
     first: Option<Motion>,
@@ -124,7 +124,7 @@ impl MotionSource for Faulty {
 
 fn with_fault(fault: Fault) -> Finished {
     let setup = setup_a();
-    let (supply, list) = Supply::start(engraving(&setup), 3_000);
+    let (supply, list) = SupplyThread::start(engraving(&setup), 3_000);
     let source = Faulty { list, fault, taken: 0, first: None, held: None };
     to_the_end(LongRun::with_source(&setup, supply, Box::new(source), 1).unwrap()).unwrap()
 }

@@ -22,7 +22,7 @@ fn main() -> ExitCode {
 }
 
 /// A message as the reader gives it.
-struct Heard {
+struct ReadMessage {
     at_ns: u64,
     sequence: u32,
     data: Vec<u8>,
@@ -30,7 +30,7 @@ struct Heard {
 
 struct Topic {
     schema: String,
-    heard: Vec<Heard>,
+    heard: Vec<ReadMessage>,
 }
 
 /// A run with one repetition of each of these types, and what its file has by topic.
@@ -55,7 +55,7 @@ fn run(directory: &Path, mode: &str, setup: &str, types: &str) -> BTreeMap<Strin
             .entry(message.channel.topic.clone())
             .or_insert_with(|| Topic { schema: schema.name.clone(), heard: Vec::new() });
         let (at_ns, sequence) = (message.log_time, message.sequence);
-        topic.heard.push(Heard { at_ns, sequence, data: message.data.into_owned() });
+        topic.heard.push(ReadMessage { at_ns, sequence, data: message.data.into_owned() });
     }
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     assert_eq!(summary.channels.len(), topics.len(), "the summary names every channel");

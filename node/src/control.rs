@@ -158,7 +158,7 @@ impl ControlPort {
     }
 
     /// Returns how long to wait at most before [`Self::handle`] is called although nothing is ready.
-    pub(crate) fn patience(&self) -> Option<Duration> {
+    pub(crate) fn time_left(&self) -> Option<Duration> {
         let now = Instant::now();
         let silent = self.controller.iter().chain(&self.guests);
         let silent = silent.map(|client| (client.heard + limit(client)).saturating_duration_since(now));

@@ -63,7 +63,7 @@ impl Inbox {
 
     fn poll(&mut self) -> std::io::Result<()> {
         let stdin = std::io::stdin();
-        let mut patience = None;
+        let mut time_left = None;
         let [news, stop, commands] = {
             let news = PollFd::new(&self.news, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
@@ -71,12 +71,12 @@ impl Inbox {
                 Commands::None => Vec::new(),
                 Commands::Stdin => vec![PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN)],
                 Commands::Control(port) => {
-                    patience = port.patience().and_then(|time| Timespec::try_from(time).ok());
+                    time_left = port.time_left().and_then(|time| Timespec::try_from(time).ok());
                     port.poll_fds()
                 }
             };
             let mut waits: Vec<_> = [news, stop].into_iter().chain(commands).collect();
-            let ready = match poll(&mut waits, patience.as_ref()) {
+            let ready = match poll(&mut waits, time_left.as_ref()) {
                 Ok(ready) => ready,
                 Err(Errno::INTR) => return Ok(()),
                 Err(error) => return Err(error.into()),

@@ -44,11 +44,11 @@ pub(crate) struct Lines(Vec<u8>);
 
 /// A line that exceeds the limit without an end.
 #[derive(PartialEq, Eq, Debug)]
-pub(crate) struct Endless;
+pub(crate) struct LineTooLong;
 
 impl Lines {
     /// Adds a piece; returns the lines that it completes, without their ends.
-    pub(crate) fn take(&mut self, piece: &[u8]) -> Result<Vec<String>, Endless> {
+    pub(crate) fn take(&mut self, piece: &[u8]) -> Result<Vec<String>, LineTooLong> {
         let mut whole = Vec::new();
         for byte in piece {
             match byte {
@@ -56,7 +56,7 @@ impl Lines {
                     whole.push(String::from_utf8_lossy(&self.0).into_owned());
                     self.0.clear();
                 }
-                _ if self.0.len() == LINE_LIMIT => return Err(Endless),
+                _ if self.0.len() == LINE_LIMIT => return Err(LineTooLong),
                 byte => self.0.push(*byte),
             }
         }
@@ -80,6 +80,6 @@ mod tests {
     fn a_line_without_an_end_is_not_kept() {
         let mut lines = Lines::default();
         assert_eq!(lines.take(&[b'x'; LINE_LIMIT]).unwrap(), Vec::<String>::new());
-        assert_eq!(lines.take(b"x"), Err(Endless));
+        assert_eq!(lines.take(b"x"), Err(LineTooLong));
     }
 }

@@ -14,7 +14,7 @@ use crate::function_blocks::{BlockError, is_at_rest};
 ///
 /// Scans are counted, and no time is measured, so that a stalled PLC does not report the robot.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Patience {
+pub struct WaitLimits {
     /// Scans until a command must be echoed.
     pub answer_scans: u32,
     /// Scans for which the robot's life counter may stand still.
@@ -36,13 +36,13 @@ pub struct AxesGroup {
     still_scans: u32,
     /// The PLC's life counter in the first image of a stop that an error of a block asks for, until the robot stands.
     pub(crate) error_stop: Option<u16>,
-    patience: Patience,
+    wait_limits: WaitLimits,
 }
 
 impl AxesGroup {
     /// Creates an axes group that knows nothing of its robot yet.
     #[must_use]
-    pub fn new(patience: Patience) -> Self {
+    pub fn new(wait_limits: WaitLimits) -> Self {
         Self {
             command: Command::default(),
             feedback: None,
@@ -51,7 +51,7 @@ impl AxesGroup {
             tickets: 0,
             still_scans: 0,
             error_stop: None,
-            patience,
+            wait_limits,
         }
     }
 
@@ -87,7 +87,7 @@ impl AxesGroup {
     /// Returns whether the robot's life counter has stood still for longer than it may.
     #[must_use]
     pub const fn is_silent(&self) -> bool {
-        self.still_scans >= self.patience.silent_scans
+        self.still_scans >= self.wait_limits.silent_scans
     }
 
     /// Returns the number of scans since the robot's life counter changed.
@@ -99,7 +99,7 @@ impl AxesGroup {
     /// Returns the number of scans that the robot may take to echo a command.
     #[must_use]
     pub const fn answer_scans(&self) -> u32 {
-        self.patience.answer_scans
+        self.wait_limits.answer_scans
     }
 
     /// Returns whether the robot has seen the image in which the PLC's life counter was `life`, or a later one.
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     fn group() -> AxesGroup {
-        AxesGroup::new(Patience { answer_scans: 10, silent_scans: 3 })
+        AxesGroup::new(WaitLimits { answer_scans: 10, silent_scans: 3 })
     }
 
     #[test]

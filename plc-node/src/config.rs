@@ -5,7 +5,7 @@ use planning::{Stop, ToStart};
 use protocol::image;
 use setup::Setup;
 
-use crate::{MotionList, MotionSource, Patience};
+use crate::{MotionList, MotionSource, WaitLimits};
 
 /// Time that a working robot may take to accept a command, in addition to the time in its setup. Assumed, since no source
 /// states it: long enough for any controller, short enough for a person who waits.
@@ -65,13 +65,13 @@ impl PlcConfig {
 
     /// Returns the timeouts in scans, the unit in which the program counts. A life counter of 16 bits tells earlier from
     /// later over half its range, so no timeout is longer than that.
-    pub(crate) fn patience(&self) -> Patience {
+    pub(crate) fn wait_limits(&self) -> WaitLimits {
         let scans = |timeout: Duration| {
             let scans = timeout.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));
             u32::try_from(scans).unwrap_or(u32::MAX).max(1)
         };
         let answer_scans = scans(self.answer_timeout).min(0x7FFF);
-        Patience { answer_scans, silent_scans: scans(self.silent_timeout) }
+        WaitLimits { answer_scans, silent_scans: scans(self.silent_timeout) }
     }
 }
 
@@ -92,7 +92,7 @@ mod tests {
         // 1 s, the interpreter's quantum and the call's overhead; a watchdog of 500 bus cycles of 1 ms.
         let robot = &setup.robot;
         let of_robot = (robot.interpreter_quantum_us.value + robot.skill_overhead_us.value).div_ceil(1_000);
-        assert_eq!(config.patience(), Patience { answer_scans: 1_000 + of_robot, silent_scans: 500 });
+        assert_eq!(config.wait_limits(), WaitLimits { answer_scans: 1_000 + of_robot, silent_scans: 500 });
     }
 
     #[test]
@@ -100,6 +100,6 @@ mod tests {
         let setup = setup::setup("A").unwrap();
         let mut config = PlcConfig::from_setup(&setup, Vec::new(), 1);
         (config.answer_timeout, config.silent_timeout) = (Duration::MAX, Duration::ZERO);
-        assert_eq!(config.patience(), Patience { answer_scans: 0x7FFF, silent_scans: 1 });
+        assert_eq!(config.wait_limits(), WaitLimits { answer_scans: 0x7FFF, silent_scans: 1 });
     }
 }

@@ -32,7 +32,7 @@ mod sequence;
 mod speed_override;
 mod start_position;
 
-pub use axes_group::{AxesGroup, Patience};
+pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
 pub use event::{

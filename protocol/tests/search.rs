@@ -10,7 +10,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
 use machine::ethernet::{EthernetHeader, Mac};
-use machine::search::{Answers, MOST_DEVICES, SearchEnded, Tally};
+use machine::search::{Answers, MOST_DEVICES, SearchCounters, SearchEnded};
 use machine::{Duration, Instant, LinkEvent, Machine, Port, Source, Transmit};
 use profinet::dcp::{self, Block, Content, Pdu, Service};
 use profinet::{Device, DeviceConfig, ETHER_TYPE};
@@ -209,7 +209,7 @@ fn every_device_on_a_cable_is_listed_once_however_often_it_answers() {
     assert_eq!(station.name, format!("robot-{}", station.mac.0[5]).into_bytes().into());
     let identity = PROFINET_ROBOT.identity;
     assert_eq!((station.identity, station.roles), (Some((identity.vendor, identity.device)), 1));
-    assert_eq!(profinet(&found).tally(), Tally { repeated: 80, ..Tally::default() });
+    assert_eq!(profinet(&found).counters(), SearchCounters { repeated: 80, ..SearchCounters::default() });
 
     let serials: Vec<_> =
         ethernet_ip(&found).devices().iter().map(|device| device.identity.serial_number).collect();
@@ -218,7 +218,7 @@ fn every_device_on_a_cable_is_listed_once_however_often_it_answers() {
     assert_eq!(device.address, Ipv4Addr::new(192, 168, 64, 103));
     assert_eq!(device.listens_at, SocketAddrV4::new(device.address, ENCAPSULATION_PORT));
     // Three requests with two broadcasts each.
-    assert_eq!(ethernet_ip(&found).tally(), Tally { repeated: 25, ..Tally::default() });
+    assert_eq!(ethernet_ip(&found).counters(), SearchCounters { repeated: 25, ..SearchCounters::default() });
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn after_a_lost_request_the_next_one_finds_the_devices() {
     segment.open_from = Instant::ZERO + LENGTH / 2;
     let found = segment.run().search;
     assert_eq!((profinet(&found).devices().len(), ethernet_ip(&found).devices().len()), (3, 3));
-    assert_eq!(profinet(&found).tally().repeated, 0);
+    assert_eq!(profinet(&found).counters().repeated, 0);
 }
 
 #[test]
@@ -290,15 +290,15 @@ fn broken_foreign_and_unrequested_answers_are_counted_and_otherwise_ignored() {
     for frame in &hostile {
         search.handle_frame(Instant::ZERO, ETHERNET, frame);
     }
-    assert_eq!(profinet(&search).tally().ignored, hostile.len() as u64);
+    assert_eq!(profinet(&search).counters().ignored, hostile.len() as u64);
     assert!(profinet(&search).devices().is_empty());
     // Cyclic data is on the cable, too, and is no answer; neither is a datagram at another port.
     search.handle_frame(Instant::ZERO, ETHERNET, &[&good[..14], &[0x80, 0x01, 0, 0]].concat());
     search.handle_frame(Instant::ZERO, Source { port: Port::Udp(PORT + 1), ..from_device(7) }, &good);
-    assert_eq!(profinet(&search).tally().ignored, hostile.len() as u64);
-    assert_eq!(ethernet_ip(&search).tally().ignored, 0);
+    assert_eq!(profinet(&search).counters().ignored, hostile.len() as u64);
+    assert_eq!(ethernet_ip(&search).counters().ignored, 0);
     search.handle_frame(Instant::ZERO, from_device(7), &good);
-    assert_eq!(ethernet_ip(&search).tally().ignored, 1);
+    assert_eq!(ethernet_ip(&search).counters().ignored, 1);
     search.handle_frame(Instant::ZERO, ETHERNET, &good);
     assert_eq!(profinet(&search).devices().len(), 1);
 }
@@ -311,7 +311,7 @@ fn a_station_that_is_renamed_during_the_search_has_its_new_name() {
     search.handle_frame(Instant::ZERO, ETHERNET, &answer(mac, XID, b"robot"));
     let names: Vec<_> = profinet(&search).devices().iter().map(|station| &*station.name).collect();
     assert_eq!(names, [b"robot"]);
-    assert_eq!(profinet(&search).tally(), Tally { repeated: 1, ..Tally::default() });
+    assert_eq!(profinet(&search).counters(), SearchCounters { repeated: 1, ..SearchCounters::default() });
 }
 
 #[test]
@@ -322,7 +322,7 @@ fn a_flood_of_forged_stations_takes_bounded_memory() {
         search.handle_frame(Instant::ZERO, ETHERNET, &answer(Mac([2, 0, 0, 0, high, low]), XID, b"x"));
     }
     assert_eq!(profinet(&search).devices().len(), MOST_DEVICES);
-    assert_eq!(profinet(&search).tally().surplus, 5_000 - MOST_DEVICES as u64);
+    assert_eq!(profinet(&search).counters().surplus, 5_000 - MOST_DEVICES as u64);
 }
 
 #[test]

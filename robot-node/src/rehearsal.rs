@@ -39,7 +39,7 @@ pub struct Rehearsed {
 /// A motion that the arm does not execute.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the arm alone does not get beyond motion {motion}, counted from 0: {ending:?}")]
-pub struct Stuck {
+pub struct RehearsalError {
     /// The first motion of the skill that did not end as commanded.
     pub motion: usize,
     /// How it ended; `None` if it did not end.
@@ -58,7 +58,7 @@ pub fn rehearse(
     motions: &[Motion],
     stops: &[Stop],
     calls: Calls,
-) -> Result<Rehearsed, Stuck> {
+) -> Result<Rehearsed, RehearsalError> {
     let config = RobotConfig {
         home: start,
         interpreter_quantum: Duration::ZERO,
@@ -113,7 +113,7 @@ impl Stage {
     }
 
     /// Executes one skill; `first` is the number of its first motion.
-    fn call(&mut self, first: usize, motions: &[Motion], skill: Skill) -> Result<(), Stuck> {
+    fn call(&mut self, first: usize, motions: &[Motion], skill: Skill) -> Result<(), RehearsalError> {
         let Self { controller, command, cycle, at, done } = self;
         command.control = Control::ENABLE | Control::EXECUTE;
         command.number = command.number.wrapping_add(1).max(1);
@@ -135,10 +135,14 @@ impl Stage {
                     done.account = done.account.then(account);
                     done.path_length_mm += quality.path_length_mm;
                     let is_done = ending == Ending::Done;
-                    return if is_done { Ok(()) } else { Err(Stuck { motion: first, ending: Some(ending) }) };
+                    return if is_done {
+                        Ok(())
+                    } else {
+                        Err(RehearsalError { motion: first, ending: Some(ending) })
+                    };
                 }
             }
         }
-        Err(Stuck { motion: first, ending: None })
+        Err(RehearsalError { motion: first, ending: None })
     }
 }

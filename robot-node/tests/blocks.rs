@@ -12,7 +12,7 @@ use plc_node::function_blocks::{
     BlockError, BufferMode, GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset,
     GroupStop, MoveContinuous, Outputs, SkillState,
 };
-use plc_node::{AxesGroup, MotionList, MotionSource, Patience};
+use plc_node::{AxesGroup, MotionList, MotionSource, WaitLimits};
 use protocol::image::{ErrorNumber, Feedback, Motion, State, Status};
 use robot_node::Controller;
 
@@ -50,7 +50,7 @@ struct Execute {
 impl Cell {
     fn new() -> Self {
         Self {
-            group: AxesGroup::new(Patience { answer_scans: 200, silent_scans: u32::MAX }),
+            group: AxesGroup::new(WaitLimits { answer_scans: 200, silent_scans: u32::MAX }),
             controller: Controller::new(bare("A"), Vec::new(), 1),
             at: Instant::ZERO,
             motions: Box::new(MotionList::from(way())),

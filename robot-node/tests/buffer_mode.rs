@@ -12,7 +12,7 @@ use plc_node::function_blocks::{
     BlockError, BufferMode, Dynamics, GroupEnable, GroupHalt, GroupInterrupt, GroupStop, MotionInputs,
     MoveCircular, MoveContinuous, MoveLinCartesian, MovePtpCartesian, Outputs, SkillState,
 };
-use plc_node::{AxesGroup, MotionList, Patience};
+use plc_node::{AxesGroup, MotionList, WaitLimits};
 use protocol::image::{ErrorNumber, Feedback, State};
 use robot_node::Controller;
 
@@ -73,7 +73,7 @@ impl Cell {
     /// A cell whose first skill moves the arm along the line.
     fn moving() -> Self {
         let mut cell = Self {
-            group: AxesGroup::new(Patience { answer_scans: 200, silent_scans: u32::MAX }),
+            group: AxesGroup::new(WaitLimits { answer_scans: 200, silent_scans: u32::MAX }),
             controller: Controller::new(bare("A"), Vec::new(), 1),
             at: Instant::ZERO,
             way: MoveContinuous::default(),

@@ -25,7 +25,7 @@ pub struct Measured {
 
 /// The robot's reports on its skills in one run, summed up.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Moved {
+pub struct MotionTotals {
     /// Motions that were executed.
     pub motions: u32,
     /// Quality of all of them.
@@ -34,7 +34,7 @@ pub struct Moved {
     pub account: Account,
 }
 
-impl Moved {
+impl MotionTotals {
     /// Adds a skill.
     pub fn add(&mut self, motions: u32, quality: Quality, account: Account) {
         self.motions = self.motions.saturating_add(motions);

@@ -86,7 +86,7 @@ struct Connection {
 
 /// Sender, receiver and DSCP of a segment.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct SegmentRoute {
     from: Side,
     source: SocketAddrV4,
     to: SocketAddrV4,
@@ -96,7 +96,7 @@ struct Way {
 #[derive(Clone, Debug)]
 struct Leaving {
     at: Instant,
-    way: Way,
+    way: SegmentRoute,
     tcp: Tcp,
     gets_through: bool,
     comment: Option<String>,
@@ -201,7 +201,7 @@ impl VirtualCapture {
                 self.connections.insert((source, to), Connection::default());
                 self.connections.insert((to, source), Connection::default());
             }
-            let way = Way { from: tapped.from, source, to, dscp: tapped.dscp };
+            let way = SegmentRoute { from: tapped.from, source, to, dscp: tapped.dscp };
             let connection = self.connections.entry((source, to)).or_default();
             let more = connection.leaving.as_mut().filter(|leaving| leaving.goes_on(tapped, sequence, flags));
             if let Some(leaving) = more {
@@ -257,7 +257,7 @@ impl VirtualCapture {
         }
         let tcp =
             Tcp { sequence: answering.next, acknowledged: answering.acknowledged(), flags: packet::ACK };
-        let way = Way { from: tapped.end, source: to, to: source, dscp: tapped.dscp };
+        let way = SegmentRoute { from: tapped.end, source: to, to: source, dscp: tapped.dscp };
         let packet = self.tcp(way, tcp, &[]);
         self.pass(tapped.at, tapped.end, true, None, packet.clone());
         if !self.cut {
@@ -288,8 +288,8 @@ impl VirtualCapture {
         over.into_iter().for_each(|key| self.seal(key));
     }
 
-    fn tcp(&self, way: Way, tcp: Tcp, payload: &[u8]) -> Vec<u8> {
-        let Way { from, source, to, dscp } = way;
+    fn tcp(&self, way: SegmentRoute, tcp: Tcp, payload: &[u8]) -> Vec<u8> {
+        let SegmentRoute { from, source, to, dscp } = way;
         let ip = self.ip(from, *source.ip(), *to.ip(), dscp, packet::TCP);
         ip.packets(&tcp.segment(source, to, payload)).next().unwrap_or_default()
     }

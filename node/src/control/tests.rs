@@ -178,7 +178,7 @@ fn clients_that_never_show_the_token_keep_nobody_out_and_are_reported_once() {
 fn a_client_that_is_silent_for_too_long_is_disconnected() {
     let (mut port, address) = port();
     let _silent = visit(&mut port, address);
-    assert!(port.patience().is_some_and(|patience| patience <= FIRST_LINE));
+    assert!(port.time_left().is_some_and(|time_left| time_left <= FIRST_LINE));
     port.controller.as_mut().unwrap().heard = Instant::now().checked_sub(FIRST_LINE).unwrap();
     port.handle();
     assert_eq!(detached(next(&mut port)), "it sent nothing for 10 s");

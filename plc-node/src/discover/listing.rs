@@ -6,7 +6,7 @@ use std::fmt;
 use std::net::Ipv4Addr;
 
 use ethernet_ip::FoundDevice;
-use machine::search::{Answers, REQUESTS, Tally};
+use machine::search::{Answers, REQUESTS, SearchCounters};
 use node::screen;
 use profinet::FoundStation;
 use profinet::dcp::IpSuite;
@@ -95,10 +95,11 @@ impl Listing {
         ethercat: Option<SubDevices>,
         skipped: Vec<Skipped>,
     ) -> Self {
-        let ignored = |tally: Tally| tally.ignored + tally.surplus;
+        let ignored = |counters: SearchCounters| counters.ignored + counters.surplus;
         let profinet = search.and_then(Search::profinet).map(|search| search.answers());
         let ethernet_ip = search.and_then(Search::ethernet_ip).map(|search| search.answers());
-        let tallies = [profinet.map(|answers| answers.tally()), ethernet_ip.map(|answers| answers.tally())];
+        let tallies =
+            [profinet.map(|answers| answers.counters()), ethernet_ip.map(|answers| answers.counters())];
         let stations = |answers: &Answers<FoundStation>| {
             let mut stations: Vec<_> = answers.devices().iter().map(Station::from).collect();
             stations.sort_by(|one, other| (&one.name, &one.mac).cmp(&(&other.name, &other.mac)));

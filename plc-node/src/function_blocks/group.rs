@@ -20,14 +20,14 @@
 
 use protocol::image::{Control, Feedback, State, Status};
 
-use super::face::{End, Face};
+use super::execute_interface::{End, ExecuteInterface};
 use super::{BlockError, Outputs};
 use crate::AxesGroup;
 
 /// What all of them have in common.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub(super) struct GroupCommand {
-    pub(super) face: Face,
+    pub(super) interface: ExecuteInterface,
     /// The PLC's life counter in the first image with the bit.
     pub(super) since: u16,
     /// Scans since the start.
@@ -45,11 +45,11 @@ impl GroupCommand {
         reached: impl FnOnce(&Feedback) -> Option<End>,
         ask: impl FnOnce(&mut AxesGroup, bool),
     ) -> Outputs {
-        let started = self.face.call(execute);
+        let started = self.interface.call(execute);
         if started {
             (self.since, self.waited) = (group.command.life, 0);
         }
-        if self.face.is_busy() {
+        if self.interface.is_busy() {
             let seen = group.has_seen(self.since);
             let scans = self.waited;
             let late = scans >= group.answer_scans();
@@ -58,18 +58,18 @@ impl GroupCommand {
                 None => Some(End::Error(BlockError::NotConnected)),
                 Some(feedback) if started => before(feedback).err().map(End::Error),
                 Some(feedback) if seen => {
-                    self.face.activate();
+                    self.interface.activate();
                     reached(feedback)
                 }
                 Some(_) => None,
             };
             let end = end.or_else(|| late.then_some(End::Error(BlockError::StateNotReached { scans })));
             if let Some(end) = end {
-                self.face.end(end);
+                self.interface.end(end);
             }
-            ask(group, self.face.is_busy());
+            ask(group, self.interface.is_busy());
         }
-        self.face.outputs()
+        self.interface.outputs()
     }
 }
 
@@ -90,7 +90,7 @@ macro_rules! group_blocks {
             /// Returns the error behind `ErrorID`; `None` without an error.
             #[must_use]
             pub const fn error(&self) -> Option<BlockError> {
-                self.inner.face.error()
+                self.inner.interface.error()
             }
         }
     )*};

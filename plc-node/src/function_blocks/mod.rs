@@ -23,7 +23,7 @@
 
 mod buffer_mode;
 mod error;
-mod face;
+mod execute_interface;
 mod group;
 mod inputs;
 mod move_continuous;
@@ -34,7 +34,7 @@ mod skill;
 
 pub use buffer_mode::BufferMode;
 pub use error::{BlockError, Real};
-pub use face::{Outputs, SkillState};
+pub use execute_interface::{Outputs, SkillState};
 pub use group::{GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset, GroupStop};
 pub(crate) use group::{is_at_rest, is_executing, is_ready};
 pub use inputs::{Dynamics, MotionInputs};

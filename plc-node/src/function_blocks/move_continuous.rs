@@ -62,7 +62,7 @@ impl MoveContinuous {
     /// Returns the error behind `ErrorID`; `None` without an error.
     #[must_use]
     pub const fn error(&self) -> Option<BlockError> {
-        self.call.face.error()
+        self.call.interface.error()
     }
 
     /// Returns the state of the skill.
@@ -102,7 +102,7 @@ fn fill(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{MotionList, Patience};
+    use crate::{MotionList, WaitLimits};
     use proptest::prelude::*;
     use protocol::image::{Feedback, MotionKind, State, Status};
 
@@ -167,7 +167,7 @@ mod tests {
         ) {
             let motions = list(count);
             let mut source = MotionList::from(motions.clone());
-            let mut group = AxesGroup::new(Patience { answer_scans: 10_000, silent_scans: 10_000 });
+            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10_000, silent_scans: 10_000 });
             let (mut block, mut robot) = (MoveContinuous::with_depth(depth), Robot::default());
             let mut seen = robot.feedback;
             let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
@@ -208,7 +208,7 @@ mod tests {
             }
         }
         let mut source = Stream(0);
-        let mut group = AxesGroup::new(Patience { answer_scans: 10, silent_scans: 10 });
+        let mut group = AxesGroup::new(WaitLimits { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));
         assert!(block.call(true, &mut source, BufferMode::default(), &mut group).busy);
@@ -237,7 +237,7 @@ mod tests {
                 (index < 6).then_some(Motion::EMPTY)
             }
         }
-        let mut group = AxesGroup::new(Patience { answer_scans: 10, silent_scans: 10 });
+        let mut group = AxesGroup::new(WaitLimits { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));
         assert!(block.call(true, &mut Short, BufferMode::default(), &mut group).busy);

@@ -34,7 +34,7 @@ impl RunProgram {
     /// Returns the error behind `ErrorID`; `None` without an error.
     #[must_use]
     pub const fn error(&self) -> Option<BlockError> {
-        self.call.face.error()
+        self.call.interface.error()
     }
 
     /// Returns the state of the skill.

@@ -120,9 +120,9 @@ mod tests {
     use protocol::image::Feedback;
 
     use super::*;
-    use crate::Patience;
+    use crate::WaitLimits;
 
-    const PATIENCE: Patience = Patience { answer_scans: 3, silent_scans: u32::MAX };
+    const PATIENCE: WaitLimits = WaitLimits { answer_scans: 3, silent_scans: u32::MAX };
 
     fn velocity(velocity: f64) -> OverrideFactors {
         OverrideFactors { velocity, ..OverrideFactors::default() }

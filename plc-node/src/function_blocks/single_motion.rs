@@ -91,7 +91,7 @@ macro_rules! single_motion_blocks {
             /// Returns the error behind `ErrorID`; `None` without an error.
             #[must_use]
             pub const fn error(&self) -> Option<BlockError> {
-                self.inner.call.face.error()
+                self.inner.call.interface.error()
             }
 
             /// Returns the state of the skill.
@@ -132,12 +132,12 @@ single_motion_blocks! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Patience;
+    use crate::WaitLimits;
     use protocol::image::Feedback;
 
     #[test]
     fn a_single_motion_is_sent_without_an_approximation_distance() {
-        let mut group = AxesGroup::new(Patience { answer_scans: 5, silent_scans: 5 });
+        let mut group = AxesGroup::new(WaitLimits { answer_scans: 5, silent_scans: 5 });
         group.read(Some(Feedback::default()));
         let blended = Motion { kind: MotionKind::LinCartesian, approximation: 50, ..Motion::EMPTY };
         let inputs = MotionInputs::from(&blended);

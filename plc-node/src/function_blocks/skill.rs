@@ -10,7 +10,7 @@
 
 use protocol::image::{Command, Feedback, State, Status};
 
-use super::face::{End, Face, SkillState};
+use super::execute_interface::{End, ExecuteInterface, SkillState};
 use super::{BlockError, BufferMode, Outputs, is_executing};
 use crate::{AxesGroup, Ticket, Turn};
 
@@ -28,7 +28,7 @@ pub(crate) struct Tally {
 /// A skill call of a block with the parameters `P`, which count at the rising edge of `Execute`.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub(super) struct SkillCall<P> {
-    pub(super) face: Face,
+    pub(super) interface: ExecuteInterface,
     /// The block's place behind the skill of another block, and its parameters until it is called.
     waiting: Option<(Ticket, P)>,
     pub(super) number: u16,
@@ -44,7 +44,7 @@ pub(super) struct SkillCall<P> {
 impl<P> Default for SkillCall<P> {
     fn default() -> Self {
         Self {
-            face: Face::default(),
+            interface: ExecuteInterface::default(),
             waiting: None,
             number: 0,
             acknowledged: false,
@@ -68,34 +68,34 @@ impl<P: Copy> SkillCall<P> {
         read: impl FnOnce() -> Result<P, BlockError>,
         write: impl FnOnce(&mut Command, P) -> Result<bool, BlockError>,
     ) {
-        if self.face.call(execute) {
-            *self = Self { face: self.face, ..Self::default() };
+        if self.interface.call(execute) {
+            *self = Self { interface: self.interface, ..Self::default() };
             let waiting = aborts(mode).and_then(|aborts| Ok((read()?, aborts)));
             match waiting.and_then(|(parameters, aborts)| Ok((group.take_ticket(aborts)?, parameters))) {
                 Ok(waiting) => self.waiting = Some(waiting),
-                Err(error) => return self.face.end(End::Error(error)),
+                Err(error) => return self.interface.end(End::Error(error)),
             }
         }
         match self.waiting {
-            Some((ticket, parameters)) if self.face.is_busy() => {
+            Some((ticket, parameters)) if self.interface.is_busy() => {
                 self.wait_for_turn(ticket, parameters, group, write);
             }
-            _ if self.face.is_busy() => self.observe(group),
+            _ if self.interface.is_busy() => self.observe(group),
             _ => {}
         }
     }
 
     /// Returns whether the command is in the image.
     pub(super) const fn is_sent(&self) -> bool {
-        self.face.is_busy() && self.waiting.is_none()
+        self.interface.is_busy() && self.waiting.is_none()
     }
 
     pub(super) fn outputs(&self) -> Outputs {
-        self.face.outputs()
+        self.interface.outputs()
     }
 
     pub(super) const fn state(&self) -> SkillState {
-        self.face.state()
+        self.interface.state()
     }
 
     /// Ends the call from the block's side; the robot is stopped.
@@ -112,7 +112,7 @@ impl<P: Copy> SkillCall<P> {
         write: impl FnOnce(&mut Command, P) -> Result<bool, BlockError>,
     ) {
         match group.turn(ticket) {
-            Ok(Turn::Wait) => self.face.wait(),
+            Ok(Turn::Wait) => self.interface.wait(),
             Ok(Turn::Cancelling) => self.wait_for_cancel(group),
             Ok(Turn::Lost) => self.give_way(End::Aborted),
             Ok(Turn::Now) => self.start(parameters, group, write),
@@ -122,7 +122,7 @@ impl<P: Copy> SkillCall<P> {
 
     /// Waits until the robot has given up the skill under way, and stops a robot that does not.
     fn wait_for_cancel(&mut self, group: &mut AxesGroup) {
-        self.face.wait();
+        self.interface.wait();
         self.waited = self.waited.saturating_add(1);
         if self.waited >= group.answer_scans() {
             group.withdraw();
@@ -133,7 +133,7 @@ impl<P: Copy> SkillCall<P> {
 
     fn give_way(&mut self, end: End) {
         self.waiting = None;
-        self.face.end(end);
+        self.interface.end(end);
     }
 
     fn start(
@@ -150,9 +150,9 @@ impl<P: Copy> SkillCall<P> {
         match started {
             Ok(counted) => {
                 (self.counted, self.waited) = (counted, 0);
-                self.face.sent();
+                self.interface.sent();
             }
-            Err(error) => self.face.end(End::Error(error)),
+            Err(error) => self.interface.end(End::Error(error)),
         }
     }
 
@@ -164,7 +164,7 @@ impl<P: Copy> SkillCall<P> {
         if matches!(end, End::Error(_)) && !has_ended {
             group.stop_for_error();
         }
-        self.face.end(end);
+        self.interface.end(end);
     }
 
     fn observe(&mut self, group: &mut AxesGroup) {
@@ -208,14 +208,14 @@ impl<P: Copy> SkillCall<P> {
             || !has(Status::DONE) && matches!(feedback.state, State::Running | State::Suspended)
         {
             if feedback.state == State::Suspended {
-                self.face.interrupt();
+                self.interface.interrupt();
             } else {
-                self.face.activate();
+                self.interface.activate();
             }
             return Ok(None);
         }
         if !has(Status::DONE) {
-            return if self.face.is_taken_up() {
+            return if self.interface.is_taken_up() {
                 Err(BlockError::EndUnknown { number })
             } else {
                 self.wait(answer_scans)
@@ -273,9 +273,9 @@ fn has_ended(feedback: &Feedback, number: u16) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Patience;
+    use crate::WaitLimits;
 
-    const PATIENCE: Patience = Patience { answer_scans: 5, silent_scans: u32::MAX };
+    const PATIENCE: WaitLimits = WaitLimits { answer_scans: 5, silent_scans: u32::MAX };
 
     /// Scans a call with what the robot sends, until it ends; returns in which scan, from 1 on, and with what error.
     fn ends_in(
@@ -288,7 +288,7 @@ mod tests {
             group.read(Some(feedback(group.command.number)));
             call.call(true, mode, group, || Ok(()), |_, ()| Ok(true));
             if !call.outputs().busy {
-                return (scan, call.face.error());
+                return (scan, call.interface.error());
             }
         }
         panic!("it waits for ever")
@@ -393,7 +393,7 @@ mod tests {
         let number = group.command.number;
         let outputs = scan(&mut second, &mut group, BufferMode::Buffered, true, done);
         assert!(outputs.error && !outputs.busy, "{outputs:?}");
-        assert_eq!((second.face.error(), group.command.number), (Some(BlockError::NotConnected), number));
+        assert_eq!((second.interface.error(), group.command.number), (Some(BlockError::NotConnected), number));
     }
 
     #[test]

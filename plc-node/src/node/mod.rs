@@ -104,12 +104,12 @@ impl<B: Fieldbus> PlcNode<B> {
     /// Creates a PLC whose first scan is at `start`.
     #[must_use]
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
-        let patience = config.patience();
+        let wait_limits = config.wait_limits();
         Self {
             bus,
             scan: Scan::new(start, config.scan_cycle, config.scan_cost),
             scans: 0,
-            group: AxesGroup::new(patience),
+            group: AxesGroup::new(wait_limits),
             program: config.program,
             queue_depth: config.queue_depth,
             motions: Digested::new(config.motions),

@@ -85,7 +85,7 @@ fn path(field: &str) -> Vec<u8> {
 }
 
 /// An adapter with one client, at time zero.
-struct Asked {
+struct AdapterUnderTest {
     adapter: Adapter,
     session: u32,
     serial: u16,
@@ -93,7 +93,7 @@ struct Asked {
 
 const STREAM: StreamId = StreamId(1);
 
-impl Asked {
+impl AdapterUnderTest {
     fn new() -> Self {
         let mut adapter = Adapter::new(AdapterConfig {
             description: &ETHERNET_IP_ROBOT,
@@ -163,7 +163,7 @@ impl Asked {
 
 #[test]
 fn the_identity_is_that_of_the_adapter() {
-    let (eds, mut adapter) = (Eds::read(), Asked::new());
+    let (eds, mut adapter) = (Eds::read(), AdapterUnderTest::new());
     for (keyword, attribute) in [("VendCode", 1), ("ProdType", 2), ("ProdCode", 3)] {
         assert_eq!(eds.number("Device", keyword), adapter.attribute(1, 1, attribute), "{keyword}");
     }
@@ -177,7 +177,7 @@ fn the_identity_is_that_of_the_adapter() {
 
 #[test]
 fn every_assembly_exists_with_its_path_and_size() {
-    let (eds, mut adapter) = (Eds::read(), Asked::new());
+    let (eds, mut adapter) = (Eds::read(), AdapterUnderTest::new());
     let named =
         eds.0["Assembly"].iter().filter_map(|(key, fields)| Some((key.strip_prefix("Assem")?, fields)));
     let mut instances = Vec::new();
@@ -235,7 +235,7 @@ fn every_connection_is_opened_as_the_file_describes_it() {
     let connections = eds.0["Connection Manager"].keys().filter(|key| key.starts_with("Connection")).count();
     assert_eq!(connections, 3);
     let roles = [Role::Consumed, Role::InputOnlyHeartbeat, Role::ListenOnlyHeartbeat];
-    let mut adapter = Asked::new();
+    let mut adapter = AdapterUnderTest::new();
     for (index, role) in roles.into_iter().enumerate() {
         let fields = eds.fields("Connection Manager", &format!("Connection{}", index + 1));
         assert_eq!(
@@ -257,7 +257,7 @@ fn every_connection_is_opened_as_the_file_describes_it() {
             (consumed.connection_size(), produced.connection_size())
         );
         for trigger in [0x00, 0x10, 0x20] {
-            let mut adapter = Asked::new();
+            let mut adapter = AdapterUnderTest::new();
             if role == Role::ListenOnlyHeartbeat {
                 adapter.open(&forward_open(&eds, 2, &self::path("20 04 24 97 2C 98 2C 64"), 1_000)).unwrap();
             }
@@ -280,15 +280,16 @@ fn the_limits_of_the_packet_interval_are_those_of_the_adapter() {
     assert_eq!((number(&parameter[4]), &*parameter[5], &*parameter[7]), (0xC8, "4", "us"), "a UDINT in µs");
     let [least, most, proposed] = [9, 10, 11].map(|index| number(&parameter[index]));
     let path = path("20 04 24 97 2C 96 2C 64");
-    let opens =
-        |rpi_us| Asked::new().open(&forward_open(&eds, 1, &path, rpi_us)).map(|opened| opened.t_o_api_us);
+    let opens = |rpi_us| {
+        AdapterUnderTest::new().open(&forward_open(&eds, 1, &path, rpi_us)).map(|opened| opened.t_o_api_us)
+    };
     assert_eq!([least, most, proposed].map(opens), [Ok(least), Ok(most), Ok(proposed)]);
     assert_eq!([least - 1, most + 1].map(opens), [Err((1, 0x0111)); 2]);
 }
 
 #[test]
 fn the_adapter_accepts_exactly_as_many_connections_as_the_file_says() {
-    let (eds, mut adapter) = (Eds::read(), Asked::new());
+    let (eds, mut adapter) = (Eds::read(), AdapterUnderTest::new());
     let [owner, input_only, listen_only] =
         ["20 04 24 97 2C 96 2C 64", "20 04 24 97 2C 98 2C 64", "20 04 24 97 2C 99 2C 64"].map(path);
     let mut io = 0;
@@ -321,7 +322,7 @@ fn the_adapter_accepts_exactly_as_many_connections_as_the_file_says() {
 
 #[test]
 fn every_class_has_the_revision_and_the_instances_that_the_adapter_reports() {
-    let (eds, mut adapter) = (Eds::read(), Asked::new());
+    let (eds, mut adapter) = (Eds::read(), AdapterUnderTest::new());
     let mut classes = Vec::new();
     for (section, entries) in &eds.0 {
         let Some(code) = entries.get("Object_Class_Code") else { continue };

@@ -19,7 +19,7 @@ fn text() -> String {
 }
 
 /// Returns the only element of this name.
-fn one<'a>(document: &'a Document<'_>, name: &str) -> Node<'a, 'a> {
+fn only_element<'a>(document: &'a Document<'_>, name: &str) -> Node<'a, 'a> {
     let named: Vec<_> = document.descendants().filter(|node| node.has_tag_name(name)).collect();
     assert_eq!(named.len(), 1, "elements {name}");
     named[0]
@@ -159,12 +159,12 @@ fn compare(text: &str, description: &'static Description) {
 
     let document = Document::parse(text).unwrap();
     assert_eq!(document.descendants().any(|node| node.has_tag_name("Dc")), found.has_clock);
-    let content = |name| one(&document, name).text().unwrap().to_owned();
+    let content = |name| only_element(&document, name).text().unwrap().to_owned();
     let (eeprom_size, config) = &found.eeprom;
     assert_eq!(content("ByteSize"), eeprom_size.to_string());
     let config: String = config.iter().map(|byte| format!("{byte:02X}")).collect();
     assert_eq!(content("ConfigData"), config);
-    let coe = one(&document, "CoE");
+    let coe = only_element(&document, "CoE");
     assert_eq!(coe.attribute("PdoAssign"), Some(if found.pdo_assign { "true" } else { "false" }));
     assert_eq!(coe.attribute("SdoInfo"), Some(if found.objects.is_some() { "true" } else { "false" }));
 }
@@ -187,7 +187,7 @@ fn another_device_gives_another_file_and_neither_fits_the_other() {
     let other = devices::esi::write(&OTHER);
     compare(&other, &OTHER);
     let document = Document::parse(&other).unwrap();
-    assert!(one(&document, "Mailbox").children().any(|node| node.has_tag_name("FoE")));
+    assert!(only_element(&document, "Mailbox").children().any(|node| node.has_tag_name("FoE")));
     let wrong = std::panic::catch_unwind(|| compare(&other, &ETHERCAT_ROBOT));
     assert!(wrong.is_err(), "a file of another device passed");
 }
@@ -220,7 +220,7 @@ fn elements_are_in_the_order_of_the_schema() {
     let text = text();
     let document = Document::parse(&text).unwrap();
     let children = |name| {
-        let elements = one(&document, name).children().filter(Node::is_element);
+        let elements = only_element(&document, name).children().filter(Node::is_element);
         let mut names: Vec<_> = elements.map(|node| node.tag_name().name().to_owned()).collect();
         names.dedup();
         names

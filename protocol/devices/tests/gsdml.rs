@@ -25,7 +25,7 @@ fn text() -> String {
 }
 
 /// Returns the only element of this name.
-fn one<'a>(document: &'a Document<'_>, name: &str) -> Node<'a, 'a> {
+fn only_element<'a>(document: &'a Document<'_>, name: &str) -> Node<'a, 'a> {
     let named: Vec<_> = document.descendants().filter(|node| node.has_tag_name((NAMESPACE, name))).collect();
     assert_eq!(named.len(), 1, "elements {name}");
     named[0]
@@ -56,11 +56,11 @@ fn the_name_of_the_file_has_the_parts_that_engineering_systems_expect() {
 fn the_identity_is_that_of_the_running_device() {
     let text = text();
     let document = Document::parse(&text).unwrap();
-    let identity = one(&document, "DeviceIdentity");
+    let identity = only_element(&document, "DeviceIdentity");
     let Identity { vendor, device } = ROBOT.identity;
     assert_eq!((number(identity, "VendorID"), number(identity, "DeviceID")), (vendor.into(), device.into()));
-    let access_point = one(&document, "DeviceAccessPointItem");
-    let value = |name| one(&document, name).attribute("Value").unwrap().to_owned();
+    let access_point = only_element(&document, "DeviceAccessPointItem");
+    let value = |name| only_element(&document, name).attribute("Value").unwrap().to_owned();
     assert_eq!(access_point.attribute("DNS_CompatibleName"), Some(ROBOT.order_id));
     assert!(profinet::is_station_name(ROBOT.order_id.as_bytes()));
     assert_eq!(value("OrderNumber"), ROBOT.order_id);
@@ -70,7 +70,7 @@ fn the_identity_is_that_of_the_running_device() {
     for required in ["CheckDeviceID_Allowed", "NameOfStationNotTransferable", "PNIO_Version"] {
         assert!(access_point.has_attribute(required), "{required}");
     }
-    assert!(one(&document, "InterfaceSubmoduleItem").has_attribute("SupportedProtocols"));
+    assert!(only_element(&document, "InterfaceSubmoduleItem").has_attribute("SupportedProtocols"));
 }
 
 #[test]
@@ -181,7 +181,7 @@ fn comes_up(bus: &mut Bus) -> bool {
 fn data_is_exchanged_at_every_send_clock_including_the_shortest_interval() {
     let text = text();
     let document = Document::parse(&text).unwrap();
-    let timing = one(&document, "TimingProperties");
+    let timing = only_element(&document, "TimingProperties");
     let numbers = |attribute| {
         let list = timing.attribute(attribute).unwrap().split(' ');
         list.map(|number| number.parse::<u32>().unwrap()).collect::<Vec<_>>()
@@ -195,7 +195,7 @@ fn data_is_exchanged_at_every_send_clock_including_the_shortest_interval() {
     for ratio in numbers("ReductionRatio") {
         assert!(comes_up(&mut bus(Duration::from_millis(ratio.into()), ROBOT)), "1 ms × {ratio}");
     }
-    let least = number(one(&document, "DeviceAccessPointItem"), "MinDeviceInterval");
+    let least = number(only_element(&document, "DeviceAccessPointItem"), "MinDeviceInterval");
     assert_eq!(least, ROBOT.min_device_interval.into());
     assert!(clocks.contains(&least));
 }
@@ -204,7 +204,7 @@ fn data_is_exchanged_at_every_send_clock_including_the_shortest_interval() {
 fn the_longest_frames_have_the_length_in_the_file_including_status_bytes() {
     let text = text();
     let document = Document::parse(&text).unwrap();
-    let lengths = one(&document, "IOConfigData");
+    let lengths = only_element(&document, "IOConfigData");
     let [input, output] = ["MaxInputLength", "MaxOutputLength"].map(|name| number(lengths, name) as usize);
     let mut bus = bus(Duration::from_millis(1), ROBOT);
     assert!(comes_up(&mut bus));

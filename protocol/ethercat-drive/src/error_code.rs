@@ -24,7 +24,7 @@ impl ErrorCode {
 
     /// Returns what the code means.
     #[must_use]
-    pub const fn words(self) -> &'static str {
+    pub const fn text(self) -> &'static str {
         match self {
             Self::NONE => "no error",
             Self::OVER_CURRENT => "continuous over current",
@@ -40,6 +40,6 @@ impl ErrorCode {
 
 impl fmt::Display for ErrorCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "0x{:04X}: {}", self.0, self.words())
+        write!(f, "0x{:04X}: {}", self.0, self.text())
     }
 }

@@ -270,16 +270,16 @@ impl<'a> Exchange<'a> {
     /// Returns how long a reply is waited for.
     fn deadline(&self) -> Instant {
         let frame = (self.config.watchdog / LOSSES).clamp(self.config.cycle.min(FRAME), FRAME);
-        (time::now() + frame).min(self.good_at + self.patience())
+        (time::now() + frame).min(self.good_at + self.longest_silence())
     }
 
     /// Returns how long there may be no good exchange: on the way to OP, the time for that.
-    fn patience(&self) -> Duration {
+    fn longest_silence(&self) -> Duration {
         if self.out_of_op_since.is_some() { TO_OP } else { self.config.watchdog }
     }
 
     fn check_time(&self) -> Result<(), Problem> {
-        if time::now().since(self.good_at) < self.patience() {
+        if time::now().since(self.good_at) < self.longest_silence() {
             return Ok(());
         }
         Err(if self.out_of_op_since.is_some() { Problem::Silence } else { Problem::Watchdog })

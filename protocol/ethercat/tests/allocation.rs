@@ -10,12 +10,12 @@ use protocol_linux::allocation::{self, AllocationCounter};
 #[path = "ethercat/devices.rs"]
 #[expect(dead_code, reason = "one of its devices is enough here")]
 mod devices;
-#[path = "ethercat/hand.rs"]
+#[path = "ethercat/raw_main_device.rs"]
 #[expect(dead_code, reason = "it does more than bring a device to OP")]
-mod hand;
+mod raw_main_device;
 
 use devices::BRIDGE;
-use hand::{Hand, LRW, frame};
+use raw_main_device::{LRW, RawMainDevice, frame};
 
 #[global_allocator]
 static ALLOCATOR: AllocationCounter = AllocationCounter;
@@ -23,22 +23,22 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 const BRIDGE_ID: DeviceId = DeviceId(0);
 
 /// Returns a bridge in OP, its 512 bytes mapped to logical address 0, with a SYNC0 signal each millisecond.
-fn operating() -> Hand {
+fn operating() -> RawMainDevice {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&BRIDGE));
-    let mut hand = Hand::start(segment);
-    hand.write(0x0600, &[0, 0, 0, 0, 0, 1, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0]);
-    hand.write(0x0610, &[0, 1, 0, 0, 0, 1, 0, 7, 0x00, 0x14, 0, 1, 1, 0, 0, 0]);
-    hand.write(0x0990, &1_000_000_u64.to_le_bytes());
-    hand.write(0x09A0, &1_000_000_u32.to_le_bytes());
-    hand.write(0x0981, &[0x03]);
-    hand.operate();
-    hand
+    let mut main_device = RawMainDevice::start(segment);
+    main_device.write(0x0600, &[0, 0, 0, 0, 0, 1, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0]);
+    main_device.write(0x0610, &[0, 1, 0, 0, 0, 1, 0, 7, 0x00, 0x14, 0, 1, 1, 0, 0, 0]);
+    main_device.write(0x0990, &1_000_000_u64.to_le_bytes());
+    main_device.write(0x09A0, &1_000_000_u32.to_le_bytes());
+    main_device.write(0x0981, &[0x03]);
+    main_device.operate();
+    main_device
 }
 
 #[test]
 fn ten_thousand_cycles_with_process_data_and_sync_signals_allocate_nothing() {
-    let Hand { mut segment, mut now, .. } = operating();
+    let RawMainDevice { mut segment, mut now, .. } = operating();
     let request = frame(LRW, 0, &[0x5A; 512]);
     let mut reply = [0; 4096];
     let (mut signals, mut counted) = (0, 0_u32);

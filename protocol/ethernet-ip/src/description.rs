@@ -23,7 +23,7 @@ pub enum Role {
 impl Role {
     /// Returns its purpose in words.
     #[must_use]
-    pub const fn words(self) -> &'static str {
+    pub const fn text(self) -> &'static str {
         match self {
             Self::Produced => "for T→O",
             Self::Consumed => "for O→T",

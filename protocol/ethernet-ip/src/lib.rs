@@ -52,7 +52,7 @@ macro_rules! codes {
         impl $name {
             /// Returns the meaning of the code in words.
             #[must_use]
-            pub const fn words(self) -> &'static str {
+            pub const fn text(self) -> &'static str {
                 match self {
                     $(Self::$variant => $words,)*
                     Self::Unknown(_) => "a code that is not in the standard's table",

@@ -19,7 +19,7 @@ pub struct SearchEnded;
 
 /// Counters of the frames besides the answers of new devices.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
-pub struct Tally {
+pub struct SearchCounters {
     /// Answers of devices that had already answered.
     pub repeated: u64,
     /// Broken answers, and answers to requests of others.
@@ -32,12 +32,12 @@ pub struct Tally {
 #[derive(Clone, Debug)]
 pub struct Answers<D> {
     devices: Vec<D>,
-    tally: Tally,
+    counters: SearchCounters,
 }
 
 impl<D> Default for Answers<D> {
     fn default() -> Self {
-        Self { devices: Vec::new(), tally: Tally::default() }
+        Self { devices: Vec::new(), counters: SearchCounters::default() }
     }
 }
 
@@ -50,8 +50,8 @@ impl<D> Answers<D> {
 
     /// Returns the counters.
     #[must_use]
-    pub const fn tally(&self) -> Tally {
-        self.tally
+    pub const fn counters(&self) -> SearchCounters {
+        self.counters
     }
 
     /// Stores a device's answer in place of its earlier one: it may have just got a name or an address.
@@ -59,17 +59,17 @@ impl<D> Answers<D> {
         let known = self.devices.iter().position(|known| is_same(known, &device));
         if let Some(known) = known.and_then(|index| self.devices.get_mut(index)) {
             *known = device;
-            self.tally.repeated += 1;
+            self.counters.repeated += 1;
         } else if self.devices.len() < MOST_DEVICES {
             self.devices.push(device);
         } else {
-            self.tally.surplus += 1;
+            self.counters.surplus += 1;
         }
     }
 
     /// Counts a frame that is no answer to this search.
     pub const fn ignore(&mut self) {
-        self.tally.ignored += 1;
+        self.counters.ignored += 1;
     }
 }
 

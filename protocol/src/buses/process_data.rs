@@ -44,9 +44,9 @@ impl EthercatSubDevice {
         }
         let (cause, text) = match code {
             _ if self.left => (DownCause::ClosedHere, ""),
-            AlStatusCode::WATCHDOG => (DownCause::Watchdog, code.words()),
+            AlStatusCode::WATCHDOG => (DownCause::Watchdog, code.text()),
             AlStatusCode::NO_ERROR => (DownCause::ClosedByPeer, "the MainDevice requested a state below OP"),
-            _ => (DownCause::ClosedByPeer, code.words()),
+            _ => (DownCause::ClosedByPeer, code.text()),
         };
         Some(LinkEvent::Down(Down { cause, code: code.0.into(), text }))
     }

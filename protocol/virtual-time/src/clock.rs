@@ -59,14 +59,14 @@ impl Clock {
 /// A clock that is read repeatedly as time advances. It remembers what the clock showed at the start of the current
 /// second of true time, so that only the part below a second is computed: a virtual run converts times at every step.
 #[derive(Debug)]
-pub(super) struct Reading {
+pub(super) struct ClockReader {
     clock: Clock,
     /// Start of the current second, in ns of true time, and what the clock showed then.
     second: u64,
     shown: u64,
 }
 
-impl Reading {
+impl ClockReader {
     pub(super) fn new(clock: Clock) -> Self {
         Self { clock, second: 0, shown: clock.local_time(Instant::ZERO).as_nanos() }
     }
@@ -128,7 +128,7 @@ mod tests {
             let due = clock.true_time(local);
             prop_assert!(clock.local_time(due) >= local);
             prop_assert!(due.as_nanos() == 0 || clock.local_time(Instant::from_nanos(due.as_nanos() - 1)) < local);
-            let mut reading = Reading::new(clock);
+            let mut reading = ClockReader::new(clock);
             let now = Instant::from_nanos(due.as_nanos().saturating_sub(before));
             prop_assert_eq!(reading.local_time(now), clock.local_time(now));
             prop_assert_eq!(reading.local_time(now), clock.local_time(now));

@@ -4,9 +4,9 @@
 //! compared with one without it: the pair must send each other the same bytes at the same instants. What it sends is
 //! chosen by a seeded random stream, or by the bytes of a fuzzer.
 
-mod life;
+mod pair_run;
 
-pub use life::{Couple, Life, Phases, Place, Record, Reported};
+pub use pair_run::{PairRun, Phases, Place, Record, Reported, StationPair};
 
 use alloc::collections::{BTreeSet, VecDeque};
 use alloc::vec::Vec;
@@ -331,7 +331,7 @@ impl<C: Choices> Stranger<C> {
         self.requests.push_back(StreamRequest::Connect { to, attempt: Attempt(0) });
     }
 
-    fn hear(&mut self, from: Source, frame: &[u8]) {
+    fn receive(&mut self, from: Source, frame: &[u8]) {
         let Port::Stream(stream) = from.port else { return };
         if frame.starts_with(&REGISTER_SESSION)
             && let (Some((_, session)), Some(own)) =
@@ -374,7 +374,7 @@ impl<A: Machine, B: Machine, C: Choices> Machine for Member<A, B, C> {
         match self {
             Self::A(watched) => watched.handle_frame(now, from, frame),
             Self::B(watched) => watched.handle_frame(now, from, frame),
-            Self::Stranger(stranger) => stranger.hear(from, frame),
+            Self::Stranger(stranger) => stranger.receive(from, frame),
         }
     }
 

@@ -25,7 +25,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use clock::Reading;
+use clock::ClockReader;
 use in_flight::{Delivery, InFlight, InFlights};
 use link::flip;
 use machine::wire::FRAME_CAPACITY;
@@ -58,7 +58,7 @@ pub struct PairConfig {
 /// State of a side besides its machine.
 #[derive(Debug)]
 struct Station {
-    clock: Reading,
+    clock: ClockReader,
     link: Link,
     address: Option<Ipv4Addr>,
     /// The machine's next timeout by its own clock.
@@ -95,7 +95,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             addresses: [address_a, address_b],
         } = config;
         let station = |clock, impairment, address, stream| Station {
-            clock: Reading::new(clock),
+            clock: ClockReader::new(clock),
             link: Link::new(impairment, seed, stream),
             address,
             local_timeout: None,

@@ -52,7 +52,7 @@ impl Controller {
             press.phase = press::Phase::Pressing;
         }
         self.report_position();
-        self.feel();
+        self.measure_contact_force();
     }
 
     /// Runs one cycle of the LIN force under way.
@@ -62,7 +62,7 @@ impl Controller {
         if let Err(violation) = self.lead(if held { 0.0 } else { self.factor }) {
             return self.stop_for(violation, execution);
         }
-        self.feel();
+        self.measure_contact_force();
         let contact = self.contact;
         let Some(press) = &mut self.press else { return };
         if held {

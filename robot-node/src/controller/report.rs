@@ -18,7 +18,7 @@ impl Controller {
             self.report_position();
         }
         if !self.config.surfaces.is_empty() {
-            self.feel();
+            self.measure_contact_force();
         }
         self.warn();
         let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
@@ -57,7 +57,7 @@ impl Controller {
     }
 
     /// Measures the force of the surfaces on the tool.
-    pub(super) fn feel(&mut self) {
+    pub(super) fn measure_contact_force(&mut self) {
         let tool = self.interpolator.flange().origin_of(&self.tool);
         self.contact = contact_force(&self.config.surfaces, tool);
         self.feedback.contact_force = length(self.contact) as f32;

@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use protocol_linux::capture::{CaptureFile, Keep};
-use protocol_linux::impaired::{ImpairedCable, Witness};
+use protocol_linux::impaired::{ImpairedCable, Observer};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, Recorder, RecorderError, veth};
 use virtual_time::Side;
@@ -26,7 +26,7 @@ const TO_ROBOT: &str = "to-robot";
 
 /// What a cable records and which faults it has.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Fittings<'a> {
+pub(super) struct CableOptions<'a> {
     /// Directory for captures of both ends, from the first frame on, and how much is kept.
     pub(super) capture: Option<&'a (PathBuf, Keep)>,
     /// Faults to inject.
@@ -52,27 +52,27 @@ pub(super) struct Cable {
 
 impl Cable {
     /// Creates the cable, brings both ends up and starts the captures.
-    pub(super) fn lay(fittings: Fittings<'_>) -> Result<Self, RigError> {
+    pub(super) fn lay(options: CableOptions<'_>) -> Result<Self, RigError> {
         let (plc, robot) = (NetworkNamespace::new()?, NetworkNamespace::new()?);
         let mut cable = Self {
             plc,
             robot,
             middle: None,
-            faults: fittings.faults.to_vec(),
+            faults: options.faults.to_vec(),
             recorders: Vec::new(),
-            frames: fittings.frames.cloned(),
+            frames: options.frames.cloned(),
             watchers: Vec::new(),
             discarded: false,
         };
-        if fittings.faults.is_empty() {
-            cable.lay_clean(fittings)?;
+        if options.faults.is_empty() {
+            cable.lay_clean(options)?;
         } else {
-            cable.lay_impaired(fittings)?;
+            cable.lay_impaired(options)?;
         }
         Ok(cable)
     }
 
-    fn lay_clean(&mut self, Fittings { capture, .. }: Fittings<'_>) -> Result<(), RigError> {
+    fn lay_clean(&mut self, CableOptions { capture, .. }: CableOptions<'_>) -> Result<(), RigError> {
         veth::connect(&self.plc, PLC, &self.robot, ROBOT)?;
         // Both ends, since otherwise the first node would find a cable without a carrier.
         switch_on(&self.plc, PLC)??;
@@ -90,8 +90,8 @@ impl Cable {
 
     /// Creates the cable with faults. It also writes the captures, since only its middle knows which fault met which
     /// frame.
-    fn lay_impaired(&mut self, fittings: Fittings<'_>) -> Result<(), RigError> {
-        let Fittings { capture, faults, seed, frames } = fittings;
+    fn lay_impaired(&mut self, options: CableOptions<'_>) -> Result<(), RigError> {
+        let CableOptions { capture, faults, seed, frames } = options;
         let middle = NetworkNamespace::new()?;
         for (network, end, near_end) in [(&self.plc, PLC, TO_PLC), (&self.robot, ROBOT, TO_ROBOT)] {
             veth::connect(network, end, &middle, near_end)?;
@@ -100,17 +100,17 @@ impl Cable {
             network.run(|| Interface::open(end)?.fill_in_checksums())??;
         }
         let about = faults::about(faults);
-        let witness = |end, interface, file| {
+        let observer = |end, interface, file| {
             let capture =
                 capture.map(|(directory, keep)| create(&directory.join(file), interface, &about, *keep));
             let see = frames.map(|frames| Box::new(frames.at(end)) as _);
-            Ok::<_, RecorderError>(Witness { capture: capture.transpose()?, see })
+            Ok::<_, RecorderError>(Observer { capture: capture.transpose()?, see })
         };
-        let witnesses = [witness(Side::A, PLC, PLC_FILE)?, witness(Side::B, ROBOT, ROBOT_FILE)?];
+        let observers = [observer(Side::A, PLC, PLC_FILE)?, observer(Side::B, ROBOT, ROBOT_FILE)?];
         let plan = faults::impairment_plan(faults, seed);
         let start = || {
             let (to_plc, to_robot) = (Interface::open(TO_PLC)?, Interface::open(TO_ROBOT)?);
-            Ok::<_, RigError>(ImpairedCable::start([&to_plc, &to_robot], &plan, witnesses)?)
+            Ok::<_, RigError>(ImpairedCable::start([&to_plc, &to_robot], &plan, observers)?)
         };
         self.middle = Some(middle.run(start)??);
         Ok(())

@@ -9,7 +9,7 @@ use plc_node::{Execution, ExecutionType, OverrideSchedule};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::{Begun, Rig, RigError};
-use crate::records::conditions::{Measured, Moved};
+use crate::records::conditions::{Measured, MotionTotals};
 use crate::records::schedule::PAUSE;
 use crate::records::trace::Window;
 
@@ -81,7 +81,7 @@ impl Rig {
     }
 
     async fn start_run(&mut self, execution_type: ExecutionType, overrides: Option<OverrideSchedule>) {
-        self.moved = Moved::default();
+        self.moved = MotionTotals::default();
         self.is_running = true;
         self.before_run = self.reports.clone();
         // The nodes answer at once, before they do anything for this run.

@@ -51,12 +51,12 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use self::node::Node;
-use cable::{Cable, Fittings};
+use cable::{Cable, CableOptions};
 use changes::Changes;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 
-use crate::records::conditions::{Counts, Health, Moved};
+use crate::records::conditions::{Counts, Health, MotionTotals};
 use crate::records::faults::{self, Change, FaultReport};
 use crate::records::trace::{Window, tables};
 use crate::stands::Stand as _;
@@ -96,7 +96,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// The outer error tells why there is no cable, the inner one why there are no sockets on it.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
-    let cable = Cable::lay(Fittings::default())?;
+    let cable = Cable::lay(CableOptions::default())?;
     let open = || {
         let interface = Interface::open(cable::PLC)?;
         let profinet = OpenPort::open_all(&interface, profinet::PORTS);
@@ -124,7 +124,7 @@ pub struct Rig {
     /// Reports asked for and not received: PLC, robot.
     awaited: [u32; 2],
     /// Motions of the current run, or of the last one.
-    moved: Moved,
+    moved: MotionTotals,
     traced: Vec<Window>,
     recording: bool,
     /// Whether a run was started whose end or failure was not reported yet.
@@ -198,7 +198,7 @@ impl Rig {
         let started = Instant::now();
         let RigConfig { capture, faults, seed, frames: frames_log, .. } = config;
         let (capture, frames) = (capture.as_ref(), frames_log.as_ref());
-        let cable = Cable::lay(Fittings { capture, faults, seed: *seed, frames })?;
+        let cable = Cable::lay(CableOptions { capture, faults, seed: *seed, frames })?;
         // Room for all messages of two nodes while the bench writes a file.
         let (sender, events) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
@@ -254,7 +254,7 @@ impl Rig {
             before_run: Reports::default(),
             begun: Begun::default(),
             awaited: [0; 2],
-            moved: Moved::default(),
+            moved: MotionTotals::default(),
             traced: Vec::new(),
             recording: false,
             trace_directory: None,

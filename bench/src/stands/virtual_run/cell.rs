@@ -23,7 +23,7 @@ use super::new_nodes::{Restart, new_plc, new_robot};
 use super::phases::Phases;
 
 use super::watch::{SharedFrames, Watch};
-use crate::records::conditions::{Counts, Health, Measured, Moved};
+use crate::records::conditions::{Counts, Health, Measured, MotionTotals};
 use crate::records::faults::{self, Change, Fault, FaultReport};
 use crate::records::schedule::Step;
 use crate::records::trace::{Frame, Recording};
@@ -121,7 +121,7 @@ pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
         killed: None,
         capture: capture.clone(),
         frames: frames.clone(),
-        moved: Moved::default(),
+        moved: MotionTotals::default(),
     })
 }
 
@@ -155,7 +155,7 @@ pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     capture: Option<SharedCapture>,
     frames: Option<SharedFrames>,
     /// What the robot reported of the current run, or of the last one.
-    moved: Moved,
+    moved: MotionTotals,
 }
 
 impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
@@ -374,7 +374,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
 fn next_plc_event<P: Fieldbus, R: Fieldbus>(
     pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
     until: Instant,
-    moved: &mut Moved,
+    moved: &mut MotionTotals,
 ) -> Option<PlcEvent> {
     loop {
         match pair.next_event(until)? {
@@ -389,7 +389,7 @@ fn next_plc_event<P: Fieldbus, R: Fieldbus>(
             Event::A(event) => {
                 // The motion to the start is not part of the run.
                 if let PlcEvent::Started { .. } = event {
-                    *moved = Moved::default();
+                    *moved = MotionTotals::default();
                 }
                 return Some(event);
             }

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use setup::{Paper, Provenance, Setup};
 
 use super::Speed;
-use super::metric::{Metric, Seeds};
 use super::fit::Fit;
+use super::metric::{Metric, Seeds};
 use super::parameter::Parameter;
 use crate::records::distance::Estimate;
 use crate::records::schedule::REPETITIONS;

@@ -23,9 +23,9 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use setup::{Paper, Provenance, Setup};
 
-pub use metric::{Metric, Seeds};
 pub use findings::{Calibration, Found};
 pub use fit::Fit;
+pub use metric::{Metric, Seeds};
 pub use parameter::Parameter;
 
 use crate::out;

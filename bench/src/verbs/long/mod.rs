@@ -21,7 +21,7 @@ use setup::Setup;
 
 pub use memory::PeakResident;
 pub use run::{Finished, LongRun, Mismatch};
-pub use supply::{Origin, Supplied, Supply};
+pub use supply::{Origin, SuppliedMotions, SupplyThread};
 
 use crate::outln;
 use crate::output::errln;

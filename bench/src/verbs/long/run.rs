@@ -8,13 +8,13 @@ use plc_node::{Execution, ExecutionType, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
 
-use super::supply::{Origin, Supply};
+use super::supply::{Origin, SupplyThread};
 use crate::stands::virtual_run::{Extras, VirtualBus, VirtualRun, Work};
 
 /// Both nodes at work on one long sequence.
 pub struct LongRun {
     run: VirtualRun,
-    supply: Supply,
+    supply: SupplyThread,
     total: u32,
     begun: Duration,
 }
@@ -73,7 +73,7 @@ impl LongRun {
     /// The setup does not describe a robot, or the nodes do not connect.
     pub fn start(setup: &Setup, origin: Origin, total: u32, seed: u64) -> anyhow::Result<Self> {
         let to_start = origin.to_start()?;
-        let (supply, source) = Supply::start(origin, total);
+        let (supply, source) = SupplyThread::start(origin, total);
         Self::with(setup, supply, Box::new(source), to_start, seed)
     }
 
@@ -85,7 +85,7 @@ impl LongRun {
     /// The same as for [`start`](Self::start).
     pub fn with_source(
         setup: &Setup,
-        supply: Supply,
+        supply: SupplyThread,
         source: Box<dyn MotionSource>,
         seed: u64,
     ) -> anyhow::Result<Self> {
@@ -94,7 +94,7 @@ impl LongRun {
 
     fn with(
         setup: &Setup,
-        supply: Supply,
+        supply: SupplyThread,
         source: Box<dyn MotionSource>,
         to_start: ToStart<Motion>,
         seed: u64,

@@ -124,12 +124,12 @@ impl Origin {
 
 /// The thread that supplies the motions.
 #[derive(Debug)]
-pub struct Supply(JoinHandle<anyhow::Result<Sum>>);
+pub struct SupplyThread(JoinHandle<anyhow::Result<Sum>>);
 
-impl Supply {
+impl SupplyThread {
     /// Starts to supply `total` motions through the returned source.
     #[must_use]
-    pub fn start(origin: Origin, total: u32) -> (Self, Supplied) {
+    pub fn start(origin: Origin, total: u32) -> (Self, SuppliedMotions) {
         let (sender, chunks) = sync_channel(CHUNKS_AHEAD);
         let thread = thread::spawn(move || {
             let mut digest = Digest::default();
@@ -149,7 +149,7 @@ impl Supply {
             let _ = sender.send(chunk);
             Ok(digest.sum())
         });
-        (Self(thread), Supplied { total, next: 0, chunks, chunk: Vec::new().into_iter() })
+        (Self(thread), SuppliedMotions { total, next: 0, chunks, chunk: Vec::new().into_iter() })
     }
 
     /// Returns the digest of the whole list, once the PLC has all of it or wants no more.
@@ -166,14 +166,14 @@ impl Supply {
 ///
 /// It waits for the supplying thread, which a scan in real time could not do; waiting takes no virtual time.
 #[derive(Debug)]
-pub struct Supplied {
+pub struct SuppliedMotions {
     total: u32,
     next: u32,
     chunks: Receiver<Vec<Motion>>,
     chunk: vec::IntoIter<Motion>,
 }
 
-impl MotionSource for Supplied {
+impl MotionSource for SuppliedMotions {
     fn total(&self) -> u32 {
         self.total
     }

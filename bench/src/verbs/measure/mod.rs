@@ -1,7 +1,7 @@
 //! A measured run: from its options to its table and exit code.
 
-mod companions;
 mod options;
+mod reference_runs;
 pub mod session;
 
 pub use options::{Capture, RunOptions};
@@ -41,7 +41,7 @@ use crate::stands::verification::Verification;
 use crate::stands::virtual_run::VirtualRun;
 use crate::stands::{Finished, Stand, StandConfig};
 use crate::verbs::event_loop::{event_loop, interrupt};
-use companions::Companions;
+use reference_runs::ReferenceRuns;
 use session::{Ended, Session};
 
 /// Warnings of a plan that are shown before a run.
@@ -204,19 +204,19 @@ impl Measurement<'_> {
         let interrupt = interrupt()?;
         let results = self.empty_results();
         let of_the_paper = results.paper.is_some();
-        let companions = || match self.has_modelled_robot() {
-            true => Companions::start(&self.setup, &self.found.application, &self.schedule, of_the_paper),
-            false => Companions::default(),
+        let reference_runs = || match self.has_modelled_robot() {
+            true => ReferenceRuns::start(&self.setup, &self.found.application, &self.schedule, of_the_paper),
+            false => ReferenceRuns::default(),
         };
         // In real mode they run afterwards, so that they take no core from the nodes.
-        let meanwhile = (self.options.mode == Mode::Virtual).then(companions);
+        let meanwhile = (self.options.mode == Mode::Virtual).then(reference_runs);
         let ended = match self.options.mode {
             Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await?,
             Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await?,
         };
         let ended = match ended.exit {
             Exit::Pass => {
-                let results = meanwhile.unwrap_or_else(companions).finish(ended.results)?;
+                let results = meanwhile.unwrap_or_else(reference_runs).finish(ended.results)?;
                 Ended { results, ..ended }
             }
             // After an interrupt, or if a node needs attention, the user does not want to wait for them.

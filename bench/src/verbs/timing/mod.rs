@@ -27,7 +27,7 @@ use crate::output::exit::{Exit, Failure};
 use crate::stands::rig;
 use bare::Wire;
 use cable::{Cable, MASK, PLC, ROBOT};
-use turns::{Contender, Turns};
+use turns::{BusMeasurement, Turns};
 
 /// Options of a comparison.
 #[derive(clap::Args, Debug)]
@@ -121,8 +121,8 @@ const fn wire(kind: &BusKind) -> Wire {
 
 /// Measures bus by bus, in turns. Returns whether a limit is certainly exceeded.
 fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::Result<bool> {
-    let mut contenders: Vec<Contender<'_>> =
-        buses.iter().map(|(name, setup)| Contender::new(name, setup, wire(&setup.bus.kind))).collect();
+    let mut measurements: Vec<BusMeasurement<'_>> =
+        buses.iter().map(|(name, setup)| BusMeasurement::new(name, setup, wire(&setup.bus.kind))).collect();
     let turns = Turns::new()?;
     let foreign = match options.peer.split_first() {
         None => None,
@@ -134,10 +134,10 @@ fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::
     };
     for turn in 0..options.seconds {
         errln!("turn {} of {}", turn + 1, options.seconds);
-        for contender in &mut contenders {
-            let is_ethernet_ip = timed(&contender.setup.bus.kind) == TimedBus::EthernetIp;
+        for measurement in &mut measurements {
+            let is_ethernet_ip = timed(&measurement.setup.bus.kind) == TimedBus::EthernetIp;
             let peer = foreign.as_ref().filter(|_| is_ethernet_ip).map(|(cable, _)| cable);
-            turns.take(contender, turn, peer.map(|cable| (cable, foreign_adapter(contender.setup))))?;
+            turns.take(measurement, turn, peer.map(|cable| (cable, foreign_adapter(measurement.setup))))?;
         }
     }
     let of_peer = match foreign {
@@ -147,7 +147,7 @@ fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::
         }
         None => None,
     };
-    let comparisons = turns.compare(contenders, of_peer.as_ref())?;
+    let comparisons = turns.compare(measurements, of_peer.as_ref())?;
     outln!("{}", comparison::render(&comparisons));
     Ok(comparisons.iter().any(comparison::Comparison::fails))
 }

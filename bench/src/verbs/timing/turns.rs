@@ -16,7 +16,7 @@ use super::{INTERVAL, SETTLE, TURN};
 
 /// A bus, and what its turns measured so far.
 #[derive(Debug)]
-pub(super) struct Contender<'a> {
+pub(super) struct BusMeasurement<'a> {
     name: &'static str,
     pub(super) setup: &'a Setup,
     wire: Wire,
@@ -28,7 +28,7 @@ pub(super) struct Contender<'a> {
     reactions_us: Vec<Vec<f64>>,
 }
 
-impl<'a> Contender<'a> {
+impl<'a> BusMeasurement<'a> {
     pub(super) fn new(name: &'static str, setup: &'a Setup, wire: Wire) -> Self {
         let [ours_us, bare_us, reactions_us] = [const { Vec::new() }; 3];
         Self { name, setup, wire, windows: Vec::new(), ours_us, bare_us, reactions_us }
@@ -50,22 +50,22 @@ impl Turns {
     /// Takes one turn; `foreign` is the cable to an adapter of somebody else and the setup for it.
     pub(super) fn take(
         &self,
-        contender: &mut Contender<'_>,
+        measurement: &mut BusMeasurement<'_>,
         turn: u32,
         foreign: Option<(&Cable, Setup)>,
     ) -> anyhow::Result<()> {
-        let ours = Connection::open(&self.ours, &contender.setup.bus, Peer::Ours, turn)?;
+        let ours = Connection::open(&self.ours, &measurement.setup.bus, Peer::Ours, turn)?;
         let foreign = match &foreign {
             Some((cable, setup)) => Some(Connection::open(cable, &setup.bus, Peer::Foreign, turn)?),
             None => None,
         };
-        let answers = match contender.setup.bus.kind {
+        let answers = match measurement.setup.bus.kind {
             BusKind::Ethercat(_) => Answers::AtOnce,
             BusKind::Profinet(..) | BusKind::EthernetIp(..) => Answers::InItsCycle(ours.phase()),
         };
-        let bare = bare::exchange(&self.bare, contender.wire, answers)?;
+        let bare = bare::exchange(&self.bare, measurement.wire, answers)?;
         let start = (bare.start + SETTLE).max(ours.up_at() + SETTLE);
-        contender.windows.push(window(start)?);
+        measurement.windows.push(window(start)?);
         let within = |trips: &[RoundTrip], time: fn(&RoundTrip) -> Option<Duration>| {
             let counted = trips.iter().filter(|trip| trip.at >= start && trip.at < start + TURN);
             counted.filter_map(time).map(|time| time.as_secs_f64() * 1e6).collect::<Vec<_>>()
@@ -74,37 +74,37 @@ impl Turns {
         if let Some(foreign) = foreign {
             foreign.close()?;
         }
-        contender.ours_us.push(within(&trips, |trip| Some(trip.on_the_way)));
-        contender.reactions_us.push(within(&trips, |trip| trip.whole));
-        contender.bare_us.push(within(&bare.round_trips, |trip| Some(trip.on_the_way)));
+        measurement.ours_us.push(within(&trips, |trip| Some(trip.on_the_way)));
+        measurement.reactions_us.push(within(&trips, |trip| trip.whole));
+        measurement.bare_us.push(within(&bare.round_trips, |trip| Some(trip.on_the_way)));
         Ok(())
     }
 
     /// Ends the cables' logs and compares each bus with the bare loop in its turns.
     pub(super) fn compare(
         self,
-        contenders: Vec<Contender<'_>>,
+        measurements: Vec<BusMeasurement<'_>>,
         foreign: Option<&Arrivals>,
     ) -> anyhow::Result<Vec<Comparison>> {
         let (bare, ours) = (self.bare.arrivals()?, self.ours.arrivals()?);
-        let compare = |contender: Contender<'_>| {
+        let compare = |measurement: BusMeasurement<'_>| {
             let evenness =
-                |arrivals: &Arrivals, way| Evenness::of(arrivals.of(way), &contender.windows, INTERVAL);
+                |arrivals: &Arrivals, way| Evenness::of(arrivals.of(way), &measurement.windows, INTERVAL);
             let ends = |arrivals, round_trips_us| Ends {
                 to_plc: evenness(arrivals, Way::ToPlc),
                 to_robot: evenness(arrivals, Way::ToRobot),
                 round_trips_us,
             };
-            let has_peer = matches!(contender.setup.bus.kind, BusKind::EthernetIp(..));
+            let has_peer = matches!(measurement.setup.bus.kind, BusKind::EthernetIp(..));
             Comparison {
-                bus: contender.name,
+                bus: measurement.name,
                 peer: foreign.filter(|_| has_peer).map(|arrivals| evenness(arrivals, Way::ToPlc)),
-                bare: ends(&bare, contender.bare_us.clone()),
-                ours: ends(&ours, contender.ours_us.clone()),
-                reactions_us: contender.reactions_us.clone(),
+                bare: ends(&bare, measurement.bare_us.clone()),
+                ours: ends(&ours, measurement.ours_us.clone()),
+                reactions_us: measurement.reactions_us.clone(),
             }
         };
-        Ok(contenders.into_iter().map(compare).collect())
+        Ok(measurements.into_iter().map(compare).collect())
     }
 }
 

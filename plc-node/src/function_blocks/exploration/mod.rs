@@ -12,9 +12,9 @@ use std::hash::Hash;
 use protocol::image::{Control, ErrorNumber, Feedback, Motion, MotionKind, State, Status};
 
 use super::*;
-use crate::{AxesGroup, MotionList, MotionSource, Patience};
+use crate::{AxesGroup, MotionList, MotionSource, WaitLimits};
 
-const PATIENCE: Patience = Patience { answer_scans: 3, silent_scans: u32::MAX };
+const PATIENCE: WaitLimits = WaitLimits { answer_scans: 3, silent_scans: u32::MAX };
 const STATES: [State; 5] = [State::Halted, State::Ready, State::Running, State::Suspended, State::Unknown(9)];
 
 /// One scan's inputs of a block; no feedback is a lost connection.

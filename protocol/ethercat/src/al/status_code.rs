@@ -32,7 +32,7 @@ impl AlStatusCode {
 
     /// Returns what the code says.
     #[must_use]
-    pub const fn words(self) -> &'static str {
+    pub const fn text(self) -> &'static str {
         match self {
             Self::NO_ERROR => "no error",
             Self::UNSPECIFIED_ERROR => "unspecified error",
@@ -61,6 +61,6 @@ impl AlStatusCode {
 
 impl core::fmt::Display for AlStatusCode {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "0x{:04X}: {}", self.0, self.words())
+        write!(f, "0x{:04X}: {}", self.0, self.text())
     }
 }

@@ -8,8 +8,8 @@ use ethercrab::error::Error;
 use machine::{Duration, Instant};
 
 use crate::devices::{BRIDGE, SIMPLE};
-use crate::hand::{APRD, APWR, BRD, Hand, frame};
 use crate::main_device::Stand;
+use crate::raw_main_device::{APRD, APWR, BRD, RawMainDevice, frame};
 
 const USER_RAM: u16 = 0x0F80;
 
@@ -22,60 +22,64 @@ fn line(devices: usize) -> Segment {
 }
 
 /// Returns how many devices a frame passes.
-fn count(hand: &mut Hand) -> u16 {
-    hand.exchange(BRD, 0, 0, &[0]).1
+fn count(main_device: &mut RawMainDevice) -> u16 {
+    main_device.exchange(BRD, 0, 0, &[0]).1
 }
 
-fn dl_status(hand: &mut Hand, position: u16) -> u16 {
-    let (status, _) = hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0110, &[0; 2]);
+fn dl_status(main_device: &mut RawMainDevice, position: u16) -> u16 {
+    let (status, _) = main_device.exchange(APRD, 0_u16.wrapping_sub(position), 0x0110, &[0; 2]);
     u16::from_le_bytes([status[0], status[1]])
 }
 
 #[test]
 fn each_cut_leaves_the_devices_before_it_and_mending_brings_the_others_back() {
     for cut in 1..4 {
-        let mut hand = Hand::new(line(4));
-        assert_eq!(count(&mut hand), 4);
-        assert_eq!(dl_status(&mut hand, cut - 1), 0x5A37, "links at ports 0 and 1, loops closed at 2 and 3");
-        hand.segment.set_cut(DeviceId(usize::from(cut)), true);
-        assert_eq!(count(&mut hand), cut);
-        assert_eq!(dl_status(&mut hand, cut - 1), 0x5617, "the loop at port 1 is closed, too");
-        let (lost, _) = hand.exchange(APRD, 1_u16.wrapping_sub(cut), 0x0310, &[0; 4]);
+        let mut main_device = RawMainDevice::new(line(4));
+        assert_eq!(count(&mut main_device), 4);
+        assert_eq!(
+            dl_status(&mut main_device, cut - 1),
+            0x5A37,
+            "links at ports 0 and 1, loops closed at 2 and 3"
+        );
+        main_device.segment.set_cut(DeviceId(usize::from(cut)), true);
+        assert_eq!(count(&mut main_device), cut);
+        assert_eq!(dl_status(&mut main_device, cut - 1), 0x5617, "the loop at port 1 is closed, too");
+        let (lost, _) = main_device.exchange(APRD, 1_u16.wrapping_sub(cut), 0x0310, &[0; 4]);
         assert_eq!(lost, [0, 1, 0, 0], "lost links of the device before the cut");
-        hand.segment.set_cut(DeviceId(usize::from(cut)), false);
-        assert_eq!(count(&mut hand), 4);
-        assert_eq!(dl_status(&mut hand, cut - 1), 0x5A37);
+        main_device.segment.set_cut(DeviceId(usize::from(cut)), false);
+        assert_eq!(count(&mut main_device), 4);
+        assert_eq!(dl_status(&mut main_device, cut - 1), 0x5A37);
     }
 }
 
 #[test]
 fn a_cut_of_the_first_cable_loses_every_frame() {
-    let mut hand = Hand::new(line(2));
-    hand.segment.set_cut(DeviceId(0), true);
-    assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
-    assert_eq!(hand.segment.counters().lost, 1);
-    hand.segment.set_cut(DeviceId(0), false);
-    assert_eq!(count(&mut hand), 2);
+    let mut main_device = RawMainDevice::new(line(2));
+    main_device.segment.set_cut(DeviceId(0), true);
+    assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
+    assert_eq!(main_device.segment.counters().lost, 1);
+    main_device.segment.set_cut(DeviceId(0), false);
+    assert_eq!(count(&mut main_device), 2);
 }
 
 #[test]
 fn a_device_that_lost_power_comes_back_in_init_without_an_address_and_takes_those_behind_it_along() {
-    let mut hand = Hand::new(line(3));
+    let mut main_device = RawMainDevice::new(line(3));
     for position in 0..3_u16 {
-        hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &(0x1000 + position).to_le_bytes());
+        main_device.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &(0x1000 + position).to_le_bytes());
     }
-    hand.exchange(APWR, 0xFFFF, 0x0120, &[2, 0]);
-    assert_eq!(hand.segment.state(DeviceId(1)).unwrap().0, AlState::PreOp);
-    hand.segment.set_power(hand.now, DeviceId(1), false);
-    assert_eq!(count(&mut hand), 1);
-    assert_eq!(hand.segment.state(DeviceId(1)).unwrap().0, AlState::Init);
-    hand.segment.set_power(hand.now, DeviceId(1), true);
-    assert_eq!(count(&mut hand), 3);
+    main_device.exchange(APWR, 0xFFFF, 0x0120, &[2, 0]);
+    assert_eq!(main_device.segment.state(DeviceId(1)).unwrap().0, AlState::PreOp);
+    main_device.segment.set_power(main_device.now, DeviceId(1), false);
+    assert_eq!(count(&mut main_device), 1);
+    assert_eq!(main_device.segment.state(DeviceId(1)).unwrap().0, AlState::Init);
+    main_device.segment.set_power(main_device.now, DeviceId(1), true);
+    assert_eq!(count(&mut main_device), 3);
     let addresses: Vec<_> = (0..3_u16)
-        .map(|position| hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0010, &[0; 2]).0)
+        .map(|position| main_device.exchange(APRD, 0_u16.wrapping_sub(position), 0x0010, &[0; 2]).0)
         .collect();
     assert_eq!(addresses, [[0x00, 0x10], [0, 0], [0x02, 0x10]]);
-    assert_eq!(hand.segment.state(DeviceId(1)).unwrap().0, AlState::Init);
+    assert_eq!(main_device.segment.state(DeviceId(1)).unwrap().0, AlState::Init);
 }
 
 #[test]
@@ -91,66 +95,66 @@ fn a_frame_passes_a_tree_in_the_order_of_ports_3_1_2() {
     assert_eq!(segment.add_at(&config, fork, 0), None, "towards the MainDevice");
     assert_eq!(segment.add_at(&config, fork, 4), None, "no such port");
     // Each device keeps the address of its position: the fork, then what is at ports 3, 1 and 2.
-    let mut hand = Hand::new(segment);
+    let mut main_device = RawMainDevice::new(segment);
     for position in 0..5_u16 {
-        hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &[position as u8, 0x10]);
+        main_device.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &[position as u8, 0x10]);
     }
-    hand.segment.set_cut(at_3, true);
-    assert_eq!(station_addresses(&mut hand, 4), [0x1000, 0x1002, 0x1003, 0x1004]);
-    hand.segment.set_cut(at_3, false);
-    hand.segment.set_cut(at_1, true);
-    assert_eq!(station_addresses(&mut hand, 3), [0x1000, 0x1001, 0x1004]);
+    main_device.segment.set_cut(at_3, true);
+    assert_eq!(station_addresses(&mut main_device, 4), [0x1000, 0x1002, 0x1003, 0x1004]);
+    main_device.segment.set_cut(at_3, false);
+    main_device.segment.set_cut(at_1, true);
+    assert_eq!(station_addresses(&mut main_device, 3), [0x1000, 0x1001, 0x1004]);
 }
 
-fn station_addresses(hand: &mut Hand, devices: u16) -> Vec<u16> {
-    assert_eq!(count(hand), devices);
+fn station_addresses(main_device: &mut RawMainDevice, devices: u16) -> Vec<u16> {
+    assert_eq!(count(main_device), devices);
     (0..devices)
-        .map(|position| hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0010, &[0; 2]).0)
+        .map(|position| main_device.exchange(APRD, 0_u16.wrapping_sub(position), 0x0010, &[0; 2]).0)
         .map(|address| u16::from_le_bytes([address[0], address[1]]))
         .collect()
 }
 
 #[test]
 fn a_loop_that_is_closed_by_hand_ends_the_line_and_one_held_open_loses_frames_into_nothing() {
-    let mut hand = Hand::new(line(2));
+    let mut main_device = RawMainDevice::new(line(2));
     // Port 1 closed.
-    hand.exchange(APWR, 0, 0x0101, &[0b1100]);
-    assert_eq!(count(&mut hand), 1);
-    hand.exchange(APWR, 0, 0x0101, &[0]);
-    assert_eq!(count(&mut hand), 2);
+    main_device.exchange(APWR, 0, 0x0101, &[0b1100]);
+    assert_eq!(count(&mut main_device), 1);
+    main_device.exchange(APWR, 0, 0x0101, &[0]);
+    assert_eq!(count(&mut main_device), 2);
     // Port 1 of the last device open, where no cable is: the frame that opens it does not come back itself, as it leaves
     // by then.
-    assert_eq!(hand.send(&frame(APWR, 0x0101_FFFF, &[0b1000])), None);
-    assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
+    assert_eq!(main_device.send(&frame(APWR, 0x0101_FFFF, &[0b1000])), None);
+    assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
 }
 
 #[test]
 fn a_loop_with_automatic_closing_stays_closed_after_a_cut_until_it_is_set_again() {
-    let mut hand = Hand::new(line(2));
-    hand.exchange(APWR, 0, 0x0101, &[0b0100]);
-    hand.segment.set_cut(DeviceId(1), true);
-    hand.segment.set_cut(DeviceId(1), false);
-    assert_eq!(count(&mut hand), 1);
-    assert_eq!(dl_status(&mut hand, 0), 0x5E37, "port 1 has a link, and its loop is closed");
-    hand.exchange(APWR, 0, 0x0101, &[0b0100]);
-    assert_eq!(count(&mut hand), 2);
+    let mut main_device = RawMainDevice::new(line(2));
+    main_device.exchange(APWR, 0, 0x0101, &[0b0100]);
+    main_device.segment.set_cut(DeviceId(1), true);
+    main_device.segment.set_cut(DeviceId(1), false);
+    assert_eq!(count(&mut main_device), 1);
+    assert_eq!(dl_status(&mut main_device, 0), 0x5E37, "port 1 has a link, and its loop is closed");
+    main_device.exchange(APWR, 0, 0x0101, &[0b0100]);
+    assert_eq!(count(&mut main_device), 2);
 }
 
 #[test]
 fn a_frame_that_finds_port_0_closed_behind_it_is_lost_instead_of_going_round_for_ever() {
-    let mut hand = Hand::new(line(2));
-    assert_eq!(hand.send(&frame(APWR, 0x0101_0000, &[0b0011])), None);
-    assert_eq!(hand.send(&frame(BRD, 0, &[0])), None);
+    let mut main_device = RawMainDevice::new(line(2));
+    assert_eq!(main_device.send(&frame(APWR, 0x0101_0000, &[0b0011])), None);
+    assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
 }
 
 #[test]
 fn a_device_whose_loops_are_all_closed_can_be_reached_by_port_0() {
-    let mut hand = Hand::new(line(2));
-    hand.exchange(APWR, 0, 0x0101, &[0b1111_1111]);
-    assert_eq!(count(&mut hand), 1);
-    assert_eq!(dl_status(&mut hand, 0), 0x5F37, "all loops are closed");
-    hand.exchange(APWR, 0, 0x0101, &[0]);
-    assert_eq!(count(&mut hand), 2);
+    let mut main_device = RawMainDevice::new(line(2));
+    main_device.exchange(APWR, 0, 0x0101, &[0b1111_1111]);
+    assert_eq!(count(&mut main_device), 1);
+    assert_eq!(dl_status(&mut main_device, 0), 0x5F37, "all loops are closed");
+    main_device.exchange(APWR, 0, 0x0101, &[0]);
+    assert_eq!(count(&mut main_device), 2);
 }
 
 #[test]
@@ -163,18 +167,18 @@ fn a_frame_comes_back_after_every_cable_and_every_device_both_ways() {
             ..DeviceConfig::new(&SIMPLE)
         });
     }
-    let mut hand = Hand::new(segment);
-    count(&mut hand);
+    let mut main_device = RawMainDevice::new(segment);
+    count(&mut main_device);
     // The last device is passed once: it sends the frame back out of the port that it came from.
-    assert_eq!(hand.now, Instant::from_nanos(2 * (1000 + 20 + 5) + 2 * (100 + 30) + 7));
+    assert_eq!(main_device.now, Instant::from_nanos(2 * (1000 + 20 + 5) + 2 * (100 + 30) + 7));
 }
 
 #[test]
 fn chips_know_their_own_user_ram_only() {
-    let mut hand = Hand::new(line(2));
-    hand.exchange(APWR, 0xFFFF, USER_RAM, &[9]);
-    assert_eq!(hand.exchange(APRD, 0, USER_RAM, &[0]), (vec![0], 1));
-    assert_eq!(hand.exchange(APRD, 0xFFFF, USER_RAM, &[0]), (vec![9], 1));
+    let mut main_device = RawMainDevice::new(line(2));
+    main_device.exchange(APWR, 0xFFFF, USER_RAM, &[9]);
+    assert_eq!(main_device.exchange(APRD, 0, USER_RAM, &[0]), (vec![0], 1));
+    assert_eq!(main_device.exchange(APRD, 0xFFFF, USER_RAM, &[0]), (vec![9], 1));
 }
 
 /// Three bridges in OP under ethercrab; the cable before the second one is cut for 300 ms and mended.

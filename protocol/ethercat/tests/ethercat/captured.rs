@@ -6,7 +6,7 @@ use ethercat_subdevice::description::{
 };
 use ethercat_subdevice::{DeviceConfig, Segment};
 
-use crate::hand::Hand;
+use crate::raw_main_device::RawMainDevice;
 
 /// Length of the mailboxes in bytes. The EK1914's have 256; messages say their own length.
 const MAILBOX: usize = 128;
@@ -137,13 +137,13 @@ fn meaning(answer: &[u8]) -> &[u8] {
 fn differences(description: &'static Description, text: &str) -> Vec<[Vec<u8>; 3]> {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(description));
-    let mut hand = Hand::start(segment);
+    let mut main_device = RawMainDevice::start(segment);
     let mut differences = Vec::new();
     for [request, expected] in pairs(text) {
         let mut message = request.clone();
         message.resize(MAILBOX, 0);
-        assert_eq!(hand.write(0x1000, &message), 1);
-        let (answer, working_counter) = hand.read(0x1080, MAILBOX);
+        assert_eq!(main_device.write(0x1000, &message), 1);
+        let (answer, working_counter) = main_device.read(0x1080, MAILBOX);
         assert_eq!(working_counter, 1, "no answer to {request:02X?}");
         let (answer, rest) = answer.split_at(expected.len());
         assert!(rest.iter().all(|byte| *byte == 0), "more than the hardware's answer");

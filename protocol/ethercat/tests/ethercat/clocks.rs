@@ -9,8 +9,8 @@ use ethercrab::{DcSync, MainDevice, MainDeviceConfig};
 use machine::{Duration, Instant};
 
 use crate::devices::{BRIDGE, SIMPLE};
-use crate::hand::{APRD, BWR, Hand};
 use crate::main_device::Stand;
+use crate::raw_main_device::{APRD, BWR, RawMainDevice};
 
 /// Start in ns, error in ppb, and delay of the cable in ns, of each device.
 const DEVICES: [(u64, i64, u64); 4] = [
@@ -45,11 +45,11 @@ fn a_broadcast_write_latches_the_time_at_each_port_that_the_frame_comes_by() {
     for cable_ns in [500, 100, 30] {
         segment.add(&bridge((5_000, 0, cable_ns)));
     }
-    let mut hand = Hand::new(segment);
-    assert_eq!(hand.exchange(BWR, 0, 0x0900, &[0; 4]).1, 3);
+    let mut main_device = RawMainDevice::new(segment);
+    assert_eq!(main_device.exchange(BWR, 0, 0x0900, &[0; 4]).1, 3);
     let times: Vec<[u32; 2]> = (0..3_u16)
         .map(|position| {
-            let (times, _) = hand.exchange(APRD, 0_u16.wrapping_sub(position), 0x0900, &[0; 8]);
+            let (times, _) = main_device.exchange(APRD, 0_u16.wrapping_sub(position), 0x0900, &[0; 8]);
             [0, 4].map(|at| u32::from_le_bytes(times[at..at + 4].try_into().unwrap()))
         })
         .collect();
@@ -60,15 +60,15 @@ fn a_broadcast_write_latches_the_time_at_each_port_that_the_frame_comes_by() {
     let back_at_first = back_at_second + 300 + 100;
     assert_eq!(times, [[first, back_at_first], [second, back_at_second], [third, 0]]);
     // Another frame latches nothing.
-    assert_eq!(hand.exchange(APRD, 0, 0x0900, &[0; 4]).0, first.to_le_bytes());
+    assert_eq!(main_device.exchange(APRD, 0, 0x0900, &[0; 4]).0, first.to_le_bytes());
 }
 
 #[test]
 fn a_device_without_clock_does_not_count_in_the_latch_of_the_others() {
     let mut segment = line();
     segment.add(&DeviceConfig::new(&SIMPLE));
-    let mut hand = Hand::new(segment);
-    assert_eq!(hand.exchange(BWR, 0, 0x0900, &[0; 4]).1, DEVICES.len() as u16);
+    let mut main_device = RawMainDevice::new(segment);
+    assert_eq!(main_device.exchange(BWR, 0, 0x0900, &[0; 4]).1, DEVICES.len() as u16);
 }
 
 /// Returns the largest difference in ns between the system times of the devices at one instant.
@@ -204,13 +204,13 @@ fn a_sync1_longer_than_the_cycle_comes_after_every_second_sync0_and_a_cycle_of_0
     ] {
         let mut segment = Segment::new();
         segment.add(&bridge((0, 0, 0)));
-        let mut hand = Hand::start(segment);
-        hand.write(0x0990, &10_000_000_u64.to_le_bytes());
-        hand.write(0x09A0, &(cycle * 1_000).to_le_bytes());
-        hand.write(0x09A4, &(sync1 * 1_000).to_le_bytes());
-        hand.write(0x0981, &[0x07]);
-        hand.wait(Duration::from_micros(13_600));
-        let pulses: Vec<(u8, u64)> = hand
+        let mut main_device = RawMainDevice::start(segment);
+        main_device.write(0x0990, &10_000_000_u64.to_le_bytes());
+        main_device.write(0x09A0, &(cycle * 1_000).to_le_bytes());
+        main_device.write(0x09A4, &(sync1 * 1_000).to_le_bytes());
+        main_device.write(0x0981, &[0x07]);
+        main_device.wait(Duration::from_micros(13_600));
+        let pulses: Vec<(u8, u64)> = main_device
             .events
             .iter()
             .filter_map(|(_, event)| match event {
@@ -228,14 +228,14 @@ fn a_sync1_longer_than_the_cycle_comes_after_every_second_sync0_and_a_cycle_of_0
 fn sync_signals_go_on_where_the_64_bit_system_time_begins_anew() {
     let mut segment = Segment::new();
     segment.add(&bridge((0, 0, 0)));
-    let mut hand = Hand::start(segment);
+    let mut main_device = RawMainDevice::start(segment);
     let ends_in = |nanos: u64| (u64::MAX - nanos).to_le_bytes();
-    hand.write(0x0920, &ends_in(10_000_000));
-    hand.write(0x0990, &ends_in(2_499_999));
-    hand.write(0x09A0, &1_000_000_u32.to_le_bytes());
-    hand.write(0x0981, &[0x03]);
-    hand.wait(Duration::from_millis(12));
-    let pulses: Vec<u64> = hand
+    main_device.write(0x0920, &ends_in(10_000_000));
+    main_device.write(0x0990, &ends_in(2_499_999));
+    main_device.write(0x09A0, &1_000_000_u32.to_le_bytes());
+    main_device.write(0x0981, &[0x03]);
+    main_device.wait(Duration::from_millis(12));
+    let pulses: Vec<u64> = main_device
         .events
         .iter()
         .filter_map(|(_, event)| match event {
@@ -250,14 +250,14 @@ fn sync_signals_go_on_where_the_64_bit_system_time_begins_anew() {
 fn a_sync_start_that_has_passed_makes_no_signal_and_keeps_the_device_from_safe_op() {
     let mut segment = Segment::new();
     segment.add(&bridge((1_000_000, 0, 0)));
-    let mut hand = Hand::start(segment);
-    hand.write(0x0990, &500_000_u64.to_le_bytes());
-    hand.write(0x09A0, &1_000_000_u32.to_le_bytes());
-    hand.write(0x0981, &[0x03]);
-    hand.wait(Duration::from_secs(1));
-    assert!(hand.events.iter().all(|(_, event)| !matches!(event, Event::Sync0 { .. })));
-    hand.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
-    hand.write(0x0818, &[0x00, 0x14, 0x00, 0x01, 0x20, 0, 1, 0]);
-    hand.request_state(4);
-    assert_eq!(hand.al_status(), (0x12, 0x0030));
+    let mut main_device = RawMainDevice::start(segment);
+    main_device.write(0x0990, &500_000_u64.to_le_bytes());
+    main_device.write(0x09A0, &1_000_000_u32.to_le_bytes());
+    main_device.write(0x0981, &[0x03]);
+    main_device.wait(Duration::from_secs(1));
+    assert!(main_device.events.iter().all(|(_, event)| !matches!(event, Event::Sync0 { .. })));
+    main_device.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
+    main_device.write(0x0818, &[0x00, 0x14, 0x00, 0x01, 0x20, 0, 1, 0]);
+    main_device.request_state(4);
+    assert_eq!(main_device.al_status(), (0x12, 0x0030));
 }

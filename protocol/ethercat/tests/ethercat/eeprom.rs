@@ -6,10 +6,10 @@ use ethercrab::error::Error;
 use machine::Duration;
 
 use crate::devices::{BRIDGE, PLAIN};
-use crate::hand::{APRD, APWR, FIRST, Hand};
 use crate::main_device::Stand;
+use crate::raw_main_device::{APRD, APWR, FIRST, RawMainDevice};
 
-fn one(config: &DeviceConfig) -> Segment {
+fn single_device(config: &DeviceConfig) -> Segment {
     let mut segment = Segment::new();
     segment.add(config);
     segment
@@ -17,7 +17,7 @@ fn one(config: &DeviceConfig) -> Segment {
 
 #[test]
 fn an_alias_that_ethercrab_writes_with_its_checksum_counts_after_power_on() {
-    let mut segment = one(&DeviceConfig { alias: 5, ..DeviceConfig::new(&BRIDGE) });
+    let mut segment = single_device(&DeviceConfig { alias: 5, ..DeviceConfig::new(&BRIDGE) });
     let ended = Stand::new(&mut segment).run(async |main| {
         let mut group = main.init_single_group::<4, 512>(time::now_ns).await?;
         let mut device = group.iter_mut(main).next().ok_or(Error::UnknownSubDevice)?;
@@ -28,54 +28,54 @@ fn an_alias_that_ethercrab_writes_with_its_checksum_counts_after_power_on() {
     });
     let size = sii_image(&BRIDGE, 0, 5).len();
     assert_eq!(ended.result, Some(Ok((5, Some(BRIDGE.name.to_owned()), size))));
-    let mut hand = Hand::new(segment);
-    assert_eq!(hand.exchange(APRD, 0, 0x0012, &[0; 2]).0, [5, 0], "not before");
-    hand.segment.set_power(hand.now, DeviceId(0), false);
-    hand.segment.set_power(hand.now, DeviceId(0), true);
-    assert_eq!(hand.exchange(APRD, 0, 0x0012, &[0; 2]).0, [0x77, 0x07]);
-    assert_eq!(hand.exchange(APRD, 0, 0x0502, &[0; 2]).0, [0xC0, 0x00], "no error");
+    let mut main_device = RawMainDevice::new(segment);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0012, &[0; 2]).0, [5, 0], "not before");
+    main_device.segment.set_power(main_device.now, DeviceId(0), false);
+    main_device.segment.set_power(main_device.now, DeviceId(0), true);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0012, &[0; 2]).0, [0x77, 0x07]);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0502, &[0; 2]).0, [0xC0, 0x00], "no error");
 }
 
 #[test]
 fn a_wrong_checksum_leaves_the_device_without_alias_and_in_init() {
-    let mut segment = one(&DeviceConfig { alias: 5, ..DeviceConfig::new(&PLAIN) });
+    let mut segment = single_device(&DeviceConfig { alias: 5, ..DeviceConfig::new(&PLAIN) });
     segment.eeprom_mut(DeviceId(0)).unwrap()[14] ^= 1;
-    let mut hand = Hand::new(segment);
-    hand.segment.set_power(hand.now, DeviceId(0), false);
-    hand.segment.set_power(hand.now, DeviceId(0), true);
-    assert_eq!(hand.exchange(APRD, 0, 0x0502, &[0; 2]).0, [0xC0, 0x18], "checksum error, not loaded");
-    assert_eq!(hand.exchange(APRD, 0, 0x0110, &[0]).0[0] & 1, 0);
-    assert_eq!(hand.exchange(APRD, 0, 0x0012, &[0; 2]).0, [0, 0]);
-    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
-    hand.request_state(2);
-    assert_eq!(hand.al_status(), (0x01, 0));
+    let mut main_device = RawMainDevice::new(segment);
+    main_device.segment.set_power(main_device.now, DeviceId(0), false);
+    main_device.segment.set_power(main_device.now, DeviceId(0), true);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0502, &[0; 2]).0, [0xC0, 0x18], "checksum error, not loaded");
+    assert_eq!(main_device.exchange(APRD, 0, 0x0110, &[0]).0[0] & 1, 0);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0012, &[0; 2]).0, [0, 0]);
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    main_device.request_state(2);
+    assert_eq!(main_device.al_status(), (0x01, 0));
 }
 
 #[test]
 fn a_command_takes_its_time_and_errors_show_until_the_next() {
     let busy = DeviceConfig { eeprom_delay: Duration::from_micros(400), ..DeviceConfig::new(&PLAIN) };
-    let mut hand = Hand::new(one(&busy));
-    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    let mut main_device = RawMainDevice::new(single_device(&busy));
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
     // Read of the vendor.
-    hand.write(0x0502, &[0, 1, 8, 0, 0, 0]);
-    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x80]);
-    hand.wait(Duration::from_micros(399));
-    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x80]);
-    hand.write(0x0502, &[0, 1, 0, 0, 0, 0]);
-    hand.wait(Duration::from_micros(1));
-    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x00]);
-    assert_eq!(hand.read(0x0508, 8).0, [0, 0x0F, 0, 0, 3, 0, 0, 0]);
+    main_device.write(0x0502, &[0, 1, 8, 0, 0, 0]);
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x80]);
+    main_device.wait(Duration::from_micros(399));
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x80]);
+    main_device.write(0x0502, &[0, 1, 0, 0, 0, 0]);
+    main_device.wait(Duration::from_micros(1));
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x00]);
+    assert_eq!(main_device.read(0x0508, 8).0, [0, 0x0F, 0, 0, 3, 0, 0, 0]);
     // A write without the permission in the same command.
-    hand.write(0x0502, &[0, 2, 4, 0, 0, 0]);
-    hand.wait(Duration::from_micros(400));
-    assert_eq!(hand.read(0x0502, 2).0, [0xC0, 0x40]);
+    main_device.write(0x0502, &[0, 2, 4, 0, 0, 0]);
+    main_device.wait(Duration::from_micros(400));
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x40]);
     // While the EEPROM belongs to the device's own side, nothing is done.
-    hand.write(0x0500, &[1]);
-    hand.write(0x0502, &[0, 1, 8, 0, 0, 0]);
-    assert_eq!(hand.read(0x0503, 1).0, [0x40]);
-    hand.write(0x0500, &[0]);
-    hand.write(0x0502, &[0, 0]);
-    assert_eq!(hand.read(0x0503, 1).0, [0]);
+    main_device.write(0x0500, &[1]);
+    main_device.write(0x0502, &[0, 1, 8, 0, 0, 0]);
+    assert_eq!(main_device.read(0x0503, 1).0, [0x40]);
+    main_device.write(0x0500, &[0]);
+    main_device.write(0x0502, &[0, 0]);
+    assert_eq!(main_device.read(0x0503, 1).0, [0]);
 }
 
 #[test]

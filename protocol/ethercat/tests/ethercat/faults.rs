@@ -10,9 +10,9 @@ use virtual_time::Impairment;
 
 use crate::devices::{PLAIN, SMART};
 use crate::faulty::FrameFault;
-use crate::hand::{APWR, frame};
 use crate::main_device::Stand;
 use crate::operation::{Operation, operate};
+use crate::raw_main_device::{APWR, frame};
 
 /// End of a run, and good cycles at its end that count as recovered.
 const END: Instant = Instant::from_millis(1_600);

@@ -6,17 +6,17 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::devices::{BRIDGE, SIMPLE};
-use crate::hand::{FIRST, FPRD, FPWR, Hand, LRD, LWR, frame};
+use crate::raw_main_device::{FIRST, FPRD, FPWR, LRD, LWR, RawMainDevice, frame};
 
 /// A datagram: command, address and data.
 type Sent = (u8, u32, Vec<u8>);
 
-fn two_bridges() -> Hand {
+fn two_bridges() -> RawMainDevice {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig { alias: 0x1001, ..DeviceConfig::new(&BRIDGE) });
     segment.add(&DeviceConfig::new(&BRIDGE));
     segment.add(&DeviceConfig::new(&SIMPLE));
-    Hand::start(segment)
+    RawMainDevice::start(segment)
 }
 
 /// Generates addresses where something is: registers, buffers, mailboxes, and mapped logical addresses.
@@ -48,9 +48,9 @@ fn sent() -> impl Strategy<Value = Sent> {
 }
 
 /// Maps logical addresses 0 to 256 to the outputs, and the next 256 to the inputs, of the first device.
-fn map(hand: &mut Hand) {
-    hand.write(0x0600, &[0, 0, 0, 0, 0, 1, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0]);
-    hand.write(0x0610, &[0, 1, 0, 0, 0, 1, 0, 7, 0x00, 0x14, 0, 1, 1, 0, 0, 0]);
+fn map(main_device: &mut RawMainDevice) {
+    main_device.write(0x0600, &[0, 0, 0, 0, 0, 1, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0]);
+    main_device.write(0x0610, &[0, 1, 0, 0, 0, 1, 0, 7, 0x00, 0x14, 0, 1, 1, 0, 0, 0]);
 }
 
 proptest! {
@@ -58,13 +58,13 @@ proptest! {
 
     #[test]
     fn any_bytes_are_passed_or_dropped(frames in vec(vec(any::<u8>(), 0..200), 1..10)) {
-        let mut hand = two_bridges();
+        let mut main_device = two_bridges();
         for bytes in &frames {
-            hand.send(bytes);
+            main_device.send(bytes);
             let mut ethercat = frame(0, 0, &[]);
             ethercat.truncate(14);
             ethercat.extend(bytes);
-            if let Some(reply) = hand.send(&ethercat) {
+            if let Some(reply) = main_device.send(&ethercat) {
                 prop_assert_eq!(reply.len(), ethercat.len());
             }
         }
@@ -72,13 +72,13 @@ proptest! {
 
     #[test]
     fn any_datagrams_come_back_with_a_count_that_the_devices_can_reach(all in vec(sent(), 1..40)) {
-        let mut hand = two_bridges();
-        map(&mut hand);
+        let mut main_device = two_bridges();
+        map(&mut main_device);
         for (command, address, data) in &all {
             // A line with a port that is held open loses what it is sent.
-            let Some((_, _, counted)) = hand.exchange_at(*command, *address, data) else { continue };
+            let Some((_, _, counted)) = main_device.exchange_at(*command, *address, data) else { continue };
             prop_assert!(counted <= 9, "{counted}");
-            hand.wait(Duration::from_micros(137));
+            main_device.wait(Duration::from_micros(137));
         }
     }
 
@@ -106,15 +106,15 @@ proptest! {
     /// What was counted as written can be read, and what was counted as read was there.
     #[test]
     fn process_data_that_counted_arrived(rounds in vec((any::<[u8; 8]>(), 0_usize..300, 0_u32..600), 1..20)) {
-        let mut hand = two_bridges();
-        hand.operate();
-        map(&mut hand);
+        let mut main_device = two_bridges();
+        main_device.operate();
+        map(&mut main_device);
         let mut inputs = [0; 256];
         for (seed, len, address) in rounds {
             let data: Vec<u8> = seed.iter().cycle().take(len).copied().collect();
-            let before = hand.segment.outputs(DeviceId(0)).map(<[u8]>::to_vec);
-            let (_, _, written) = hand.exchange_at(LWR, address, &data).unwrap();
-            let outputs = hand.segment.outputs(DeviceId(0)).map(<[u8]>::to_vec);
+            let before = main_device.segment.outputs(DeviceId(0)).map(<[u8]>::to_vec);
+            let (_, _, written) = main_device.exchange_at(LWR, address, &data).unwrap();
+            let outputs = main_device.segment.outputs(DeviceId(0)).map(<[u8]>::to_vec);
             // Only a whole image is handed over.
             if written == 0 {
                 prop_assert_eq!(&outputs, &before);
@@ -122,40 +122,40 @@ proptest! {
                 prop_assert_eq!(outputs.as_deref(), Some(&data[..256]));
             }
             inputs.copy_from_slice(&seed.repeat(32));
-            hand.segment.set_inputs(DeviceId(0), &inputs).unwrap();
-            let (_, read, counted) = hand.exchange_at(LRD, 256, &[0xEE; 256]).unwrap();
+            main_device.segment.set_inputs(DeviceId(0), &inputs).unwrap();
+            let (_, read, counted) = main_device.exchange_at(LRD, 256, &[0xEE; 256]).unwrap();
             prop_assert_eq!((&read[..], counted), (&inputs[..], 1));
         }
     }
 
     #[test]
     fn any_mail_leaves_a_mailbox_that_answers(mails in vec((0_u8..16, vec(any::<u8>(), 0..120), any::<bool>()), 1..30)) {
-        let mut hand = two_bridges();
+        let mut main_device = two_bridges();
         for (protocol, body, coe) in mails {
             let body = if coe { [vec![0, 0x20], body].concat() } else { body };
-            hand.post(if coe { 3 } else { protocol }, &body[..body.len().min(122)]);
-            while hand.fetch().is_some() {}
+            main_device.post(if coe { 3 } else { protocol }, &body[..body.len().min(122)]);
+            while main_device.fetch().is_some() {}
         }
-        prop_assert_eq!(hand.sdo(&[0x40, 0, 0x10, 0, 0, 0, 0, 0]), [0x43, 0, 0x10, 0, 0x89, 0x13, 0, 0]);
+        prop_assert_eq!(main_device.sdo(&[0x40, 0, 0x10, 0, 0, 0, 0, 0]), [0x43, 0, 0x10, 0, 0x89, 0x13, 0, 0]);
     }
 
     #[test]
     fn any_eeprom_leaves_a_device_that_can_be_read(at in 0_usize..512, bytes in vec(any::<u8>(), 1..64)) {
-        let mut hand = two_bridges();
-        let eeprom = hand.segment.eeprom_mut(DeviceId(0)).unwrap();
+        let mut main_device = two_bridges();
+        let eeprom = main_device.segment.eeprom_mut(DeviceId(0)).unwrap();
         eeprom.iter_mut().skip(at).zip(&bytes).for_each(|(to, from)| *to = *from);
-        hand.segment.set_power(hand.now, DeviceId(0), false);
-        hand.segment.set_power(hand.now, DeviceId(0), true);
-        let loaded = hand.exchange(1, 0, 0x0110, &[0]).0[0] & 1 != 0;
-        let error = hand.exchange(1, 0, 0x0503, &[0]).0[0] & 0x18;
+        main_device.segment.set_power(main_device.now, DeviceId(0), false);
+        main_device.segment.set_power(main_device.now, DeviceId(0), true);
+        let loaded = main_device.exchange(1, 0, 0x0110, &[0]).0[0] & 1 != 0;
+        let error = main_device.exchange(1, 0, 0x0503, &[0]).0[0] & 0x18;
         prop_assert_eq!(error, if loaded { 0 } else { 0x18 });
-        hand.exchange(2, 0, 0x0010, &FIRST.to_le_bytes());
+        main_device.exchange(2, 0, 0x0010, &FIRST.to_le_bytes());
         for word in 0..40_u32 {
             let mut command = vec![0, 1];
             command.extend(word.to_le_bytes());
-            prop_assert_eq!(hand.exchange(FPWR, FIRST, 0x0502, &command).1, 1);
-            prop_assert_eq!(hand.exchange(FPRD, FIRST, 0x0508, &[0; 8]).1, 1);
+            prop_assert_eq!(main_device.exchange(FPWR, FIRST, 0x0502, &command).1, 1);
+            prop_assert_eq!(main_device.exchange(FPRD, FIRST, 0x0508, &[0; 8]).1, 1);
         }
-        prop_assert_eq!(hand.segment.state(DeviceId(0)).unwrap().0, AlState::Init);
+        prop_assert_eq!(main_device.segment.state(DeviceId(0)).unwrap().0, AlState::Init);
     }
 }

@@ -13,7 +13,7 @@ use crate::main_device::Stand;
 
 const MS: Duration = Duration::from_millis(1);
 
-fn one(config: &DeviceConfig) -> Segment {
+fn single_device(config: &DeviceConfig) -> Segment {
     let mut segment = Segment::new();
     segment.add(config);
     segment
@@ -21,7 +21,7 @@ fn one(config: &DeviceConfig) -> Segment {
 
 /// Reads an object while the device raises an emergency with this code: the request is in the mailbox, the answer not yet.
 fn read_with_an_emergency(code: u16) -> Option<Result<u32, Error>> {
-    let mut segment = one(&DeviceConfig { answer_delay: MS * 10, ..DeviceConfig::new(&SMART) });
+    let mut segment = single_device(&DeviceConfig { answer_delay: MS * 10, ..DeviceConfig::new(&SMART) });
     let script = async |main: &MainDevice<'_>| {
         let group = main.init_single_group::<4, 64>(time::now_ns).await?;
         Timer::at(embassy_time::Instant::from_millis(500)).await;
@@ -48,7 +48,7 @@ fn an_emergency_whose_code_is_no_command_of_sdos_is_an_error_that_says_nothing_o
 
 #[test]
 fn a_value_above_four_bytes_cannot_be_written() {
-    let mut segment = one(&DeviceConfig::new(&BRIDGE));
+    let mut segment = single_device(&DeviceConfig::new(&BRIDGE));
     let ended = Stand::new(&mut segment).run(async |main| {
         let group = main.init_single_group::<4, 512>(time::now_ns).await?;
         group.subdevice(main, 0)?.sdo_write(0x8000, 4, 1_u64).await
@@ -58,7 +58,7 @@ fn a_value_above_four_bytes_cannot_be_written() {
 
 #[test]
 fn a_value_that_comes_in_segments_cannot_be_read() {
-    let mut segment = one(&DeviceConfig::new(&BRIDGE));
+    let mut segment = single_device(&DeviceConfig::new(&BRIDGE));
     let ended = Stand::new(&mut segment).run(async |main| {
         let group = main.init_single_group::<4, 512>(time::now_ns).await?;
         group.subdevice(main, 0)?.sdo_read::<[u8; 300]>(0x8001, 0).await
@@ -68,7 +68,7 @@ fn a_value_that_comes_in_segments_cannot_be_read() {
 
 #[test]
 fn a_list_of_objects_in_fragments_lacks_the_last_object_of_each_fragment_but_the_first() {
-    let mut segment = one(&DeviceConfig::new(&TINY));
+    let mut segment = single_device(&DeviceConfig::new(&TINY));
     let ended = Stand::new(&mut segment).run(async |main| {
         let group = main.init_single_group::<4, 64>(time::now_ns).await?;
         let device = group.subdevice(main, 0)?;
@@ -81,7 +81,7 @@ fn a_list_of_objects_in_fragments_lacks_the_last_object_of_each_fragment_but_the
 
 #[test]
 fn all_op_is_true_where_a_device_does_not_answer_for_its_state() {
-    let mut segment = one(&DeviceConfig::new(&PLAIN));
+    let mut segment = single_device(&DeviceConfig::new(&PLAIN));
     segment.add(&DeviceConfig::new(&PLAIN));
     let ended = Stand::new(&mut segment).run(async |main: &MainDevice<'_>| {
         let group = main.init_single_group::<4, 64>(time::now_ns).await?;
@@ -97,7 +97,7 @@ fn all_op_is_true_where_a_device_does_not_answer_for_its_state() {
 
 #[test]
 fn a_device_with_outputs_alone_works() {
-    let mut segment = one(&DeviceConfig::new(&ACTUATOR));
+    let mut segment = single_device(&DeviceConfig::new(&ACTUATOR));
     let ended = Stand::new(&mut segment).run(async |main| {
         let group = main.init_single_group::<4, 64>(time::now_ns).await?;
         let group = group.into_op(main).await?;
@@ -111,7 +111,7 @@ fn a_device_with_outputs_alone_works() {
 /// Runs cycles of one frame with two datagrams each; the reply to one is held back for `frames` others. Returns how many
 /// cycles old the inputs were at most where ethercrab had no complaint.
 fn age_with_a_reply_behind(frames: u32) -> u8 {
-    let mut segment = one(&DeviceConfig::new(&PLAIN));
+    let mut segment = single_device(&DeviceConfig::new(&PLAIN));
     let mut stand = Stand::new(&mut segment);
     (stand.echo, stand.timeouts.pdu) = (true, MS);
     stand.faults = vec![(1_000, FrameFault::HeldFor(frames))];

@@ -1,12 +1,12 @@
-//! Process data that a MainDevice chooses: assignment and mapping, by ethercrab and by hand.
+//! Process data that a MainDevice chooses: assignment and mapping, by ethercrab and by main_device.
 
 use ethercat_maindevice::time;
 use ethercat_subdevice::description::{DataType, Mailbox, Pdo, PdoEntry};
 use ethercat_subdevice::{Description, DeviceConfig, DeviceId, PdoConfiguration, Segment};
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 
-use crate::hand::Hand;
 use crate::main_device::Stand;
+use crate::raw_main_device::RawMainDevice;
 
 const ID: DeviceId = DeviceId(0);
 
@@ -56,13 +56,13 @@ fn segment(pdo_configuration: PdoConfiguration) -> Segment {
 }
 
 /// Writes up to four bytes; returns the abort code, 0 for none.
-fn write(hand: &mut Hand, index: u16, subindex: u8, data: &[u8]) -> u32 {
+fn write(main_device: &mut RawMainDevice, index: u16, subindex: u8, data: &[u8]) -> u32 {
     let mut request = vec![0x23 | ((4 - data.len()) as u8) << 2];
     request.extend(index.to_le_bytes());
     request.push(subindex);
     request.extend(data);
     request.resize(8, 0);
-    answered(&hand.sdo(&request))
+    answered(&main_device.sdo(&request))
 }
 
 fn answered(answer: &[u8]) -> u32 {
@@ -105,27 +105,27 @@ fn a_main_device_assigns_some_objects_and_they_are_exchanged_in_its_order() {
 
 #[test]
 fn what_is_chosen_shows_in_the_objects_and_the_rest_keeps_a_value_of_its_own() {
-    let mut hand = Hand::start(segment(PdoConfiguration::Assignable));
+    let mut main_device = RawMainDevice::start(segment(PdoConfiguration::Assignable));
     for (index, subindex, data) in
         [(0x1C13, 0, &[0][..]), (0x1C13, 1, &[0x01, 0x1A]), (0x1C13, 0, &[1]), (0x1C12, 0, &[0])]
     {
-        assert_eq!(write(&mut hand, index, subindex, data), 0, "{index:04X}:{subindex}");
+        assert_eq!(write(&mut main_device, index, subindex, data), 0, "{index:04X}:{subindex}");
     }
-    hand.segment.set_inputs(ID, &[0x34, 0x12]).unwrap();
-    let read = |hand: &mut Hand, index: u16| {
+    main_device.segment.set_inputs(ID, &[0x34, 0x12]).unwrap();
+    let read = |main_device: &mut RawMainDevice, index: u16| {
         let [low, high] = index.to_le_bytes();
-        u32::from_le_bytes(hand.sdo(&[0x40, low, high, 0, 0, 0, 0, 0])[4..8].try_into().unwrap())
+        u32::from_le_bytes(main_device.sdo(&[0x40, low, high, 0, 0, 0, 0, 0])[4..8].try_into().unwrap())
     };
-    assert_eq!(read(&mut hand, 0x6002), 0x1234);
-    assert_eq!(read(&mut hand, 0x6000), 0);
+    assert_eq!(read(&mut main_device, 0x6002), 0x1234);
+    assert_eq!(read(&mut main_device, 0x6000), 0);
     // No output is assigned, so that all of them are written by SDO.
-    assert_eq!(write(&mut hand, 0x7000, 0, &[5, 0]), 0);
-    assert_eq!(read(&mut hand, 0x7000), 5);
+    assert_eq!(write(&mut main_device, 0x7000, 0, &[5, 0]), 0);
+    assert_eq!(read(&mut main_device, 0x7000), 5);
 }
 
 #[test]
 fn each_wrong_choice_has_its_abort_code_and_changes_nothing() {
-    let mut hand = Hand::start(segment(PdoConfiguration::Mappable));
+    let mut main_device = RawMainDevice::start(segment(PdoConfiguration::Mappable));
     for (index, subindex, data, code) in [
         (0x1C12, 1, &[0x01, 0x16][..], COUNT_NOT_ZERO),
         (0x1600, 1, &[16, 0, 2, 0x70], COUNT_NOT_ZERO),
@@ -150,42 +150,47 @@ fn each_wrong_choice_has_its_abort_code_and_changes_nothing() {
         (0x1601, 1, &[32, 0, 1, 0x70], 0),
         (0x1601, 0, &[1], 0),
     ] {
-        assert_eq!(write(&mut hand, index, subindex, data), code, "{index:04X}:{subindex} {data:02X?}");
+        assert_eq!(
+            write(&mut main_device, index, subindex, data),
+            code,
+            "{index:04X}:{subindex} {data:02X?}"
+        );
     }
-    assert_eq!(hand.segment.object(ID, 0x1C12, 0), Some(&[1][..]));
-    assert_eq!(hand.segment.object(ID, 0x1601, 1), Some(&[32, 0, 1, 0x70][..]));
+    assert_eq!(main_device.segment.object(ID, 0x1C12, 0), Some(&[1][..]));
+    assert_eq!(main_device.segment.object(ID, 0x1601, 1), Some(&[32, 0, 1, 0x70][..]));
     // 0x7001 is process data now.
-    assert_eq!(hand.segment.object(ID, 0x7001, 0), None);
-    assert_eq!(hand.segment.object(ID, 0x7002, 0), Some(&[0, 0][..]));
+    assert_eq!(main_device.segment.object(ID, 0x7001, 0), None);
+    assert_eq!(main_device.segment.object(ID, 0x7002, 0), Some(&[0, 0][..]));
 }
 
 #[test]
 fn a_complete_access_writes_a_whole_assignment_or_nothing_of_it() {
-    let mut hand = Hand::start(segment(PdoConfiguration::Assignable));
+    let mut main_device = RawMainDevice::start(segment(PdoConfiguration::Assignable));
     let complete = |data: &[u8]| {
         let mut request = vec![0x31, 0x13, 0x1C, 0];
         request.extend((data.len() as u32).to_le_bytes());
         request.extend(data);
         request
     };
-    let assigned =
-        |hand: &Hand| [0, 1, 2].map(|number| hand.segment.object(ID, 0x1C13, number).unwrap().to_vec());
-    let before = assigned(&hand);
-    assert_eq!(answered(&hand.sdo(&complete(&[2, 0, 0x01, 0x1A, 0x00, 0x16]))), NOT_MAPPABLE);
-    assert_eq!(assigned(&hand), before);
-    assert_eq!(answered(&hand.sdo(&complete(&[1, 0, 0x01, 0x1A]))), 0);
-    assert_eq!(assigned(&hand)[..2], [vec![1], vec![0x01, 0x1A]]);
-    hand.segment.set_inputs(ID, &[1, 2]).unwrap();
-    let read = hand.sdo(&[0x50, 0x13, 0x1C, 0, 0, 0, 0, 0]);
+    let assigned = |main_device: &RawMainDevice| {
+        [0, 1, 2].map(|number| main_device.segment.object(ID, 0x1C13, number).unwrap().to_vec())
+    };
+    let before = assigned(&main_device);
+    assert_eq!(answered(&main_device.sdo(&complete(&[2, 0, 0x01, 0x1A, 0x00, 0x16]))), NOT_MAPPABLE);
+    assert_eq!(assigned(&main_device), before);
+    assert_eq!(answered(&main_device.sdo(&complete(&[1, 0, 0x01, 0x1A]))), 0);
+    assert_eq!(assigned(&main_device)[..2], [vec![1], vec![0x01, 0x1A]]);
+    main_device.segment.set_inputs(ID, &[1, 2]).unwrap();
+    let read = main_device.sdo(&[0x50, 0x13, 0x1C, 0, 0, 0, 0, 0]);
     assert_eq!(read[4..8], [1, 0, 0x01, 0x1A], "only what counts: {read:02X?}");
 }
 
 #[test]
 fn process_data_that_are_fixed_or_run_are_not_chosen() {
-    let mut fixed = Hand::start(segment(PdoConfiguration::Fixed));
+    let mut fixed = RawMainDevice::start(segment(PdoConfiguration::Fixed));
     assert_eq!(write(&mut fixed, 0x1C12, 0, &[0]), READ_ONLY);
     assert_eq!(write(&mut fixed, 0x1600, 0, &[0]), READ_ONLY);
-    let mut assignable = Hand::start(segment(PdoConfiguration::Assignable));
+    let mut assignable = RawMainDevice::start(segment(PdoConfiguration::Assignable));
     assert_eq!(write(&mut assignable, 0x1600, 0, &[0]), READ_ONLY);
     let mut segment = segment(PdoConfiguration::Mappable);
     let ended = Stand::new(&mut segment).run(async |main| {

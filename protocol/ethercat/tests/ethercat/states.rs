@@ -6,8 +6,8 @@ use ethercrab::error::Error;
 use machine::Duration;
 
 use crate::devices::{BRIDGE, SIMPLE};
-use crate::hand::{APRD, APWR, FIRST, Hand};
 use crate::main_device::Stand;
+use crate::raw_main_device::{APRD, APWR, FIRST, RawMainDevice};
 
 #[test]
 fn a_device_without_mailbox_comes_to_op_and_exchanges_process_data() {
@@ -68,78 +68,78 @@ fn a_bridge_of_256_bytes_comes_to_op_in_less_than_200_ms_and_exchanges_every_byt
 
 const BRIDGE_ID: DeviceId = DeviceId(0);
 
-fn bridge_in_pre_op() -> Hand {
+fn bridge_in_pre_op() -> RawMainDevice {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&BRIDGE));
-    Hand::start(segment)
+    RawMainDevice::start(segment)
 }
 
 #[test]
 fn outputs_that_stay_away_for_100_ms_take_the_device_to_safe_op_until_that_is_acknowledged() {
-    let mut hand = bridge_in_pre_op();
-    hand.operate();
-    assert_eq!(hand.segment.outputs(BRIDGE_ID), None, "none have come yet");
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), None, "none have come yet");
     for _ in 0..5 {
-        hand.wait(Duration::from_millis(99));
-        assert_eq!(hand.write(0x1100, &[7; 256]), 1);
+        main_device.wait(Duration::from_millis(99));
+        assert_eq!(main_device.write(0x1100, &[7; 256]), 1);
     }
-    assert_eq!(hand.segment.outputs(BRIDGE_ID), Some(&[7; 256][..]));
-    hand.wait(Duration::from_millis(99));
-    assert_eq!(hand.al_status(), (0x08, 0));
-    hand.wait(Duration::from_millis(1));
-    assert_eq!(hand.al_status(), (0x14, 0x001B));
-    assert_eq!(hand.read(0x0440, 1).0, [0]);
-    assert_eq!(hand.read(0x0442, 1).0, [1]);
-    assert_eq!(hand.segment.outputs(BRIDGE_ID), None);
-    assert_eq!(hand.write(0x1100, &[7; 256]), 0, "the outputs are locked");
-    assert_eq!(hand.read(0x1400, 256).1, 1, "the inputs are not");
-    hand.request_state(8);
-    assert_eq!(hand.al_status(), (0x14, 0x001B), "not acknowledged");
-    hand.request_state(0x14);
-    assert_eq!(hand.al_status(), (0x04, 0));
-    hand.request_state(8);
-    assert_eq!(hand.write(0x1100, &[8; 256]), 1);
-    assert_eq!(hand.segment.outputs(BRIDGE_ID), Some(&[8; 256][..]));
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), Some(&[7; 256][..]));
+    main_device.wait(Duration::from_millis(99));
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    main_device.wait(Duration::from_millis(1));
+    assert_eq!(main_device.al_status(), (0x14, 0x001B));
+    assert_eq!(main_device.read(0x0440, 1).0, [0]);
+    assert_eq!(main_device.read(0x0442, 1).0, [1]);
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), None);
+    assert_eq!(main_device.write(0x1100, &[7; 256]), 0, "the outputs are locked");
+    assert_eq!(main_device.read(0x1400, 256).1, 1, "the inputs are not");
+    main_device.request_state(8);
+    assert_eq!(main_device.al_status(), (0x14, 0x001B), "not acknowledged");
+    main_device.request_state(0x14);
+    assert_eq!(main_device.al_status(), (0x04, 0));
+    main_device.request_state(8);
+    assert_eq!(main_device.write(0x1100, &[8; 256]), 1);
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), Some(&[8; 256][..]));
 }
 
 #[test]
 fn a_watchdog_time_of_zero_and_a_sync_manager_without_trigger_are_no_watchdog() {
-    let mut hand = bridge_in_pre_op();
-    hand.write(0x0420, &[0, 0]);
-    hand.operate();
-    hand.wait(Duration::from_secs(10));
-    assert_eq!(hand.al_status(), (0x08, 0));
-    let mut hand = bridge_in_pre_op();
-    hand.operate();
-    hand.request_state(2);
-    hand.write(0x0816, &[0]);
-    hand.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x24, 0, 1, 0]);
-    hand.request_state(4);
-    hand.request_state(8);
-    hand.wait(Duration::from_secs(10));
-    assert_eq!(hand.al_status(), (0x08, 0));
+    let mut main_device = bridge_in_pre_op();
+    main_device.write(0x0420, &[0, 0]);
+    main_device.operate();
+    main_device.wait(Duration::from_secs(10));
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    main_device.request_state(2);
+    main_device.write(0x0816, &[0]);
+    main_device.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x24, 0, 1, 0]);
+    main_device.request_state(4);
+    main_device.request_state(8);
+    main_device.wait(Duration::from_secs(10));
+    assert_eq!(main_device.al_status(), (0x08, 0));
 }
 
 #[test]
 fn sync_managers_that_do_not_fit_are_refused_with_the_code_of_the_state() {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&BRIDGE));
-    let mut hand = Hand::new(segment);
-    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
-    hand.request_state(2);
-    assert_eq!(hand.al_status(), (0x11, AlStatusCode::INVALID_MAILBOX.0));
-    let mut hand = bridge_in_pre_op();
-    hand.request_state(4);
-    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_OUTPUTS.0));
-    hand.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
+    let mut main_device = RawMainDevice::new(segment);
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    main_device.request_state(2);
+    assert_eq!(main_device.al_status(), (0x11, AlStatusCode::INVALID_MAILBOX.0));
+    let mut main_device = bridge_in_pre_op();
+    main_device.request_state(4);
+    assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_OUTPUTS.0));
+    main_device.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
     // 255 bytes instead of 256.
-    hand.write(0x0818, &[0x00, 0x14, 0xFF, 0x00, 0x20, 0, 1, 0]);
-    hand.request_state(0x14);
-    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0));
-    hand.request_state(8);
-    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0), "not acknowledged");
-    hand.request_state(0x18);
-    assert_eq!(hand.al_status(), (0x12, AlStatusCode::INVALID_STATE_CHANGE.0));
+    main_device.write(0x0818, &[0x00, 0x14, 0xFF, 0x00, 0x20, 0, 1, 0]);
+    main_device.request_state(0x14);
+    assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0));
+    main_device.request_state(8);
+    assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0), "not acknowledged");
+    main_device.request_state(0x18);
+    assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_STATE_CHANGE.0));
 }
 
 #[test]
@@ -147,26 +147,26 @@ fn an_application_that_takes_its_time_shows_the_old_state_until_then() {
     let mut segment = Segment::new();
     let slow = DeviceConfig { answer_delay: Duration::from_millis(3), ..DeviceConfig::new(&SIMPLE) };
     segment.add(&slow);
-    let mut hand = Hand::new(segment);
-    hand.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
-    hand.request_state(2);
-    hand.wait(Duration::from_micros(2_999));
-    assert_eq!(hand.al_status(), (0x01, 0));
-    hand.wait(Duration::from_micros(1));
-    assert_eq!(hand.al_status(), (0x02, 0));
+    let mut main_device = RawMainDevice::new(segment);
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    main_device.request_state(2);
+    main_device.wait(Duration::from_micros(2_999));
+    assert_eq!(main_device.al_status(), (0x01, 0));
+    main_device.wait(Duration::from_micros(1));
+    assert_eq!(main_device.al_status(), (0x02, 0));
 }
 
 #[test]
 fn a_reset_by_the_maindevice_is_a_power_on() {
-    let mut hand = bridge_in_pre_op();
-    hand.operate();
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
     for letter in *b"RES" {
-        hand.write(0x0040, &[letter]);
+        main_device.write(0x0040, &[letter]);
     }
-    assert_eq!(hand.exchange(APRD, 0, 0x0010, &[0; 2]), (vec![0, 0], 1));
-    assert_eq!(hand.exchange(APRD, 0, 0x0130, &[0; 2]).0, [1, 0]);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0010, &[0; 2]), (vec![0, 0], 1));
+    assert_eq!(main_device.exchange(APRD, 0, 0x0130, &[0; 2]).0, [1, 0]);
     assert_eq!(
-        hand.events.last().unwrap().1,
+        main_device.events.last().unwrap().1,
         Event::StateChanged { state: AlState::Init, code: AlStatusCode::NO_ERROR }
     );
 }

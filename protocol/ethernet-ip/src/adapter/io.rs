@@ -73,7 +73,7 @@ pub(super) struct Due {
 
 /// What became of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Taken {
+pub(super) enum ReceivedFrame {
     Foreign,
     WrongSize,
     Late,
@@ -195,15 +195,15 @@ impl IoConnections {
         peer: Ipv4Addr,
         frame: &Frame<'_>,
         assemblies: &mut AssemblyData,
-    ) -> Taken {
+    ) -> ReceivedFrame {
         let is_its = |connection: &&mut IoConnection| {
             connection.o_t_id == frame.connection && connection.originator == peer
         };
-        let Some(connection) = self.open.iter_mut().find(is_its) else { return Taken::Foreign };
+        let Some(connection) = self.open.iter_mut().find(is_its) else { return ReceivedFrame::Foreign };
         if !connection.takes(frame.payload.len()) {
-            return Taken::WrongSize;
+            return ReceivedFrame::WrongSize;
         }
-        let Some(ahead) = connection.sequence.accept(now, frame.sequence) else { return Taken::Late };
+        let Some(ahead) = connection.sequence.accept(now, frame.sequence) else { return ReceivedFrame::Late };
         connection.watchdog.feed(now);
         if connection.kind == Kind::ExclusiveOwner
             && let Ok((run, data)) = frame.run_and_data()
@@ -216,7 +216,7 @@ impl IoConnections {
                 assemblies.consume(consumed, data);
             }
         }
-        Taken::Fresh { missing: ahead.saturating_sub(1) }
+        ReceivedFrame::Fresh { missing: ahead.saturating_sub(1) }
     }
 
     pub(super) fn next_due(&mut self, now: Instant) -> Option<Due> {

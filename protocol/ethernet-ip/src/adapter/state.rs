@@ -6,7 +6,7 @@ use alloc::vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::explicit::ExplicitConnections;
-use super::io::{IoConnections, Kind, Taken};
+use super::io::{IoConnections, Kind, ReceivedFrame};
 use crate::IO_PORT;
 use crate::class1::{self, Frame};
 use crate::encapsulation::MAX_MESSAGE_LEN;
@@ -95,10 +95,10 @@ impl State {
             return;
         };
         match self.io.take(now, peer, &frame, &mut self.device.assemblies) {
-            Taken::Foreign => self.counters.foreign += 1,
-            Taken::WrongSize => self.counters.malformed += 1,
-            Taken::Late => self.counters.late += 1,
-            Taken::Fresh { missing } => {
+            ReceivedFrame::Foreign => self.counters.foreign += 1,
+            ReceivedFrame::WrongSize => self.counters.malformed += 1,
+            ReceivedFrame::Late => self.counters.late += 1,
+            ReceivedFrame::Fresh { missing } => {
                 self.counters.received += 1;
                 self.counters.lost += u64::from(missing);
                 self.follow_owner(None);

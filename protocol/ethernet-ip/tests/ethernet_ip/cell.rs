@@ -2,9 +2,9 @@
 
 use std::net::Ipv4Addr;
 
-use crate::one::One;
 use crate::samples::DEVICE;
 use crate::samples::LEN;
+use crate::single_connection::SingleConnection;
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig};
 use machine::LinkEvent;
 use machine::{Duration, Instant};
@@ -13,7 +13,7 @@ use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 pub(crate) const PLC: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 pub(crate) const ROBOT: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
 
-pub(crate) type Bus = Pair<One, Adapter>;
+pub(crate) type Bus = Pair<SingleConnection, Adapter>;
 pub(crate) type News = Event<LinkEvent, LinkEvent>;
 
 pub(crate) fn adapter_config() -> AdapterConfig {
@@ -46,7 +46,7 @@ pub(crate) fn cable() -> Impairment {
 pub(crate) fn bus_of(config: ConnectionConfig, link: Impairment, seed: u64) -> Bus {
     let clocks = [Clock::default(), Clock { offset_ns: 123_456_789, drift_ppb: 30_000 }];
     let pair = PairConfig { seed, clocks, links: [link; 2], addresses: [Some(PLC), Some(ROBOT)] };
-    Pair::new(One::new(config, Instant::from_millis(1)), adapter(), pair)
+    Pair::new(SingleConnection::new(config, Instant::from_millis(1)), adapter(), pair)
 }
 
 /// Runs for a time and returns what happened, each with the true time in ms.

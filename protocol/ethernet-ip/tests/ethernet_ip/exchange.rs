@@ -6,8 +6,8 @@ use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::rc::Rc;
 
-use crate::one::{One, SCANNER};
 use crate::samples::{CONSUMED, DEVICE, PRODUCED};
+use crate::single_connection::{SCANNER, SingleConnection};
 use ethernet_ip::connection::TimeoutMultiplier;
 use ethernet_ip::description::{Assembly, Description, Role};
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ENCAPSULATION_PORT, IO_PORT, ScannerConfig};
@@ -170,7 +170,7 @@ fn after_the_owner_died_another_scanner_waits_for_its_timeout_and_takes_over() {
     let retry_after = Duration::from_millis(20);
     let heir = ScannerConfig { serial_number: 2, first_id: 0x7700_0000, ..SCANNER };
     let config = ConnectionConfig { retry_after, ..wanted() };
-    bus.command_a(|scanner, now| *scanner = One::of(heir, config, now));
+    bus.command_a(|scanner, now| *scanner = SingleConnection::of(heir, config, now));
     let events = run(&mut bus, 400);
     let refusal = Some(DownCause::Refused);
     let told: Vec<_> = events.iter().map(|(_, news)| cause(news)).collect();
@@ -408,7 +408,8 @@ fn an_adapter_with_other_assemblies_sizes_and_intervals_is_driven_all_the_same()
     let device = AdapterConfig { description: &CONVEYOR, ..adapter_config() };
     let addresses = [Some(PLC), Some(ROBOT)];
     let pair = PairConfig { seed: 1, clocks: [Clock::default(); 2], links: [cable(); 2], addresses };
-    let mut bus = Bus::new(One::new(config, Instant::from_millis(1)), Adapter::new(device), pair);
+    let mut bus =
+        Bus::new(SingleConnection::new(config, Instant::from_millis(1)), Adapter::new(device), pair);
     bus.command_a(|scanner, _| scanner.set_output(&[1, 2, 3, 4]));
     bus.command_b(|device, _| device.set_produced(0x301, &[9; 16]).unwrap());
     run(&mut bus, 1_000);

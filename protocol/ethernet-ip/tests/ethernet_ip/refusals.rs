@@ -4,8 +4,8 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::one::{One, SCANNER};
 use crate::samples::{CONSUMED, DEVICE, PRODUCED};
+use crate::single_connection::{SCANNER, SingleConnection};
 use ethernet_ip::cip::{ElectronicKey, General, Path, Revision};
 use ethernet_ip::connection::{ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport};
 use ethernet_ip::description::Description;
@@ -355,7 +355,7 @@ fn outputs_are_free_again_when_their_owner_timed_out() {
 }
 
 /// Returns how the scanner describes a refusal.
-fn words(config: ConnectionConfig) -> String {
+fn refusal_text(config: ConnectionConfig) -> String {
     let mut bus = bus_of(config, cable(), 1);
     let events = run(&mut bus, 100);
     assert!(
@@ -369,13 +369,13 @@ fn words(config: ConnectionConfig) -> String {
 fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
     let key = ElectronicKey { revision: Revision { major: 3, minor: 1 }, ..DEVICE.key() };
     let all = [
-        words(ConnectionConfig { consumed: 99, ..wanted() }),
-        words(ConnectionConfig { o_t_size: 100, ..wanted() }),
-        words(ConnectionConfig { t_o_size: 600, ..wanted() }),
-        words(ConnectionConfig { t_o_rpi_us: 100, ..wanted() }),
-        words(ConnectionConfig { key: Some(key), ..wanted() }),
-        words(ConnectionConfig { configuration: Some(3), key: None, ..wanted() }),
-        words(ConnectionConfig { route: vec![1, 0], ..wanted() }),
+        refusal_text(ConnectionConfig { consumed: 99, ..wanted() }),
+        refusal_text(ConnectionConfig { o_t_size: 100, ..wanted() }),
+        refusal_text(ConnectionConfig { t_o_size: 600, ..wanted() }),
+        refusal_text(ConnectionConfig { t_o_rpi_us: 100, ..wanted() }),
+        refusal_text(ConnectionConfig { key: Some(key), ..wanted() }),
+        refusal_text(ConnectionConfig { configuration: Some(3), key: None, ..wanted() }),
+        refusal_text(ConnectionConfig { route: vec![1, 0], ..wanted() }),
     ];
     insta::assert_snapshot!(all.join("\n"), @r"
     the adapter 192.168.64.2 refused the connection: there is no such O to T assembly (general status 0x01, extended status 0x012A); asked for O→T assembly 99 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has the assemblies 100 for T→O (256 bytes), 150 for O→T (256 bytes), 151 for configuration, 152 for O→T of input-only connections, 153 for O→T of listen-only connections
@@ -390,10 +390,11 @@ fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
 
 #[test]
 fn a_device_without_an_eds_file_or_another_one_than_it_describes_is_not_said_to_have_what_it_says() {
-    let unknown = words(ConnectionConfig { described: None, t_o_rpi_us: 100, ..wanted() });
+    let unknown = refusal_text(ConnectionConfig { described: None, t_o_rpi_us: 100, ..wanted() });
     assert!(unknown.ends_with("; the device's EDS file has its shortest and longest interval"), "{unknown}");
     static OTHER: Description = Description { product_code: 9, ..DEVICE };
-    let other = words(ConnectionConfig { described: Some(&OTHER), key: None, consumed: 99, ..wanted() });
+    let other =
+        refusal_text(ConnectionConfig { described: Some(&OTHER), key: None, consumed: 99, ..wanted() });
     assert!(other.ends_with("with configuration assembly 151"), "{other}");
 }
 
@@ -401,7 +402,7 @@ fn a_device_without_an_eds_file_or_another_one_than_it_describes_is_not_said_to_
 fn a_second_scanner_is_told_that_the_outputs_are_owned() {
     let mut bus = up(wanted());
     let second = ScannerConfig { serial_number: 9, ..SCANNER };
-    bus.command_a(|scanner, now| *scanner = One::of(second, wanted(), now));
+    bus.command_a(|scanner, now| *scanner = SingleConnection::of(second, wanted(), now));
     run(&mut bus, 20);
     let words = bus.a().connection().refusal().unwrap().to_string();
     insta::assert_snapshot!(words, @"the adapter 192.168.64.2 refused the connection: another scanner owns the outputs (general status 0x01, extended status 0x0106); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has outputs for 1 owner: stop the other scanner, or wait for its timeout");

@@ -14,8 +14,8 @@ use proptest::prelude::*;
 
 use crate::cell::{Bus, PLC, ROBOT, bus_of, cable, run, up, wanted};
 use crate::client::peer;
-use crate::one::One;
 use crate::samples::CONSUMED;
+use crate::single_connection::SingleConnection;
 
 fn datagram(bus: &mut Bus, port: u16, from: Ipv4Addr, bytes: &[u8]) {
     bus.command_a(|scanner, now| {
@@ -81,14 +81,14 @@ fn bytes_over_tcp_that_make_no_sense_do_not_disturb_the_images() {
 
 #[test]
 fn a_connection_that_nobody_asked_for_is_closed() {
-    let mut scanner = One::new(wanted(), Instant::from_millis(1));
+    let mut scanner = SingleConnection::new(wanted(), Instant::from_millis(1));
     scanner.handle_stream(Instant::ZERO, StreamId(9), StreamChange::Connected(Attempt(0)));
     assert_eq!(scanner.poll_stream(), Some(StreamRequest::Close(StreamId(9))));
 }
 
 /// A scanner that talks to an adapter of the test's own making.
 struct Dialogue {
-    scanner: One,
+    scanner: SingleConnection,
     now: Instant,
     stream: StreamId,
     streams: u32,
@@ -97,7 +97,7 @@ struct Dialogue {
 impl Dialogue {
     fn new() -> Self {
         let mut dialogue = Self {
-            scanner: One::new(wanted(), Instant::from_millis(1)),
+            scanner: SingleConnection::new(wanted(), Instant::from_millis(1)),
             now: Instant::from_millis(1),
             stream: StreamId(0),
             streams: 0,
@@ -137,7 +137,7 @@ impl Dialogue {
         (said, events)
     }
 
-    fn hear(&mut self, bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+    fn receive(&mut self, bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
         let source = Source { port: Port::Stream(self.stream), peer: None };
         self.scanner.handle_frame(self.now, source, bytes);
         self.settle()
@@ -154,7 +154,7 @@ impl Dialogue {
         let header = Header { session, ..Header::parse(request).unwrap().reply(status) };
         let mut buf = vec![0; 24 + data.len()];
         header.emit(&mut buf, |writer| writer.bytes(data)).unwrap();
-        self.hear(&buf)
+        self.receive(&buf)
     }
 
     fn reply_cip(&mut self, request: &[u8], cip: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
@@ -371,7 +371,7 @@ fn a_stream_that_grows_without_a_message_is_ended() {
     endless.resize(4_000, 0);
     // Never complete: each is cut before its end, and the next begins in it.
     for _ in 0..10_000 {
-        dialogue.hear(&endless[..3_999]);
+        dialogue.receive(&endless[..3_999]);
         dialogue.now += Duration::from_micros(10);
     }
     assert!(dialogue.scanner.poll_timeout().is_some());
@@ -399,7 +399,7 @@ proptest! {
         let mut dialogue = Dialogue::new();
         for (kind, bytes, time) in steps {
             match kind {
-                0 => { dialogue.hear(&bytes); }
+                0 => { dialogue.receive(&bytes); }
                 1 => {
                     let mut request = [0; 24];
                     request[0] = 0x65 + (time % 12) as u8;

@@ -11,8 +11,8 @@ use machine::{
 use virtual_time::{Network, StationId};
 
 use crate::cell::adapter_config;
-use crate::one::SCANNER;
 use crate::samples::{CONSUMED, DEVICE, LEN, PRODUCED};
+use crate::single_connection::SCANNER;
 
 const SCANNER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const ADAPTERS: [Ipv4Addr; 2] = [Ipv4Addr::new(192, 168, 64, 2), Ipv4Addr::new(192, 168, 64, 3)];

@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
 use machine::ethernet::Mac;
 use machine::{Allowed, Instant, Peer};
-use virtual_time::hostile::{Choices, Couple, Life, Place};
+use virtual_time::hostile::{Choices, PairRun, Place, StationPair};
 
 use super::samples::{CONSUMED, DEVICE, LEN, PRODUCED};
 
@@ -20,7 +20,7 @@ pub(crate) struct ScannerAndAdapter(ConnectionId);
 
 impl ScannerAndAdapter {
     /// Creates a pair whose adapter lists its scanner if `listed`.
-    pub(crate) fn life<C: Choices>(listed: bool, allocations: fn() -> u64) -> Life<Self, C> {
+    pub(crate) fn life<C: Choices>(listed: bool, allocations: fn() -> u64) -> PairRun<Self, C> {
         let [(scanner_mac, plc), (adapter_mac, robot)] = STATIONS;
         let mut scanner =
             Scanner::new(ScannerConfig { vendor: 0xFFFF, serial_number: 1, first_id: 0x5C00_0000 });
@@ -39,11 +39,11 @@ impl ScannerAndAdapter {
         });
         let scanner = Place { machine: scanner, mac: scanner_mac, address: Some(plc) };
         let adapter = Place { machine: adapter, mac: adapter_mac, address: Some(robot) };
-        Life::new(Self(connection), scanner, adapter, allocations)
+        PairRun::new(Self(connection), scanner, adapter, allocations)
     }
 }
 
-impl Couple for ScannerAndAdapter {
+impl StationPair for ScannerAndAdapter {
     type Id = ConnectionId;
     type A = Scanner;
     type B = Adapter;

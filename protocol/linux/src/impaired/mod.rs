@@ -2,22 +2,22 @@
 //! them.
 //!
 //! ```text
-//!   one end ══ veth ══ │ middle: a network of its own │ ══ veth ══ other end
+//!   one end ══ veth ══ │ forwarder: a network of its own │ ══ veth ══ other end
 //!                      └ one thread, two raw sockets ┘
 //! ```
 //!
 //! The links of the virtual cable decide what happens to each frame, by the same plan and the same seed. The thread
 //! sleeps until a frame arrives or is due; it has SCHED_FIFO if the host allows it, and neither allocates, locks nor
-//! logs once it runs. To know what passes the ends, give the cable a [`Witness`]: only the cable knows which fault
+//! logs once it runs. To know what passes the ends, give the cable an [`Observer`]: only the cable knows which fault
 //! met which frame.
 //!
 //! Over a veth, the kernel leaves checksums out, since no bit can flip there, and marks the frame as checked. Frames
 //! that a raw socket forwards lose the mark and need their checksums. So both ends have to fill them in:
 //! [`Interface::fill_in_checksums`].
 
+mod forwarder;
 mod frame;
-mod middle;
-mod witness;
+mod observer;
 
 use std::os::fd::AsFd as _;
 use std::sync::Arc;
@@ -37,11 +37,11 @@ use crate::socket_option::{self, ON};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, PortError, allocation, clock, scheduling};
 
-pub use middle::ImpairmentPlan;
-pub use witness::{OnFrame, Witness};
+pub use forwarder::ImpairmentPlan;
+pub use observer::{FrameCallback, Observer};
 
-use middle::{Due, Middle};
-use witness::{Passed, WitnessSender, Writer};
+use forwarder::{Due, Forwarder};
+use observer::{ObserverSender, Passed, Writer};
 
 /// Frames taken from one end before the other end gets its turn.
 const BATCH: usize = 64;
@@ -90,18 +90,18 @@ impl ImpairedCable {
     pub fn start(
         ends: [&Interface; 2],
         plan: &ImpairmentPlan,
-        witnesses: [Witness; 2],
+        observers: [Observer; 2],
     ) -> Result<Self, PortError> {
         let [first, second] = ends;
         let sockets = [open(first)?, open(second)?];
         let failed = |reason| PortError::ethernet(first.name(), reason);
         let shared = Arc::new(Shared::default());
         let waker = Notifier::new().map_err(failed)?;
-        let (witnesses, writer) = witness::start(witnesses, &shared).map_err(failed)?;
+        let (observers, writer) = observer::start(observers, &shared).map_err(failed)?;
         let mut passing = Passing {
             sockets,
-            middle: Middle::new(plan),
-            witnesses,
+            forwarder: Forwarder::new(plan),
+            observers,
             shared: Arc::clone(&shared),
             notifier: waker.clone(),
         };
@@ -129,7 +129,7 @@ impl ImpairedCable {
         self.waker.notify();
     }
 
-    /// Pauses the witnesses, or lets them go on.
+    /// Pauses the observers, or lets them go on.
     pub fn pause(&self, paused: bool) {
         self.shared.paused.store(paused, Ordering::Relaxed);
     }
@@ -183,8 +183,8 @@ fn open(interface: &Interface) -> Result<Socket, PortError> {
 /// What the thread between the ends works with.
 struct Passing {
     sockets: [Socket; 2],
-    middle: Middle,
-    witnesses: WitnessSender,
+    forwarder: Forwarder,
+    observers: ObserverSender,
     shared: Arc<Shared>,
     notifier: Notifier,
 }
@@ -200,7 +200,7 @@ impl Passing {
         let mut buffer = FrameBuffer::new();
         allocation::arm();
         while !self.shared.stop.load(Ordering::Acquire) {
-            let limit = self.middle.deadline().map(|due| due.since(clock::now()));
+            let limit = self.forwarder.deadline().map(|due| due.since(clock::now()));
             // An interrupted wait is an early end of the wait.
             if !matches!(waits.wait(limit), Ok(()) | Err(Errno::INTR)) {
                 break;
@@ -226,11 +226,11 @@ impl Passing {
     fn listen(&mut self) {
         match self.shared.ready_ns.load(Ordering::Relaxed) {
             0 => {}
-            ready => self.middle.set_ready(Instant::from_nanos(ready)),
+            ready => self.forwarder.set_ready(Instant::from_nanos(ready)),
         }
         for (side, killed) in [Side::A, Side::B].into_iter().zip(&self.shared.killed) {
             if killed.swap(false, Ordering::Relaxed) {
-                self.witnesses.note(Note::Killed(side));
+                self.observers.note(Note::Killed(side));
             }
         }
     }
@@ -239,9 +239,9 @@ impl Passing {
         for _ in 0..BATCH {
             // No frame waits, or the interface fails for a moment; if it keeps failing, the nodes notice.
             let Ok(packet) = packet_socket::receive(&self.sockets[from.index()], buffer) else { return };
-            let fate = self.middle.take(clock::now(), from, packet.data);
+            let fate = self.forwarder.take(clock::now(), from, packet.data);
             let (since_1970, at) = (packet.since_1970, clock::instant_of(packet.since_1970));
-            self.witnesses.passed(Passed { at, since_1970, end: from, sent: true, fate }, packet.data);
+            self.observers.passed(Passed { at, since_1970, end: from, sent: true, fate }, packet.data);
             // Between frames, so that a batch does not delay a frame that is due.
             self.deliver();
         }
@@ -250,21 +250,21 @@ impl Passing {
     fn deliver(&mut self) {
         loop {
             let now = clock::now();
-            match self.middle.next_due(now) {
+            match self.forwarder.next_due(now) {
                 None => return,
-                Some(Due::Change(note)) => self.witnesses.note(note),
+                Some(Due::Change(note)) => self.observers.note(note),
                 Some(Due::Frame { to, fate, frame }) => {
                     let since_1970 = clock::utc();
                     // A frame that the kernel refuses is lost on the cable; the receiver's counters show it.
                     let _ = self.sockets[to.index()].send(frame);
-                    self.witnesses.passed(Passed { at: now, since_1970, end: to, sent: false, fate }, frame);
+                    self.observers.passed(Passed { at: now, since_1970, end: to, sent: false, fate }, frame);
                 }
             }
         }
     }
 
     fn count(&self) {
-        for (shared, link) in self.shared.counters.iter().zip(self.middle.counters()) {
+        for (shared, link) in self.shared.counters.iter().zip(self.forwarder.counters()) {
             let LinkCounters { sent, lost, duplicated, reordered, corrupted, corrupted_on_wire } = link;
             for (to, count) in
                 shared.iter().zip([sent, lost, duplicated, reordered, corrupted, corrupted_on_wire])

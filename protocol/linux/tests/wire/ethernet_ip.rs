@@ -16,7 +16,7 @@ use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
 use protocol_linux::capture::Keep;
 use protocol_linux::{Interface, Recorder, clock};
 
-use super::bed::{ADDRESSES, Bed, MASK, PATIENCE, Progress};
+use super::test_network::{ADDRESSES, MASK, Progress, TIMEOUT, TestNetwork};
 
 const PLC: Ipv4Addr = ADDRESSES[0];
 const ROBOT: Ipv4Addr = ADDRESSES[1];
@@ -50,20 +50,20 @@ impl Progress for DatagramLog {}
 /// Runs a scanner until it has received 20 frames.
 ///
 /// It ends without closing the connection, so the next scanner has to wait for the adapter's watchdog.
-fn exchange(bed: &Bed, multicast: bool) {
+fn exchange(network: &TestNetwork, multicast: bool) {
     let config = ScannerConfig { vendor: ETHERNET_IP_VENDOR, serial_number: 1, first_id: 0x5C00_0000 };
     let connection = ConnectionConfig::exclusive_owner(ROBOT, &ETHERNET_IP_ROBOT, 2_000);
     let connection = ConnectionConfig { multicast, ..connection };
-    let scanner = bed.start(0, |_| EthernetIpScanner::new(config, connection, clock::now()));
+    let scanner = network.start(0, |_| EthernetIpScanner::new(config, connection, clock::now()));
     scanner.until(if multicast { "20 frames to its group" } else { "20 frames to the scanner alone" }, 20);
     scanner.stop();
 }
 
 /// Sets the DSCP of scheduled data, by an explicit message.
-fn set_scheduled_dscp(bed: &Bed, dscp: u8) {
+fn set_scheduled_dscp(network: &TestNetwork, dscp: u8) {
     let connect = || TcpStream::connect(SocketAddrV4::new(ROBOT, ENCAPSULATION_PORT)).unwrap();
-    let mut client = bed.ends[0].0.run(connect).unwrap();
-    client.set_read_timeout(Some(PATIENCE)).unwrap();
+    let mut client = network.ends[0].0.run(connect).unwrap();
+    client.set_read_timeout(Some(TIMEOUT)).unwrap();
     let mut register = [0; 28];
     (register[0], register[2], register[24]) = (0x65, 4, 1);
     client.write_all(&register).unwrap();
@@ -126,14 +126,14 @@ fn packets(capture: File) -> Vec<Packet> {
 
 pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on()
 {
-    let bed = Bed::lay();
-    let robot = bed.start(1, adapter);
+    let network = TestNetwork::new();
+    let robot = network.start(1, adapter);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
     let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Keep::All).unwrap();
-    let recorder = bed.ends[0].0.run(start).unwrap();
-    exchange(&bed, false);
-    set_scheduled_dscp(&bed, 20);
-    exchange(&bed, true);
+    let recorder = network.ends[0].0.run(start).unwrap();
+    exchange(&network, false);
+    set_scheduled_dscp(&network, 20);
+    exchange(&network, true);
     recorder.stop().unwrap();
     robot.stop();
     let capture = File::open(&place).unwrap();
@@ -207,22 +207,22 @@ impl Machine for DatagramLog {
 }
 
 /// Waits until somebody at the robot's end is in its group. A machine joins its groups on its own thread.
-fn until_joined(bed: &Bed) {
+fn until_joined(network: &TestNetwork) {
     // The kernel lists an address as a number in the processor's own byte order.
     let group = format!("{:08X}", u32::from_ne_bytes(GROUP.octets()));
     let start = std::time::Instant::now();
     let groups = |_: &Interface| std::fs::read_to_string("/proc/thread-self/net/igmp").unwrap();
-    while !bed.run(1, groups).contains(&group) {
-        assert!(start.elapsed() < PATIENCE, "nobody joins {GROUP}");
+    while !network.run(1, groups).contains(&group) {
+        assert!(start.elapsed() < TIMEOUT, "nobody joins {GROUP}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
 
 pub(crate) fn a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only() {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let ear = |_: &Interface| DatagramLog::default();
-    let mut ear = bed.start(1, ear);
-    until_joined(&bed);
+    let mut ear = network.start(1, ear);
+    until_joined(&network);
     let other_group = Ipv4Addr::new(239, 192, 1, 64);
     let send = || {
         let socket = UdpSocket::bind(SocketAddrV4::new(PLC, 0)).unwrap();
@@ -236,7 +236,7 @@ pub(crate) fn a_machine_knows_which_datagrams_went_to_everybody_and_receives_mul
         say(other_group, b'e');
         say(ROBOT, LAST);
     };
-    bed.ends[0].0.run(send).unwrap();
+    network.ends[0].0.run(send).unwrap();
     ear.until_up();
     let ear = ear.stop();
     let DatagramLog { own, to_all, .. } = ear.driver.machine();

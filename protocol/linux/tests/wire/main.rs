@@ -4,19 +4,19 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod bed;
 mod ethernet_ip;
 mod machines;
 mod recorder;
 mod streams;
+mod test_network;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::process::ExitCode;
 
-use bed::{ADDRESSES, Bed};
 use machine::PortRequest;
 use machines::{Cable, Echo, Station};
 use protocol_linux::{DriverError, Interface, OpenPort, clock};
+use test_network::{ADDRESSES, TestNetwork};
 
 #[global_allocator]
 static ALLOCATOR: protocol_linux::allocation::AllocationCounter =
@@ -50,18 +50,18 @@ fn main() -> ExitCode {
 
 /// Runs two stations until each has sent and received 300 images, which arrive in order.
 fn exchange(cable: Cable) {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let station = |peer: usize| {
         move |interface: &Interface| {
             let peer = SocketAddrV4::new(ADDRESSES[peer], machines::UDP_PORT);
             Station::new(cable, interface.mac(), peer, clock::now())
         }
     };
-    let stations = [bed.start(0, station(1)), bed.start(1, station(0))];
+    let stations = [network.start(0, station(1)), network.start(1, station(0))];
     for station in &stations {
         station.until("300 images each way", 300);
     }
-    for station in stations.map(bed::Running::stop) {
+    for station in stations.map(test_network::Running::stop) {
         assert_eq!(station.task.ups, 1);
         assert_eq!(station.driver.machine().counters().malformed, 0);
         assert_eq!(station.driver.machine().out_of_order, 0);
@@ -83,22 +83,23 @@ fn two_stations_exchange_images_over_udp() {
 }
 
 fn frames_of_another_vlan_are_discarded() {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let station = |cable| {
         move |interface: &Interface| {
             let nobody = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0);
             Station::new(cable, interface.mac(), nobody, clock::now())
         }
     };
-    let (left, right) = (bed.start(0, station(Cable::Vlan(5))), bed.start(1, station(Cable::Untagged)));
+    let (left, right) =
+        (network.start(0, station(Cable::Vlan(5))), network.start(1, station(Cable::Untagged)));
     left.until("50 images each way at the end in the VLAN", 50);
     assert!(left.stop().driver.machine().counters().sent >= 50);
     assert_eq!(right.stop().driver.machine().counters().received, 0);
 }
 
 fn cyclic_requests_are_answered_each_once() {
-    let bed = Bed::lay();
-    let (left, right) = (bed.start(0, Echo::asks), bed.start(1, Echo::answers));
+    let network = TestNetwork::new();
+    let (left, right) = (network.start(0, Echo::asks), network.start(1, Echo::answers));
     left.until("500 answers", 500);
     let left = left.stop();
     right.stop();
@@ -108,13 +109,13 @@ fn cyclic_requests_are_answered_each_once() {
 }
 
 fn a_driver_ends_with_an_error_when_its_interface_is_removed() {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let station = |interface: &Interface| {
         let nobody = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0);
         Station::new(Cable::Untagged, interface.mac(), nobody, clock::now())
     };
-    let left = bed.start(0, station);
-    let Bed { ends: [keep, gone] } = bed;
+    let left = network.start(0, station);
+    let TestNetwork { ends: [keep, gone] } = network;
     // A veth end is removed with its namespace, and takes the other end with it.
     drop(gone);
     let finished = left.join();
@@ -123,8 +124,8 @@ fn a_driver_ends_with_an_error_when_its_interface_is_removed() {
 }
 
 fn the_error_for_a_taken_udp_port_names_the_port() {
-    let bed = Bed::lay();
-    let message = bed.run(0, |interface| {
+    let network = TestNetwork::new();
+    let message = network.run(0, |interface| {
         let _first = OpenPort::open(interface, PortRequest::Udp(4000)).unwrap();
         OpenPort::open(interface, PortRequest::Udp(4000)).unwrap_err().to_string()
     });

@@ -8,8 +8,8 @@ use std::time::Duration;
 use protocol_linux::capture::Packet;
 use protocol_linux::{Interface, Recorder, RecorderError, clock};
 
-use super::bed::{ADDRESSES, Bed, PATIENCE};
 use super::machines::{Cable, PRIORITY_TAG, Station};
+use super::test_network::{ADDRESSES, TIMEOUT, TestNetwork};
 
 /// UDP port that nothing else uses.
 const NUMBERS: u16 = 4_200;
@@ -18,8 +18,8 @@ const NUMBERS: u16 = 4_200;
 const SLOTS: u32 = 4_096;
 
 /// Sends numbered datagrams to everybody, so that no address resolution is among them.
-fn send(bed: &Bed, numbers: Range<u32>) {
-    bed.run(0, |_| {
+fn send(network: &TestNetwork, numbers: Range<u32>) {
+    network.run(0, |_| {
         let socket = UdpSocket::bind(SocketAddrV4::new(ADDRESSES[0], 0)).unwrap();
         socket.set_broadcast(true).unwrap();
         for number in numbers {
@@ -37,7 +37,7 @@ fn number(frame: &[u8]) -> Option<u32> {
 }
 
 /// Records the numbers that pass the near end.
-fn numbers(bed: &Bed) -> (Recorder, Receiver<u32>) {
+fn numbers(network: &TestNetwork) -> (Recorder, Receiver<u32>) {
     let (sender, numbers) = mpsc::channel();
     let see = move |_, packet: &Packet<'_>| {
         if let Some(number) = number(packet.data) {
@@ -45,25 +45,25 @@ fn numbers(bed: &Bed) -> (Recorder, Receiver<u32>) {
             let _ = sender.send(number);
         }
     };
-    (bed.run(0, |near| Recorder::watch(near, see).unwrap()), numbers)
+    (network.run(0, |near| Recorder::watch(near, see).unwrap()), numbers)
 }
 
 pub(crate) fn frames_come_out_in_order_after_the_ring_wrapped_many_times() {
-    let bed = Bed::lay();
-    let (recorder, numbers) = numbers(&bed);
+    let network = TestNetwork::new();
+    let (recorder, numbers) = numbers(&network);
     let some = SLOTS / 2;
     for round in 0..7 {
         let sent = round * some..(round + 1) * some;
-        send(&bed, sent.clone());
+        send(&network, sent.clone());
         for number in sent {
-            assert_eq!(numbers.recv_timeout(PATIENCE), Ok(number));
+            assert_eq!(numbers.recv_timeout(TIMEOUT), Ok(number));
         }
     }
     recorder.stop().unwrap();
 }
 
 pub(crate) fn a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_frames() {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let (go, wait) = mpsc::channel::<()>();
     let (sender, seen) = mpsc::channel();
     let see = move |_, packet: &Packet<'_>| {
@@ -72,11 +72,11 @@ pub(crate) fn a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_fra
             let _ = wait.recv();
         }
     };
-    let recorder = bed.run(0, |near| Recorder::watch(near, see).unwrap());
-    send(&bed, 0..1);
+    let recorder = network.run(0, |near| Recorder::watch(near, see).unwrap());
+    send(&network, 0..1);
     assert_eq!(seen.recv(), Ok(0));
     let more = SLOTS + 100;
-    send(&bed, 1..1 + more);
+    send(&network, 1..1 + more);
     drop(go);
     let missed = match recorder.stop() {
         Err(RecorderError::LeftOut { frames }) => frames,
@@ -90,7 +90,7 @@ pub(crate) fn a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_fra
 }
 
 pub(crate) fn no_frame_of_another_interface_and_none_while_paused_is_seen() {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let (sender, elsewhere) = mpsc::channel();
     let see = move |_, packet: &Packet<'_>| {
         let _ = number(packet.data).map(|number| sender.send(number));
@@ -100,13 +100,13 @@ pub(crate) fn no_frame_of_another_interface_and_none_while_paused_is_seen() {
         loopback.set_up().unwrap();
         Recorder::watch(&loopback, see).unwrap()
     };
-    let on_loopback = bed.ends[0].0.run(loopback).unwrap();
-    let (recorder, numbers) = numbers(&bed);
-    send(&bed, 1..2);
+    let on_loopback = network.ends[0].0.run(loopback).unwrap();
+    let (recorder, numbers) = numbers(&network);
+    send(&network, 1..2);
     recorder.pause(true).unwrap();
-    send(&bed, 2..3);
+    send(&network, 2..3);
     recorder.pause(false).unwrap();
-    send(&bed, 3..4);
+    send(&network, 3..4);
     recorder.stop().unwrap();
     on_loopback.stop().unwrap();
     assert_eq!(numbers.iter().collect::<Vec<_>>(), [1, 3]);
@@ -116,14 +116,14 @@ pub(crate) fn no_frame_of_another_interface_and_none_while_paused_is_seen() {
 pub(crate) fn a_frame_has_the_instant_at_which_it_passed() {
     // The two clocks differ: one may be ahead of the other by this much.
     const AHEAD: Duration = Duration::from_millis(1);
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let (sender, instants) = mpsc::channel();
     let see = move |_, packet: &Packet<'_>| {
         let _ = number(packet.data).map(|_| sender.send(packet.since_1970));
     };
-    let recorder = bed.run(0, |near| Recorder::watch(near, see).unwrap());
+    let recorder = network.run(0, |near| Recorder::watch(near, see).unwrap());
     let before = clock::utc();
-    send(&bed, 1..2);
+    send(&network, 1..2);
     let after = clock::utc();
     recorder.stop().unwrap();
     let passed = instants.iter().next().unwrap();
@@ -131,14 +131,14 @@ pub(crate) fn a_frame_has_the_instant_at_which_it_passed() {
 }
 
 pub(crate) fn a_removed_interface_is_reported_as_an_error() {
-    let bed = Bed::lay();
-    let (recorder, _numbers) = numbers(&bed);
-    let Bed { ends: [(network, name), far] } = bed;
+    let network = TestNetwork::new();
+    let (recorder, _numbers) = numbers(&network);
+    let TestNetwork { ends: [(network, name), far] } = network;
     drop(far);
     // The kernel removes the far end, and the near one with it, some time after its last user has gone.
     let started = std::time::Instant::now();
     while network.run(|| Interface::open(name).is_ok()).unwrap() {
-        assert!(started.elapsed() < PATIENCE, "the interface is still there");
+        assert!(started.elapsed() < TIMEOUT, "the interface is still there");
         std::thread::sleep(Duration::from_millis(1));
     }
     let error = recorder.stop().unwrap_err();
@@ -147,17 +147,18 @@ pub(crate) fn a_removed_interface_is_reported_as_an_error() {
 }
 
 pub(crate) fn a_tag_that_the_kernel_removed_from_a_received_frame_is_put_back() {
-    let bed = Bed::lay();
+    let network = TestNetwork::new();
     let (sender, tags) = mpsc::channel();
     let see = move |_, packet: &Packet<'_>| {
         if packet.sent == Some(false) && packet.data.get(16..18) == Some(&super::machines::ETHERTYPE) {
             let _ = sender.send(packet.data[12..16].to_vec());
         }
     };
-    let recorder = bed.run(1, |far| Recorder::watch(far, see).unwrap());
+    let recorder = network.run(1, |far| Recorder::watch(far, see).unwrap());
     let nobody = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0);
-    let station = bed.start(0, |near| Station::new(Cable::PriorityTagged, near.mac(), nobody, clock::now()));
-    let tag = tags.recv_timeout(PATIENCE);
+    let station =
+        network.start(0, |near| Station::new(Cable::PriorityTagged, near.mac(), nobody, clock::now()));
+    let tag = tags.recv_timeout(TIMEOUT);
     station.stop();
     recorder.stop().unwrap();
     assert_eq!(tag.as_deref(), Ok(&PRIORITY_TAG[..]));

@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use protocol_linux::{Driver, Notifier, clock};
 
-use super::bed::{ADDRESSES, Bed, PATIENCE, Running};
 use super::machines::tcp::{Caller, EchoServer, FAREWELL, FLOOD, GREETING, LEAVE, TCP_PORT};
+use super::test_network::{ADDRESSES, Running, TIMEOUT, TestNetwork};
 
 const SERVER: SocketAddrV4 = SocketAddrV4::new(ADDRESSES[1], TCP_PORT);
 
-impl Bed {
+impl TestNetwork {
     fn echo_server(&self) -> Running<EchoServer> {
         self.start(1, |_| EchoServer::new(clock::now()))
     }
@@ -20,7 +20,7 @@ impl Bed {
     fn client(&self) -> TcpStream {
         let client = self.ends[0].0.run(|| TcpStream::connect(SERVER)).unwrap().unwrap();
         client.set_nodelay(true).unwrap();
-        client.set_read_timeout(Some(PATIENCE)).unwrap();
+        client.set_read_timeout(Some(TIMEOUT)).unwrap();
         client
     }
 }
@@ -31,10 +31,10 @@ fn echoes(mut client: &TcpStream, text: &[u8]) -> bool {
 }
 
 pub(crate) fn a_client_that_sends_single_bytes_and_closes_its_side_receives_every_answer() {
-    let bed = Bed::lay();
-    let server = bed.echo_server();
+    let network = TestNetwork::new();
+    let server = network.echo_server();
     let text: Vec<u8> = (0..2000_u32).map(|n| n as u8).collect();
-    let mut client = bed.client();
+    let mut client = network.client();
     for byte in &text {
         client.write_all(&[*byte]).unwrap();
     }
@@ -47,9 +47,9 @@ pub(crate) fn a_client_that_sends_single_bytes_and_closes_its_side_receives_ever
 }
 
 pub(crate) fn a_connection_that_the_machine_closes_first_sends_its_last_bytes() {
-    let bed = Bed::lay();
-    let server = bed.echo_server();
-    let mut client = bed.client();
+    let network = TestNetwork::new();
+    let server = network.echo_server();
+    let mut client = network.client();
     client.write_all(LEAVE).unwrap();
     let mut received = Vec::new();
     client.read_to_end(&mut received).unwrap();
@@ -63,13 +63,13 @@ pub(crate) fn a_connection_that_the_machine_closes_first_sends_its_last_bytes() 
 }
 
 pub(crate) fn a_client_that_does_not_read_is_disconnected_and_delays_nobody() {
-    let bed = Bed::lay();
-    let server = bed.echo_server();
-    let (mut deaf, other) = (bed.client(), bed.client());
+    let network = TestNetwork::new();
+    let server = network.echo_server();
+    let (mut deaf, other) = (network.client(), network.client());
     deaf.write_all(FLOOD).unwrap();
     let started = Instant::now();
     while deaf.take_error().unwrap().is_none() {
-        assert!(started.elapsed() < PATIENCE, "the client that does not read is still connected");
+        assert!(started.elapsed() < TIMEOUT, "the client that does not read is still connected");
         assert!(echoes(&other, b"still there?"));
     }
     assert!(echoes(&other, b"and after it?"));
@@ -79,18 +79,18 @@ pub(crate) fn a_client_that_does_not_read_is_disconnected_and_delays_nobody() {
 }
 
 pub(crate) fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
-    let bed = Bed::lay();
-    let server = bed.echo_server();
-    let first = bed.client();
+    let network = TestNetwork::new();
+    let server = network.echo_server();
+    let first = network.client();
     assert!(echoes(&first, b"first"));
-    let flood: Vec<_> = (0..100).map(|_| bed.client()).collect();
+    let flood: Vec<_> = (0..100).map(|_| network.client()).collect();
     let served = flood.iter().filter(|client| echoes(client, b"me too")).count();
     assert_eq!(served, 31);
     assert!(echoes(&first, b"still"));
     drop(flood);
     let started = Instant::now();
-    while !echoes(&bed.client(), b"after the flood") {
-        assert!(started.elapsed() < PATIENCE, "nobody gets in any more");
+    while !echoes(&network.client(), b"after the flood") {
+        assert!(started.elapsed() < TIMEOUT, "nobody gets in any more");
     }
     let server = server.stop();
     assert!(server.driver.statistics().streams.turned_away >= 69);
@@ -101,10 +101,10 @@ pub(crate) fn clients_beyond_the_limit_are_disconnected_and_the_others_stay() {
 }
 
 pub(crate) fn a_machine_is_informed_that_nobody_listens_and_connects_once_somebody_does() {
-    let bed = Bed::lay();
-    let caller = bed.start(0, |_| Caller::new(SERVER, clock::now()));
+    let network = TestNetwork::new();
+    let caller = network.start(0, |_| Caller::new(SERVER, clock::now()));
     caller.until("two refused attempts", 2);
-    let listener = bed.ends[1].0.run(|| TcpListener::bind(SERVER)).unwrap().unwrap();
+    let listener = network.ends[1].0.run(|| TcpListener::bind(SERVER)).unwrap().unwrap();
     let (mut called, _) = listener.accept().unwrap();
     let mut greeting = [0; GREETING.len()];
     called.read_exact(&mut greeting).unwrap();
@@ -120,8 +120,8 @@ pub(crate) fn a_machine_is_informed_that_nobody_listens_and_connects_once_somebo
 }
 
 pub(crate) fn the_error_for_a_taken_tcp_port_names_its_user() {
-    let bed = Bed::lay();
-    let message = bed.run(1, |interface| {
+    let network = TestNetwork::new();
+    let message = network.run(1, |interface| {
         let _other = TcpListener::bind(SERVER).unwrap();
         let machine = EchoServer::new(clock::now());
         Driver::new(machine, interface.clone(), Notifier::new().unwrap()).unwrap_err().to_string()

@@ -29,7 +29,7 @@ use super::rpc::{Header, Kind};
 use super::rt::{Transport, UDP_PORT};
 use super::station::{self, Station};
 use super::{ETHER_TYPE, PORTS, RPC_PORT};
-use responder::{Called, Responder};
+use responder::{RequestOutcome, Responder};
 
 /// ARs that a controller may have: each has two FrameIDs of its own, and there are 15,360 of RT_CLASS_1.
 const MOST_ARS: usize = 4096;
@@ -193,15 +193,15 @@ impl Controller {
             expecting.into_iter().find_map(|(ar, session)| (ar == uuid).then_some(session))
         };
         match self.responder.handle(from, &header, body, session) {
-            Called::Ready(uuid) => {
+            RequestOutcome::Ready(uuid) => {
                 let is_it = |ar: &&mut Ar| ar.expects_call().is_some_and(|(ar, _)| ar == uuid);
                 if let Some(ar) = self.all().find(is_it) {
                     ar.application_ready(now);
                 }
             }
-            Called::Answered => {}
-            Called::Foreign => self.counters.foreign += 1,
-            Called::Malformed => self.counters.malformed += 1,
+            RequestOutcome::Answered => {}
+            RequestOutcome::Foreign => self.counters.foreign += 1,
+            RequestOutcome::Malformed => self.counters.malformed += 1,
         }
     }
 

@@ -13,7 +13,7 @@ use machine::wire::{BigEndian, Overflow, Writer};
 
 /// What a PDU from the device led to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Called {
+pub(super) enum RequestOutcome {
     /// The device of this AR is ready for cyclic data.
     Ready(Uuid),
     /// It was answered, and means nothing more.
@@ -45,7 +45,7 @@ impl Responder {
         header: &Header,
         body: &[u8],
         session: impl Fn(Uuid) -> Option<u16>,
-    ) -> Called {
+    ) -> RequestOutcome {
         match header.kind {
             Kind::Request if header.flags & (flags::FRAGMENT | flags::MAYBE) == 0 => {}
             Kind::Ping => {
@@ -55,9 +55,9 @@ impl Responder {
                 } else {
                     let _ = self.answer.set(header.answer(Kind::NoCall), |_| Ok(0));
                 }
-                return Called::Answered;
+                return RequestOutcome::Answered;
             }
-            _ => return Called::Foreign,
+            _ => return RequestOutcome::Foreign,
         }
         self.to = Some(from);
         if header.interface != CONTROLLER_INTERFACE {
@@ -72,15 +72,15 @@ impl Responder {
             Err(violation) => (0, Err(violation)),
         };
         let (called, result) = match control.map(|control| (control, session(control.ar))) {
-            Err(violation) => (Called::Malformed, Err(violation)),
-            Ok((_, None)) => (Called::Answered, Err(Violation::ArUuidUnknown)),
+            Err(violation) => (RequestOutcome::Malformed, Err(violation)),
+            Ok((_, None)) => (RequestOutcome::Answered, Err(Violation::ArUuidUnknown)),
             Ok((control, _)) if control.command != Command::ApplicationReady => {
-                (Called::Answered, Err(Violation::StateConflict))
+                (RequestOutcome::Answered, Err(Violation::StateConflict))
             }
             Ok((control, Some(session))) if control.session != session => {
-                (Called::Answered, Err(control.command.wrong_session()))
+                (RequestOutcome::Answered, Err(control.command.wrong_session()))
             }
-            Ok((control, Some(_))) => (Called::Ready(control.ar), Ok(control)),
+            Ok((control, Some(_))) => (RequestOutcome::Ready(control.ar), Ok(control)),
         };
         let status =
             result.err().map_or_else(Default::default, |violation| violation.status(Service::Control));
@@ -91,17 +91,17 @@ impl Responder {
                 }
             })
         });
-        set.map_or(Called::Malformed, |()| called)
+        set.map_or(RequestOutcome::Malformed, |()| called)
     }
 
-    fn reject(&mut self, header: &Header, status: u32) -> Called {
+    fn reject(&mut self, header: &Header, status: u32) -> RequestOutcome {
         let write = |body: &mut [u8]| -> Result<usize, Overflow> {
             let mut writer = Writer::<BigEndian>::new(body);
             writer.u32(status);
             writer.finish()
         };
         let _ = self.answer.set(header.answer(Kind::Reject), write);
-        Called::Answered
+        RequestOutcome::Answered
     }
 
     /// Writes the next datagram of the answer; returns whom it is for and its length.
@@ -149,7 +149,10 @@ mod tests {
         let theirs = captured::datagram(captured::APPREADY_RES);
         let mut responder = Responder::new();
         for _ in 0..2 {
-            assert_eq!(responder.handle(P_NET, &header, body, of(uuid, SESSION)), Called::Ready(uuid));
+            assert_eq!(
+                responder.handle(P_NET, &header, body, of(uuid, SESSION)),
+                RequestOutcome::Ready(uuid)
+            );
             let (ours, body) = answer(&mut responder).unwrap();
             assert_eq!((ours.kind, ours.is_same_call(&header)), (Kind::Response, true));
             // The NDR numbers differ in byte order and in what the Siemens controller calls the maximum.
@@ -166,7 +169,7 @@ mod tests {
             ((uuid, 3), Status::new(0xDD, 0x81, 0x16, 0x06)),
             ((Uuid([9; 16]), SESSION), Status::new(0xDD, 0x81, 0x40, 0x05)),
         ] {
-            assert_eq!(responder.handle(P_NET, &header, body, of(ar.0, ar.1)), Called::Answered);
+            assert_eq!(responder.handle(P_NET, &header, body, of(ar.0, ar.1)), RequestOutcome::Answered);
             let (header, body) = answer(&mut responder).unwrap();
             assert_eq!(ResponseArgs::parse(&header, &body).unwrap().status, status);
         }

@@ -109,7 +109,7 @@ impl AlarmEndpoint {
     }
 
     /// Returns the last PDU of this connection: an error PDU.
-    pub(super) const fn farewell(&self, status: Status) -> Farewell {
+    pub(super) const fn final_error(&self, status: Status) -> FinalError {
         let rta = Rta {
             destination: self.peer_reference,
             source: self.own_reference,
@@ -118,7 +118,7 @@ impl AlarmEndpoint {
             send_sequence: next(self.low.sent),
             ack_sequence: self.low.acknowledged,
         };
-        Farewell { route: self.route, rta, status }
+        FinalError { route: self.route, rta, status }
     }
 }
 
@@ -153,13 +153,13 @@ impl Channel {
 
 /// An error PDU that is sent after its AR has ended.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Farewell {
+pub(super) struct FinalError {
     route: Route,
     rta: Rta,
     status: Status,
 }
 
-impl Farewell {
+impl FinalError {
     pub(super) fn emit(&self, buf: &mut [u8]) -> Result<Transmit, Overflow> {
         transmit(self.route, Priority::Low, buf, |writer| self.rta.emit_error(self.status, writer))
     }

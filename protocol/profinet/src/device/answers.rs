@@ -40,7 +40,7 @@ struct Answer {
 
 /// Status of a request before it is executed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Known {
+pub(super) enum RequestStatus {
     /// It is new.
     New,
     /// It was answered, and the answer is queued again.
@@ -56,23 +56,23 @@ impl Answers {
     }
 
     /// Looks up a request. If it was answered, queues the answer again, to the port that the request came from.
-    pub(super) fn look_up(&mut self, request: &Header, from: SocketAddrV4) -> Known {
+    pub(super) fn look_up(&mut self, request: &Header, from: SocketAddrV4) -> RequestStatus {
         let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request, from)) else {
-            return Known::New;
+            return RequestStatus::New;
         };
-        let Some(last) = answer.message.header() else { return Known::New };
+        let Some(last) = answer.message.header() else { return RequestStatus::New };
         let ahead = request.sequence.wrapping_sub(last.sequence);
         match ahead {
             0 if last.operation == request.operation && last.interface == request.interface => {
                 answer.to = Some(from);
                 answer.message.repeat();
                 self.pending = true;
-                Known::Answered
+                RequestStatus::Answered
             }
             // A caller that does not number its calls is also served.
-            0 => Known::New,
-            1..=0x7FFF_FFFF => Known::New,
-            _ => Known::Old,
+            0 => RequestStatus::New,
+            1..=0x7FFF_FFFF => RequestStatus::New,
+            _ => RequestStatus::Old,
         }
     }
 

@@ -29,7 +29,7 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use alarms::{AlarmReceived, Farewell};
+use alarms::{AlarmReceived, FinalError};
 use answers::Answers;
 use relation::Relation;
 use requests::Requests;
@@ -89,7 +89,7 @@ struct Core {
     call_to: Option<SocketAddrV4>,
     calls: u32,
     relation: Option<Relation>,
-    farewell: Option<Farewell>,
+    final_error: Option<FinalError>,
     inputs: Provided,
     events: VecDeque<LinkEvent>,
     foreign: ForeignRequests,
@@ -132,7 +132,7 @@ impl Device {
             call_to: None,
             calls: 0,
             relation: None,
-            farewell: None,
+            final_error: None,
             inputs: Provided::new(inputs),
             events: VecDeque::with_capacity(MOST_EVENTS),
             foreign: ForeignRequests::default(),
@@ -273,7 +273,7 @@ impl Core {
     /// Tells the owner once that data are exchanged.
     fn come_up(&mut self) {
         if self.relation.as_mut().is_some_and(Relation::has_come_up) {
-            self.tell(LinkEvent::Up);
+            self.report(LinkEvent::Up);
         }
     }
 
@@ -290,7 +290,7 @@ impl Core {
             self.report_foreign(now, Sender::Mac(from), what);
         }
         if let Some(IpSuite { address, mask, gateway }) = effect.address {
-            self.tell(LinkEvent::SetAddress { address, mask, gateway });
+            self.report(LinkEvent::SetAddress { address, mask, gateway });
         }
     }
 
@@ -305,7 +305,7 @@ impl Core {
         let status = violation.status(Service::Abort);
         if let Some(relation) = &self.relation {
             self.acyclic = true;
-            self.farewell = Some(relation.alarms.farewell(status));
+            self.final_error = Some(relation.alarms.final_error(status));
         }
         self.end((cause, status));
     }
@@ -319,7 +319,7 @@ impl Core {
         self.relation = None;
         self.call.clear();
         let text = if status.is_ok() { "the controller released the connection" } else { status.text() };
-        self.tell(LinkEvent::Down(Down { cause, code: status.0, text }));
+        self.report(LinkEvent::Down(Down { cause, code: status.0, text }));
     }
 
     fn counters(&self) -> Counters {
@@ -337,11 +337,11 @@ impl Core {
     /// Tells the owner of a request that was refused since it came from somebody else than the controller.
     fn report_foreign(&mut self, now: Instant, from: Sender, what: Requested) {
         if let Some(report) = self.foreign.refuse(now, from, what) {
-            self.tell(LinkEvent::Foreign(report));
+            self.report(LinkEvent::Foreign(report));
         }
     }
 
-    fn tell(&mut self, event: LinkEvent) {
+    fn report(&mut self, event: LinkEvent) {
         if self.events.len() < MOST_EVENTS {
             self.events.push_back(event);
         }
@@ -364,7 +364,7 @@ impl Core {
 
     /// Writes the next frame that is no cyclic one.
     fn poll_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if let Some(transmit) = self.farewell.take().and_then(|farewell| farewell.emit(buf).ok()) {
+        if let Some(transmit) = self.final_error.take().and_then(|final_error| final_error.emit(buf).ok()) {
             return Some(transmit);
         }
         if let Some(transmit) = self.relation.as_mut().and_then(|relation| relation.alarms.poll_transmit(buf))

@@ -4,7 +4,7 @@
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, admit};
-use super::answers::{Call, Known};
+use super::answers::{Call, RequestStatus};
 use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
 use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
 use super::{Core, closed_by_peer};
@@ -51,9 +51,9 @@ impl Core {
     /// Takes a whole request.
     pub(super) fn handle_request(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
         match self.answers.look_up(header, from) {
-            Known::New => {}
-            Known::Answered => return,
-            Known::Old => {
+            RequestStatus::New => {}
+            RequestStatus::Answered => return,
+            RequestStatus::Old => {
                 self.counters.foreign += 1;
                 return;
             }

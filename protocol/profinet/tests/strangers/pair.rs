@@ -6,7 +6,7 @@ use machine::ethernet::Mac;
 use machine::{Allowed, Duration, Instant, Peer};
 use profinet::rt::Transport;
 use profinet::{ArConfig, ArId, Controller, ControllerConfig, Device, DeviceConfig, Parameter};
-use virtual_time::hostile::{Choices, Couple, Life, Place};
+use virtual_time::hostile::{Choices, PairRun, Place, StationPair};
 
 use super::samples::{self, LEN};
 
@@ -26,7 +26,7 @@ impl ControllerAndDevice {
         transport: Transport,
         listed: bool,
         allocations: fn() -> u64,
-    ) -> Life<Self, C> {
+    ) -> PairRun<Self, C> {
         let [(controller_mac, plc), (device_mac, robot)] = STATIONS;
         let listed_peer = Peer { address: Some(plc), mac: Some(controller_mac), serial_number: None };
         let config = ControllerConfig {
@@ -60,11 +60,11 @@ impl ControllerAndDevice {
         let device = Device::new(config, Instant::ZERO);
         let controller = Place { machine: controller, mac: controller_mac, address: Some(plc) };
         let device = Place { machine: device, mac: device_mac, address: None };
-        Life::new(Self(ar), controller, device, allocations)
+        PairRun::new(Self(ar), controller, device, allocations)
     }
 }
 
-impl Couple for ControllerAndDevice {
+impl StationPair for ControllerAndDevice {
     type Id = ArId;
     type A = Controller;
     type B = Device;

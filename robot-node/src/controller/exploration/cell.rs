@@ -4,7 +4,7 @@ use plc_node::function_blocks::{
     EnableOutputs, GroupContinue, GroupHalt, GroupInterrupt, GroupReset, GroupSetOverride, GroupStop,
     MoveContinuous, Outputs, OverrideFactors, SkillState,
 };
-use plc_node::{AxesGroup, Patience};
+use plc_node::{AxesGroup, WaitLimits};
 
 use super::*;
 
@@ -39,7 +39,7 @@ impl Explored {
         Self {
             controller: Controller::new(config(), Vec::new(), 1),
             at: Instant::ZERO,
-            group: AxesGroup::new(Patience { answer_scans: PATIENCE, silent_scans: u32::MAX }),
+            group: AxesGroup::new(WaitLimits { answer_scans: PATIENCE, silent_scans: u32::MAX }),
             motion: MoveContinuous::default(),
             second: MoveContinuous::default(),
             stop: GroupStop::default(),

@@ -12,7 +12,7 @@ use machine::wire::{Overflow, Truncated};
 
 /// A message to the adapter.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Say {
+pub(super) enum ScannerMessage {
     /// RegisterSession.
     Register,
     /// Get_Attributes_All of the Identity.
@@ -30,14 +30,14 @@ pub(super) enum Say {
 }
 
 /// Writes a message that has no CIP request in it.
-pub(super) fn emit_plain(buf: &mut [u8], say: Say, session: u32) -> Result<usize, Overflow> {
+pub(super) fn emit_plain(buf: &mut [u8], say: ScannerMessage, session: u32) -> Result<usize, Overflow> {
     let command = match say {
-        Say::Register => Command::RegisterSession,
-        Say::Unregister => Command::UnRegisterSession,
+        ScannerMessage::Register => Command::RegisterSession,
+        ScannerMessage::Unregister => Command::UnRegisterSession,
         _ => Command::Nop,
     };
     Header::request(command, session).emit(buf, |writer| {
-        if say == Say::Register {
+        if say == ScannerMessage::Register {
             writer.u16(PROTOCOL_VERSION);
             writer.u16(0);
         }

@@ -1,8 +1,8 @@
 //! From a TCP connection to a connection that carries data: what is said, and what follows from each answer.
 
-use super::dialogue::{self, Say, Sockets};
+use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
-use super::{Asked, Connection, KEEP_ALIVE, Numbers, Refusal, Step};
+use super::{Connection, KEEP_ALIVE, Numbers, Refusal, RequestedConnection, Step};
 use crate::cip::{General, KeyMismatch, Path, Reply, service};
 use crate::connection::{CloseRequest, OpenRequest, Opened, Transport};
 use crate::encapsulation::{Command, Header, Status};
@@ -18,9 +18,9 @@ const LEAST_INTERVAL_US: u32 = 100;
 const MOST_INTERVALS: u32 = 4;
 
 impl Connection {
-    fn asked(&self) -> Asked {
+    fn asked(&self) -> RequestedConnection {
         let config = &self.config;
-        Asked {
+        RequestedConnection {
             target: config.target,
             described: config.described,
             key: config.key,
@@ -39,30 +39,36 @@ impl Connection {
         self.fail(now, refusal.down());
     }
 
-    pub(super) fn hear(&mut self, now: Instant, header: &Header, data: &[u8], numbers: &mut Numbers) {
+    pub(super) fn handle_message(
+        &mut self,
+        now: Instant,
+        header: &Header,
+        data: &[u8],
+        numbers: &mut Numbers,
+    ) {
         match (self.step, header.command) {
             (Step::Registering, Command::RegisterSession) => {
                 if header.status == Status::Success {
                     self.session = header.session;
                     if self.leaving {
-                        self.enter(now, Step::Closing, Say::Close);
+                        self.enter(now, Step::Closing, ScannerMessage::Close);
                     } else if self.unreleased.is_some() {
-                        self.enter(now, Step::Releasing, Say::Release);
+                        self.enter(now, Step::Releasing, ScannerMessage::Release);
                     } else {
-                        self.enter(now, Step::Identifying, Say::Identify);
+                        self.enter(now, Step::Identifying, ScannerMessage::Identify);
                     }
                 } else {
-                    let (code, text) = (header.status.into(), header.status.words());
+                    let (code, text) = (header.status.into(), header.status.text());
                     self.fail(now, Down { cause: DownCause::Refused, code, text });
                 }
             }
             (_, Command::SendRRData) if dialogue::number_of(header) == self.request => {
                 if header.status != Status::Success {
-                    let (code, text) = (header.status.into(), header.status.words());
+                    let (code, text) = (header.status.into(), header.status.text());
                     return self.fail(now, Down { cause: DownCause::Refused, code, text });
                 }
                 match dialogue::read_reply(data) {
-                    Some((reply, sockets)) => self.hear_reply(now, &reply, sockets, numbers),
+                    Some((reply, sockets)) => self.handle_reply(now, &reply, sockets, numbers),
                     None => self.counters.malformed += 1,
                 }
             }
@@ -70,7 +76,7 @@ impl Connection {
         }
     }
 
-    fn hear_reply(&mut self, now: Instant, reply: &Reply<'_>, sockets: Sockets, numbers: &mut Numbers) {
+    fn handle_reply(&mut self, now: Instant, reply: &Reply<'_>, sockets: Sockets, numbers: &mut Numbers) {
         match (self.step, reply.service) {
             (Step::Identifying, service::GET_ATTRIBUTES_ALL) => {
                 // An adapter that does not tell all its attributes may still be the right one.
@@ -103,7 +109,7 @@ impl Connection {
             // Where it was not open, there is nothing to close.
             (Step::Releasing, service::FORWARD_CLOSE) => {
                 self.unreleased = None;
-                self.enter(now, Step::Identifying, Say::Identify);
+                self.enter(now, Step::Identifying, ScannerMessage::Identify);
             }
             (Step::Closing, service::FORWARD_CLOSE) => {
                 self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
@@ -176,17 +182,19 @@ impl Connection {
     fn open(&mut self, now: Instant, numbers: &mut Numbers) {
         numbers.advance();
         self.numbers = *numbers;
-        self.enter(now, Step::Opening, Say::Open);
+        self.enter(now, Step::Opening, ScannerMessage::Open);
     }
 
-    pub(super) fn emit(&mut self, say: Say, buf: &mut [u8]) -> Option<usize> {
+    pub(super) fn emit(&mut self, say: ScannerMessage, buf: &mut [u8]) -> Option<usize> {
         self.request = self.request.wrapping_add(1);
         let numbers = (self.session, self.request);
         let path = Path(&self.path);
         let written = match say {
-            Say::Register | Say::Unregister | Say::Nop => dialogue::emit_plain(buf, say, self.session),
-            Say::Identify => dialogue::emit_identify(buf, numbers),
-            Say::Open => {
+            ScannerMessage::Register | ScannerMessage::Unregister | ScannerMessage::Nop => {
+                dialogue::emit_plain(buf, say, self.session)
+            }
+            ScannerMessage::Identify => dialogue::emit_identify(buf, numbers),
+            ScannerMessage::Open => {
                 let config = &self.config;
                 let request = OpenRequest {
                     o_t_id: 0,
@@ -202,13 +210,13 @@ impl Connection {
                 };
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
-            Say::Close | Say::Release => {
-                let earlier = self.unreleased.filter(|_| say == Say::Release);
+            ScannerMessage::Close | ScannerMessage::Release => {
+                let earlier = self.unreleased.filter(|_| say == ScannerMessage::Release);
                 let triad = earlier.unwrap_or(self.numbers.triad);
                 dialogue::emit_close(buf, numbers, &CloseRequest { triad, path })
             }
         };
-        if say == Say::Unregister {
+        if say == ScannerMessage::Unregister {
             self.session = 0;
         }
         written.ok()

@@ -7,7 +7,7 @@ mod establish;
 mod io;
 mod refusal;
 
-pub use refusal::{Asked, Refusal};
+pub use refusal::{Refusal, RequestedConnection};
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -20,7 +20,7 @@ use machine::{
     Attempt, Counters, Down, DownCause, Duration, Instant, LinkEvent, Port, StreamId, StreamRequest, Transmit,
 };
 
-use self::dialogue::Say;
+use self::dialogue::ScannerMessage;
 use self::io::Io;
 use super::config::ConnectionConfig;
 use crate::class1::Frame;
@@ -77,7 +77,7 @@ pub struct Connection {
     session: u32,
     /// Number of the last request.
     request: u32,
-    to_say: VecDeque<(StreamId, Say)>,
+    to_say: VecDeque<(StreamId, ScannerMessage)>,
     connect: bool,
     to_close: VecDeque<StreamId>,
     keep_alive_at: Option<Instant>,
@@ -201,7 +201,7 @@ impl Connection {
         match (self.step, self.stream) {
             (Step::Running, Some(_)) => {
                 self.io = None;
-                self.enter(now, Step::Closing, Say::Close);
+                self.enter(now, Step::Closing, ScannerMessage::Close);
             }
             (Step::Running, None) => {
                 self.io = None;
@@ -214,13 +214,13 @@ impl Connection {
         }
     }
 
-    fn enter(&mut self, now: Instant, step: Step, say: Say) {
+    fn enter(&mut self, now: Instant, step: Step, say: ScannerMessage) {
         self.step = step;
         self.deadline = Some(now + self.config.request_timeout);
         self.say(say);
     }
 
-    fn say(&mut self, say: Say) {
+    fn say(&mut self, say: ScannerMessage) {
         if let Some(stream) = self.stream {
             self.to_say.push_back((stream, say));
         }
@@ -235,10 +235,10 @@ impl Connection {
     /// Ends what there is without waiting for answers, so that the adapter does not have to run into its timeout.
     fn abandon(&mut self) {
         if matches!(self.step, Step::Opening | Step::Running) {
-            self.say(Say::Close);
+            self.say(ScannerMessage::Close);
         }
         if self.session != 0 {
-            self.say(Say::Unregister);
+            self.say(ScannerMessage::Unregister);
         }
         self.to_close.extend(self.stream.take());
         self.io = None;
@@ -320,7 +320,7 @@ impl Connection {
         let taken = reassembly.push(bytes).is_ok();
         while let Some(message) = reassembly.next_message() {
             match message {
-                Message::Whole(header, data) => self.hear(now, &header, data, numbers),
+                Message::Whole(header, data) => self.handle_message(now, &header, data, numbers),
                 Message::TooLong(_) => self.counters.malformed += 1,
             }
         }
@@ -341,7 +341,7 @@ impl Connection {
         if let Some(reassembly) = &mut self.reassembly {
             reassembly.clear();
         }
-        self.enter(now, Step::Registering, Say::Register);
+        self.enter(now, Step::Registering, ScannerMessage::Register);
         true
     }
 
@@ -386,7 +386,7 @@ impl Connection {
         }
         if self.keep_alive_at.is_some_and(|at| now >= at) {
             self.keep_alive_at = Some(now + KEEP_ALIVE);
-            self.say(Say::Nop);
+            self.say(ScannerMessage::Nop);
         }
         if self.deadline.is_some_and(|deadline| now >= deadline) {
             match self.step {

@@ -21,14 +21,14 @@ pub struct Refusal {
     /// The packet intervals O→T and T→O that the device would serve, in µs, if it tells.
     pub intervals_us: Option<(u32, u32)>,
     /// What was asked.
-    pub asked: Asked,
+    pub asked: RequestedConnection,
     /// Who the device says it is.
     pub found: Option<Identity>,
 }
 
 /// What a Forward_Open asked for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Asked {
+pub struct RequestedConnection {
     /// The adapter.
     pub target: Ipv4Addr,
     /// What the EDS file of the device that is wanted says.
@@ -46,7 +46,7 @@ pub struct Asked {
 }
 
 impl Refusal {
-    pub(super) fn of_reply(reply: &Reply<'_>, asked: Asked, found: Option<Identity>) -> Self {
+    pub(super) fn of_reply(reply: &Reply<'_>, asked: RequestedConnection, found: Option<Identity>) -> Self {
         let extended = reply.word(0).map(Extended::from);
         let (mut size, mut intervals_us) = (None, None);
         match extended {
@@ -64,10 +64,10 @@ impl Refusal {
 
     /// Returns the meaning of the status in words.
     #[must_use]
-    pub const fn words(&self) -> &'static str {
+    pub const fn text(&self) -> &'static str {
         match self.extended {
-            Some(extended) => extended.words(),
-            None => self.general.words(),
+            Some(extended) => extended.text(),
+            None => self.general.text(),
         }
     }
 
@@ -76,13 +76,13 @@ impl Refusal {
     pub fn down(&self) -> Down {
         let extended = self.extended.map_or(0, u16::from);
         let code = u32::from(u8::from(self.general)) << 16 | u32::from(extended);
-        Down { cause: DownCause::Refused, code, text: self.words() }
+        Down { cause: DownCause::Refused, code, text: self.text() }
     }
 }
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the adapter {} refused the connection: {}", self.asked.target, self.words())?;
+        write!(f, "the adapter {} refused the connection: {}", self.asked.target, self.text())?;
         write!(f, " (general status 0x{:02X}", u8::from(self.general))?;
         if let Some(extended) = self.extended {
             write!(f, ", extended status 0x{:04X}", u16::from(extended))?;
@@ -160,7 +160,7 @@ impl Refusal {
                 for (index, assembly) in device.assemblies.iter().enumerate() {
                     let Assembly { instance, size, role, .. } = assembly;
                     let comma = if index == 0 { "" } else { "," };
-                    write!(f, "{comma} {instance} {}", role.words())?;
+                    write!(f, "{comma} {instance} {}", role.text())?;
                     if matches!(role, Role::Consumed | Role::Produced) {
                         write!(f, " ({size} bytes)")?;
                     }
@@ -172,7 +172,7 @@ impl Refusal {
     }
 
     fn write_asked(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Asked { key, consumed, produced, configuration, rpi_us, .. } = self.asked;
+        let RequestedConnection { key, consumed, produced, configuration, rpi_us, .. } = self.asked;
         match self.extended {
             _ if self.is_about_key() => write_key(f, key),
             Some(Extended::InvalidOtSize) => {

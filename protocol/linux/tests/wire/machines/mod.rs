@@ -11,7 +11,7 @@ use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
 use protocol::image::IMAGE_LEN;
 use protocol_linux::Interface;
 
-use super::bed::Progress;
+use super::test_network::Progress;
 
 pub(crate) const UDP_PORT: u16 = 34962;
 const PERIOD: Duration = Duration::from_millis(1);

@@ -9,7 +9,7 @@ use machine::{
 };
 use protocol::fieldbus::LinkEvent;
 
-use crate::bed::Progress;
+use crate::test_network::Progress;
 
 pub(crate) const TCP_PORT: u16 = 44818;
 const PERIOD: Duration = Duration::from_millis(1);

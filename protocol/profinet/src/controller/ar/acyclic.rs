@@ -2,7 +2,7 @@
 
 use core::net::SocketAddrV4;
 
-use super::{Ar, Phase, words};
+use super::{Ar, Phase, down_reasons};
 use crate::RPC_PORT;
 use crate::status::{Service, Violation};
 use machine::{Down, DownCause};
@@ -35,7 +35,7 @@ impl Ar {
         if let Some(transmit) = self.link.as_mut().and_then(|link| link.alarms.poll_transmit(now, buf)) {
             return Some(transmit);
         }
-        if let Some(transmit) = self.parting.take().and_then(|parting| parting.emit(buf)) {
+        if let Some(transmit) = self.final_error.take().and_then(|final_error| final_error.emit(buf)) {
             return Some(transmit);
         }
         if let Some(len) = self.caller.poll_transmit(buf) {
@@ -70,25 +70,25 @@ impl Ar {
             Phase::Pausing { until } if now >= until => self.look(now),
             Phase::Readying { until } if now >= until => {
                 let status = Violation::ApplicationReadyTimeout.status(Service::Abort);
-                let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NOT_READY };
+                let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NOT_READY };
                 self.fail(now, down, Some(status));
             }
             Phase::Releasing { until } if now >= until => self.stop(),
             _ => {}
         }
         if self.silent_at.is_some_and(|at| now >= at) {
-            self.report(Down { cause: DownCause::NoAnswer, code: 0, text: self.words_for_silence() });
+            self.report(Down { cause: DownCause::NoAnswer, code: 0, text: self.reason_for_silence() });
         }
     }
 
     fn handle_link_timeout(&mut self, now: Instant) {
         let Some(link) = &mut self.link else { return };
         if link.alarms.handle_timeout(now) {
-            let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NO_ALARM_ACK };
+            let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NO_ALARM_ACK };
             self.fail(now, down, Some(Violation::Abort.status(Service::Abort)));
         } else if self.phase == Phase::Exchanging && link.receiver.is_expired(now) {
             let status = Violation::ConsumerExpired.status(Service::Abort);
-            let text = if self.up { words::WATCHDOG } else { words::NO_CYCLIC };
+            let text = if self.up { down_reasons::WATCHDOG } else { down_reasons::NO_CYCLIC };
             self.fail(now, Down { cause: DownCause::Watchdog, code: status.0, text }, Some(status));
         }
     }

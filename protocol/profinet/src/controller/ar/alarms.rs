@@ -69,7 +69,7 @@ struct Outstanding {
 
 /// An error PDU that ends an AR which is no longer there.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Parting {
+pub(super) struct FinalError {
     route: Route,
     rta: Rta,
     status: Status,
@@ -132,13 +132,13 @@ impl Alarms {
     }
 
     /// Returns the error PDU that tells the device that the AR has ended.
-    pub(super) const fn parting(&self, status: Status) -> Parting {
+    pub(super) const fn final_error(&self, status: Status) -> FinalError {
         let rta = self.low.rta(PduType::Error, self.references);
-        Parting { route: self.route, rta, status }
+        FinalError { route: self.route, rta, status }
     }
 }
 
-impl Parting {
+impl FinalError {
     /// Writes the PDU.
     pub(super) fn emit(&self, buf: &mut [u8]) -> Option<Transmit> {
         emit(self.route, Priority::Low, buf, |writer| self.rta.emit_error(self.status, writer))
@@ -311,7 +311,7 @@ mod tests {
         Alarms::new(Route::Ethernet { source: SIEMENS, destination: P_NET }, (0, 0))
     }
 
-    fn hear(alarms: &mut Alarms, now: Instant, text: &str) -> Outcome {
+    fn receive(alarms: &mut Alarms, now: Instant, text: &str) -> Outcome {
         let frame = captured::frame(text);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
         alarms.handle(now, u16::from_be_bytes([payload[0], payload[1]]), &payload[2..])
@@ -327,11 +327,11 @@ mod tests {
     fn a_process_alarm_is_acknowledged_in_the_bytes_of_the_siemens_controller() {
         let mut alarms = alarms();
         let now = Instant::ZERO;
-        assert_eq!(hear(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_RTA_HIGH_CPU)));
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_HIGH_CPU)));
         assert_eq!(sent(&mut alarms, now), None);
-        assert_eq!(hear(&mut alarms, now, captured::ALARM_ACK_RTA_HIGH_DEV), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_ACK_RTA_HIGH_DEV), Outcome::Taken);
         assert_eq!(alarms.poll_timeout(), None);
     }
 
@@ -339,12 +339,12 @@ mod tests {
     fn a_series_of_diagnosis_alarms_keeps_its_numbers_in_step() {
         let mut alarms = alarms();
         let now = Instant::ZERO;
-        assert_eq!(hear(&mut alarms, now, captured::ALARM_DIAG_NOTIF), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_DIAG_NOTIF), Outcome::Taken);
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_RTA_LOW_CPU)));
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_DIAG_ACK_CPU)));
         // The next notification acknowledges the AlarmAck by its AckSeqNum.
         for text in [captured::ALARM_DIAG_UPDATE_APPEARS, captured::ALARM_DIAG_UPDATE_OTHERS_REMAIN] {
-            assert_eq!(hear(&mut alarms, now, text), Outcome::Taken);
+            assert_eq!(receive(&mut alarms, now, text), Outcome::Taken);
             assert!(sent(&mut alarms, now).is_some() && sent(&mut alarms, now).is_some());
         }
         assert_eq!((alarms.low.last_received, alarms.low.last_sent), (1, 1));
@@ -354,9 +354,9 @@ mod tests {
     fn a_repeated_alarm_gets_its_ack_again_and_an_unanswered_alarm_ack_ends_in_giving_up() {
         let mut alarms = alarms();
         let mut now = Instant::ZERO;
-        hear(&mut alarms, now, captured::ALARM_PROCESS_NOTIF);
+        receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF);
         let (ack, data) = (sent(&mut alarms, now), sent(&mut alarms, now));
-        assert_eq!(hear(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
         assert!(ack.is_some() && sent(&mut alarms, now).is_some());
         assert_eq!(sent(&mut alarms, now), None, "the AlarmAck waits for its time");
         for _ in 0..RETRIES {
@@ -369,17 +369,17 @@ mod tests {
 
     #[test]
     fn an_error_pdu_ends_the_ar_and_says_why() {
-        let outcome = hear(&mut alarms(), Instant::ZERO, captured::ALARM_ERR_RTA_DEV);
+        let outcome = receive(&mut alarms(), Instant::ZERO, captured::ALARM_ERR_RTA_DEV);
         assert_eq!(outcome, Outcome::Aborted(Status::new(0xCF, 0x81, 0xFD, 0x00)));
         let mut other = Alarms::new(Route::Ethernet { source: SIEMENS, destination: P_NET }, (7, 0));
-        assert_eq!(hear(&mut other, Instant::ZERO, captured::ALARM_ERR_RTA_DEV), Outcome::Foreign);
+        assert_eq!(receive(&mut other, Instant::ZERO, captured::ALARM_ERR_RTA_DEV), Outcome::Foreign);
     }
 
     #[test]
     fn a_parting_is_an_error_pdu_of_low_priority() {
         let status = Status::new(0xCF, 0x81, 0xFD, 0x05);
         let mut buf = [0xFF; 128];
-        let transmit = alarms().parting(status).emit(&mut buf).unwrap();
+        let transmit = alarms().final_error(status).emit(&mut buf).unwrap();
         assert_eq!(transmit.len, 64);
         let expected = captured::frame(captured::ALARM_ERR_RTA_CPU_REMOVED);
         assert_eq!(buf[..35], expected[..35]);

@@ -16,7 +16,7 @@ const UNFINISHED_FOR: Duration = Duration::from_secs(30);
 
 /// What a PDU means for the call.
 #[derive(Debug)]
-pub(super) enum Heard<'a> {
+pub(super) enum AnswerOutcome<'a> {
     /// It is not about the call.
     Foreign,
     /// The call goes on.
@@ -100,9 +100,14 @@ impl Caller {
     }
 
     /// Takes a PDU from the device, from whatever port it came.
-    pub(super) fn handle<'a>(&'a mut self, now: Instant, header: &Header, body: &'a [u8]) -> Heard<'a> {
+    pub(super) fn handle<'a>(
+        &'a mut self,
+        now: Instant,
+        header: &Header,
+        body: &'a [u8],
+    ) -> AnswerOutcome<'a> {
         let ours = self.request.header().is_some_and(|request| request.is_same_call(header));
-        let Some(wait) = self.wait.as_mut().filter(|_| ours) else { return Heard::Foreign };
+        let Some(wait) = self.wait.as_mut().filter(|_| ours) else { return AnswerOutcome::Foreign };
         match header.kind {
             Kind::Response => {
                 wait.heard(now);
@@ -120,27 +125,27 @@ impl Caller {
                     Received::Whole(whole) => {
                         self.wait = None;
                         self.request.clear();
-                        Heard::Answer(*header, whole)
+                        AnswerOutcome::Answer(*header, whole)
                     }
-                    Received::Part | Received::Refused => Heard::Pending,
+                    Received::Part | Received::Refused => AnswerOutcome::Pending,
                 }
             }
             Kind::Fault | Kind::Reject => {
                 self.cancel();
-                Heard::Refused(read_rpc_status(header, body).unwrap_or_default())
+                AnswerOutcome::Refused(read_rpc_status(header, body).unwrap_or_default())
             }
             Kind::Working => {
                 wait.working = true;
                 wait.heard(now);
-                Heard::Pending
+                AnswerOutcome::Pending
             }
             Kind::NoCall => {
                 wait.working = false;
                 self.request.repeat();
-                Heard::Pending
+                AnswerOutcome::Pending
             }
-            Kind::FragmentAck | Kind::Ack | Kind::CancelAck => Heard::Pending,
-            Kind::Request | Kind::Ping | Kind::Cancel | Kind::Unknown(_) => Heard::Foreign,
+            Kind::FragmentAck | Kind::Ack | Kind::CancelAck => AnswerOutcome::Pending,
+            Kind::Request | Kind::Ping | Kind::Cancel | Kind::Unknown(_) => AnswerOutcome::Foreign,
         }
     }
 
@@ -236,11 +241,11 @@ mod tests {
         let mut caller = calling();
         let request = sent(&mut caller).unwrap();
         let now = Instant::from_millis(100);
-        assert!(matches!(caller.handle(now, &request.answer(Kind::Working), &[]), Heard::Pending));
+        assert!(matches!(caller.handle(now, &request.answer(Kind::Working), &[]), AnswerOutcome::Pending));
         let at = caller.poll_timeout().unwrap();
         assert!(!caller.handle_timeout(at));
         assert_eq!(sent(&mut caller).unwrap().kind, Kind::Ping);
-        assert!(matches!(caller.handle(at, &request.answer(Kind::NoCall), &[]), Heard::Pending));
+        assert!(matches!(caller.handle(at, &request.answer(Kind::NoCall), &[]), AnswerOutcome::Pending));
         assert_eq!(sent(&mut caller).unwrap().kind, Kind::Request);
     }
 
@@ -263,9 +268,12 @@ mod tests {
             let request = sent(&mut caller).unwrap();
             let answer = Header { order, ..request.answer(Kind::Response) };
             let other = Header { sequence: 9, ..answer };
-            assert!(matches!(caller.handle(Instant::ZERO, &other, b"no"), Heard::Foreign));
-            assert!(matches!(caller.handle(Instant::ZERO, &answer, b"yes"), Heard::Answer(_, b"yes")));
-            assert!(matches!(caller.handle(Instant::ZERO, &answer, b"again"), Heard::Foreign));
+            assert!(matches!(caller.handle(Instant::ZERO, &other, b"no"), AnswerOutcome::Foreign));
+            assert!(matches!(
+                caller.handle(Instant::ZERO, &answer, b"yes"),
+                AnswerOutcome::Answer(_, b"yes")
+            ));
+            assert!(matches!(caller.handle(Instant::ZERO, &answer, b"again"), AnswerOutcome::Foreign));
         }
     }
 
@@ -274,11 +282,11 @@ mod tests {
         let mut caller = calling();
         let request = sent(&mut caller).unwrap();
         let part = Header { flags: flags::FRAGMENT, ..request.answer(Kind::Response) };
-        assert!(matches!(caller.handle(Instant::ZERO, &part, &[1; FRAGMENT_LEN]), Heard::Pending));
+        assert!(matches!(caller.handle(Instant::ZERO, &part, &[1; FRAGMENT_LEN]), AnswerOutcome::Pending));
         let ack = sent(&mut caller).unwrap();
         assert_eq!((ack.kind, ack.fragment), (Kind::FragmentAck, 0));
         let last = Header { flags: part.flags | flags::LAST_FRAGMENT, fragment: 1, ..part };
-        let Heard::Answer(_, whole) = caller.handle(Instant::ZERO, &last, &[2; 5]) else {
+        let AnswerOutcome::Answer(_, whole) = caller.handle(Instant::ZERO, &last, &[2; 5]) else {
             panic!("the last fragment ends the call");
         };
         assert_eq!(whole.len(), FRAGMENT_LEN + 5);
@@ -290,7 +298,7 @@ mod tests {
         let request = sent(&mut caller).unwrap();
         let reject = request.answer(Kind::Reject);
         let heard = caller.handle(Instant::ZERO, &reject, &[0x1C, 0x01, 0x00, 0x03]);
-        assert!(matches!(heard, Heard::Refused(0x1C01_0003)));
+        assert!(matches!(heard, AnswerOutcome::Refused(0x1C01_0003)));
         assert_eq!(caller.poll_timeout(), None);
     }
 }

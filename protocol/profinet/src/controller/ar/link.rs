@@ -4,7 +4,7 @@ use core::net::SocketAddrV4;
 
 use super::alarms::Alarms;
 use super::plan::{INPUT, OUTPUT, Plan};
-use super::{ArConfig, Refusal, words};
+use super::{ArConfig, Refusal, down_reasons};
 use crate::connect::{ConnectResponse, DiffModule, ModuleState};
 use crate::provided::Provided;
 use crate::rt::{self, CyclicReceiver, CyclicSender, IoxStatus, Route, Transport, UDP_PORT};
@@ -33,7 +33,7 @@ impl Link {
         output: &Provided,
         granted: &ConnectResponse,
     ) -> Result<Self, Refusal> {
-        let unfit = Refusal { code: 0, text: words::UNFIT_ANSWER };
+        let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
         let asked = &plan.connect.ar;
         if (granted.ar.uuid, granted.ar.session) != (asked.uuid, asked.session) {
             return Err(unfit);
@@ -42,7 +42,7 @@ impl Link {
             let iocr = granted.iocrs.iter().find(|iocr| iocr.reference == reference);
             match iocr.map(|iocr| iocr.frame_id) {
                 Some(frame_id) if rt::is_cyclic(frame_id) => Ok(frame_id),
-                Some(frame_id) => Err(Refusal { code: frame_id.into(), text: words::WRONG_FRAME_ID }),
+                Some(frame_id) => Err(Refusal { code: frame_id.into(), text: down_reasons::WRONG_FRAME_ID }),
                 None => Err(unfit),
             }
         };
@@ -96,14 +96,14 @@ pub(super) fn unusable(diff: &[DiffModule]) -> Option<Refusal> {
         let place = |subslot: u16| u32::from(module.slot) << 16 | u32::from(subslot);
         match module.state {
             ModuleState::NoModule => {
-                return Some(Refusal { code: place(0), text: words::NO_MODULE });
+                return Some(Refusal { code: place(0), text: down_reasons::NO_MODULE });
             }
             ModuleState::WrongModule => {
-                return Some(Refusal { code: place(0), text: words::WRONG_MODULE });
+                return Some(Refusal { code: place(0), text: down_reasons::WRONG_MODULE });
             }
             _ => {}
         }
         let submodule = module.submodules.iter().find(|submodule| !submodule.state.is_usable())?;
-        Some(Refusal { code: place(submodule.subslot), text: words::WRONG_SUBMODULE })
+        Some(Refusal { code: place(submodule.subslot), text: down_reasons::WRONG_SUBMODULE })
     })
 }

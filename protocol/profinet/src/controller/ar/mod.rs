@@ -14,11 +14,11 @@ mod acyclic;
 mod alarms;
 mod call;
 mod discovery;
+mod down_reasons;
 mod layout;
 mod link;
 mod plan;
 mod startup;
-mod words;
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -39,7 +39,7 @@ use crate::rpc::{self, DEVICE_INTERFACE};
 use crate::rt::{Received, Transport};
 use crate::status::Status;
 use acyclic::Acyclic;
-use alarms::{Outcome, Parting};
+use alarms::{FinalError, Outcome};
 use call::Caller;
 use discovery::{Discovery, Wanted};
 use link::Link;
@@ -99,7 +99,7 @@ pub struct Ar {
     discovery: Discovery,
     caller: Caller,
     link: Option<Link>,
-    parting: Option<Parting>,
+    final_error: Option<FinalError>,
     output: Provided,
     up: bool,
     /// When we report that no connection came about, unless something else is reported before.
@@ -147,11 +147,11 @@ impl Ar {
             discovery,
             caller: Caller::new(rpc::object(1, identity), DEVICE_INTERFACE),
             link: None,
-            parting: None,
+            final_error: None,
             output,
             up: false,
             silent_at: Some(start + SILENT_FOR),
-            words: words::NO_STATION,
+            words: down_reasons::NO_STATION,
             reported: None,
             diff: Vec::new(),
             events: VecDeque::with_capacity(8),
@@ -278,7 +278,7 @@ impl Ar {
     fn fail(&mut self, now: Instant, down: Down, status: Option<Status>) {
         self.acyclic = Acyclic::Active;
         if let (Some(link), Some(status)) = (&self.link, status) {
-            self.parting = Some(link.alarms.parting(status));
+            self.final_error = Some(link.alarms.final_error(status));
         }
         self.drop_link();
         self.caller.cancel();
@@ -320,14 +320,14 @@ impl Ar {
     }
 
     /// Returns a hint for the user if the device stays silent in this phase.
-    const fn words_for_silence(&self) -> &'static str {
+    const fn reason_for_silence(&self) -> &'static str {
         match self.phase {
-            Phase::Connecting | Phase::Writing { .. } | Phase::Ending { .. } => words::NO_RPC,
-            Phase::Readying { .. } => words::NOT_READY,
-            Phase::Exchanging => words::NO_CYCLIC,
+            Phase::Connecting | Phase::Writing { .. } | Phase::Ending { .. } => down_reasons::NO_RPC,
+            Phase::Readying { .. } => down_reasons::NOT_READY,
+            Phase::Exchanging => down_reasons::NO_CYCLIC,
             Phase::Pausing { .. } => self.words,
-            _ if self.discovery.has_found() => words::NO_SET,
-            _ => words::NO_STATION,
+            _ if self.discovery.has_found() => down_reasons::NO_SET,
+            _ => down_reasons::NO_STATION,
         }
     }
 

@@ -3,10 +3,10 @@
 use rand_core::Rng;
 
 use super::acyclic::Acyclic;
-use super::call::Heard;
+use super::call::AnswerOutcome;
 use super::discovery::Progress;
 use super::link::{Link, unusable};
-use super::{Ar, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, random_uuid, words};
+use super::{Ar, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, down_reasons, random_uuid};
 use crate::Uuid;
 use crate::block::{BlockReader, BlockWriter};
 use crate::connect::{self, ConnectResponse};
@@ -56,7 +56,7 @@ impl Ar {
         });
         self.phase = Phase::Connecting;
         if called.is_err() {
-            self.refuse(now, Refusal { code: 0, text: words::TOO_LONG });
+            self.refuse(now, Refusal { code: 0, text: down_reasons::TOO_LONG });
         }
     }
 
@@ -64,10 +64,10 @@ impl Ar {
     pub(in super::super) fn handle_answer(&mut self, now: Instant, header: &Header, body: &[u8]) -> bool {
         self.acyclic = Acyclic::Active;
         let answered = match self.caller.handle(now, header, body) {
-            Heard::Pending => return true,
-            Heard::Foreign => return false,
-            Heard::Refused(code) => Err(Some(Refusal { code, text: words::REJECTED })),
-            Heard::Answer(header, body) => match ResponseArgs::parse(&header, body) {
+            AnswerOutcome::Pending => return true,
+            AnswerOutcome::Foreign => return false,
+            AnswerOutcome::Refused(code) => Err(Some(Refusal { code, text: down_reasons::REJECTED })),
+            AnswerOutcome::Answer(header, body) => match ResponseArgs::parse(&header, body) {
                 Ok(args) if args.status.is_ok() => {
                     read(self.phase, args.blocks, &self.plan.connect.ar).map_err(Some)
                 }
@@ -79,7 +79,7 @@ impl Ar {
             Ok(answer) => self.go_on(now, answer),
             Err(_) if matches!(self.phase, Phase::Releasing { .. }) => self.stop(),
             Err(refusal) => {
-                let unfit = Refusal { code: 0, text: words::UNFIT_ANSWER };
+                let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
                 self.counters.malformed += u64::from(refusal.is_none());
                 self.refuse(now, refusal.unwrap_or(unfit));
             }
@@ -138,7 +138,7 @@ impl Ar {
             RequestArgs::emit(LONGEST_ANSWER, body, |writer| request.emit(writer))
         });
         if called.is_err() {
-            self.refuse(now, Refusal { code: 0, text: words::TOO_LONG });
+            self.refuse(now, Refusal { code: 0, text: down_reasons::TOO_LONG });
         }
     }
 
@@ -180,7 +180,7 @@ impl Ar {
         if matches!(self.phase, Phase::Releasing { .. }) {
             return self.stop();
         }
-        let down = Down { cause: DownCause::NoAnswer, code: 0, text: words::NO_RPC };
+        let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NO_RPC };
         self.fail(now, down, Some(Violation::InitiatorTimeout.status(Service::Abort)));
     }
 
@@ -223,7 +223,7 @@ enum Answer {
 
 /// Reads the blocks of an answer in this phase, and checks that they are about this AR.
 fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal> {
-    let unfit = Refusal { code: 0, text: words::UNFIT_ANSWER };
+    let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
     let control = |command| match Control::parse_response(blocks) {
         Ok(done) if (done.command, done.ar, done.session) == (command, ar.uuid, ar.session) => {
             Ok(Answer::Done)

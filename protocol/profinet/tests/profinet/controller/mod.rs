@@ -83,7 +83,7 @@ impl Cell {
             assert!(round < 100, "the controller sends without end");
             let Some(transmit) = self.controller.poll_transmit(self.now, &mut buf) else { break };
             self.frames += 1;
-            for answer in self.peer.hear(self.now, &transmit, &buf[..transmit.len]) {
+            for answer in self.peer.receive(self.now, &transmit, &buf[..transmit.len]) {
                 self.controller.handle_frame(self.now, answer.0, &answer.1);
             }
         }

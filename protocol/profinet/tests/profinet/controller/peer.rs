@@ -89,7 +89,7 @@ impl Peer {
         }
     }
 
-    pub(super) fn hear(&mut self, now: Instant, transmit: &Transmit, frame: &[u8]) -> Frames {
+    pub(super) fn receive(&mut self, now: Instant, transmit: &Transmit, frame: &[u8]) -> Frames {
         if self.script.silent {
             return Vec::new();
         }
@@ -97,17 +97,17 @@ impl Peer {
             Port::Ethernet => {
                 let (_, payload) = EthernetHeader::parse(frame).unwrap();
                 match Pdu::parse(payload) {
-                    Ok(pdu) => self.hear_dcp(&pdu),
-                    Err(_) => self.hear_rt(now, payload),
+                    Ok(pdu) => self.receive_dcp(&pdu),
+                    Err(_) => self.receive_rt(now, payload),
                 }
             }
-            Port::Udp(UDP_PORT) => self.hear_rt(now, frame),
+            Port::Udp(UDP_PORT) => self.receive_rt(now, frame),
             _ if self.script.deaf_to_rpc => Vec::new(),
-            _ => self.hear_rpc(frame),
+            _ => self.receive_rpc(frame),
         }
     }
 
-    fn hear_dcp(&mut self, pdu: &Pdu<'_>) -> Frames {
+    fn receive_dcp(&mut self, pdu: &Pdu<'_>) -> Frames {
         match pdu.service {
             DcpService::IdentifyRequest => {
                 let address = if self.script.has_address { DEVICE_ADDRESS } else { Ipv4Addr::UNSPECIFIED };
@@ -130,7 +130,7 @@ impl Peer {
         }
     }
 
-    fn hear_rt(&mut self, now: Instant, payload: &[u8]) -> Frames {
+    fn receive_rt(&mut self, now: Instant, payload: &[u8]) -> Frames {
         let connect = self.connect.as_ref().expect("connected first");
         let (input, output) = (&connect.iocrs[0], &connect.iocrs[1]);
         let frame_id = u16::from_be_bytes([payload[0], payload[1]]);
@@ -178,7 +178,7 @@ impl Peer {
         ethernet(write)
     }
 
-    fn hear_rpc(&mut self, frame: &[u8]) -> Frames {
+    fn receive_rpc(&mut self, frame: &[u8]) -> Frames {
         let (header, body) = Header::parse(frame).unwrap();
         if header.kind != Kind::Request {
             let ready =

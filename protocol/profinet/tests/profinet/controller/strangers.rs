@@ -120,7 +120,7 @@ proptest! {
             cell.now = at_time;
             cell.controller.handle_timeout(at_time);
             while let Some(transmit) = cell.controller.poll_transmit(cell.now, &mut buf) {
-                for (source, mut frame) in cell.peer.hear(cell.now, &transmit, &buf[..transmit.len]) {
+                for (source, mut frame) in cell.peer.receive(cell.now, &transmit, &buf[..transmit.len]) {
                     if seen == nth {
                         let index = at.index(frame.len());
                         frame[index] = value;

@@ -15,14 +15,14 @@ use crate::stands::virtual_run;
 /// Repetitions of RC on each arm: their times differ by much less than those of the arms.
 const ARMS_REPETITIONS: u32 = 3;
 
-/// The companions of a run; by default none.
+/// The reference runs of a run; by default none.
 #[derive(Default)]
-pub(super) struct Companions {
+pub(super) struct ReferenceRuns {
     without_overhead: Option<JoinHandle<anyhow::Result<Results>>>,
     arms: Option<JoinHandle<anyhow::Result<Arms>>>,
 }
 
-impl Companions {
+impl ReferenceRuns {
     /// Starts the run without the calibrated overhead, if the setup has one, and the runs on the paper's arms if the run
     /// is `of_the_paper`.
     pub(super) fn start(

@@ -12,7 +12,7 @@ use super::{Choices, MS, Member, MemberEvent, Random, STRANGER, STRANGER_MAC, Se
 use crate::{Network, StationId};
 
 /// What both stations of a pair do in their life, by their protocol.
-pub trait Couple {
+pub trait StationPair {
     /// Name of a connection of the first station.
     type Id: core::fmt::Debug;
     /// The first station: it connects and parts.
@@ -77,39 +77,39 @@ pub struct Record {
 
 /// The pair on its switch, and a place for a stranger.
 #[derive(Debug)]
-pub struct Life<P: Couple, C: Choices = Random> {
-    couple: P,
+pub struct PairRun<P: StationPair, C: Choices = Random> {
+    pair: P,
     network: Network<Member<P::A, P::B, C>>,
     stations: [StationId; 2],
     events: Vec<Reported>,
     images: Vec<[Option<u8>; 2]>,
 }
 
-impl<P: Couple, C: Choices> Life<P, C> {
+impl<P: StationPair, C: Choices> PairRun<P, C> {
     /// Puts the pair on a switch. `count` returns the heap allocations so far.
     #[must_use]
-    pub fn new(couple: P, a: Place<P::A>, b: Place<P::B>, count: fn() -> u64) -> Self {
+    pub fn new(pair: P, a: Place<P::A>, b: Place<P::B>, count: fn() -> u64) -> Self {
         let mut network = Network::new(Duration::from_micros(25));
         let stations = [
             network.add(Member::A(Watched::new(a.machine, count)), a.mac, a.address),
             network.add(Member::B(Watched::new(b.machine, count)), b.mac, b.address),
         ];
-        Self { couple, network, stations, events: Vec::new(), images: Vec::new() }
+        Self { pair, network, stations, events: Vec::new(), images: Vec::new() }
     }
 
     fn a<R>(&mut self, command: impl FnOnce(&P, &mut Watched<P::A>, Instant) -> R) -> Option<R> {
-        let couple = &self.couple;
+        let pair = &self.pair;
         let done = self.network.command(self.stations[0], |station, now| match station {
-            Member::A(watched) => Some(command(couple, watched, now)),
+            Member::A(watched) => Some(command(pair, watched, now)),
             _ => None,
         });
         done.flatten()
     }
 
     fn b<R>(&mut self, command: impl FnOnce(&P, &mut Watched<P::B>, Instant) -> R) -> Option<R> {
-        let couple = &self.couple;
+        let pair = &self.pair;
         let done = self.network.command(self.stations[1], |station, now| match station {
-            Member::B(watched) => Some(command(couple, watched, now)),
+            Member::B(watched) => Some(command(pair, watched, now)),
             _ => None,
         });
         done.flatten()
@@ -123,8 +123,8 @@ impl<P: Couple, C: Choices> Life<P, C> {
                 self.take(event);
             }
             let value = (self.images.len() % 251) as u8;
-            let input = self.a(|couple, watched, _| couple.exchange_a(&mut watched.machine, value));
-            let output = self.b(|couple, watched, _| couple.exchange_b(&mut watched.machine, value));
+            let input = self.a(|pair, watched, _| pair.exchange_a(&mut watched.machine, value));
+            let output = self.b(|pair, watched, _| pair.exchange_b(&mut watched.machine, value));
             self.images.push([input.flatten(), output.flatten()]);
         }
     }
@@ -136,7 +136,7 @@ impl<P: Couple, C: Choices> Life<P, C> {
             MemberEvent::A((_, event)) => MemberEvent::A(event),
             MemberEvent::B(LinkEvent::SetAddress { address, .. }) if P::ASKS_FOR_ADDRESS => {
                 self.network.set_address(self.stations[1], Some(address));
-                self.b(|couple, watched, now| couple.address_set(&mut watched.machine, now));
+                self.b(|pair, watched, now| pair.address_set(&mut watched.machine, now));
                 MemberEvent::B(LinkEvent::Up)
             }
             MemberEvent::B(event) => MemberEvent::B(event),
@@ -159,7 +159,7 @@ impl<P: Couple, C: Choices> Life<P, C> {
         self.run(phases.parting);
         assert_eq!(self.allocations(), before, "allocations for a stranger while data are exchanged");
         let foreign = [self.a(|_, a, _| a.foreign), self.b(|_, b, _| b.foreign)];
-        self.a(|couple, watched, now| couple.part(&mut watched.machine, now));
+        self.a(|pair, watched, now| pair.part(&mut watched.machine, now));
         self.run(phases.end);
         let sent =
             [self.a(|_, a, _| core::mem::take(&mut a.sent)), self.b(|_, b, _| core::mem::take(&mut b.sent))];
@@ -180,9 +180,9 @@ impl<P: Couple, C: Choices> Life<P, C> {
 }
 
 impl Record {
-    /// Returns the first frame in which a disturbed life of such a couple differs.
+    /// Returns the first frame in which a disturbed run of such a pair differs.
     #[must_use]
-    pub fn difference<P: Couple>(&self, disturbed: &Self) -> String {
+    pub fn difference<P: StationPair>(&self, disturbed: &Self) -> String {
         for ((name, alone), disturbed) in P::NAMES.into_iter().zip(&self.sent).zip(&disturbed.sent) {
             if let Some((one, other)) = alone.iter().zip(disturbed).find(|(one, other)| one != other) {
                 return format!("the {name} sent\n{other:02x?}\ninstead of\n{one:02x?}");

@@ -12,12 +12,12 @@ pub(crate) const SCANNER: ScannerConfig =
     ScannerConfig { vendor: 0xFFFF, serial_number: 1, first_id: 0x5C00_0000 };
 
 #[derive(Debug)]
-pub(crate) struct One {
+pub(crate) struct SingleConnection {
     scanner: Scanner,
     id: ConnectionId,
 }
 
-impl One {
+impl SingleConnection {
     pub(crate) fn new(config: ConnectionConfig, start: Instant) -> Self {
         Self::of(SCANNER, config, start)
     }
@@ -53,7 +53,7 @@ impl One {
     }
 }
 
-impl Machine for One {
+impl Machine for SingleConnection {
     type Event = LinkEvent;
 
     fn ports(&self) -> &[PortRequest] {

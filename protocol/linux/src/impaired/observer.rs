@@ -10,7 +10,7 @@ use machine::Instant;
 use virtual_time::{Fate, Side};
 
 use super::Shared;
-use super::middle::ROOM;
+use super::forwarder::ROOM;
 use crate::RecorderError;
 use crate::capture::{CaptureFile, Note, Packet};
 
@@ -22,20 +22,20 @@ const EMPTY_EVERY: Duration = Duration::from_millis(10);
 
 /// Called with each frame and its instant by [`crate::clock::now`]; the packet's comment says what the cable did to
 /// it.
-pub type OnFrame = Box<dyn FnMut(Instant, &Packet<'_>) + Send>;
+pub type FrameCallback = Box<dyn FnMut(Instant, &Packet<'_>) + Send>;
 
 /// What to do with the frames at one end.
 #[derive(Default)]
-pub struct Witness {
+pub struct Observer {
     /// Capture to write them to, with a comment at each fault.
     pub capture: Option<CaptureFile>,
     /// Callback to hand them to.
-    pub see: Option<OnFrame>,
+    pub see: Option<FrameCallback>,
 }
 
-impl std::fmt::Debug for Witness {
+impl std::fmt::Debug for Observer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Witness").field("capture", &self.capture).finish_non_exhaustive()
+        f.debug_struct("Observer").field("capture", &self.capture).finish_non_exhaustive()
     }
 }
 
@@ -56,13 +56,13 @@ enum Entry {
     Note(Note),
 }
 
-/// The cyclic thread's end of the ring; without a ring if there is no witness.
-pub(super) struct WitnessSender {
+/// The cyclic thread's end of the ring; without a ring if there is no observer.
+pub(super) struct ObserverSender {
     entries: Option<rtrb::Producer<Entry>>,
     shared: Arc<Shared>,
 }
 
-impl WitnessSender {
+impl ObserverSender {
     /// Passes a frame to the writer. If the ring is full, the frame is left out and counted.
     pub(super) fn passed(&mut self, passed: Passed, bytes: &[u8]) {
         let Some(entries) = &mut self.entries else { return };
@@ -86,7 +86,7 @@ impl WitnessSender {
     }
 }
 
-/// The writing thread; none if there is no witness.
+/// The writing thread; none if there is no observer.
 #[derive(Debug)]
 pub(super) struct Writer(Option<JoinHandle<Result<(), RecorderError>>>);
 
@@ -97,17 +97,17 @@ impl Writer {
     }
 }
 
-/// Starts a writer for these witnesses.
+/// Starts a writer for these observers.
 pub(super) fn start(
-    witnesses: [Witness; 2],
+    observers: [Observer; 2],
     shared: &Arc<Shared>,
-) -> std::io::Result<(WitnessSender, Writer)> {
+) -> std::io::Result<(ObserverSender, Writer)> {
     let shared = Arc::clone(shared);
-    if witnesses.iter().all(|witness| witness.capture.is_none() && witness.see.is_none()) {
-        return Ok((WitnessSender { entries: None, shared }, Writer(None)));
+    if observers.iter().all(|observer| observer.capture.is_none() && observer.see.is_none()) {
+        return Ok((ObserverSender { entries: None, shared }, Writer(None)));
     }
     let (entries, mut waiting) = rtrb::RingBuffer::new(RING_CAPACITY);
-    let mut ends = witnesses.map(|witness| End { witness, note: None });
+    let mut ends = observers.map(|observer| End { observer, note: None });
     let writer_shared = Arc::clone(&shared);
     let body = move || {
         let mut result = Ok(());
@@ -119,10 +119,10 @@ pub(super) fn start(
                 // If a capture cannot be written, all captures end; the cable goes on.
                 if result.is_ok() && recorded.is_err() {
                     result = recorded;
-                    ends.iter_mut().for_each(|end| end.witness.capture = None);
+                    ends.iter_mut().for_each(|end| end.observer.capture = None);
                 }
             }
-            let captures = ends.iter_mut().filter_map(|end| end.witness.capture.as_mut());
+            let captures = ends.iter_mut().filter_map(|end| end.observer.capture.as_mut());
             let flushed = captures.map(|capture| capture.flush().map_err(|error| broken(capture, error)));
             result = result.and(flushed.collect());
             if last {
@@ -131,8 +131,8 @@ pub(super) fn start(
             std::thread::sleep(EMPTY_EVERY);
         }
         let left_out = writer_shared.left_out.load(Ordering::Relaxed);
-        for End { witness, .. } in ends {
-            let Some(capture) = witness.capture.filter(|_| !writer_shared.discard.load(Ordering::Relaxed))
+        for End { observer, .. } in ends {
+            let Some(capture) = observer.capture.filter(|_| !writer_shared.discard.load(Ordering::Relaxed))
             else {
                 continue;
             };
@@ -142,12 +142,12 @@ pub(super) fn start(
         }
         if left_out > 0 { result.and(Err(RecorderError::LeftOut { frames: left_out })) } else { result }
     };
-    let thread = std::thread::Builder::new().name("witness".to_owned()).spawn(body)?;
-    Ok((WitnessSender { entries: Some(entries), shared }, Writer(Some(thread))))
+    let thread = std::thread::Builder::new().name("observer".to_owned()).spawn(body)?;
+    Ok((ObserverSender { entries: Some(entries), shared }, Writer(Some(thread))))
 }
 
 struct End {
-    witness: Witness,
+    observer: Observer,
     /// Comment for the next frame.
     note: Option<String>,
 }
@@ -162,15 +162,15 @@ fn record(ends: &mut [End; 2], entry: &Entry) -> Result<(), RecorderError> {
             Ok(())
         }
         Entry::Passed { passed: Passed { at, since_1970, end, sent, fate }, len, frame } => {
-            let End { witness, note } = &mut ends[end.index()];
+            let End { observer, note } = &mut ends[end.index()];
             let fault = (!fate.is_clean()).then(|| fate.to_string());
             let data = frame.get(..*len).unwrap_or_default();
             let packet =
                 Packet { since_1970: *since_1970, sent: Some(*sent), data, comment: fault.as_deref() };
-            if let Some(see) = &mut witness.see {
+            if let Some(see) = &mut observer.see {
                 see(*at, &packet);
             }
-            let Some(capture) = &mut witness.capture else { return Ok(()) };
+            let Some(capture) = &mut observer.capture else { return Ok(()) };
             let comment = match (note.take(), &fault) {
                 (Some(note), Some(fault)) => Some(format!("{note}; {fault}")),
                 (note, fault) => note.or_else(|| fault.clone()),

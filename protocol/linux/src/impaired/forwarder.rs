@@ -1,4 +1,4 @@
-//! The middle of an impaired cable without its sockets: what happens to each frame, and when it is passed on.
+//! The forwarder of an impaired cable without its sockets: what happens to each frame, and when it is passed on.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -48,7 +48,7 @@ pub(super) enum Due<'a> {
 }
 
 #[derive(Debug)]
-pub(super) struct Middle {
+pub(super) struct Forwarder {
     links: [Link; 2],
     /// Delay of the hosts' own traffic, per sender.
     delays: [Duration; 2],
@@ -62,7 +62,7 @@ pub(super) struct Middle {
     ready: Option<Instant>,
 }
 
-impl Middle {
+impl Forwarder {
     /// Allocates all memory that it will ever need.
     pub(super) fn new(plan: &ImpairmentPlan) -> Self {
         let [to_second, to_first] = plan.links;
@@ -183,9 +183,9 @@ mod tests {
     }
 
     /// Describes what is due until `until`.
-    fn due(middle: &mut Middle, until: Instant) -> Vec<String> {
+    fn due(forwarder: &mut Forwarder, until: Instant) -> Vec<String> {
         let mut found = Vec::new();
-        while let Some(due) = middle.next_due(until) {
+        while let Some(due) = forwarder.next_due(until) {
             found.push(match due {
                 Due::Change(note) => note.to_string(),
                 Due::Frame { to, fate, frame } => {
@@ -208,17 +208,17 @@ mod tests {
             ..Impairment::default()
         };
         let plan = ImpairmentPlan { links: [hostile; 2], seed: 7, ..ImpairmentPlan::default() };
-        let (mut middle, mut link) = (Middle::new(&plan), Link::new(hostile, 7, 1));
+        let (mut forwarder, mut link) = (Forwarder::new(&plan), Link::new(hostile, 7, 1));
         for number in 0..=255 {
             let now = Instant::from_millis(u64::from(number));
             assert_eq!(
-                middle.take(now, Side::B, &profinet(number)),
+                forwarder.take(now, Side::B, &profinet(number)),
                 link.pass(now, &profinet(number), |_, _, _| {})
             );
-            while middle.next_due(now).is_some() {}
+            while forwarder.next_due(now).is_some() {}
         }
-        assert_eq!(middle.counters()[1], link.counters());
-        assert!(link.counters().corrupted > 10 && middle.counters()[0] == LinkCounters::default());
+        assert_eq!(forwarder.counters()[1], link.counters());
+        assert!(link.counters().corrupted > 10 && forwarder.counters()[0] == LinkCounters::default());
     }
 
     #[test]
@@ -228,56 +228,57 @@ mod tests {
             links: [held, Impairment { delay: MS(1), ..Impairment::default() }],
             ..ImpairmentPlan::default()
         };
-        let mut middle = Middle::new(&plan);
-        middle.take(Instant::ZERO, Side::A, &profinet(1));
-        middle.take(Instant::ZERO, Side::B, &profinet(2));
-        assert_eq!(middle.deadline(), Some(Instant::from_millis(1)));
-        assert_eq!(due(&mut middle, Instant::from_millis(5)), ["A 2", "B 1 fault: held back by 2ms"]);
+        let mut forwarder = Forwarder::new(&plan);
+        forwarder.take(Instant::ZERO, Side::A, &profinet(1));
+        forwarder.take(Instant::ZERO, Side::B, &profinet(2));
+        assert_eq!(forwarder.deadline(), Some(Instant::from_millis(1)));
+        assert_eq!(due(&mut forwarder, Instant::from_millis(5)), ["A 2", "B 1 fault: held back by 2ms"]);
     }
 
     #[test]
     fn a_cut_counts_from_when_both_ends_are_ready_and_loses_the_frames_on_the_cable() {
         let slow = Impairment { delay: MS(4), ..Impairment::default() };
         let cuts = vec![(MS(10), true), (MS(20), false)];
-        let mut middle = Middle::new(&ImpairmentPlan { links: [slow; 2], cuts, seed: 1 });
-        middle.take(Instant::ZERO, Side::A, &profinet(1));
-        assert_eq!(due(&mut middle, Instant::from_millis(90)), ["B 1"]);
-        middle.set_ready(Instant::from_millis(100));
-        middle.take(Instant::from_millis(109), Side::A, &profinet(2));
+        let mut forwarder = Forwarder::new(&ImpairmentPlan { links: [slow; 2], cuts, seed: 1 });
+        forwarder.take(Instant::ZERO, Side::A, &profinet(1));
+        assert_eq!(due(&mut forwarder, Instant::from_millis(90)), ["B 1"]);
+        forwarder.set_ready(Instant::from_millis(100));
+        forwarder.take(Instant::from_millis(109), Side::A, &profinet(2));
         assert_eq!(
-            due(&mut middle, Instant::from_millis(110)),
+            due(&mut forwarder, Instant::from_millis(110)),
             ["fault: the cable is cut from here on; 1 frames under way are lost"]
         );
         for frame in [profinet(3), arp()] {
-            let fate = middle.take(Instant::from_millis(111), Side::B, &frame);
+            let fate = forwarder.take(Instant::from_millis(111), Side::B, &frame);
             assert_eq!(fate.to_string(), "fault: lost, the cable is cut");
         }
-        assert_eq!(due(&mut middle, Instant::from_millis(120)), ["the cable is mended"]);
-        assert!(middle.take(Instant::from_millis(121), Side::B, &profinet(4)).is_clean());
-        assert_eq!(middle.counters().map(|link| link.lost), [1, 1], "ARP is no frame of a machine");
+        assert_eq!(due(&mut forwarder, Instant::from_millis(120)), ["the cable is mended"]);
+        assert!(forwarder.take(Instant::from_millis(121), Side::B, &profinet(4)).is_clean());
+        assert_eq!(forwarder.counters().map(|link| link.lost), [1, 1], "ARP is no frame of a machine");
     }
 
     #[test]
     fn random_faults_spare_the_hosts_own_traffic() {
         let lossy = Impairment { loss_ppm: 1_000_000, ..Impairment::default() };
-        let mut middle = Middle::new(&ImpairmentPlan { links: [lossy; 2], ..ImpairmentPlan::default() });
-        assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).lost);
-        assert!(middle.take(Instant::ZERO, Side::A, &arp()).is_clean());
-        assert_eq!(due(&mut middle, Instant::ZERO), ["B 0"]);
+        let mut forwarder =
+            Forwarder::new(&ImpairmentPlan { links: [lossy; 2], ..ImpairmentPlan::default() });
+        assert!(forwarder.take(Instant::ZERO, Side::A, &profinet(1)).lost);
+        assert!(forwarder.take(Instant::ZERO, Side::A, &arp()).is_clean());
+        assert_eq!(due(&mut forwarder, Instant::ZERO), ["B 0"]);
     }
 
     #[test]
     fn a_frame_without_room_is_lost_and_counted_and_places_are_reused() {
         let slow = Impairment { delay: MS(1_000), ..Impairment::default() };
-        let mut middle = Middle::new(&ImpairmentPlan { links: [slow; 2], ..ImpairmentPlan::default() });
+        let mut forwarder = Forwarder::new(&ImpairmentPlan { links: [slow; 2], ..ImpairmentPlan::default() });
         for _ in 0..2 {
             for _ in 0..PLACES {
-                assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).is_clean());
+                assert!(forwarder.take(Instant::ZERO, Side::A, &profinet(1)).is_clean());
             }
-            assert!(middle.take(Instant::ZERO, Side::A, &profinet(1)).lost);
-            assert_eq!(due(&mut middle, Instant::from_millis(1_000)).len(), PLACES);
+            assert!(forwarder.take(Instant::ZERO, Side::A, &profinet(1)).lost);
+            assert_eq!(due(&mut forwarder, Instant::from_millis(1_000)).len(), PLACES);
         }
-        assert!(middle.take(Instant::ZERO, Side::A, &[0; ROOM + 1]).lost, "a frame that is too long");
-        assert_eq!(middle.counters()[0].lost, 3);
+        assert!(forwarder.take(Instant::ZERO, Side::A, &[0; ROOM + 1]).lost, "a frame that is too long");
+        assert_eq!(forwarder.counters()[0].lost, 3);
     }
 }

@@ -1,4 +1,4 @@
-//! A MainDevice by hand: one datagram a frame, for what ethercrab does not send.
+//! A MainDevice by main_device: one datagram a frame, for what ethercrab does not send.
 
 use ethercat_subdevice::{DeviceId, Event, Segment};
 use machine::{Duration, Instant, Machine, Port, Source};
@@ -17,10 +17,10 @@ pub const LRW: u8 = 12;
 pub const ARMW: u8 = 13;
 pub const FRMW: u8 = 14;
 
-/// Station address that [`Hand::start`] gives to the first device; the next ones follow.
+/// Station address that [`RawMainDevice::start`] gives to the first device; the next ones follow.
 pub const FIRST: u16 = 0x1000;
 
-pub struct Hand {
+pub struct RawMainDevice {
     pub segment: Segment,
     pub now: Instant,
     counter: u8,
@@ -29,7 +29,7 @@ pub struct Hand {
     pub events: Vec<(DeviceId, Event)>,
 }
 
-impl Hand {
+impl RawMainDevice {
     pub fn new(segment: Segment) -> Self {
         Self { segment, now: Instant::ZERO, counter: 0, mailbox: 128, events: Vec::new() }
     }
@@ -96,17 +96,17 @@ impl Hand {
 
     /// Brings a segment up like [`start`](Self::start), with mailboxes of another length, up to 128 bytes.
     pub fn start_with(segment: Segment, mailbox: u16) -> Self {
-        let mut hand = Self { mailbox, ..Self::new(segment) };
+        let mut main_device = Self { mailbox, ..Self::new(segment) };
         let [low, high] = mailbox.to_le_bytes();
-        for position in 0..hand.segment.len() as u16 {
+        for position in 0..main_device.segment.len() as u16 {
             let address = (FIRST + position).to_le_bytes();
-            assert_eq!(hand.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &address).1, 1);
+            assert_eq!(main_device.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &address).1, 1);
         }
-        assert_eq!(hand.write(0x0800, &[0x00, 0x10, low, high, 0x26, 0, 1, 0]), 1);
-        assert_eq!(hand.write(0x0808, &[0x80, 0x10, low, high, 0x22, 0, 1, 0]), 1);
-        hand.request_state(2);
-        assert_eq!(hand.al_status(), (0x02, 0));
-        hand
+        assert_eq!(main_device.write(0x0800, &[0x00, 0x10, low, high, 0x26, 0, 1, 0]), 1);
+        assert_eq!(main_device.write(0x0808, &[0x80, 0x10, low, high, 0x22, 0, 1, 0]), 1);
+        main_device.request_state(2);
+        assert_eq!(main_device.al_status(), (0x02, 0));
+        main_device
     }
 
     /// Brings the first device, a bridge in PRE-OP, to OP.

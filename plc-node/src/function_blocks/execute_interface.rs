@@ -63,18 +63,18 @@ enum Phase {
 
 /// The edge of `Execute` and what the outputs show. One value holds all of them, so that they cannot contradict.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub(super) struct Face {
+pub(super) struct ExecuteInterface {
     execute: bool,
     phase: Phase,
 }
 
-impl Default for Face {
+impl Default for ExecuteInterface {
     fn default() -> Self {
         Self { execute: false, phase: Phase::Idle }
     }
 }
 
-impl Face {
+impl ExecuteInterface {
     /// Begins a call. Returns whether the block is to start now.
     pub(super) fn call(&mut self, execute: bool) -> bool {
         let before = core::mem::replace(&mut self.execute, execute);

@@ -16,27 +16,27 @@ pub(crate) const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 pub(crate) const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];
 
 /// Limit for each wait; a wait that takes longer hangs.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 
-pub(crate) struct Bed {
+pub(crate) struct TestNetwork {
     pub(crate) ends: [(NetworkNamespace, &'static str); 2],
 }
 
-impl Bed {
-    pub(crate) fn lay() -> Self {
+impl TestNetwork {
+    pub(crate) fn new() -> Self {
         let ends = ["left0", "right0"].map(|name| (NetworkNamespace::new().unwrap(), name));
         let end = |index: usize| {
             let (network, name) = &ends[index];
             End { network, name, address: Some(ADDRESSES[index]) }
         };
         networked_tests::cable([end(0), end(1)]);
-        let bed = Self { ends };
+        let network = Self { ends };
         for (index, address) in ADDRESSES.into_iter().enumerate() {
-            let found = bed.run(index, |interface| (interface.address(), interface.mask()));
+            let found = network.run(index, |interface| (interface.address(), interface.mask()));
             assert_eq!(found, (Some(address), Some(MASK)));
         }
-        bed.resolve_addresses();
-        bed
+        network.resolve_addresses();
+        network
     }
 
     /// Sends a datagram each way. While the kernel asks for the MAC address of a datagram's receiver, later frames
@@ -45,7 +45,7 @@ impl Bed {
         let [left, right] = [0, 1].map(|end| {
             let bind = |_: &Interface| UdpSocket::bind((ADDRESSES[end], 4_900)).unwrap();
             let socket = self.run(end, bind);
-            socket.set_read_timeout(Some(PATIENCE)).unwrap();
+            socket.set_read_timeout(Some(TIMEOUT)).unwrap();
             socket
         });
         for (from, to) in [(&left, &right), (&right, &left)] {
@@ -101,7 +101,7 @@ impl<M: Progress> Running<M> {
     pub(crate) fn until(&self, what: &str, count: u64) {
         let start = std::time::Instant::now();
         while self.progress() < count {
-            assert!(start.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}, but {}", self.progress());
+            assert!(start.elapsed() < TIMEOUT, "not within {TIMEOUT:?}: {what}, but {}", self.progress());
             std::thread::sleep(Duration::from_millis(5));
         }
     }
@@ -110,7 +110,7 @@ impl<M: Progress> Running<M> {
     pub(crate) fn until_up(&mut self) {
         let start = std::time::Instant::now();
         while self.thread.news() != Some(LinkEvent::Up) {
-            assert!(start.elapsed() < PATIENCE, "it does not come up");
+            assert!(start.elapsed() < TIMEOUT, "it does not come up");
             std::thread::sleep(Duration::from_millis(5));
         }
     }
