@@ -2,22 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use bench::records::schedule::Step;
-use bench::stands::Stand as _;
-use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
-use plc_node::ExecutionType;
-use std::time::Duration;
+mod failure;
 
-/// Runs CM once with a fault, and returns the reason of its failure.
-fn failure(setup: &str, fault: &str) -> Option<String> {
+use failure::failure;
+
+/// Runs CM once on a built-in setup with a fault, and returns the reason of its failure.
+fn failure_on(setup: &str, fault: &str) -> Option<String> {
     let (setup, found) = planning::setup_with_application(setup).unwrap();
-    let extras = Extras { faults: vec![fault.parse().unwrap()], ..Extras::default() };
-    let mut run =
-        VirtualRun::start_with(&setup, &found.application, 1, VirtualBus::OfSetup, &extras).unwrap();
-    let pause = Duration::from_millis(50);
-    let step = Step { execution_type: ExecutionType::Cm, repetition: 2, pause, overrides: None };
-    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-    runtime.block_on(run.execute(step)).err().map(|error| format!("{error:#}"))
+    failure(&setup, &found.application, fault)
 }
 
 #[test]
@@ -26,7 +18,7 @@ fn a_cut_cable_is_never_called_a_controller_that_does_not_run() {
         let cuts = [10, 40, 80, 160, 320, 480, 520, 700, 1_500];
         let reasons: Vec<_> = cuts
             .into_iter()
-            .filter_map(|ms| failure(setup, &format!("cut-at=1s..{}ms", 1_000 + ms)))
+            .filter_map(|ms| failure_on(setup, &format!("cut-at=1s..{}ms", 1_000 + ms)))
             .collect();
         assert!(reasons.len() > 1 && reasons.len() < cuts.len(), "{setup}: {reasons:?}");
         for reason in reasons {
@@ -39,7 +31,7 @@ fn a_cut_cable_is_never_called_a_controller_that_does_not_run() {
 #[test]
 fn a_killed_plc_is_named_with_the_fault_that_killed_it() {
     for setup in ["A", "B", "C"] {
-        let reason = failure(setup, "kill-plc-at=1s").unwrap();
+        let reason = failure_on(setup, "kill-plc-at=1s").unwrap();
         assert!(reason.contains("the plc-node was killed by this run's fault `kill-plc-at`"), "{reason}");
     }
 }

@@ -2,12 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use std::process::Command;
-use std::time::Duration;
+mod failure;
 
-use bench::records::schedule::{Schedule, Step};
-use bench::stands::Stand as _;
-use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun, whole};
+use std::process::Command;
+
+use bench::records::schedule::Schedule;
+use bench::stands::virtual_run::whole;
+use failure::failure;
 use plc_node::ExecutionType;
 use setup::{Drives, Setup};
 
@@ -16,16 +17,10 @@ fn with_drives(name: &str) -> (Setup, planning::Found) {
     (setup.with_drives(Drives::Ethercat), found)
 }
 
-/// Runs CM once with a fault, and returns the reason of its failure.
-fn failure(name: &str, fault: &str) -> String {
+/// Runs CM once with drives and a fault, and returns the reason of its failure.
+fn failure_with_drives(name: &str, fault: &str) -> String {
     let (setup, found) = with_drives(name);
-    let extras = Extras { faults: vec![fault.parse().unwrap()], ..Extras::default() };
-    let mut run =
-        VirtualRun::start_with(&setup, &found.application, 1, VirtualBus::OfSetup, &extras).unwrap();
-    let pause = Duration::from_millis(50);
-    let step = Step { execution_type: ExecutionType::Cm, repetition: 2, pause, overrides: None };
-    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-    format!("{:#}", runtime.block_on(run.execute(step)).unwrap_err())
+    failure(&setup, &found.application, fault).unwrap()
 }
 
 #[test]
@@ -39,13 +34,13 @@ fn on_every_setup_all_types_run_as_without_drives_but_for_two_robot_cycles() {
         let with = whole(&driven, &found.application, &schedule).unwrap();
         let delay_ms = f64::from(setup.robot.cycle_us.value) * 2.0 / 1e3;
         for execution_type in ExecutionType::ALL {
-            let [one, other] =
+            let [without_ms, with_ms] =
                 [&without, &with].map(|results| results.results.get(execution_type).unwrap().aet_ms.unwrap());
             // Phases are drawn anew where a run begins elsewhere: half a quantum in the mean.
             let quantum_ms = f64::from(setup.robot.interpreter_quantum_us.value) / 1e3;
             assert!(
-                (one - other).abs() <= delay_ms + quantum_ms,
-                "{name} {execution_type}: {one} and {other} ms"
+                (without_ms - with_ms).abs() <= delay_ms + quantum_ms,
+                "{name} {execution_type}: {without_ms} and {with_ms} ms"
             );
         }
     }
@@ -53,14 +48,14 @@ fn on_every_setup_all_types_run_as_without_drives_but_for_two_robot_cycles() {
 
 #[test]
 fn a_drive_that_stops_the_arm_is_named_by_the_plc_with_axis_and_code() {
-    let fault = failure("C", "drive-fault=2@1s");
+    let fault = failure_with_drives("C", "drive-fault=2@1s");
     assert!(
         fault.contains("the drive of an axis has a fault (axis 2, error code 0x2310); see to"),
         "{fault}"
     );
-    let blocked = failure("A", "drive-block=1@1s..9s");
+    let blocked = failure_with_drives("A", "drive-block=1@1s..9s");
     assert!(blocked.contains("(axis 1, error code 0x8611)"), "{blocked}");
-    let stopped = failure("B", "drive-stop=6@1500ms");
+    let stopped = failure_with_drives("B", "drive-stop=6@1500ms");
     assert!(stopped.contains("the drive of an axis stopped though nobody told it to (axis 6)"), "{stopped}");
 }
 

@@ -29,25 +29,30 @@ pub struct Inbox {
     commands: Commands,
     lines: Lines,
     waiting: VecDeque<Input>,
+    /// Whether the cyclic thread has notified since the last input.
+    has_news: bool,
 }
 
 impl Inbox {
     /// Creates an inbox for signals, `news` and the instructions' source.
     #[must_use]
     pub fn new(signals: StopSignals, news: Notifier, commands: Commands) -> Self {
-        Self { signals, news, commands, lines: Lines::default(), waiting: VecDeque::new() }
+        Self { signals, news, commands, lines: Lines::default(), waiting: VecDeque::new(), has_news: false }
     }
 
-    /// Waits for the next input.
-    pub fn wait(&mut self) -> std::io::Result<Input> {
+    /// Waits for the next input; `None` if the cyclic thread has news, or ended.
+    pub fn wait(&mut self) -> std::io::Result<Option<Input>> {
         loop {
+            if core::mem::take(&mut self.has_news) {
+                return Ok(None);
+            }
             if let Some(input) = self.waiting.pop_front() {
-                return Ok(input);
+                return Ok(Some(input));
             }
             if let Commands::Control(port) = &mut self.commands
                 && let Some(input) = port.next()
             {
-                return Ok(input);
+                return Ok(Some(input));
             }
             self.poll()?;
         }
@@ -88,7 +93,7 @@ impl Inbox {
         // News from before a stop is returned before the stop.
         if news {
             self.news.clear();
-            self.waiting.push_back(Input::News);
+            self.has_news = true;
         }
         if stop && let Some(signal) = self.signals.take() {
             self.waiting.push_back(Input::Stop(signal));

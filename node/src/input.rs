@@ -32,10 +32,8 @@ pub enum Input {
         /// Clients since the last report, besides this one.
         more: u32,
     },
-    /// A signal.
+    /// A signal asks to stop.
     Stop(StopSignal),
-    /// The cyclic thread has news, or ended.
-    News,
 }
 
 /// Assembles lines from the pieces in which they arrive.

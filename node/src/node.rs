@@ -1,7 +1,7 @@
 //! A node in its process: what all nodes have in common, whatever their bus and their work.
 
 use std::fmt::{self, Debug};
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
@@ -16,7 +16,7 @@ use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, Inbox, Input, ShortText};
 use protocol_linux::{
     CyclicThread, Driver, DriverError, Interface, InterfaceError, Notifier, Outbox, PortError, RingFull,
-    StartError, Statistics, StopSignal, StopSignals, Task, allocation,
+    StartError, Statistics, StopSignals, Task, allocation,
 };
 
 /// Longest wait for the peer to confirm the end of the connection, before the process ends.
@@ -249,30 +249,8 @@ pub struct NodeProcess<N: Node> {
 pub enum ProcessEvent<E, A> {
     /// News from the cyclic thread.
     News(News<E, A>),
-    /// A line from the instructions' source.
-    Line(String),
-    /// A controller connected to the control port.
-    Attached(SocketAddr),
-    /// The controller left or was disconnected.
-    Detached {
-        /// The controller.
-        peer: SocketAddr,
-        /// Why.
-        reason: String,
-    },
-    /// A client of the control port did not become the controller.
-    Refused {
-        /// The client.
-        peer: SocketAddr,
-        /// Why.
-        reason: String,
-        /// Clients since the last report, besides this one.
-        more: u32,
-    },
-    /// Standard input ended: the process that sent instructions is gone.
-    Closed,
-    /// A signal asks to stop.
-    Signal(StopSignal),
+    /// An input of the process.
+    Input(Input),
     /// The cyclic thread ended; no event follows.
     Ended,
 }
@@ -299,9 +277,7 @@ pub enum NodeError {
     #[error(transparent)]
     Driver(#[from] DriverError),
     /// The cyclic thread panicked; its message is on standard error.
-    #[error(
-        "the cyclic thread broke down; this is a fault of the program, please report what it printed above"
-    )]
+    #[error("the cyclic thread panicked; this is a fault of the program, please report the output above")]
     Panic,
 }
 
@@ -360,16 +336,8 @@ impl<N: Node> NodeProcess<N> {
                 self.ended = true;
                 return Ok(ProcessEvent::Ended);
             }
-            match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
-                Input::News => {}
-                Input::Line(line) => return Ok(ProcessEvent::Line(line)),
-                Input::Attached(peer) => return Ok(ProcessEvent::Attached(peer)),
-                Input::Detached { peer, reason } => return Ok(ProcessEvent::Detached { peer, reason }),
-                Input::Refused { peer, reason, more } => {
-                    return Ok(ProcessEvent::Refused { peer, reason, more });
-                }
-                Input::Closed => return Ok(ProcessEvent::Closed),
-                Input::Stop(signal) => return Ok(ProcessEvent::Signal(signal)),
+            if let Some(input) = self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
+                return Ok(ProcessEvent::Input(input));
             }
         }
     }

@@ -43,7 +43,7 @@ pub struct RunOptions {
     /// that the setup wants there; a PROFINET device gets its own from the controller.
     #[arg(long, value_name = "IF|ADDRESS")]
     pub interface: String,
-    /// How PROFINET's cyclic frames travel, instead of what the setup says; a device takes what the controller asks for.
+    /// Transport of PROFINET's cyclic frames, in place of the setup's; a device takes what the controller asks for.
     #[arg(long, value_name = "udp|rt1")]
     pub cyclic: Option<Cyclic>,
     /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT,robot=HOST:PORT`. Where other hosts reach the

@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
-use crate::{Command, News, Node, NodeError, NodeProcess, ProcessEvent, ShortText, errln};
+use crate::{Command, Input, News, Node, NodeError, NodeProcess, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
 pub trait OperatingMode<N: Node> {
@@ -133,23 +133,23 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         loop {
             let next = match self.process.next_event()? {
                 ProcessEvent::News(news) => self.handle_news(news),
-                ProcessEvent::Line(line) => self.handle_instruction(&line),
-                ProcessEvent::Attached(peer) => {
+                ProcessEvent::Input(Input::Line(line)) => self.handle_instruction(&line),
+                ProcessEvent::Input(Input::Attached(peer)) => {
                     log(format_args!("controlled by {peer}"));
                     self.send_state();
                     Next::Wait
                 }
-                ProcessEvent::Detached { peer, reason } => {
+                ProcessEvent::Input(Input::Detached { peer, reason }) => {
                     log(format_args!("no longer controlled by {peer}: {reason}"));
                     self.mode.controller_left()
                 }
-                ProcessEvent::Refused { peer, reason, more } => {
+                ProcessEvent::Input(Input::Refused { peer, reason, more }) => {
                     log(format_args!(
                         "{peer} did not get control: {reason} ({more} more since the last report)"
                     ));
                     Next::Wait
                 }
-                ProcessEvent::Closed | ProcessEvent::Signal(_) => Next::End(Outcome::Done),
+                ProcessEvent::Input(Input::Closed | Input::Stop(_)) => Next::End(Outcome::Done),
                 ProcessEvent::Ended => return Ok(outcome),
             };
             // Sending fails only if the thread has ended, and the next event reports that.

@@ -107,7 +107,7 @@ fn conditions(results: &Results) -> Vec<String> {
     sentences.extend(held_up(results));
     if results.repeated > 0 {
         sentences.push(format!(
-            "Repetitions run again, because the host held a node up until the connection was lost: {}.",
+            "Repetitions run again, because the host stopped a node until the connection was lost: {}.",
             results.repeated
         ));
     }
@@ -123,7 +123,7 @@ pub(super) fn cyclic_frames(bus: &Frames) -> String {
         "Cyclic frames of the PLC: {frames_sent} sent to the robot, {frames_received} received from it; lost in both directions: {lost}"
     );
     if skipped > 0 {
-        text += &format!("; {skipped} cycles skipped by a node that its host held up");
+        text += &format!("; {skipped} cycles skipped by a node that its host delayed");
     }
     if foreign > 0 {
         text += &format!("; {foreign} frames of another connection ignored");
@@ -286,7 +286,7 @@ mod tests {
         );
         let disturbed = cyclic_frames(&Frames { skipped: 2, lost: 1, foreign: 3, ..bus });
         assert!(disturbed.ends_with(
-            "lost in both directions: 1; 2 cycles skipped by a node that its host held up; 3 frames of another connection ignored."
+            "lost in both directions: 1; 2 cycles skipped by a node that its host delayed; 3 frames of another connection ignored."
         ), "{disturbed}");
     }
 
@@ -297,7 +297,7 @@ mod tests {
             table.lines().find(|line| line.contains("again")).map(str::to_owned)
         };
         assert_eq!(told(0), None);
-        insta::assert_snapshot!(told(2).unwrap(), @"  Repetitions run again, because the host held a node up until the connection was lost: 2.");
+        insta::assert_snapshot!(told(2).unwrap(), @"  Repetitions run again, because the host stopped a node until the connection was lost: 2.");
     }
 
     #[test]

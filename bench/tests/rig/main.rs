@@ -125,11 +125,12 @@ fn a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was
         ended
     };
     for (index, name) in [(0, "plc-node"), (1, "robot-node")] {
-        let told = format!("the host held the {name} up for ");
+        let expected = format!("the host stopped the {name} for ");
         // If the host also stalls the other node at that moment, its watchdog does not see the stall, or the other
         // node is reported instead.
         let mut tries = (0..3).map(|_| hold_up(index));
-        let ended = tries.find(|ended| ended.stderr.contains(&told)).expect("a try in which it is told");
+        let ended =
+            tries.find(|ended| ended.stderr.contains(&expected)).expect("a try in which it is expected");
         assert!(ended.stderr.contains("warning: run again, cm 2: "), "{}", ended.stderr);
         assert!(ended.results["repeated"].as_u64() >= Some(1), "{}", ended.results["repeated"]);
     }
@@ -163,8 +164,8 @@ fn ctrl_c_and_sigterm_end_everything_and_keep_the_samples() {
         ended.at_once();
         let saved = ended.samples.lines().count() - 1;
         assert!(saved > 0, "the samples so far are gone");
-        let told = format!("Interrupted, {saved} of 1000 repetitions saved in ");
-        assert!(ended.stdout.contains(&told), "{}", ended.stdout);
+        let expected = format!("Interrupted, {saved} of 1000 repetitions saved in ");
+        assert!(ended.stdout.contains(&expected), "{}", ended.stdout);
         ended.nothing_is_left(&networks);
     }
 }
@@ -259,8 +260,8 @@ fn a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture() {
         Bench::start_patient("A", &[&["--reps", "9", "--capture", "on-failure"], &faults[..]].concat())
             .wait();
     assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
-    let told = "the robot-node was killed by this run's fault `kill-robot-at`";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let expected = "the robot-node was killed by this run's fault `kill-robot-at`";
+    assert!(ended.stderr.contains(expected), "{}", ended.stderr);
     let comments = [true, false].map(|sent| comments(&ended, "plc.pcapng", sent).join("\n")).join("\n");
     for text in [
         "the cable is cut from here on",
@@ -275,8 +276,8 @@ fn a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture() {
 fn a_plc_that_a_fault_killed_is_named_with_that_fault() {
     let ended = Bench::start_patient("A", &["--reps", "9", "--fault", "kill-plc-at=500ms"]).wait();
     assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
-    let told = "the plc-node was killed by this run's fault `kill-plc-at`";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let expected = "the plc-node was killed by this run's fault `kill-plc-at`";
+    assert!(ended.stderr.contains(expected), "{}", ended.stderr);
 }
 
 /// EtherNet/IP also uses TCP connections on the same cable: lost segments are retransmitted.

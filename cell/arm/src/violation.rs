@@ -221,7 +221,7 @@ pub enum Violation {
     #[error("motion kind {0} is not one that this robot runs")]
     Kind(u8),
     /// An override above 100 %.
-    #[error("the override is {percent} %, allowed is 0 to 100 %; the last one stands")]
+    #[error("the override is {percent} %, allowed is 0 to 100 %; the previous one stays in effect")]
     Override {
         /// As the PLC wrote it.
         percent: u8,

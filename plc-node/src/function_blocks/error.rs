@@ -57,13 +57,13 @@ pub enum BlockError {
         scans: u32,
     },
     /// The robot is connected, but does not get into the state that it was asked for.
-    #[error("the robot did not follow in {scans} scans; what keeps it from doing so is shown on its side")]
+    #[error("the robot did not follow in {scans} scans; the robot itself shows the reason")]
     StateNotReached {
         /// How many scans the block waited.
         scans: u32,
     },
     /// The robot echoes another command than the one it was executing.
-    #[error("the robot was executing command {expected} and now speaks of {found}; was it restarted?")]
+    #[error("the robot was executing command {expected} and now reports command {found}; was it restarted?")]
     Forgotten {
         /// The command's number.
         expected: u16,
@@ -138,7 +138,7 @@ pub enum BlockError {
     },
     /// The robot overrides velocities only.
     #[error(
-        "{name} is {found}, and this robot has 1 only: it overrides velocities; the override stays as it is"
+        "{name} is {found}, but must be 1: this robot overrides only velocities; the override stays as it is"
     )]
     FactorNotSupported {
         /// The input.
@@ -148,7 +148,7 @@ pub enum BlockError {
     },
     /// The robot does not go by the override.
     #[error(
-        "the robot goes at an override of {in_effect} % and did not take {wanted} % in {scans} scans; look at its program"
+        "the robot moves at an override of {in_effect} % and did not accept {wanted} % in {scans} scans; look at its program"
     )]
     OverrideNotTaken {
         /// The override in the image, in %.

@@ -179,8 +179,8 @@ mod tests {
         VelFactor is 1.2, it may be 0 (the arm stops on its path) to 1; the override stays as it is
         VelFactor is -0.1, it may be 0 (the arm stops on its path) to 1; the override stays as it is
         VelFactor is NaN, it may be 0 (the arm stops on its path) to 1; the override stays as it is
-        AccFactor is 0.5, and this robot has 1 only: it overrides velocities; the override stays as it is
-        JerkFactor is 0, and this robot has 1 only: it overrides velocities; the override stays as it is
+        AccFactor is 0.5, but must be 1: this robot overrides only velocities; the override stays as it is
+        JerkFactor is 0, but must be 1: this robot overrides only velocities; the override stays as it is
         ");
     }
 

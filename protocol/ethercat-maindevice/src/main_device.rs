@@ -70,7 +70,7 @@ impl MainDevice {
         }
     }
 
-    /// Writes what the last event `Down` does not tell: what was expected and what was found.
+    /// Writes details that the last event `Down` does not contain: what was expected and what was found.
     pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         self.process.explain(words)
     }

@@ -1,4 +1,4 @@
-//! What a SubDevice is: identity, process data, mailbox and objects. Its EEPROM, its memory and its object dictionary
+//! Description of a SubDevice: identity, process data, mailbox and objects. Its EEPROM, its memory and its object dictionary
 //! follow from it.
 
 /// A kind of SubDevice. Every emulated one of that kind reads the same description.

@@ -1,4 +1,4 @@
-//! Where a device's sync managers are in its memory. The EEPROM tells the MainDevice, which configures them so.
+//! Where a device's sync managers are in its memory. The MainDevice reads this from the EEPROM and configures them accordingly.
 
 use alloc::vec::Vec;
 

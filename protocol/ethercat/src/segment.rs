@@ -237,7 +237,7 @@ impl Segment {
     }
 
     /// Lets a frame that arrives at a port pass one device. Returns the port that it leaves by; `None` if it is dropped at a
-    /// closed port, or would go round and round in the devices behind one.
+    /// closed port, or would circulate endlessly in the devices behind one.
     fn forward(&mut self, at: Instant, place: Place, frame: &mut [u8], header_len: usize) -> Option<Place> {
         let device = self.devices.get_mut(place.device)?;
         if !device.esc.is_open(place.port) {

@@ -220,7 +220,7 @@ impl SubDevice {
         self.send_mail();
     }
 
-    /// Takes up what the MainDevice has chosen of the process data, which it can only do while they do not run.
+    /// Applies the process data that the MainDevice has chosen; it can choose them only while they are not exchanged.
     fn resize_process_data(&mut self) {
         if self.dictionary.configuration() == PdoConfiguration::Fixed || self.al.state() != AlState::PreOp {
             return;

@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum DataError {
     /// No assembly of this instance is sent.
-    #[error("assembly {instance} is none that is sent: those of the role `Produced` are")]
+    #[error("assembly {instance} is not sent by this device: only assemblies of the role `Produced` are")]
     NotProduced {
         /// The instance.
         instance: u32,

@@ -1,4 +1,4 @@
-//! One description of a device: what its objects say, what connections it takes, and what its EDS file tells.
+//! Description of a device: the source of its objects' values, its connections and its EDS file.
 
 use core::fmt;
 

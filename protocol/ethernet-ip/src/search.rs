@@ -14,7 +14,7 @@ use crate::discovery::{Found, emit_question};
 /// Devices that one address may have: one, or some that share it by mistake. One host must not fill the list.
 const MOST_OF_ONE_HOST: usize = 8;
 
-/// Who searches, over which addresses, and for how long.
+/// Configuration of a search.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct SearchConfig {
     /// UDP port of the requests and their answers; 0 for one that the driver chooses.
@@ -44,7 +44,7 @@ impl SearchConfig {
 pub struct FoundDevice {
     /// Where its answer came from.
     pub address: Ipv4Addr,
-    /// Where it says that it listens; another address than the one above is a sign of translation or of a fault.
+    /// Address in its answer. If it differs from the address above, there is address translation or a fault.
     pub listens_at: SocketAddrV4,
     /// Who it is.
     pub identity: Identity,
@@ -64,7 +64,7 @@ impl FoundDevice {
     }
 }
 
-/// Asks all devices who they are and gathers the answers. It reports [`SearchEnded`].
+/// Sends ListIdentity to all devices and collects the answers. It reports [`SearchEnded`].
 #[derive(Debug)]
 pub struct Search {
     port: PortRequest,

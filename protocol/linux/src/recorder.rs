@@ -51,9 +51,7 @@ pub enum RecorderError {
         reason: io::Error,
     },
     /// The disk or the host was too slow for the frames.
-    #[error(
-        "{frames} frames are missing in what was recorded: the disk or the host was too busy to take them"
-    )]
+    #[error("{frames} frames are missing in the recording: the disk or the host was too busy to take them")]
     LeftOut {
         /// How many are missing.
         frames: u64,

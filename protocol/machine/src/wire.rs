@@ -68,7 +68,7 @@ byte_order!(LittleEndian, from_le_bytes, to_le_bytes);
 
 /// The bytes end before the field does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("{wanted} bytes wanted at offset {offset}, {left} there")]
+#[error("{wanted} bytes are needed at offset {offset}, but only {left} are left")]
 pub struct Truncated {
     /// Where the field starts, in bytes from the reader's start.
     pub offset: usize,
@@ -80,7 +80,7 @@ pub struct Truncated {
 
 /// The buffer is too small for what is to be written.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("a buffer of {capacity} bytes is too small for what was to be written into it")]
+#[error("a buffer of {capacity} bytes is too small for the data to write")]
 pub struct Overflow {
     /// The buffer's length in bytes.
     pub capacity: usize,

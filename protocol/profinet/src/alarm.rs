@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The PDU follows FrameID 0xFC01 (high priority) or 0xFE01 (low). A DATA PDU carries one alarm block, an ERR PDU a
-//! PNIOStatus and then whatever the vendor likes.
+//! PNIOStatus and then data of the vendor's choice.
 
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::status::{Block, HeadField, Status, Violation};

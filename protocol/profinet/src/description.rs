@@ -1,4 +1,4 @@
-//! What a device is: identity, modules and submodules. One description serves the IO-Device, the IO-Controller that
+//! Description of a device: identity, modules and submodules. One description serves the IO-Device, the IO-Controller that
 //! expects it, and the GSDML file that an engineering system imports.
 
 /// Who made the device and which one it is.

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! A MultipleWrite is a Write of index 0xE040, whose record is Writes one after another, each at a multiple of four
-//! bytes; its answer is as many answers.
+//! bytes; its answer contains one answer for each.
 
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::description::Description;
@@ -41,7 +41,7 @@ pub const HEADER_LEN: usize = 64;
 /// Length in bytes of the blocks of I&M0.
 pub const IM0_LEN: usize = 60;
 
-/// What a Read or Write is about.
+/// Record that a Read or Write addresses.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Address {
     /// SeqNumber: counts the records of an AR.
@@ -109,7 +109,7 @@ pub struct WriteRequest<'a> {
 }
 
 impl<'a> WriteRequest<'a> {
-    /// Reads a Write, and passes over it.
+    /// Parses a Write and moves the reader behind it.
     pub fn parse(reader: &mut BlockReader<'a>) -> Result<Self, Violation> {
         let (address, length, _padding) = parse_head(reader, BlockType::WriteRequest)?;
         let length = usize::try_from(length).map_err(|_| Violation::RecordDataLength)?;
@@ -150,12 +150,12 @@ pub struct WriteResponse {
     pub address: Address,
     /// RecordDataLength: bytes written.
     pub length: u32,
-    /// What became of it.
+    /// Result of the Write.
     pub status: Status,
 }
 
 impl WriteResponse {
-    /// Reads an answer, and passes over it.
+    /// Parses an answer and moves the reader behind it.
     pub fn parse(reader: &mut BlockReader<'_>) -> Result<Self, Violation> {
         let (address, length, mut body) = parse_head(reader, BlockType::WriteResponse)?;
         body.skip(4).map_err(short(Block::Record))?;

@@ -9,12 +9,12 @@ use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 use crate::dcp::{self, Content, IDENTIFY_MULTICAST, IpSuite, MAX_DELAY_FACTOR, Pdu, Service, Station};
 use crate::{ETHER_TYPE, ETHERNET};
 
-/// Who searches, and for how long.
+/// Configuration of a search.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct SearchConfig {
     /// The own MAC address.
     pub mac: Mac,
-    /// Xid of the first request; those after it count up. One that nobody used lately keeps old answers out.
+    /// Xid of the first request; those after it count up. Choose one that was not used lately, so that old answers are not accepted.
     pub first_xid: u32,
     /// Time from the first request to the end.
     pub length: Duration,
@@ -23,7 +23,7 @@ pub struct SearchConfig {
 /// A station that answered.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct FoundStation {
-    /// Its MAC address, which tells stations apart: no station lacks one.
+    /// Its MAC address, which identifies the station: every station has one.
     pub mac: Mac,
     /// Its name; empty if none is set. Lower-case ASCII unless the station breaks the rules.
     pub name: Box<[u8]>,
@@ -37,7 +37,7 @@ pub struct FoundStation {
     pub roles: u8,
 }
 
-/// Asks all stations who they are and gathers the answers. It reports [`SearchEnded`].
+/// Sends Identify requests to all stations and collects the answers. It reports [`SearchEnded`].
 #[derive(Debug)]
 pub struct Search {
     config: SearchConfig,
@@ -90,7 +90,7 @@ impl Machine for Search {
         &[ETHERNET]
     }
 
-    /// Passes over what is no DCP answer: cyclic data and alarms of others may be on the cable too.
+    /// Ignores frames that are not DCP answers: other stations' cyclic data and alarms may be on the cable too.
     fn handle_frame(&mut self, _now: Instant, from: Source, frame: &[u8]) {
         let Ok((header, payload)) = EthernetHeader::parse(frame) else { return };
         let is_answer = header.ether_type == ETHER_TYPE

@@ -1,4 +1,4 @@
-//! PNIOStatus: what a refusal says, and the one table that says which violation gives which status.
+//! PNIOStatus: the status of a refusal, and the only table from violations to statuses.
 //!
 //! ```text
 //! 0 ErrorCode · 1 ErrorDecode · 2 ErrorCode1 · 3 ErrorCode2        IEC 61158-6-10, PNIOStatus

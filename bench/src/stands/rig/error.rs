@@ -87,7 +87,7 @@ pub enum RigError {
         reason: String,
     },
     /// The connection to a running node was closed.
-    #[error("the {role} at {address} went away or closed the connection; what it printed says why")]
+    #[error("the {role} at {address} ended or closed the connection; its output says why")]
     Detached {
         /// The node.
         role: NodeRole,
@@ -95,7 +95,7 @@ pub enum RigError {
         address: String,
     },
     /// Another node or setup runs at the address than the one to be measured.
-    #[error("at {address} runs a {found}, but {wanted} is wanted")]
+    #[error("the node at {address} is a {found}, but a {wanted} is needed")]
     Other {
         /// Host and port.
         address: String,
@@ -134,7 +134,7 @@ pub enum RigError {
     },
     /// The host stalled a node for about as long as its peer's watchdog time.
     #[error(
-        "{error}; the host held the {role} up for {} ms: `bench doctor` measures how it runs programs, and a higher \
+        "{error}; the host stopped the {role} for {} ms: `bench doctor` measures how it runs programs, and a higher \
          bus.watchdog_cycles in a setup of your own bears more",
         held.as_millis()
     )]
@@ -163,7 +163,7 @@ pub enum RigError {
         waited: Duration,
     },
     /// A node sent a line that is no message.
-    #[error("the {role} said `{line}`, which is no message: are bench and node of one build?")]
+    #[error("the {role} sent `{line}`, which is not a message: are bench and node from the same build?")]
     UnreadableLine {
         /// The node.
         role: NodeRole,

@@ -1,6 +1,6 @@
-//! The distributed clock: a local clock that runs a little wrong, its system time, and the SYNC signals made from it.
+//! The distributed clock: a local clock with a small error, its system time, and the SYNC signals made from it.
 //!
-//! The datasheet tells what the registers mean, not how the chip filters. The control loop here is our own: it removes
+//! The datasheet defines the registers, but not how the chip filters. The control loop here is our own: it removes
 //! a sixteenth of the difference at each comparison and learns the clock's error, whatever the time between two of
 //! them.
 
@@ -174,7 +174,7 @@ impl Clock {
         memory.set(SYSTEM_TIME_DIFFERENCE, &(amount | behind).to_le_bytes());
     }
 
-    /// Starts the control loop anew, as a write to the speed counter does.
+    /// Restarts the control loop, as a write to the speed counter does.
     pub(crate) fn reset_loop(&mut self, now: Instant, memory: &mut Memory) {
         self.base = self.parts(now);
         self.base_at = now;

@@ -212,7 +212,7 @@ impl SyncManager {
         self.update(memory, index);
     }
 
-    /// Tells the MainDevice that its request for a repetition was served.
+    /// Confirms to the MainDevice that its request for a repetition was served.
     pub(crate) fn acknowledge_repeat(&self, memory: &mut Memory, index: usize) {
         let acknowledged = u8::from(self.repeat_request) << 1;
         memory.change(register(index, 7), |control| control & !2 | acknowledged);

@@ -1,4 +1,4 @@
-//! The SDO information service: which objects there are, and what they are (ETG.1000.6, 5.6.3).
+//! The SDO information service: lists the objects and describes them (ETG.1000.6, 5.6.3).
 //!
 //! ```text
 //! 0      operation in bits 0..7, bit 7: more fragments follow

@@ -31,7 +31,7 @@ struct Points {
 }
 
 impl State {
-    /// Opens a connection, or says why not.
+    /// Opens a connection, or returns the violation.
     pub(super) fn open(
         &mut self,
         context: &mut Context,
@@ -235,7 +235,7 @@ impl State {
     }
 
     /// Lets a connection take part in a multicast that runs, if it fits. The owner of the outputs gets a multicast of its
-    /// own where it does not: whoever listened first must not choose for it.
+    /// own if it does not fit: an earlier listener must not choose its parameters.
     fn share_multicast(
         &mut self,
         context: &mut Context,

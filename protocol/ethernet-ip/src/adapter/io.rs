@@ -1,4 +1,4 @@
-//! Class 1 connections: what they send, what they take, when they end.
+//! Class 1 connections: sending, receiving and timeouts.
 
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
@@ -40,7 +40,7 @@ pub(super) struct IoConnection {
     pub(super) producer: Producer,
 }
 
-/// What sends T→O. Connections that share a multicast have equal ones, and only one of them sends.
+/// Producer of T→O frames. Connections that share a multicast have equal producers, and only one of them sends.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Producer {
     pub(super) id: u32,
@@ -71,7 +71,7 @@ pub(super) struct Due {
     pub(super) dscp: u8,
 }
 
-/// What became of a frame.
+/// Result of receiving a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum ReceivedFrame {
     Foreign,

@@ -1,4 +1,4 @@
-//! TCP connections and the sessions on them. A session lives and dies with its connection.
+//! TCP connections and the sessions on them. A session ends with its TCP connection.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -18,7 +18,7 @@ struct Slot {
     pending: bool,
 }
 
-/// All TCP connections. What comes out of them is answered in turns, one message each.
+/// All TCP connections. They take turns: one message of each is answered at a time.
 #[derive(Debug)]
 pub(super) struct Sessions {
     slots: Box<[Slot]>,
@@ -83,10 +83,11 @@ impl Sessions {
 
     /// Returns the place for a client of a host.
     ///
-    /// Where all places are taken, a client takes that of one of the host that has most, if that is at least two more than
-    /// its own host has, or of one that never registered. The owner of the outputs can take the place of anybody else and
-    /// loses none to others. Clients that carry a class 3 connection keep their places; of the others those without a
-    /// session go first, then those that are silent longest.
+    /// If all places are taken, a client gets the place of another one: of a host that has at least two more connections
+    /// than its own host, or of a client that never registered. The owner of the outputs may replace any other client, and
+    /// no client of another host replaces one of the owner's. Clients that carry a class 3 connection keep their places.
+    /// Of the others, those without a session go first, then the host with the most connections, then those that are
+    /// silent longest.
     fn place_for(
         &self,
         host: Ipv4Addr,

@@ -1,4 +1,4 @@
-//! What the adapter holds apart from its TCP streams: objects, connections, events.
+//! State of the adapter besides its TCP streams: objects, connections, events.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -14,7 +14,7 @@ use crate::objects::{Device, IoState};
 use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Requested, Sender};
 use machine::{Instant, Port, StreamId, Transmit};
 
-/// What an encapsulation reply has around a CIP reply, at most: header, items, a socket address.
+/// Largest number of bytes that an encapsulation reply adds to a CIP reply: header, items, a socket address.
 const ENVELOPE_LEN: usize = 24 + 16 + 20;
 
 /// Events that wait at most; the owner polls after every handler, so two are many.
@@ -135,7 +135,7 @@ impl State {
         self.follow_owner(None);
     }
 
-    /// Tells the owner of this machine of a request that was refused since it did not come from the owner of the outputs, or
+    /// Reports to the owner of this machine a request that was refused since it did not come from the owner of the outputs, or
     /// not from a listed originator.
     pub(super) fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
         if let Some(report) = self.foreign.refuse(now, Sender::Ip(from), what)
@@ -153,7 +153,7 @@ impl State {
         self.follow_owner(Some(Down { cause, code: 0, text: "" }));
     }
 
-    /// Tells the owner of this machine when the link comes up or goes down, and the Identity what it is to say.
+    /// Reports to the owner of this machine when the link comes up or goes down, and updates the Identity's status.
     pub(super) fn follow_owner(&mut self, down: Option<Down>) {
         let owner = self.io.owner_runs();
         self.device.io = IoState {

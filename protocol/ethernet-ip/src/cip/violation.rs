@@ -143,9 +143,9 @@ violations! {
     ToType => ConnectionFailure InvalidToType,
     /// A redundant owner.
     OtRedundantOwner => ConnectionFailure InvalidOtRedundantOwner,
-    /// O→T size that is not the assembly's, which is told.
+    /// O→T size that is not the assembly's; the reply contains the assembly's size.
     OtSize(size) => ConnectionFailure InvalidOtSize,
-    /// T→O size that is not the assembly's, which is told.
+    /// T→O size that is not the assembly's; the reply contains the assembly's size.
     ToSize(size) => ConnectionFailure InvalidToSize,
     /// T→O size that is not that of the running multicast.
     MulticastSize => ConnectionFailure MismatchedToSize,

@@ -53,7 +53,7 @@ impl AssemblyData {
         Ok(changed)
     }
 
-    /// Takes the data of an assembly from its owner; other lengths than its own are passed over.
+    /// Takes the data of an assembly from its owner; data of another length are ignored.
     pub(in super::super) fn consume(&mut self, instance: u32, data: &[u8]) {
         let place = self.all.iter_mut().find(|found| found.instance == instance).map(|found| &mut found.data);
         if let Some(place) = place.filter(|place| place.len() == data.len()) {

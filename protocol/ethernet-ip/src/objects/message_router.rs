@@ -43,7 +43,7 @@ impl Object for MessageRouter {
     }
 }
 
-/// Answers a Multiple_Service_Packet; `one` answers each request in it. Returns the reply's length.
+/// Answers a Multiple_Service_Packet; `answer_request` answers each request in it. Returns the reply's length.
 ///
 /// ```text
 /// 0..2  count     u16

@@ -1,4 +1,4 @@
-//! What a scanner must be told: who it is, and of each connection which adapter, which assemblies, how often.
+//! Configuration of a scanner: its own identity, and for each connection the adapter, the assemblies and the intervals.
 
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
@@ -55,7 +55,7 @@ pub struct ConnectionConfig {
     pub o_t_rpi_us: u32,
     /// Requested packet interval T→O in µs.
     pub t_o_rpi_us: u32,
-    /// After how many intervals without a frame a connection is given up, both ways.
+    /// Intervals without a frame after which either side ends the connection.
     pub multiplier: TimeoutMultiplier,
     /// How long to wait for an answer.
     pub request_timeout: Duration,

@@ -99,7 +99,7 @@ impl Scanner {
         numbered.filter_map(|(connection, number)| Some((ConnectionId(number), connection.as_ref()?)))
     }
 
-    /// Forgets a connection at once. An adapter that is still connected learns it by its watchdog:
+    /// Removes a connection at once. An adapter that is still connected notices this by its watchdog:
     /// [`Connection::disconnect`] first, and wait for [`LinkEvent::Down`].
     pub fn remove(&mut self, id: ConnectionId) -> Option<Connection> {
         let removed = self.connections.get_mut(usize::from(id.0))?.take()?;

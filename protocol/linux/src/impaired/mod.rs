@@ -9,7 +9,7 @@
 //! The links of the virtual cable decide what happens to each frame, by the same plan and the same seed. The thread
 //! sleeps until a frame arrives or is due; it has SCHED_FIFO if the host allows it, and neither allocates, locks nor
 //! logs once it runs. To know what passes the ends, give the cable an [`Observer`]: only the cable knows which fault
-//! met which frame.
+//! affected which frame.
 //!
 //! Over a veth, the kernel leaves checksums out, since no bit can flip there, and marks the frame as checked. Frames
 //! that a raw socket forwards lose the mark and need their checksums. So both ends have to fill them in:
@@ -55,7 +55,7 @@ pub struct ImpairedCable {
     writer: Option<Writer>,
 }
 
-/// What a stopped cable did.
+/// Result of a stopped cable.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Stopped {
     /// Counters of the frames of each sender, up to the last one.

@@ -1,4 +1,4 @@
-//! Witnesses of an impaired cable: a wait-free ring carries each frame at each end, and what the cable did to it,
+//! Observers of an impaired cable: a wait-free ring carries each frame at each end, and what the cable did to it,
 //! from the thread that passes frames on to a thread that records them.
 
 use std::sync::Arc;
@@ -24,7 +24,7 @@ const EMPTY_EVERY: Duration = Duration::from_millis(10);
 /// it.
 pub type FrameCallback = Box<dyn FnMut(Instant, &Packet<'_>) + Send>;
 
-/// What to do with the frames at one end.
+/// Capture and callback for the frames at one end.
 #[derive(Default)]
 pub struct Observer {
     /// Capture to write them to, with a comment at each fault.

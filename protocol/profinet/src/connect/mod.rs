@@ -5,7 +5,7 @@
 //! response  ARBlockRes · IOCRBlockRes × 2 · AlarmCRBlockRes · ModuleDiffBlock? · ARServerBlockRes?
 //! ```
 //!
-//! `parse` reads what is there and refuses what cannot be read; whether an AR can be had for it is the device's to say.
+//! `parse` refuses only blocks that cannot be read; the device decides whether it accepts the AR.
 
 mod alarm_cr;
 mod ar;

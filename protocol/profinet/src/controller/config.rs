@@ -1,4 +1,4 @@
-//! What a controller is told: who it is, which devices it drives and how.
+//! Configuration of a controller: its own identity, and the devices that it connects to.
 
 use alloc::string::String;
 use alloc::vec;
@@ -11,7 +11,7 @@ use crate::rt::{Transport, UnfitCycle};
 use machine::Duration;
 use machine::ethernet::Mac;
 
-/// What a [`Controller`](super::Controller) is told of itself.
+/// Configuration of a [`Controller`](super::Controller) itself.
 #[derive(Clone, Debug)]
 pub struct ControllerConfig {
     /// MAC address of its interface.
@@ -28,7 +28,7 @@ pub struct ControllerConfig {
     pub seed: u64,
 }
 
-/// What a controller is told of a device: one application relation (AR).
+/// Configuration of one application relation (AR) with a device.
 #[derive(Clone, Debug)]
 pub struct ArConfig {
     /// Station name of the device, by which it is found.
@@ -46,7 +46,7 @@ pub struct ArConfig {
     pub transport: Transport,
     /// Time from one cyclic frame to the next, both ways.
     pub cycle: Duration,
-    /// After how many cycles without a frame either side gives the connection up.
+    /// Cycles without a frame after which either side ends the connection.
     pub watchdog_cycles: u16,
 }
 
@@ -74,7 +74,7 @@ impl Parameter {
     }
 }
 
-/// A configuration that no connection can come of.
+/// Why a configuration cannot lead to a connection.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The cycle cannot be expressed.
@@ -95,7 +95,7 @@ pub enum ConfigError {
     },
     /// A station name is empty or has what DCP does not allow.
     #[error(
-        "the station name {0:?} is not one: lower-case letters, digits and hyphens, in parts of up to 63 characters \
+        "{0:?} is not a station name: allowed are lower-case letters, digits and hyphens, in parts of up to 63 characters \
          separated by dots, 240 in all"
     )]
     StationName(String),
@@ -113,7 +113,7 @@ pub enum ConfigError {
     },
     /// The modules have more data than a frame holds.
     #[error(
-        "the modules make {0} bytes of cyclic data in one direction, a frame holds 1440: leave modules out"
+        "the modules make {0} bytes of cyclic data in one direction, but a frame holds 1440: leave modules out"
     )]
     TooMuchData(usize),
     /// A parameter record is longer than one Write carries.

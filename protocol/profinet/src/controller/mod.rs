@@ -95,7 +95,7 @@ impl Controller {
         self.ars.iter().zip(0..).filter_map(|(ar, number)| Some((ArId(number), ar.as_ref()?)))
     }
 
-    /// Forgets an AR at once. A device that is still connected learns it by its watchdog: [`Ar::disconnect`] first, and
+    /// Removes an AR at once. A device that is still connected notices this by its watchdog: [`Ar::disconnect`] first, and
     /// wait for [`LinkEvent::Down`].
     pub fn remove(&mut self, ar: ArId) -> Option<Ar> {
         self.ars.get_mut(usize::from(ar.0))?.take()

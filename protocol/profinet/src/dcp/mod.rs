@@ -1,12 +1,12 @@
-//! DCP, Discovery and Configuration Protocol: who is there, what is its name and address (IEC 61158-6-10, 4.3).
+//! DCP, Discovery and Configuration Protocol: finds stations and sets their names and addresses (IEC 61158-6-10, 4.3).
 //!
 //! ```text
 //! 0..2   FrameID            0xFEFC Hello · 0xFEFD Get, Set · 0xFEFE Identify request · 0xFEFF Identify response
 //! 2      ServiceID          3 Get · 4 Set · 5 Identify · 6 Hello
 //! 3      ServiceType        0 request · 1 response · 5 response: service not supported
-//! 4..8   Xid                chosen by who asks, echoed by who answers
+//! 4..8   Xid                chosen by the requester, echoed in the answer
 //! 8..10  ResponseDelayFactor in an Identify request; 0 in all others
-//! 10..12 DCPDataLength      bytes of blocks that follow; what is behind them is padding
+//! 10..12 DCPDataLength      bytes of the blocks that follow; the bytes after these are padding
 //! 12..   blocks             each on an even offset
 //! ```
 //!

@@ -283,7 +283,7 @@ impl Core {
         }
     }
 
-    /// Tells the owner what DCP did to the station, or was not allowed to.
+    /// Reports to the owner what DCP changed in the station, or was not allowed to change.
     fn follow(&mut self, now: Instant, from: Mac, effect: Effect) {
         if let Some(what) = effect.refused {
             self.counters.foreign += 1;
@@ -294,7 +294,7 @@ impl Core {
         }
     }
 
-    /// Ends the AR from this side: tells the controller and the owner why.
+    /// Ends the AR from this side and sends the reason to the controller and the owner.
     fn abort(&mut self, violation: Violation) {
         let cause = match violation {
             Violation::ConsumerExpired | Violation::InitiatorTimeout => DownCause::Watchdog,
@@ -334,7 +334,7 @@ impl Core {
         counters
     }
 
-    /// Tells the owner of a request that was refused since it came from somebody else than the controller.
+    /// Reports to the owner a request that was refused because another station than the controller sent it.
     fn report_foreign(&mut self, now: Instant, from: Sender, what: Requested) {
         if let Some(report) = self.foreign.refuse(now, from, what) {
             self.report(LinkEvent::Foreign(report));

@@ -1,4 +1,4 @@
-//! What stands between an RPC header and the blocks: five 32-bit numbers of NDR, in the header's byte order.
+//! The five 32-bit NDR numbers between an RPC header and the blocks, in the header's byte order.
 //!
 //! ```text
 //! request   ArgsMaximum · ArgsLength · MaximumCount · Offset (0) · ActualCount (= ArgsLength) · blocks

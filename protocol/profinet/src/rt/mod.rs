@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The PDU stands behind EtherType 0x8892 with a priority tag, or in a datagram to UDP port 34962 (IEC 61158-6-10,
-//! 4.7). What is in the C_SDU is agreed in the IOCRs; here it is bytes.
+//! 4.7). The IOCRs define the content of the C_SDU; this module treats it as bytes.
 //!
 //! [`CyclicSender`] and [`CyclicReceiver`] are the provider and the consumer of one IOCR. A controller and a device
 //! have one of each.
@@ -45,8 +45,8 @@ pub const MAX_C_SDU_LEN: usize = 1440;
 /// FrameID in front of the C_SDU and status behind it, in bytes.
 const OVERHEAD: usize = 6;
 
-/// Status of a submodule's data, by its provider (IOPS) or consumer (IOCS): bit 7 is good or bad, bits 5 and 6 tell
-/// who detected it, bit 0 that another byte follows (IEC 61158-6-10, 4.7.2.3).
+/// Status of a submodule's data, by its provider (IOPS) or consumer (IOCS): bit 7 is good or bad, bits 5 and 6 say
+/// who detected it, bit 0 says that another byte follows (IEC 61158-6-10, 4.7.2.3).
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub struct IoxStatus(pub u8);
 

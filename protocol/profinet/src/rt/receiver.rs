@@ -20,7 +20,7 @@ pub enum Received {
     New,
     /// It is not newer than an accepted one, or further ahead than time allows.
     Late,
-    /// Its DataStatus tells to ignore it.
+    /// Its DataStatus says that it is to be ignored.
     Ignored,
     /// It is too short, or its TransferStatus reports damage.
     Malformed,

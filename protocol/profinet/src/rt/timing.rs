@@ -62,7 +62,7 @@ pub struct CycleTime {
 /// A cycle that no send clock and reduction ratio can express.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
-    "a cycle of {} µs is not one that PROFINET has: over UDP, a power of two of 31.25 µs or whole ms up to 16384; \
+    "PROFINET has no cycle of {} µs: allowed are, over UDP, a power of two of 31.25 µs or whole ms up to 16384; \
      over Ethernet, the first or a power of two of ms up to 512",
     .0.as_nanos() as f64 / 1000.0
 )]

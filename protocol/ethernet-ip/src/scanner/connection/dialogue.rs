@@ -1,4 +1,4 @@
-//! What a scanner says over TCP, and how it reads the answers.
+//! Messages of a scanner over TCP, and parsing of their answers.
 
 use crate::Writer;
 use crate::cip::{ElectronicKey, Reply, Request, Revision, class, service};

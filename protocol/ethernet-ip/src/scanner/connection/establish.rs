@@ -1,4 +1,4 @@
-//! From a TCP connection to a connection that carries data: what is said, and what follows from each answer.
+//! Establishes a connection over TCP step by step: each answer leads to the next message.
 
 use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;

@@ -63,7 +63,7 @@ enum Step {
     Closing,
 }
 
-/// A connection to an adapter. After each failure it says why, and begins anew after a while.
+/// A connection to an adapter. After each failure it reports the reason and, after a pause, starts over.
 #[derive(Debug)]
 pub struct Connection {
     config: ConnectionConfig,
@@ -184,7 +184,7 @@ impl Connection {
         &mut self.output
     }
 
-    /// Sets whether the frames say that the owner's program runs, as they do from the start, or that it is idle.
+    /// Sets the run/idle state in the frames; it is run at the start.
     pub const fn set_run(&mut self, run: bool) {
         self.run = run;
     }

@@ -1,4 +1,4 @@
-//! Why an adapter did not do what it was asked to, in words, and what it has instead.
+//! Refusals of an adapter as text, with what the adapter has instead.
 
 use core::fmt;
 use core::net::Ipv4Addr;
@@ -16,17 +16,17 @@ pub struct Refusal {
     pub general: General,
     /// Extended status of its reply.
     pub extended: Option<Extended>,
-    /// The size that the device has instead, in bytes, if it tells.
+    /// The size that the device has instead, in bytes, if it reports it.
     pub size: Option<u16>,
-    /// The packet intervals O→T and T→O that the device would serve, in µs, if it tells.
+    /// The packet intervals O→T and T→O that the device would serve, in µs, if it reports them.
     pub intervals_us: Option<(u32, u32)>,
-    /// What was asked.
+    /// Requested connection.
     pub asked: RequestedConnection,
     /// Who the device says it is.
     pub found: Option<Identity>,
 }
 
-/// What a Forward_Open asked for.
+/// Parameters that a Forward_Open requested.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RequestedConnection {
     /// The adapter.

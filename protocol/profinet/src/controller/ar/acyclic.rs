@@ -1,4 +1,4 @@
-//! All that is not cyclic data: discovery, calls, alarms, and what has not come in time.
+//! Everything besides cyclic data: discovery, calls, alarms and timeouts.
 
 use core::net::SocketAddrV4;
 
@@ -8,8 +8,8 @@ use crate::status::{Service, Violation};
 use machine::{Down, DownCause};
 use machine::{Instant, Port, Transmit};
 
-/// All but cyclic data. While they go both ways nothing else happens from one second to the next, and is not asked for
-/// with every frame.
+/// State of everything besides cyclic data. While cyclic data are exchanged, this seldom changes, so it is not polled at
+/// every frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Acyclic {
     /// Something happened: there may be something to send, and another deadline.

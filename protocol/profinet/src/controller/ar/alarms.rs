@@ -21,17 +21,17 @@ use machine::{Duration, Instant, Port, Transmit};
 
 /// RTATimeoutFactor 1: when a DATA PDU that was not acknowledged is repeated.
 const REPEAT_AFTER: Duration = Duration::from_millis(100);
-/// RTARetries: how often.
+/// RTARetries: number of repetitions.
 const RETRIES: u8 = 3;
-/// Number of "the PDU before the first one".
+/// Acknowledged sequence number before the first PDU has arrived.
 const BEFORE_FIRST: u16 = 0xFFFE;
 
-/// What an RTA PDU led to.
+/// Result of receiving an RTA PDU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Outcome {
     /// It belongs to the connection.
     Taken,
-    /// It belongs to another connection, or to nothing that is going on.
+    /// It belongs to another connection, or answers nothing that was sent.
     Foreign,
     /// It broke the format.
     Malformed,
@@ -103,7 +103,7 @@ impl Alarms {
         }
     }
 
-    /// Repeats what was not acknowledged. Returns whether the device had to be given up.
+    /// Repeats PDUs that were not acknowledged. Returns whether the device failed to acknowledge the last repetition.
     pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
         self.high.handle_timeout(now) || self.low.handle_timeout(now)
     }
@@ -131,7 +131,7 @@ impl Alarms {
         Instant::earlier(self.high.repeat_at(), self.low.repeat_at())
     }
 
-    /// Returns the error PDU that tells the device that the AR has ended.
+    /// Returns the error PDU that reports the end of the AR to the device.
     pub(super) const fn final_error(&self, status: Status) -> FinalError {
         let rta = self.low.rta(PduType::Error, self.references);
         FinalError { route: self.route, rta, status }

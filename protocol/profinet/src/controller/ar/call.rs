@@ -9,12 +9,12 @@ use machine::{Duration, Instant};
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
 /// The longest pause between repetitions.
 const REPEAT_AT_MOST: Duration = Duration::from_millis(800);
-/// When a call that nobody answers is given up.
+/// Time after which an unanswered call is given up.
 const UNHEARD_FOR: Duration = Duration::from_secs(3);
-/// When a call is given up at last, though the device says that it works on it.
+/// Time after which a call is given up even if the device reports that it is still working on it.
 const UNFINISHED_FOR: Duration = Duration::from_secs(30);
 
-/// What a PDU means for the call.
+/// Result of a received PDU for the call.
 #[derive(Debug)]
 pub(super) enum AnswerOutcome<'a> {
     /// It is not about the call.
@@ -47,7 +47,7 @@ struct Wait {
     pause: Duration,
     give_up_at: Instant,
     last_resort: Instant,
-    /// The device has the request and said so: from here on it is asked, not told again.
+    /// The device has confirmed the request: from now on the caller sends pings and does not repeat the request.
     working: bool,
 }
 
@@ -78,7 +78,7 @@ impl Caller {
         (self.wait, self.reply) = (None, None);
     }
 
-    /// Calls: `write` puts the request's body into the buffer that it is given.
+    /// Starts a call; `write` writes the request's body into the buffer.
     pub(super) fn call(
         &mut self,
         now: Instant,
@@ -99,7 +99,7 @@ impl Caller {
         Ok(())
     }
 
-    /// Takes a PDU from the device, from whatever port it came.
+    /// Handles a PDU from any UDP port of the device.
     pub(super) fn handle<'a>(
         &'a mut self,
         now: Instant,

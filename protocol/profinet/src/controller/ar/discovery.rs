@@ -20,7 +20,7 @@ const NAME_TWICE: &str =
 const ADDRESS_REFUSED: &str = "the device refused the IP address that was set by DCP (the status is its BlockError): \
      look whether another controller or DHCP holds its address";
 
-/// Whom to find, and the address that it is to have.
+/// Device to find, and the address to give it.
 #[derive(Debug)]
 pub(super) struct Wanted {
     pub(super) own_mac: Mac,
@@ -32,7 +32,7 @@ pub(super) struct Wanted {
     pub(super) address: IpSuite,
 }
 
-/// What a DCP answer led to.
+/// Result of a DCP answer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Progress {
     /// Nothing yet.

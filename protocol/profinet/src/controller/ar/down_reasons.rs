@@ -1,4 +1,4 @@
-//! What a person reads when no connection comes about, and what to look at.
+//! Messages for the user that explain why there is no connection, and what to check.
 
 pub(super) const NO_STATION: &str = "no station answers to the device's name: check the cable, that the device is on, \
      and its name";

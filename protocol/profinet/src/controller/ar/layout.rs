@@ -1,4 +1,4 @@
-//! What is where in the C_SDUs: data, provider and consumer status of every submodule.
+//! Layout of the C_SDUs: where the data, provider and consumer status of every submodule are.
 //!
 //! ```text
 //! input   by slot and subslot:   data, IOPS of its input · IOCS of its output

@@ -75,7 +75,7 @@ impl Link {
         plan.layout.output.write_data(output, self.sender.c_sdu_mut());
     }
 
-    /// Tells the device that its data are taken.
+    /// Sets the consumer status: the controller accepts the device's data.
     pub(super) fn accept_input(&mut self, plan: &Plan) {
         plan.layout.output.write_consumer_statuses(IoxStatus::GOOD, self.sender.c_sdu_mut());
     }

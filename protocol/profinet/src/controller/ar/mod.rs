@@ -274,7 +274,7 @@ impl Ar {
         true
     }
 
-    /// Puts an end to the attempt or the connection: tells the device by `status`, if it does not know yet.
+    /// Ends the attempt or the connection; sends `status` to the device unless the device itself ended it.
     fn fail(&mut self, now: Instant, down: Down, status: Option<Status>) {
         self.acyclic = Acyclic::Active;
         if let (Some(link), Some(status)) = (&self.link, status) {

@@ -4,7 +4,9 @@ use alloc::boxed::Box;
 use core::fmt;
 use core::net::SocketAddrV4;
 
-use super::{Fate, Pair, Side};
+use super::Pair;
+use crate::link::Fate;
+use crate::side::Side;
 use machine::{Instant, Machine, Port};
 
 /// The protocol headers around a machine's frame.

@@ -6,10 +6,13 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use super::Pair;
+use super::frames::holding;
 use super::in_flight::{Delivery, InFlight};
-use super::link::{Passed, flip};
 use super::tap::Label;
-use super::{Carrier, Fate, Pair, Segment, Side, holding};
+use super::tap::{Carrier, Segment};
+use crate::link::{Fate, Passed, flip};
+use crate::side::Side;
 use machine::{Attempt, Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
 /// Additional delay of a piece for each time that it is lost: the smallest retransmission timeout of Linux.

@@ -4,8 +4,8 @@ use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use core::net::SocketAddrV4;
 
-use super::Side;
 use super::tap::Label;
+use crate::Side;
 use machine::{Instant, Port, StreamId};
 
 /// What arrives at one end of the cable.
