@@ -62,7 +62,7 @@ const VERSION: &str = env!("SKILLBENCH_VERSION");
 pub enum Command {
     /// Compare the buses: execution and reaction times of the same arm and application over each, in virtual time.
     Buses(BusesOptions),
-    /// Find the numbers of a setup that only a published figure can fix: speed, skill overhead, interpreter quantum.
+    /// Find the numbers of a setup that only published figures can determine: speed, skill overhead, interpreter quantum.
     Calibrate(CalibrateOptions),
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
@@ -74,23 +74,23 @@ pub enum Command {
     New(NewOptions),
     /// Draw the report of a run again.
     Report(ReportOptions),
-    /// Set runs beside each other.
+    /// Compare runs with each other.
     Compare(CompareOptions),
-    /// List the runs that are kept, with the trend of their figures.
+    /// List the saved runs, with the trend of their figures.
     History(HistoryOptions),
-    /// Look whether this machine can do real mode, and how well.
+    /// Test whether this machine can run real mode, and how well.
     Doctor(DoctorOptions),
-    /// Measure how evenly cyclic EtherNet/IP frames come, beside a bare loop on this host and a peer.
+    /// Measure how evenly the cyclic frames of each bus arrive, and compare with a bare loop on this host.
     Timing(TimingOptions),
-    /// See where one MoveContinuousSkill loses to the robot's program: slots × bus cycle × length of motions.
+    /// Show where one MoveContinuousSkill is slower than the robot's program: slots × bus cycle × length of motions.
     Sweep(SweepOptions),
-    /// See how the execution times move with what the setup assumes: motions, ways, acceleration, blending, overhead.
+    /// Show how the execution times change with the setup's assumptions: motions, path, acceleration, blending, overhead.
     Sensitivity(SensitivityOptions),
     /// Put one fault into a short run at every single frame, or pairs of faults, in virtual time, and class how the runs end.
     Explore(ExploreOptions),
     /// Live through hours of the plant in virtual time with faults all the time; memory must not grow.
     Soak(SoakOptions),
-    /// Run random motion lists on the robot and hold each of its cycles against laws and kinematics that are not its own.
+    /// Run random motion lists on the robot and check each robot cycle with independent laws and kinematics.
     Judge(JudgeOptions),
     /// Print completions for a shell: `bench completions bash >~/.local/share/bash-completion/completions/bench`.
     Completions(CompletionsOptions),

@@ -24,7 +24,7 @@ pub struct DoctorOptions {
     /// The setup whose cycles and watchdog the machine is held against.
     #[command(flatten)]
     pub setup: SetupOption,
-    /// How long to measure wake-ups, in s.
+    /// Time for which wake-ups are measured, in s.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=3_600))]
     pub seconds: u32,
     /// Print JSON instead of a table.

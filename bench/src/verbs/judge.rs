@@ -44,7 +44,7 @@ pub struct JudgeOptions {
     /// arms of its kind.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     pub setup: String,
-    /// How many lists.
+    /// Number of lists.
     #[arg(long, value_name = "N", default_value_t = LISTS, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub lists: u64,
     /// Seed of the lists.

@@ -61,7 +61,7 @@ pub struct OverheadOptions {
     /// Seed of the order within the pairs and of the intervals.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Keep what was recorded in this directory; otherwise it is removed.
+    /// Keep the recordings in this directory; otherwise they are removed.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }

@@ -42,7 +42,7 @@ struct Cli {
 enum Subcommand {
     /// Connect to the robot and run the application.
     Run(Box<Run>),
-    /// Plan an application and print its motions: labels, zones and why they have their size.
+    /// Plan an application and print its motions with their labels and zones, and the reason for each zone's size.
     Plan(PlanCommand),
     /// List the PROFINET and EtherNet/IP devices on a network interface.
     Discover(DiscoverCommand),

@@ -41,7 +41,7 @@ pub struct GateOptions {
     /// Take this run's figures as the new baseline, and print what changes.
     #[arg(long)]
     pub update: bool,
-    /// Compare a real run that is there already, by ratios within it; its own setup counts.
+    /// Compare the ratios of an existing real run, with that run's own setup.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["update", "setup"])]
     pub run: Option<PathBuf>,
 }

@@ -44,7 +44,7 @@ pub struct LongOptions {
     /// Which setup.
     #[command(flatten)]
     pub setup: SetupOption,
-    /// Motions of the one MoveContinuousSkill [default: 5000000; of a list all].
+    /// Motions of the one MoveContinuousSkill [default: 5000000, or all of a list].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub motions: Option<u32>,
     /// The application that is repeated: a built-in one's name, or the path of a .toml file.

@@ -40,14 +40,14 @@ pub struct RunOptions {
     /// Files besides the run directory.
     #[command(flatten)]
     pub exports: Exports,
-    /// How PROFINET's cyclic frames travel, instead of what the setup says.
+    /// Transport of PROFINET's cyclic frames, in place of the setup's.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,
     /// What moves the robot's joints, instead of what the setup says: emulated CiA 402 drives behind an EtherCAT segment of
     /// the robot controller.
     #[arg(long, value_enum)]
     pub drives: Option<Drives>,
-    /// Keep what passes the interfaces, as DIR/plc.pcapng and DIR/robot.pcapng.
+    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
     /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
@@ -69,7 +69,7 @@ pub struct RunOptions {
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path; a change keeps every limit.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...")]
     pub overrides: Option<OverrideSchedule>,
-    /// Put a fault into the cable, any number of times: loss=0.001, duplicate=0.01, corrupt=0.001@memory or
+    /// Inject a fault; can be given several times: loss=0.001, duplicate=0.01, corrupt=0.001@memory or
     /// corrupt=0.001@wire, reorder=0.01@2ms, delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
     /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s; of one frame to-robot:lose-frame=17, to-plc:double-frame=17,
     /// to-plc:hold-frame=17@2ms, to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode
@@ -94,7 +94,7 @@ pub enum Capture {
     Never,
 }
 
-/// How PROFINET's cyclic frames travel.
+/// Transport of PROFINET's cyclic frames.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 pub enum Cyclic {
     /// RT_CLASS_UDP: UDP port 34962.

@@ -55,7 +55,7 @@ pub struct SensitivityOptions {
     /// Setup, seed and files.
     #[command(flatten)]
     pub study: StudyOptions,
-    /// By what each number but that of the motions is multiplied, in place of its own factors.
+    /// Factors for each number except the number of motions, in place of its own factors.
     #[arg(long, value_name = "F,…", num_args = 1.., value_parser = list(multiplier))]
     pub factors: Option<Vec<List<f64>>>,
     /// Repetitions of each execution type in every case.

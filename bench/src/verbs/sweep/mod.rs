@@ -72,7 +72,7 @@ pub struct SweepOptions {
     /// Motions of a run; a square has four sides.
     #[arg(long, value_name = "N", default_value_t = MOTIONS, value_parser = clap::value_parser!(u32).range(6..=1_000))]
     pub motions: u32,
-    /// Repetitions of every point, each at other phases of the cycles.
+    /// Repetitions of every point, each with other phases of the cycles.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     pub reps: u32,
 }

@@ -38,7 +38,7 @@ pub struct TimingOptions {
     /// Buses to measure, all without it.
     #[arg(long, value_name = "BUS,…", value_delimiter = ',')]
     pub buses: Vec<TimedBus>,
-    /// An EtherNet/IP adapter of somebody else to compare with, with assemblies 100, 150 and 151 as the robot node has
+    /// Command of another EtherNet/IP adapter to compare with, with assemblies 100, 150 and 151 as the robot node has
     /// them: a command that is run at the other end of a cable of its own, where it has the address 192.168.64.2.
     #[arg(last = true, value_name = "COMMAND")]
     pub peer: Vec<OsString>,

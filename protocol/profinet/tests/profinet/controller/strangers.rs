@@ -47,7 +47,7 @@ fn a_configuration_that_cannot_work_is_refused_with_what_to_change() {
         change(&mut config);
         controller().connect(config, Instant::ZERO).unwrap_err().to_string()
     };
-    assert!(refused(|config| config.cycle = Duration::from_micros(700)).contains("a cycle of 700 µs"));
+    assert!(refused(|config| config.cycle = Duration::from_micros(700)).contains("no cycle of 700 µs"));
     assert!(refused(|config| config.watchdog_cycles = 0).contains("choose 1 cycle or more"));
     assert!(refused(|config| config.watchdog_cycles = 2_000).contains("at most 1920 ms"));
     assert!(refused(|config| config.address = Ipv4Addr::new(10, 0, 0, 1)).contains("not in one subnet"));
