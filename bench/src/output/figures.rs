@@ -181,11 +181,11 @@ pub(super) fn rounded(value: f64, digits: usize) -> f64 {
     (value * unit).round() / unit + 0.0
 }
 
-fn millis(value: f64) -> String {
+pub(super) fn millis(value: f64) -> String {
     format!("{:.1}", rounded(value, 1))
 }
 
-fn percent(share: f64, digits: usize) -> String {
+pub(super) fn percent(share: f64, digits: usize) -> String {
     format!("{:.*} %", digits, rounded(share * 100.0, digits))
 }
 

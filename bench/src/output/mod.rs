@@ -3,7 +3,8 @@
 //! ```text
 //! table      the printed table; figures are its first part, quality is its second
 //! verdicts   how far a run is from the paper, and which of its claims it supports
-//! progress   the live view
+//! progress   the lines of a run that is going on, on the terminal
+//! live       the page of a run that is going on, and its server
 //! report     report.html and race.html of a run, and comparisons of runs; html has what all pages share
 //! export     the results in formats of other programs
 //! timeline   a trace for Perfetto
@@ -18,6 +19,7 @@ pub mod exit;
 pub mod export;
 mod figures;
 pub(crate) mod html;
+pub mod live;
 #[cfg(feature = "mcap")]
 pub mod playback;
 pub mod progress;

@@ -24,6 +24,7 @@ use protocol_linux::capture::Keep;
 use setup::Setup;
 
 use crate::output::exit::Failure;
+use crate::output::live::Feed;
 use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::Fault;
@@ -80,6 +81,8 @@ pub struct StandConfig<'a> {
     pub frames: bool,
     /// Faults of the cable and of the nodes.
     pub faults: &'a [Fault],
+    /// The live view.
+    pub feed: Option<&'a Feed>,
     /// Nodes that already run.
     pub attach: Option<&'a rig::Attach>,
     /// Token of the control ports of these nodes.

@@ -131,6 +131,11 @@ impl Browser {
 
     /// Opens a file, with what follows `#` in its address; waits until it is loaded and laid out.
     pub(crate) fn open(&mut self, page: &Path, at: &str, screen: Screen) {
+        self.open_address(&format!("file://{}{at}", page.display()), screen);
+    }
+
+    /// Opens an address; waits until the page is loaded and laid out.
+    pub(crate) fn open_address(&mut self, address: &str, screen: Screen) {
         let Screen { width, height, is_dark, is_print, is_calm } = screen;
         let size = json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
         self.call("Emulation.setDeviceMetricsOverride", size);
@@ -146,7 +151,7 @@ impl Browser {
         self.call("Page.navigate", json!({"url": "about:blank"}));
         self.loaded();
         self.events.clear();
-        self.call("Page.navigate", json!({"url": format!("file://{}{at}", page.display())}));
+        self.call("Page.navigate", json!({"url": address}));
         self.loaded();
         self.eval("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
     }

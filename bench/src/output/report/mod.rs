@@ -18,7 +18,7 @@ mod numbers;
 mod page;
 mod path;
 mod queue;
-mod race;
+pub(in crate::output) mod race;
 mod result;
 mod run;
 mod samples;

@@ -8,6 +8,7 @@ use protocol_linux::capture::Keep;
 use setup::{Cyclic, Setup};
 
 use super::frames::FrameLog;
+use crate::output::live::Feed;
 use crate::records::faults::Fault;
 
 /// Configuration of a rig.
@@ -28,6 +29,11 @@ pub struct RigConfig {
     pub trace: Option<PathBuf>,
     /// Log of the frames at both interfaces while cycles are recorded.
     pub frames: Option<FrameLog>,
+    /// The live view.
+    pub feed: Option<Feed>,
+    /// Whether the nodes write all their cycles, for the live view, and not only while [`Rig::record`](super::Rig::record) is
+    /// on.
+    pub writes_all: bool,
     /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
     pub faults: Vec<Fault>,
     /// The program of both nodes; `None` for this program.
@@ -48,6 +54,8 @@ impl RigConfig {
             capture: None,
             trace: None,
             frames: None,
+            feed: None,
+            writes_all: false,
             faults: Vec::new(),
             program: None,
             direct: false,

@@ -122,6 +122,7 @@ impl Rig {
             }
         };
         self.note(&event);
+        self.tell_live(&event);
         match self.failure(&event).await {
             Some(error) => Err(error),
             None => Ok(event),

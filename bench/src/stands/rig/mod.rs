@@ -29,6 +29,7 @@ mod messages;
 mod node;
 mod node_process;
 mod stand;
+mod told;
 mod wanted_cell;
 
 pub use attach::{Attach, AttachError};
@@ -56,6 +57,7 @@ use changes::Changes;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 
+use crate::output::live::Feed;
 use crate::records::conditions::{Counts, Health, MotionTotals};
 use crate::records::faults::{self, Change, FaultReport};
 use crate::records::trace::{Window, tables};
@@ -144,6 +146,10 @@ pub struct Rig {
     trace_directory: Option<PathBuf>,
     /// Log of the frames while cycles are recorded.
     frames: Option<FrameLog>,
+    /// The live view; `None` if there is none.
+    feed: Option<Feed>,
+    /// Whether the nodes write all their cycles, and not only those of recorded runs.
+    writes_all: bool,
     /// The last field, so that it is dropped after the nodes; `None` if the rig did not create it.
     cable: Option<Cable>,
 }
@@ -225,6 +231,7 @@ impl Rig {
         )?;
         let mut rig =
             Self::of(Node::Process(plc), Some(Node::Process(robot)), events, Some(cable), config.watchdog);
+        rig.feed.clone_from(&config.feed);
         rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
@@ -234,6 +241,10 @@ impl Rig {
         }
         rig.trace_directory.clone_from(&config.trace);
         rig.frames.clone_from(frames_log);
+        if config.writes_all && config.trace.is_some() {
+            rig.writes_all = true;
+            rig.tell_to_write(true).await;
+        }
         Ok(rig)
     }
 
@@ -259,6 +270,8 @@ impl Rig {
             recording: false,
             trace_directory: None,
             frames: None,
+            feed: None,
+            writes_all: false,
             is_running: false,
             links: Links::default(),
             watchdog,
@@ -304,12 +317,19 @@ impl Rig {
             if let Some(cable) = &mut self.cable {
                 cable.watch(on)?;
             }
-            self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
-            if let Some(robot) = &mut self.robot {
-                robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
+            if !self.writes_all {
+                self.tell_to_write(on).await;
             }
         }
         Ok(())
+    }
+
+    /// Tells the nodes to write their cycles, or to stop that.
+    async fn tell_to_write(&mut self, on: bool) {
+        self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
+        if let Some(robot) = &mut self.robot {
+            robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
+        }
     }
 
     /// Returns the result of the faults so far; `None` without faults.

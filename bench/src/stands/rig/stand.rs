@@ -19,7 +19,9 @@ const TRIES: u32 = 10;
 impl Stand for Rig {
     async fn start(config: &StandConfig<'_>) -> Result<Self, Failure> {
         if let Some(nodes) = config.attach {
-            return Ok(Self::attach(nodes, config.token, config.setup, config.application_text).await?);
+            let mut rig = Self::attach(nodes, config.token, config.setup, config.application_text).await?;
+            rig.feed = config.feed.cloned();
+            return Ok(rig);
         }
         let directory = config.directory.to_owned();
         let rig = RigConfig {
@@ -27,6 +29,8 @@ impl Stand for Rig {
             capture: config.capture.map(|keep| (directory.clone(), keep)),
             trace: Some(directory.clone()),
             frames: config.frames.then(FrameLog::default),
+            feed: config.feed.cloned(),
+            writes_all: config.feed.is_some(),
             faults: config.faults.to_vec(),
             ..RigConfig::new(config.setup, directory.join("setup.toml"))
         };

@@ -21,6 +21,7 @@ use setup::Setup;
 use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
+use crate::output::live::{About, Live, LiveAddress, Reserved};
 #[cfg(feature = "mcap")]
 use crate::output::playback;
 use crate::output::progress::Progress;
@@ -46,6 +47,10 @@ use session::{Ended, Session};
 
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;
+
+/// Why a live view of attached nodes has no arm.
+const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write their cycles nowhere that it could read. Leave out --attach \
+     to see it. Table, lateness, frames and alarms follow the run.";
 
 /// What the nodes' cyclic threads have if the host refused nothing.
 const GRANTED: &str = "SCHED_FIFO, memory locked";
@@ -89,6 +94,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     if options.mode == Mode::Real {
         faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     }
+    let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
     let mut token = None;
     if options.attach.is_some() {
         check_attach(options)?;
@@ -110,6 +116,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         found,
         warnings,
         token,
+        live,
     };
     let runtime = event_loop()?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
@@ -141,6 +148,18 @@ fn tell_where(ended: &Ended, directory: &Path) {
             "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
         ),
     }
+}
+
+/// Takes the address of the live view.
+fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
+    if mode == Mode::Virtual {
+        let error = anyhow!(
+            "--live shows a run in real time, and a virtual one is over in seconds: leave out `--mode virtual`, or open the \
+             race.html that every run writes"
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    Reserved::take(address).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))
 }
 
 /// Checks that the setup describes a robot, and that it can stand where the application starts.
@@ -181,10 +200,12 @@ struct Measurement<'a> {
     /// Warnings about the planned motions that a person should read: blends that had to shrink.
     warnings: Vec<String>,
     token: Option<ControlToken>,
+    /// Address of the live view.
+    live: Option<Reserved>,
 }
 
 impl Measurement<'_> {
-    async fn run(&self) -> Result<(Ended, PathBuf), Failure> {
+    async fn run(mut self) -> Result<(Ended, PathBuf), Failure> {
         let started = SystemTime::now();
         let path = self.options.out.clone().unwrap_or_else(|| {
             run_directory::default_path(&self.setup.name, self.options.mode.name(), started)
@@ -197,6 +218,7 @@ impl Measurement<'_> {
             directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
             exports: self.options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(&self.schedule, self.options.quiet),
+            live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
         };
         self.warn(&session.progress);
         let host = Host::look(started);
@@ -210,10 +232,14 @@ impl Measurement<'_> {
         };
         // In real mode they run afterwards, so that they take no core from the nodes.
         let meanwhile = (self.options.mode == Mode::Virtual).then(reference_runs);
-        let ended = match self.options.mode {
-            Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await?,
-            Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await?,
+        let ran = match self.options.mode {
+            Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await,
+            Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await,
         };
+        if let Some(live) = session.live.take() {
+            live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);
+        }
+        let ended = ran?;
         let ended = match ended.exit {
             Exit::Pass => {
                 let results = meanwhile.unwrap_or_else(reference_runs).finish(ended.results)?;
@@ -226,6 +252,22 @@ impl Measurement<'_> {
         let saved = session.finish(&ended.results);
         let saved = if ended.exit == Exit::Internal { Ok(()) } else { saved };
         Ok((ended.and_saved(saved), path))
+    }
+
+    /// Starts the live view of a run in `directory`, and says where it is.
+    fn serve(&self, address: Reserved, directory: &Path) -> Result<Live, Failure> {
+        let about = About {
+            setup: &self.setup,
+            application: &self.found.application,
+            types: &self.schedule.types,
+            reps: self.schedule.reps,
+            no_rows: self.options.attach.as_ref().map(|_| NO_ROWS),
+        };
+        let rows = self.options.attach.is_none().then_some(directory);
+        let live = Live::start(address, &about, rows)?;
+        // Even with `--quiet`: without the address nobody finds the page.
+        errln!("Live at http://{}/", live.address());
+        Ok(live)
     }
 
     fn empty_results(&self) -> Results {
@@ -263,6 +305,7 @@ impl Measurement<'_> {
         interrupt: impl Future<Output = ()>,
     ) -> Result<Ended, Failure> {
         let directory = session.directory.path().to_owned();
+        let feed = session.live.as_ref().map(Live::feed);
         let config = StandConfig {
             setup: &self.setup,
             application: &self.found.application,
@@ -272,6 +315,7 @@ impl Measurement<'_> {
             capture: self.keep(),
             frames: self.options.trace,
             faults: &self.faults,
+            feed: feed.as_ref(),
             attach: self.options.attach.as_ref(),
             token: self.token.as_ref(),
         };

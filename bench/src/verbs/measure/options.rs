@@ -7,6 +7,7 @@ use node::list::List;
 use plc_node::{ExecutionType, OverrideSchedule};
 
 use crate::output::export::Exports;
+use crate::output::live::{self, LiveAddress};
 use crate::records::faults::Fault;
 use crate::records::mode::Mode;
 use crate::records::schedule::{REPETITIONS, SEED};
@@ -77,6 +78,10 @@ pub struct RunOptions {
     /// seed gives the same faults.
     #[arg(long, value_name = "FAULT", num_args = 1..)]
     pub fault: Vec<List<Fault>>,
+    /// Serve a page that shows the run while it is going on: the arm, slots and speed of the repetition that runs, the table as it
+    /// grows, lateness of the cycles, counters, alarms and faults. Real mode only, and only for this machine's loopback.
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = live::DEFAULT)]
+    pub live: Option<LiveAddress>,
     /// Print the table only: no progress, no warnings.
     #[arg(long, short)]
     pub quiet: bool,

@@ -3,6 +3,7 @@
 
 use crate::output::exit::Exit;
 use crate::output::export::Exports;
+use crate::output::live::Live;
 use crate::output::progress::Progress;
 use crate::records::conditions::Measured;
 use crate::records::host::Host;
@@ -18,8 +19,10 @@ pub struct Session {
     pub directory: RunDirectory,
     /// Exported files outside of it.
     pub exports: Exports,
-    /// The live view.
+    /// The lines on the terminal.
     pub progress: Progress,
+    /// The page that shows the run while it is going on.
+    pub live: Option<Live>,
 }
 
 /// Result of a run, and how it ended.
@@ -74,11 +77,18 @@ impl Session {
     ) -> anyhow::Result<Ended> {
         let mut interrupt = std::pin::pin!(interrupt);
         let mut failures = Vec::new();
+        let feed = self.live.as_ref().map(Live::feed);
         // A file that cannot be written should be noticed before the first repetition.
         self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
+        if let Some(feed) = &feed {
+            feed.results(&results);
+        }
         for step in schedule.steps() {
             self.progress.running(step.execution_type, step.repetition);
+            if let Some(feed) = &feed {
+                feed.next(step.execution_type, step.repetition);
+            }
             // A virtual run never waits, so signals are handled here.
             tokio::task::yield_now().await;
             let outcome = tokio::select! {
@@ -93,6 +103,9 @@ impl Session {
             let health = stand.health();
             for lost in health.repeated.iter().skip(results.repeated as usize) {
                 self.progress.warn(&format!("run again, {lost}"));
+                if let Some(feed) = &feed {
+                    feed.alarm(format!("run again, {lost}"));
+                }
             }
             results.set_health(&health);
             let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
@@ -102,7 +115,13 @@ impl Session {
                 .save(&step, &outcome, &results)
                 .and_then(|()| self.exports.write(&results, Durability::Written));
             self.progress.finished(step.execution_type, step.repetition, &results);
+            if let Some(feed) = &feed {
+                feed.results(&results);
+            }
             if let Err(error) = outcome {
+                if let Some(feed) = &feed {
+                    feed.alarm(format!("{} {} failed: {error:#}", step.execution_type, step.repetition));
+                }
                 let name = format!("{} {} of {}", step.execution_type, step.repetition, schedule.reps);
                 failures.push(error.context(format!("repetition {name} failed")));
             }
@@ -223,6 +242,7 @@ mod tests {
             directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
             exports: Exports::json(place.path().join("exported.json")),
             progress: Progress::start(&schedule, true),
+            live: None,
         };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let ended =

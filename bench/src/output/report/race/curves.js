@@ -2,17 +2,32 @@
 // The speed curves, one below the other on one time axis, with a cursor that all share.
 
 class Curves {
-  constructor(elements, seek) {
-    this.fastest = Math.max(1, ...recordings.flatMap(recording => [recording.speeds.reduce((a, b) => Math.max(a, b), 0)]));
+  constructor(recordings, elements, longest, seek) {
     this.moment = 0;
+    this.longest = longest;
+    this.recordings = recordings;
+    this.scale();
     this.panels = recordings.map((recording, index) => this.panel(recording, elements[index], seek));
     new ResizeObserver(() => this.resize()).observe(elements[0].parentElement);
     this.resize();
   }
 
+  scale() {
+    const fastest = ({ speeds }) => speeds.reduce((a, b) => Math.max(a, b), 0);
+    this.fastest = Math.max(1, ...this.recordings.map(fastest));
+  }
+
+  // Draws recordings again that have grown.
+  grow() {
+    this.scale();
+    this.panels.forEach(({ recording, plot }) => plot.setData(Curves.data(recording)));
+  }
+
+  static data({ times, speeds }) { return [times, speeds].map(column => Array.from(column)); }
+
   panel(recording, element, seek) {
     const [out, place] = [element.querySelector("output"), element.lastElementChild];
-    const isLast = recording === recordings.at(-1);
+    const isLast = recording === this.recordings.at(-1);
     const head = document.createElement("i");
     head.className = "head";
     const axis = extra => ({
@@ -23,7 +38,7 @@ class Curves {
       width: 300, height: Curves.height(isLast), pxAlign: 0,
       legend: { show: false },
       padding: [6, 10, 0, 0],
-      scales: { x: { time: false, range: [0, longest * 1.005] }, y: { range: [0, this.fastest * 1.08] } },
+      scales: { x: { time: false, range: () => [0, this.longest() * 1.005] }, y: { range: () => [0, this.fastest * 1.08] } },
       axes: [axis({ size: isLast ? 26 : 6, values: isLast ? undefined : (self, ticks) => ticks.map(() => "") }), axis({ size: 44, space: 28 })],
       cursor: { sync: { key: "race" }, drag: { x: false, y: false, setScale: false }, y: false, points: { show: false } },
       series: [{}, {
@@ -34,7 +49,7 @@ class Curves {
         drawClear: [self => Curves.shade(self, recording)],
         setCursor: [self => this.say(recording, out, self.cursor.left >= 0 ? self.posToVal(self.cursor.left, "x") : null)],
       },
-    }, [Array.from(recording.times), Array.from(recording.speeds)], place);
+    }, Curves.data(recording), place);
     plot.over.append(head);
     const go = event => {
       if (event.buttons & 1 || event.type === "click") {
@@ -67,7 +82,7 @@ class Curves {
   resize() {
     for (const { recording, plot } of this.panels) {
       const width = plot.root.parentElement.clientWidth;
-      if (width > 0) plot.setSize({ width, height: Curves.height(recording === recordings.at(-1)) });
+      if (width > 0) plot.setSize({ width, height: Curves.height(recording === this.recordings.at(-1)) });
     }
     this.show(this.moment);
   }

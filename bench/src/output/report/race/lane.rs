@@ -8,6 +8,7 @@ use plc_node::ExecutionType;
 use protocol::image::SLOTS;
 use serde::Serialize;
 
+use super::numbering::Numbering;
 use crate::output::figures::how;
 use crate::output::progress::label;
 use crate::records::trace::{PlcScan, Recording, RobotTick};
@@ -126,27 +127,6 @@ fn still(ticks: &[&RobotTick]) -> Vec<[f64; 2]> {
     stretches.filter_map(ends).filter(|[from, to]| to - from >= STILL_MS).collect()
 }
 
-/// Numbers the motions of a run across its commands: the first motion of a command follows the last one of the command
-/// before.
-#[derive(Default)]
-struct Numbering {
-    command: Option<u16>,
-    before: u32,
-    /// Motions of the command so far.
-    motions: u32,
-}
-
-impl Numbering {
-    /// Returns the number of motions of the earlier commands; `motions` is the number of motions of this command so far.
-    fn before(&mut self, command: u16, motions: u32) -> u32 {
-        if self.command.replace(command) != Some(command) {
-            self.before += std::mem::take(&mut self.motions);
-        }
-        self.motions = self.motions.max(motions);
-        self.before
-    }
-}
-
 /// Returns the motions done over time. Until the robot has noticed the first command it reports the one before.
 fn done(ticks: &[&RobotTick], scans: &[PlcScan]) -> Vec<(f64, u32)> {
     let is_of_run = |tick: &&&RobotTick| scans.iter().any(|scan| scan.sample.command == tick.sample.command);
@@ -154,7 +134,7 @@ fn done(ticks: &[&RobotTick], scans: &[PlcScan]) -> Vec<(f64, u32)> {
     let mut changes: Vec<(f64, u32)> = vec![(0.0, 0)];
     let of_run = ticks.iter().skip_while(|tick| !is_of_run(tick));
     for tick in of_run {
-        let done = numbering.before(tick.sample.command, tick.sample.executed) + tick.sample.executed;
+        let done = numbering.done(&tick.sample);
         if changes.last().is_none_or(|(_, before)| done > *before) {
             changes.push((tick.at_ms, done));
         }
@@ -162,18 +142,12 @@ fn done(ticks: &[&RobotTick], scans: &[PlcScan]) -> Vec<(f64, u32)> {
     changes
 }
 
-/// Returns the slots over time: motion k of a command lies in slot k mod 5.
+/// Returns the slots over time.
 fn slots(scans: &[PlcScan]) -> Vec<(f64, [u32; SLOTS])> {
     let mut numbering = Numbering::default();
     let mut changes: Vec<(f64, [u32; SLOTS])> = Vec::new();
     for scan in scans {
-        let before = numbering.before(scan.sample.command, scan.sample.written);
-        let mut slots = [0; SLOTS];
-        for motion in scan.sample.written.saturating_sub(scan.sample.in_slots)..scan.sample.written {
-            if let Some(slot) = slots.get_mut(motion as usize % SLOTS) {
-                *slot = before + motion + 1;
-            }
-        }
+        let slots = numbering.slots(&scan.sample);
         if changes.last().is_none_or(|(_, last)| *last != slots) {
             changes.push((scan.at_us as f64 / 1e3, slots));
         }

@@ -3,52 +3,56 @@
 //!
 //! ```text
 //! chain    the arm as it is drawn
-//! lane     what is shown of a recording
-//! cell     what stands around the arm
+//! scene    the arm, and the cell that it stands in
+//! lane     what is shown of a recording; numbering counts its motions
 //! still    the picture in the report that opens the page
-//! *.js     the page's own scripts: recording, scene (three.js), curves (uPlot), race
+//! *.js     the page's own scripts: recording, scene (three.js), curves (uPlot), panel, race
 //! ```
+//!
+//! The live view has the same arm, scripts and style for a run that is going on.
 //!
 //! The page is one file: it includes its data, its scripts and two libraries, which `scripts/vendor.sh` makes.
 
 mod cell;
 mod chain;
 mod lane;
+pub(in crate::output) mod numbering;
+mod scene;
 pub(super) mod still;
 
 use minijinja::Value;
 use plc_node::ExecutionType;
-use robot_node::RobotConfig;
 use serde::Serialize;
 
 use super::run::Run;
 use crate::output::html::chart::short;
 use crate::output::html::document::fill;
-use cell::Cell;
-use chain::Chain;
 use lane::{Lane, UNITS, Units};
+pub(in crate::output) use scene::Scene;
 
 /// The page, in the run directory.
 pub(super) const FILE: &str = "race.html";
 
 const TEMPLATE: &str = include_str!("race.html");
 const STYLE: &str = include_str!("race.css");
-/// The scripts, each after those that it uses.
-const SCRIPTS: [&str; 6] = [
+/// The scripts that draw arms, curves and slots, each after those that it uses.
+const DRAWING: [&str; 6] = [
     include_str!("../../../../vendor/three.min.js"),
     include_str!("../../../../vendor/uplot.min.js"),
     include_str!("recording.js"),
     include_str!("scene.js"),
     include_str!("curves.js"),
-    include_str!("race.js"),
+    include_str!("panel.js"),
 ];
+/// The script of this page.
+const PLAYING: &str = include_str!("race.js");
 const LIBRARY_STYLE: &str = include_str!("../../../../vendor/uplot.min.css");
 
 /// What the page moves: the arm, what stands around it, and the recordings.
 #[derive(Serialize)]
 pub(super) struct Race {
-    arm: Chain,
-    cell: Cell,
+    #[serde(flatten)]
+    scene: Scene,
     lanes: Vec<Lane>,
     units: Units,
     /// Interpolation cycle of the robot, in ms.
@@ -94,19 +98,8 @@ impl Race {
         let (Some(setup), Some(application)) = (&run.setup, &run.application) else {
             return Err("The setup of this run cannot be read, so there is no arm to draw: see Missing in its report.".to_owned());
         };
-        let robot =
-            RobotConfig::from_setup(setup).map_err(|error| format!("The setup describes no arm: {error}"))?;
-        let plan = planning::plan(application, setup)
-            .map_err(|error| format!("The application cannot be planned on this setup: {error}"))?;
-        let motions = plan.wire_motions(setup);
-        let frame = |frames: &[Option<robot_node::arm::Frame>; 16], number: Option<u8>| {
-            number
-                .and_then(|number| *frames.get(usize::from(number))?)
-                .unwrap_or(robot_node::arm::Frame::IDENTITY)
-        };
-        let tool = frame(&robot.tools, motions.first().map(|motion| motion.tool));
-        let base = frame(&robot.bases, Some(application.base));
-        let axes = robot.arm.axes();
+        let scene = Scene::of(setup, application)?;
+        let axes = scene.axes();
         let of_type =
             |execution_type: ExecutionType| Some((execution_type, trace.types.get(execution_type)?));
         let recordings: Vec<_> = ExecutionType::ALL.into_iter().filter_map(of_type).collect();
@@ -122,8 +115,7 @@ impl Race {
             ticks.map(|tick| (tick.at_ms, tick.sample.joints)).collect::<Vec<_>>()
         });
         Ok(Self {
-            arm: Chain::of(setup, &tool),
-            cell: Cell::of(application, &base, &motions),
+            scene,
             joints: joints.filter(|joints| !joints.is_empty()).collect(),
             lanes,
             units: UNITS,
@@ -169,7 +161,6 @@ pub(super) fn render(run: &Run) -> anyhow::Result<String> {
     let race = Race::of(run);
     let absent = race.as_ref().err().cloned();
     let race = race.ok();
-    let scripts = || SCRIPTS.iter().map(|script| Value::from_safe_string((*script).to_owned())).collect();
     let page = Page {
         name: run.name(),
         title: &run.results.title,
@@ -179,13 +170,28 @@ pub(super) fn render(run: &Run) -> anyhow::Result<String> {
         absent,
         lanes: race.as_ref().map(Race::summaries).unwrap_or_default(),
         cycle_ms: race.as_ref().map(|race| short(&race.cycle_ms)),
-        style: Value::from_safe_string(format!("{LIBRARY_STYLE}\n{STYLE}")),
-        scripts: race.as_ref().map(|_| scripts()).unwrap_or_default(),
+        style: style(""),
+        scripts: race.as_ref().map(|_| scripts(PLAYING)).unwrap_or_default(),
         data: match &race {
-            // Only `<` could end the script element.
-            Some(race) => Value::from_safe_string(serde_json::to_string(race)?.replace('<', "\\u003c")),
+            Some(race) => data(race)?,
             None => Value::from(()),
         },
     };
     fill(TEMPLATE, &page)
+}
+
+/// Returns the scripts of a page that draws arms, its own one last.
+pub(in crate::output) fn scripts(own: &str) -> Vec<Value> {
+    DRAWING.into_iter().chain([own]).map(|script| Value::from_safe_string(script.to_owned())).collect()
+}
+
+/// Returns the style of a page that draws arms, with what it has of its own.
+pub(in crate::output) fn style(own: &str) -> Value {
+    Value::from_safe_string(format!("{LIBRARY_STYLE}\n{STYLE}\n{own}"))
+}
+
+/// Returns data as JSON within a script element.
+pub(in crate::output) fn data(data: &impl Serialize) -> anyhow::Result<Value> {
+    // Only `<` could end the element.
+    Ok(Value::from_safe_string(serde_json::to_string(data)?.replace('<', "\\u003c")))
 }

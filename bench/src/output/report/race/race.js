@@ -9,47 +9,19 @@
   let moment = 0;
   let playing = null;
 
-  const lanes = recordings.map(recording => {
-    const element = stageElement.querySelector(`.lane[data-type=${recording.key}]`);
-    const part = selector => element.querySelector(selector);
-    const [time, state] = part(".clock").children;
-    return {
-      recording, element, time, state, view: part(".view"), done: part(".done"), slots: [...part(".slots").children],
-      about: part(".about-slots"),
-    };
-  });
+  const lanes = recordings.map(recording =>
+    new Panel(stageElement.querySelector(`.lane[data-type=${recording.key}]`), recording));
 
-  const stage = Stage.isPossible() ? new Stage(stageElement.querySelector("canvas"), lanes.map(lane => lane.view)) : null;
+  const stage = Stage.isPossible() ? new Stage(stageElement.querySelector("canvas"), lanes.map(lane => lane.view), recordings.map(recording => new World(recording))) : null;
   if (!stage) {
     find("flat").hidden = false;
     stageElement.classList.add("flat");
     find("view").parentElement.hidden = true;
   }
-  const curves = new Curves([...document.querySelectorAll(".curve")], at => seek(at));
-
-  // Writes a text only where it changes: the page is laid out again otherwise.
-  const write = (element, text) => { if (element.textContent !== text) element.textContent = text; };
-
-  const showLane = ({ recording, element, time, state, done, slots, about }) => {
-    const now = Math.min(moment, recording.end);
-    write(time, `${now.toFixed(2)} s`);
-    write(state, recording.state(moment));
-    element.classList.toggle("is-done", moment >= recording.end);
-    const { count, now: isStill } = recording.still(moment);
-    element.classList.toggle("is-still", isStill && moment < recording.end);
-    write(done.firstElementChild, `${recording.done(moment)} of ${recording.all}${recording.isCutOff ? " recorded" : ""} motions`);
-    write(done.lastElementChild, `stood still ${count} ×`);
-    const held = recording.slots(moment);
-    held.forEach((motion, slot) => {
-      slots[slot].className = motion ? "full" : "";
-      write(slots[slot], motion ? String(motion) : "");
-    });
-    write(about, recording.isProgram ? "The robot has its program: no slot is used."
-      : `${held.filter(Boolean).length} of 5 slots hold a motion.`);
-  };
+  const curves = new Curves(recordings, [...document.querySelectorAll(".curve")], () => longest, at => seek(at));
 
   const show = () => {
-    lanes.forEach(showLane);
+    lanes.forEach(lane => lane.show(moment));
     curves.show(moment);
     const tools = stage?.show(moment) ?? [];
     tools.forEach((tool, index) => { lanes[index].element.dataset.tool = tool.toArray().map(mm => mm.toFixed(2)).join(" "); });
@@ -124,15 +96,7 @@
     }
   });
 
-  lanes.forEach(lane => {
-    lane.view.addEventListener("pointerdown", event => lane.view.setPointerCapture(event.pointerId));
-    lane.view.addEventListener("pointermove", event => {
-      if (stage && event.buttons & 1) {
-        stage.drag(event.movementX, event.movementY);
-        show();
-      }
-    });
-  });
+  lanes.forEach(lane => lane.turns(stage, show));
 
   const isCalm = matchMedia("(prefers-reduced-motion: reduce)");
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {

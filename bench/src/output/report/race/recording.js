@@ -58,6 +58,10 @@ class Recording {
 
   done(moment) { return Recording.change(this.doneChanges, moment) ?? 0; }
 
+  progress(moment) {
+    return `${this.done(moment)} of ${this.all}${this.isCutOff ? " recorded" : ""} motions`;
+  }
+
   slots(moment) { return Recording.change(this.slotChanges, moment) ?? [0, 0, 0, 0, 0]; }
 
   // How often the arm has stood still so far, and whether it does.

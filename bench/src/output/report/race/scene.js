@@ -83,6 +83,8 @@ class World {
     this.scene.add(this.arm.root);
     this.points = run.arm.base.flatMap(({ from, to }) => [from, to].map(end => new THREE.Vector3(...end)));
     this.surroundings();
+    this.fixed = this.points;
+    this.ball = new THREE.SphereGeometry(run.arm.radius_mm * 0.34, 14, 10);
     this.way();
   }
 
@@ -118,6 +120,8 @@ class World {
   way() {
     const { recording, arm } = this;
     const points = [];
+    this.forget();
+    this.points = [...this.fixed];
     const every = Math.ceil(recording.times.length / 80);
     this.lengths = new Float64Array(recording.times.length);
     let length = 0;
@@ -140,14 +144,20 @@ class World {
         new THREE.TubeGeometry(curve, World.SEGMENTS, run.arm.radius_mm * 0.04, 5), this.materials.dark);
       this.scene.add(this.tube, this.ghost);
     }
-    const ball = new THREE.SphereGeometry(run.arm.radius_mm * 0.34, 14, 10);
     this.balls = recording.stills.map(([from]) => {
       arm.move(recording.joints(from));
-      const mesh = new THREE.Mesh(ball, this.materials.still);
+      const mesh = new THREE.Mesh(this.ball, this.materials.still);
       mesh.position.copy(arm.tool());
       this.scene.add(mesh);
       return mesh;
     });
+  }
+
+  // Removes the way that was drawn before.
+  forget() {
+    this.scene.remove(...[this.tube, this.ghost, ...this.balls ?? []].filter(Boolean));
+    [this.tube, this.ghost].forEach(mesh => mesh?.geometry.dispose());
+    [this.tube, this.ghost, this.balls] = [null, null, []];
   }
 
   colours() {
@@ -175,15 +185,14 @@ class World {
 
 // The renderer, one camera for all lanes, and its directions.
 class Stage {
-  constructor(canvas, views) {
+  constructor(canvas, views, worlds) {
     this.views = views;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.setScissorTest(true);
-    this.worlds = recordings.map(recording => new World(recording));
+    this.worlds = worlds;
     this.camera = new THREE.PerspectiveCamera(24, 1, 10, 50000);
     this.camera.up.set(0, 0, 1);
-    this.points = this.worlds.flatMap(world => world.points);
-    this.middle = new THREE.Box3().setFromPoints(this.points).getCenter(new THREE.Vector3());
+    this.contain();
     const work = new THREE.Vector3();
     const points = run.cell.targets.length ? run.cell.targets : [this.middle.toArray()];
     points.forEach(point => work.add(new THREE.Vector3(...point)));
@@ -214,6 +223,13 @@ class Stage {
   }
 
   colours() { this.worlds.forEach(world => world.colours()); }
+
+  // Takes what the worlds reach as what the camera has to show.
+  contain() {
+    this.points = this.worlds.flatMap(world => world.points);
+    this.middle = new THREE.Box3().setFromPoints(this.points).getCenter(new THREE.Vector3());
+    this.seen = null;
+  }
 
   // Puts the camera where all that the arms reach just fits into a view of this shape.
   place(aspect) {

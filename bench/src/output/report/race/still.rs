@@ -79,12 +79,12 @@ impl Race {
         let height = format.pick(300.0, 170.0);
         let at_ms = self.moment_ms();
         let paths: Vec<_> = self.joints.iter().map(|joints| self.path(joints)).collect();
-        let corners = self.cell.obstacles.iter().flat_map(|obstacle| obstacle.corners);
+        let corners = self.scene.cell.obstacles.iter().flat_map(|obstacle| obstacle.corners);
         let points: Vec<_> =
             paths.iter().flatten().map(|(_, point)| *point).chain(self.reach()).chain(corners).collect();
         let towards = middle(paths.iter().flatten().map(|(_, point)| *point));
         let inner = (width * 0.9, height - TITLE - 14.0);
-        let view = View::of(&points, self.arm.radius_mm * 1.3, towards, inner, TITLE + 2.0);
+        let view = View::of(&points, self.scene.arm.radius_mm * 1.3, towards, inner, TITLE + 2.0);
         chart::figure(format, height, |whole| {
             for (index, ((lane, joints), path)) in self.lanes.iter().zip(&self.joints).zip(&paths).enumerate()
             {
@@ -140,18 +140,18 @@ impl Race {
     /// Returns the way of the tool with its times, in the root's frame, thinned.
     fn path(&self, joints: &[(f64, [f32; 6])]) -> Vec<(f64, [f64; 3])> {
         let every = joints.len().div_ceil(POINTS).max(1);
-        let point = |(at, joints): &(f64, [f32; 6])| (*at, self.arm.frames(joints).1.position);
+        let point = |(at, joints): &(f64, [f32; 6])| (*at, self.scene.arm.frames(joints).1.position);
         joints.iter().step_by(every).chain(joints.last()).map(point).collect()
     }
 
     /// Returns the points that the arm's bodies reach, the base among them.
     fn reach(&self) -> Vec<[f64; 3]> {
-        let mut points: Vec<_> = self.arm.base.iter().flat_map(ends).collect();
+        let mut points: Vec<_> = self.scene.arm.base.iter().flat_map(ends).collect();
         for joints in &self.joints {
             let every = joints.len().div_ceil(POINTS).max(1);
             for (_, joints) in joints.iter().step_by(every) {
-                let (frames, _) = self.arm.frames(joints);
-                let bodies = frames.iter().zip(&self.arm.joints);
+                let (frames, _) = self.scene.arm.frames(joints);
+                let bodies = frames.iter().zip(&self.scene.arm.joints);
                 points.extend(bodies.flat_map(|(frame, joint)| {
                     joint.bodies.iter().flat_map(ends).map(|point| frame.point(point)).collect::<Vec<_>>()
                 }));
@@ -164,14 +164,14 @@ impl Race {
         // The faces of a box by its corners' numbers.
         const FACES: [[usize; 4]; 6] =
             [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
-        for obstacle in &self.cell.obstacles {
+        for obstacle in &self.scene.cell.obstacles {
             for face in FACES {
                 let corners = face.iter().filter_map(|corner| obstacle.corners.get(*corner));
                 let points: Vec<_> = corners.map(|corner| view.pixels(corner)).collect();
                 area.draw(&Polygon::new(points, MUTED.mix(0.07)))?;
             }
         }
-        for target in &self.cell.targets {
+        for target in &self.scene.cell.targets {
             area.draw(&Circle::new(view.pixels(target), px(2.0), MUTED.mix(0.6).filled()))?;
         }
         Ok(())
@@ -184,7 +184,7 @@ impl Race {
         joints: &[f32; 6],
         colour: RGBColor,
     ) -> anyhow::Result<()> {
-        let (frames, tip) = self.arm.frames(joints);
+        let (frames, tip) = self.scene.arm.frames(joints);
         let body = |frame: &Frame, rod: &Rod, colour: RGBColor| {
             let width = stroke((rod.radius * 2.0 * view.scale).max(2.0));
             let [from, to] = ends(rod).map(|point| view.pixels(&frame.point(point)));
@@ -195,16 +195,16 @@ impl Race {
             area.draw(&PathElement::new([from, to], colour.stroke_width(width)))?;
             anyhow::Ok(())
         };
-        for rod in &self.arm.base {
+        for rod in &self.scene.arm.base {
             body(&Frame::IDENTITY, rod, AXIS)?;
         }
-        for (index, (frame, joint)) in frames.iter().zip(&self.arm.joints).enumerate() {
+        for (index, (frame, joint)) in frames.iter().zip(&self.scene.arm.joints).enumerate() {
             for rod in &joint.bodies {
                 body(frame, rod, if index % 2 == 0 { MUTED } else { AXIS })?;
             }
         }
         if let Some(wrist) = frames.last() {
-            let rod = Rod { from: wrist.position, to: tip.position, radius: self.arm.radius_mm * 0.2 };
+            let rod = Rod { from: wrist.position, to: tip.position, radius: self.scene.arm.radius_mm * 0.2 };
             body(&Frame::IDENTITY, &rod, colour)?;
         }
         area.draw(&Circle::new(view.pixels(&tip.position), px(4.0), colour.filled()))?;

@@ -1,11 +1,13 @@
 //! What recording costs: `bench overhead` runs the sequence repeatedly in real mode, switches captures and traces on
-//! and off meanwhile, and compares the lateness of the cycles.
+//! and off meanwhile, and compares the lateness of the cycles. With `--live` it is the live view with one page that watches.
 //!
 //! One second of cycles has one figure, the 99th percentile of its lateness. Recorded and unrecorded seconds come in
 //! pairs, in an order drawn from the seed, and are compared pair by pair: a drift of the host affects both alike, and
 //! a stall affects only one of many pairs. A pair is left out if the hypervisor ran other machines during it, by the
 //! kernel's count of stolen time. Pairs of whole repetitions would take four to eight times as long, and a shared
 //! host is seldom in the same state for so long.
+
+mod page;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -14,6 +16,8 @@ use std::time::Duration;
 use anyhow::Context as _;
 use clap::Args;
 use node::report::LatenessReport;
+use page::Watched;
+use planning::Found;
 use plc_node::ExecutionType;
 use protocol_linux::capture::Keep;
 use rand_core::{Rng, SeedableRng};
@@ -58,12 +62,23 @@ pub struct OverheadOptions {
     /// Execution type to run, over and over.
     #[arg(long = "type", value_name = "TYPE", default_value = "cm")]
     pub execution_type: ExecutionType,
+    /// Measure a live view with one page that watches it, instead of captures and traces. The page draws nothing: a browser
+    /// that draws on the measuring machine costs it cores besides.
+    #[arg(long)]
+    pub live: bool,
     /// Seed of the order within the pairs and of the intervals.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Keep the recordings in this directory; otherwise they are removed.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+impl OverheadOptions {
+    /// Returns what the seconds with a cost are.
+    const fn what(&self) -> &'static str {
+        if self.live { "watched" } else { "recorded" }
+    }
 }
 
 /// The p99 lateness in µs of a node's cycles in two consecutive seconds.
@@ -79,6 +94,8 @@ pub struct Pair {
 #[derive(Clone, PartialEq, Debug)]
 pub struct Cost {
     node: &'static str,
+    /// What the seconds with a cost are: recorded or watched.
+    what: &'static str,
     recorded_us: f64,
     unrecorded_us: f64,
     ratio: Option<Ratio>,
@@ -87,10 +104,11 @@ pub struct Cost {
 impl Cost {
     /// Compares a node's seconds, pair by pair.
     #[must_use]
-    pub fn new(node: &'static str, pairs: &[Pair], seed: u64) -> Self {
+    pub fn new(node: &'static str, what: &'static str, pairs: &[Pair], seed: u64) -> Self {
         let pairs: Vec<_> = pairs.iter().map(|pair| (pair.recorded_us, pair.unrecorded_us)).collect();
         Self {
             node,
+            what,
             recorded_us: median(pairs.iter().map(|(recorded, _)| *recorded)),
             unrecorded_us: median(pairs.iter().map(|(_, unrecorded)| *unrecorded)),
             ratio: Ratio::median_of_pairs(&pairs, seed),
@@ -110,7 +128,7 @@ impl fmt::Display for Cost {
         if with.is_nan() {
             write!(f, "{:5}  no pair that says anything", self.node)?;
         } else {
-            write!(f, "{:5}  p99 {with:7.1} µs recorded, {without:7.1} µs not", self.node)?;
+            write!(f, "{:5}  p99 {with:7.1} µs {}, {without:7.1} µs not", self.node, self.what)?;
         }
         if let Some(Ratio { ratio, low, high }) = self.ratio {
             let percent = |ratio: f64| (ratio - 1.0) * 100.0;
@@ -147,7 +165,7 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         tokio::select! {
             biased;
             () = interrupt => Ok(Some(Exit::Interrupted)),
-            ended = measure(options, &setup, &directory, &mut seen) => ended.map(|()| None),
+            ended = measure(options, &setup, &found, &directory, &mut seen) => ended.map(|()| None),
         }
     });
     // Printed even after an error: an hour of pairs must not be lost because of the last one.
@@ -176,7 +194,7 @@ impl Seen {
     /// Prints the cost of recording for both nodes, if there is at least one pair.
     fn tell(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
         let costs = [("PLC", &self.plc), ("robot", &self.robot)]
-            .map(|(node, pairs)| Cost::new(node, pairs, options.seed));
+            .map(|(node, pairs)| Cost::new(node, options.what(), pairs, options.seed));
         let pairs = self.plc.len() + self.left_out as usize;
         if pairs == 0 {
             return costs;
@@ -200,16 +218,20 @@ impl Seen {
 async fn measure(
     options: &OverheadOptions,
     setup: &Setup,
+    found: &Found,
     directory: &Path,
     seen: &mut Seen,
 ) -> Result<(), Failure> {
+    let unusable = |error: RigError| Failure::new(error.exit(), error);
+    let watched = || Watched::start(setup, found, options.execution_type, directory);
+    let watched = options.live.then(watched).transpose()?;
     let config = RigConfig {
         seed: options.seed,
-        capture: Some((directory.to_owned(), Keep::All)),
+        capture: (!options.live).then(|| (directory.to_owned(), Keep::All)),
+        feed: watched.as_ref().map(Watched::feed),
         trace: Some(directory.to_owned()),
         ..RigConfig::new(setup, options.setup.name())
     };
-    let unusable = |error: RigError| Failure::new(error.exit(), error);
     let mut rig = Rig::start(&config).await.map_err(unusable)?;
     let failed = |error: RigError| Failure::new(Exit::RunFailed, error);
     // The very first run warms the nodes up.
@@ -246,7 +268,8 @@ async fn measure(
             errln!("{number} of {} pairs, {} s left", options.pairs, left.as_secs());
         }
     }
-    rig.stop().await.map(drop).map_err(unusable)
+    rig.stop().await.map(drop).map_err(unusable)?;
+    Ok(watched.map_or(Ok(()), Watched::end)?)
 }
 
 /// Returns the processor time stolen by other virtual machines so far; 0 if the kernel does not provide it.
@@ -297,7 +320,7 @@ mod tests {
                 recorded_us: with + f64::from(index % 5) + stall(index, 3),
                 unrecorded_us: 100.0 + f64::from(index / 5) + stall(index, 13),
             };
-            Cost::new("PLC", &(0..25).map(pair).collect::<Vec<_>>(), 1)
+            Cost::new("PLC", "recorded", &(0..25).map(pair).collect::<Vec<_>>(), 1)
         };
         assert_eq!(cost(100.0).verdict(), RatioVerdict::Within);
         assert_eq!(cost(120.0).verdict(), RatioVerdict::Beyond);
@@ -308,7 +331,7 @@ mod tests {
             "{said}"
         );
         assert!(said.ends_with("; fail"), "{said}");
-        let nothing = Cost::new("robot", &[], 1).to_string();
+        let nothing = Cost::new("robot", "watched", &[], 1).to_string();
         assert_eq!(
             nothing,
             "robot  no pair that says anything; inconclusive, more --pairs narrow the interval"

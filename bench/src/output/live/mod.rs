@@ -1,0 +1,266 @@
+//! The live view: a page that shows a run while it is going on, served by the bench itself.
+//!
+//! ```text
+//! nodes' cyclic threads ── ring ── nodes' writers ── trace-*.rows ──┐ rows
+//! run (session, rig) ── feed ───────────────────────────────────────┤
+//!                                                                   ▼
+//!                                            frames, parts ──▶ state ──▶ hub ──▶ server ──▶ pages
+//! ```
+//!
+//! Data flows one way: nothing that a page does reaches the run. The view has a thread with an event loop of its own, the
+//! channel to it is bounded, and what does not fit is lost to the view. What the cyclic threads do is what they do for every
+//! recorded repetition: they write each cycle to a ring.
+
+mod address;
+mod connection;
+mod feed;
+mod frames;
+mod hub;
+mod page;
+mod parts;
+mod rows;
+mod server;
+mod state;
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use node::role::NodeRole;
+use tokio::sync::mpsc;
+use tokio::time::MissedTickBehavior;
+
+pub use address::{AddressError, DEFAULT, LiveAddress};
+pub use feed::Feed;
+pub use page::About;
+
+use crate::records::results::{Results, Status};
+use crate::records::trace::tables::{PLC_ROWS, ROBOT_ROWS};
+use connection::Bounded;
+use feed::News;
+use frames::Frames;
+use hub::Hub;
+use rows::Rows;
+use server::Shown;
+use state::{Ended, Line, Part, Repetition};
+
+/// Interval at which rows are read: 30 times a second.
+const EVERY: Duration = Duration::from_millis(33);
+
+/// Time that open pages get to take the last news.
+const LAST_NEWS: Duration = Duration::from_millis(300);
+
+/// Why there is no live view.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// The address cannot be used.
+    #[error(
+        "cannot serve the live view on {address}: {error}; `--live 127.0.0.1:PORT` takes another port, `--live 127.0.0.1:0` \
+         any that is free"
+    )]
+    Address {
+        /// The address.
+        address: LiveAddress,
+        /// The kernel's error.
+        error: io::Error,
+    },
+    /// The server does not start.
+    #[error("cannot start the server of the live view: {0}")]
+    Server(#[source] io::Error),
+}
+
+/// An address that is taken, before the run begins.
+#[derive(Debug)]
+pub struct Reserved {
+    listener: TcpListener,
+    address: SocketAddr,
+}
+
+impl Reserved {
+    /// Takes an address.
+    ///
+    /// # Errors
+    ///
+    /// Another program has it.
+    pub fn take(address: LiveAddress) -> Result<Self, LiveError> {
+        let failed = |error| LiveError::Address { address, error };
+        let listener = TcpListener::bind(address.socket()).map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        let address = listener.local_addr().map_err(failed)?;
+        Ok(Self { listener, address })
+    }
+}
+
+/// The served view.
+#[derive(Debug)]
+pub struct Live {
+    feed: Feed,
+    address: SocketAddr,
+    thread: JoinHandle<()>,
+}
+
+impl Live {
+    /// Starts serving a run whose nodes write their rows into `directory`; without one no arm is drawn.
+    ///
+    /// # Errors
+    ///
+    /// The page cannot be made, or the thread or its event loop does not start.
+    pub fn start(reserved: Reserved, about: &About<'_>, directory: Option<&Path>) -> anyhow::Result<Self> {
+        let Reserved { listener, address } = reserved;
+        let (page, axes) = page::render(about)?;
+        let shown = Shown { page: page.into(), hub: Arc::new(Mutex::new(Hub::default())) };
+        let (feed, news) = Feed::new();
+        let view = View {
+            news,
+            shown,
+            rows: directory
+                .map(|directory| [PLC_ROWS, ROBOT_ROWS].map(|name| Rows::new(&directory.join(name)))),
+            frames: Frames::new(axes),
+            reps: about.reps,
+            repetition: None,
+            opened: Instant::now(),
+        };
+        let failed = LiveError::Server;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
+        let body = move || runtime.block_on(view.serve(listener));
+        let thread = std::thread::Builder::new().name("live".to_owned()).spawn(body).map_err(failed)?;
+        Ok(Self { feed, address, thread })
+    }
+
+    /// Returns the address that is served.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Returns the end of the channel that the run tells its news to.
+    #[must_use]
+    pub fn feed(&self) -> Feed {
+        self.feed.clone()
+    }
+
+    /// Stops serving, without a last word.
+    pub fn stop(self) {
+        self.end_with(Part::default());
+    }
+
+    /// Tells the pages how the run ended, and stops serving. `saved` is the run directory.
+    pub fn end(self, results: Result<&Results, &anyhow::Error>, saved: &Path) {
+        let last = match results {
+            Ok(results) => Part { ended: Some(ended(results, saved)), ..parts::table(results) },
+            Err(error) => {
+                let ended = Ended { is_problem: true, text: format!("The run broke off: {error:#}.") };
+                Part { ended: Some(ended), ..Part::default() }
+            }
+        };
+        self.end_with(last);
+    }
+
+    fn end_with(self, last: Part) {
+        let Self { feed, thread, .. } = self;
+        feed.last(last);
+        drop(feed);
+        // It can only have panicked, which it has said; the run's results do not depend on it.
+        let _ = thread.join();
+    }
+}
+
+fn ended(results: &Results, saved: &Path) -> Ended {
+    let (done, all) = results.saved_of_all();
+    let saved = saved.display();
+    let (is_problem, text) = match results.status {
+        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {saved}.")),
+        Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {saved}.")),
+        Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {saved}.")),
+    };
+    Ended { is_problem, text }
+}
+
+/// What the view's thread has.
+struct View {
+    news: mpsc::Receiver<News>,
+    shown: Shown,
+    /// Rows of the PLC and of the robot.
+    rows: Option<[Rows; 2]>,
+    frames: Frames,
+    reps: u32,
+    repetition: Option<Repetition>,
+    opened: Instant,
+}
+
+impl View {
+    /// Serves until the run has ended.
+    async fn serve(mut self, listener: TcpListener) {
+        let listener = match tokio::net::TcpListener::from_std(listener) {
+            Ok(listener) => Bounded::new(listener),
+            Err(error) => return crate::output::errln!("warning: {}", LiveError::Server(error)),
+        };
+        let server = tokio::spawn(axum::serve(listener, server::routes(self.shown.clone())).into_future());
+        let mut ticks = tokio::time::interval(EVERY);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let last = loop {
+            tokio::select! {
+                news = self.news.recv() => match news {
+                    Some(News::Last(part)) => break part,
+                    Some(news) => self.take(news),
+                    None => break Box::default(),
+                },
+                _ = ticks.tick() => self.look(),
+            }
+        };
+        self.look();
+        self.shown.hub().publish(*last);
+        self.shown.hub().close();
+        tokio::time::sleep(LAST_NEWS).await;
+        server.abort();
+    }
+
+    fn take(&mut self, news: News) {
+        let part = match news {
+            News::Next { execution_type, repetition: number } => {
+                let repetition = Repetition { key: execution_type.to_string(), number, of: self.reps };
+                self.repetition = Some(repetition);
+                // The arm may still move back to the start: the repetition before is shown until the start edge.
+                return;
+            }
+            News::Started { at_ns } => {
+                self.frames.start(at_ns);
+                Part { repetition: self.repetition.clone(), ..Part::default() }
+            }
+            News::Moved { length_ns } => Part { end_ms: Some(length_ns as f64 / 1e6), ..Part::default() },
+            News::Results(results) => parts::table(&results),
+            News::Report(NodeRole::Plc, report) => {
+                Part { plc: Some(parts::node(&report)), ..Part::default() }
+            }
+            News::Report(NodeRole::Robot, report) => {
+                Part { robot: Some(parts::node(&report)), ..Part::default() }
+            }
+            News::Last(part) => *part,
+            News::Happened { is_problem, text } => self.line(is_problem, text),
+        };
+        self.shown.hub().publish(part);
+    }
+
+    /// Reads the new rows and publishes their frames.
+    fn look(&mut self) {
+        let Some([plc, robot]) = &mut self.rows else { return };
+        let read = plc.read().and_then(|plc| Ok((plc, robot.read()?)));
+        let part = match read {
+            Ok((plc, robot)) => Part { frames: self.frames.add(plc, robot), ..Part::default() },
+            Err(error) => {
+                self.rows = None;
+                self.line(true, format!("the arm is not followed any more: {error}"))
+            }
+        };
+        self.shown.hub().publish(part);
+    }
+
+    fn line(&self, is_problem: bool, text: String) -> Part {
+        let seconds = self.opened.elapsed().as_secs();
+        let at = format!("{}:{:02}", seconds / 60, seconds % 60);
+        Part { log: [Line { at, is_problem, text }].into(), ..Part::default() }
+    }
+}
