@@ -115,7 +115,7 @@ mod tests {
         let shown = Shown { page: "the page".into(), hub: Arc::default() };
         let request = Request::builder().method(method).uri(path);
         let request = headers.iter().fold(request, |request, (name, value)| request.header(*name, *value));
-        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         runtime.block_on(routes(shown).call(request.body(Body::empty()).unwrap())).unwrap()
     }
 
