@@ -135,7 +135,7 @@ impl Race {
             (times, for_s) => format!("{} {times}\u{a0}times for {for_s:.2}\u{a0}s together", lane.name),
         });
         let (ends, still) = (ends.collect::<Vec<_>>().join(", "), still.collect::<Vec<_>>().join(", "));
-        format!("The first repetitions: {ends}. PaperComparison still between two motions: {still}.")
+        format!("The first repetitions: {ends}. Standing still between two motions: {still}.")
     }
 
     fn summaries(&self) -> Vec<Summary> {
