@@ -244,7 +244,7 @@ fn a_node_that_goes_away_fails_the_run() {
     let output = first.wait_with_output().unwrap();
     let error = text(&output.stderr);
     assert_eq!(output.status.code(), Some(4), "{error}");
-    assert!(error.contains("the robot-node at 10.77.1.1:7700 went away"), "{error}");
+    assert!(error.contains("the robot-node at 10.77.1.1:7700 ended or closed the connection"), "{error}");
 }
 
 fn what_runs_there_has_to_be_what_is_asked_for() {
@@ -252,12 +252,12 @@ fn what_runs_there_has_to_be_what_is_asked_for() {
     let other_setup = cell.measure("setup", BOTH, &["--setup", "B"]);
     let error = text(&other_setup.stderr);
     assert_eq!(other_setup.status.code(), Some(2), "{error}");
-    assert!(error.contains("plc-node of setup A, but plc-node of setup B is wanted"), "{error}");
+    assert!(error.contains("a plc-node of setup A, but a plc-node of setup B is needed"), "{error}");
 
     let swapped = cell.measure("swapped", "plc=10.77.1.1:7700", &[]);
     let error = text(&swapped.stderr);
     assert_eq!(swapped.status.code(), Some(2), "{error}");
-    assert!(error.contains("robot-node of setup A, but plc-node of setup A is wanted"), "{error}");
+    assert!(error.contains("a robot-node of setup A, but a plc-node of setup A is needed"), "{error}");
 }
 
 fn another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named() {

@@ -48,8 +48,8 @@ class Growing extends Recording {
       this.later.push({ at: this.times[index], joints: this.columns.map(values => values[index]) });
     }
     [this.times, this.speeds, ...this.columns].forEach(column => { column.length = kept; });
-    // Where the arm stands at the end is no standstill between two motions.
-    if (this.quiet?.shown) this.stills.pop();
+    // Where the arm stands at the end is no standstill between two motions. Its last frame may be two before the end.
+    this.stills = this.stills.filter(([, to]) => to < end - 0.1);
     this.quiet = null;
   }
 
