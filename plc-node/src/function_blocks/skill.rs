@@ -393,7 +393,10 @@ mod tests {
         let number = group.command.number;
         let outputs = scan(&mut second, &mut group, BufferMode::Buffered, true, done);
         assert!(outputs.error && !outputs.busy, "{outputs:?}");
-        assert_eq!((second.interface.error(), group.command.number), (Some(BlockError::NotConnected), number));
+        assert_eq!(
+            (second.interface.error(), group.command.number),
+            (Some(BlockError::NotConnected), number)
+        );
     }
 
     #[test]
