@@ -472,6 +472,26 @@ fn what_cannot_be_asked_of_running_nodes_is_refused() {
 }
 
 #[test]
+fn a_live_view_of_a_virtual_run_and_one_for_other_hosts_are_refused() {
+    insta::assert_snapshot!(refused(&["--mode", "virtual", "--live"]), @"error: --live shows a run in real time, and a virtual one is over in seconds: leave out `--mode virtual`, or open the race.html that every run writes");
+    let other_hosts = refused(&["--live", "0.0.0.0:8642"]);
+    assert!(other_hosts.contains("0.0.0.0:8642") && other_hosts.contains("loopback"), "{other_hosts}");
+}
+
+#[test]
+fn a_live_view_on_a_taken_port_is_refused_before_anything_is_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let said = bench(directory.path(), &["--reps", "1", "--live", &address]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(5), ""), "{}", said.stderr);
+    for part in [address.as_str(), "takes another port"] {
+        assert!(said.stderr.contains(part), "{}", said.stderr);
+    }
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
+}
+
+#[test]
 fn an_occupied_run_directory_is_refused_and_left_as_it_is() {
     let directory = tempfile::tempdir().unwrap();
     let run = |out| bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", out]);

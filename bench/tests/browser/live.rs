@@ -20,9 +20,13 @@ struct Run {
 
 impl Run {
     fn start(directory: &Path, arguments: &[&str]) -> Self {
+        let arguments = [&["--setup", "A", "--live", "127.0.0.1:0", "--out", "run"], arguments];
+        Self::start_with(directory, &arguments.concat())
+    }
+
+    fn start_with(directory: &Path, arguments: &[&str]) -> Self {
         let mut bench = Command::new(assert_cmd::cargo::cargo_bin!("bench"))
             .current_dir(directory)
-            .args(["--setup", "A", "--live", "127.0.0.1:0", "--out", "run"])
             .args(arguments)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -34,6 +38,11 @@ impl Run {
         // A full pipe would hold the bench up.
         std::thread::spawn(move || lines.for_each(drop));
         Self { bench, address }
+    }
+
+    /// Returns address and port of the page.
+    fn host(&self) -> &str {
+        self.address.trim_start_matches("http://").trim_end_matches('/')
     }
 
     fn interrupt(mut self) -> ExitStatus {
@@ -106,7 +115,7 @@ fn a_page_follows_a_real_run_through_reloads_until_ctrl_c() {
 fn browsers_that_hang_or_leave_do_not_disturb_a_run() {
     let directory = tempfile::tempdir().unwrap();
     let mut run = Run::start(directory.path(), &["--reps", "1", "--types", "cm"]);
-    let host = run.address.trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let host = run.host().to_owned();
     // They ask for the events and never read them.
     let _hanging: Vec<_> = (0..3)
         .map(|_| {
@@ -124,4 +133,25 @@ fn browsers_that_hang_or_leave_do_not_disturb_a_run() {
     assert!(run.bench.wait().unwrap().success());
     let results = std::fs::read_to_string(directory.path().join("run/results.json")).unwrap();
     assert!(results.contains("\"status\": \"complete\""), "{results}");
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn a_page_of_a_bench_that_was_killed_loads_the_page_of_the_next_run_at_its_address() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut killed = Run::start(directory.path(), &["--reps", "20", "--types", "cm"]);
+    let mut browser = Browser::new(Graphics::Software);
+    browser.open_address(&killed.address, Screen::wide(1400));
+    wait(&mut browser, "document.querySelector('.lane').dataset.tool");
+    assert_eq!(browser.eval("document.querySelectorAll('#table tr.cm, #table tr.sm').length"), 1);
+    browser.forget();
+    killed.bench.kill().unwrap();
+    killed.bench.wait().unwrap();
+    let next = ["--setup", "B", "--live", killed.host(), "--out", "next", "--reps", "20", "--types", "cm,sm"];
+    let next = Run::start_with(directory.path(), &next);
+    assert_eq!(next.address, killed.address);
+    browser.loaded();
+    wait(&mut browser, "document.querySelectorAll('#table tr.cm, #table tr.sm').length === 2");
+    wait(&mut browser, "document.querySelector('.lane')?.dataset.tool");
+    assert_eq!(next.interrupt().code(), Some(130));
 }

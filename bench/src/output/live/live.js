@@ -262,6 +262,8 @@ class Now {
 
   const source = new EventSource("/events");
   source.addEventListener("message", event => add(JSON.parse(event.data)));
+  // The bench that served this page is gone, and another run is at its address.
+  source.addEventListener("other-run", () => location.reload());
   source.addEventListener("open", () => { if (find("#state").dataset.isLost) { delete find("#state").dataset.isLost; say("Connected again.", false); } });
   source.addEventListener("error", () => {
     find("#state").dataset.isLost = "yes";

@@ -25,7 +25,6 @@ mod state;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -42,7 +41,6 @@ use crate::records::trace::tables::{PLC_ROWS, ROBOT_ROWS};
 use connection::Bounded;
 use feed::News;
 use frames::Frames;
-use hub::Hub;
 use rows::Rows;
 use server::Shown;
 use state::{Ended, Line, Part, Repetition};
@@ -111,7 +109,7 @@ impl Live {
     pub fn start(reserved: Reserved, about: &About<'_>, directory: Option<&Path>) -> anyhow::Result<Self> {
         let Reserved { listener, address } = reserved;
         let (page, axes) = page::render(about)?;
-        let shown = Shown { page: page.into(), hub: Arc::new(Mutex::new(Hub::default())) };
+        let shown = Shown::new(&page);
         let (feed, news) = Feed::new();
         let view = View {
             news,

@@ -1,6 +1,7 @@
 //! What a browser can ask for: the page and its events. Nothing can be changed from there.
 
 use std::convert::Infallible;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum::Router;
@@ -29,11 +30,20 @@ const HEADERS: [(HeaderName, &str); 4] = [
 /// What the server shows.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
-    pub(super) page: Arc<str>,
+    page: Arc<str>,
+    /// The number of each event, which a browser gives when it asks again: a digest of the page.
+    digest: Arc<str>,
     pub(super) hub: Arc<Mutex<Hub>>,
 }
 
 impl Shown {
+    /// Shows a page, and nothing on it yet.
+    pub(super) fn new(page: &str) -> Self {
+        let mut hasher = DefaultHasher::new();
+        page.hash(&mut hasher);
+        Self { page: page.into(), digest: format!("{:016x}", hasher.finish()).into(), hub: Arc::default() }
+    }
+
     pub(super) fn hub(&self) -> MutexGuard<'_, Hub> {
         self.hub.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -52,15 +62,21 @@ async fn page(State(shown): State<Shown>) -> Html<String> {
     Html(shown.page.to_string())
 }
 
-/// Sends the state, then each change, as server-sent events.
-async fn events(State(shown): State<Shown>) -> Response {
+/// Sends the state, then each change, as server-sent events. A page that another run served is told to load this one's.
+async fn events(State(shown): State<Shown>, headers: HeaderMap) -> Response {
+    if headers.get("last-event-id").is_some_and(|last| last.as_bytes() != shown.digest.as_bytes()) {
+        let reload = stream::iter([Ok::<_, Infallible>(
+            Event::default().event("other-run").data("load this page again"),
+        )]);
+        return Sse::new(reload).into_response();
+    }
     let Some(parts) = shown.hub().open() else {
         let text = "too many pages show this run: close one of them\n";
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
-    let events = stream::unfold(parts, |mut parts| async {
+    let events = stream::unfold((parts, shown.digest), |(mut parts, digest)| async {
         let text = parts.recv().await?;
-        Some((Ok::<_, Infallible>(Event::default().data(text)), parts))
+        Some((Ok::<_, Infallible>(Event::default().id(&*digest).data(text)), (parts, digest)))
     });
     Sse::new(events).keep_alive(KeepAlive::default()).into_response()
 }
@@ -112,7 +128,7 @@ mod tests {
     use tower_service::Service as _;
 
     fn ask(method: Method, path: &str, headers: &[(&str, &str)]) -> Response {
-        let shown = Shown { page: "the page".into(), hub: Arc::default() };
+        let shown = Shown::new("the page");
         let request = Request::builder().method(method).uri(path);
         let request = headers.iter().fold(request, |request, (name, value)| request.header(*name, *value));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
@@ -130,6 +146,25 @@ mod tests {
             }
         }
         assert_eq!(ask(Method::GET, "/results.json", &local).status(), StatusCode::NOT_FOUND);
+    }
+
+    /// Returns the first bytes of the events that a page gets which asks again.
+    fn events_after(last: &str) -> String {
+        use futures_util::StreamExt as _;
+        let answer = ask(Method::GET, "/events", &[("host", "localhost"), ("last-event-id", last)]);
+        let mut body = answer.into_body().into_data_stream();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+        let first = runtime.block_on(body.next()).unwrap().unwrap();
+        String::from_utf8(first.to_vec()).unwrap()
+    }
+
+    #[test]
+    fn a_page_of_another_run_is_told_to_load_this_ones_and_one_of_this_run_gets_the_state() {
+        let digest = Shown::new("the page").digest;
+        let state = events_after(&digest);
+        assert!(state.contains("\"is_whole\":true") && state.contains(&format!("id: {digest}")), "{state}");
+        let other = events_after(&Shown::new("another page").digest);
+        assert!(other.contains("event: other-run") && !other.contains("is_whole"), "{other}");
     }
 
     #[test]
