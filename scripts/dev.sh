@@ -498,8 +498,7 @@ verb_bits() { #: prove that virtual runs are the same bytes whatever glibc picks
 
 verb_instructions() { #: count the instructions of the hot paths; fail where one takes over 1 % more than committed (--update)
     # Cargo cuts a build that is not incremental into fewer pieces, which the compiler optimises further: up to 17 %.
-    export CARGO_INCREMENTAL=1
-    build
+    CARGO_INCREMENTAL=1 build
     built hot-path "$@"
 }
 
