@@ -88,6 +88,29 @@ fn a_limit_itself_is_kept_and_a_hundred_thousandth_more_is_not() {
 }
 
 #[test]
+fn an_arm_that_becomes_faster_after_it_began_to_slow_down_is_found() {
+    let found_when_turned_by = |faster_deg: f64| {
+        let mut arm = Watched::new(Class::ToolSpeed);
+        // Without a command it is to stop.
+        for cycle in 0..60 {
+            arm.joints[0] += if cycle < 40 { 0.02 } else { faster_deg };
+            if let Some(found) = arm.look() {
+                return Some((cycle, found));
+            }
+        }
+        None
+    };
+    assert_eq!(found_when_turned_by(0.0201), None);
+    let (cycle, (class, what)) = found_when_turned_by(0.0204).unwrap();
+    assert_eq!((cycle, class), (40, Class::ToolSpeed));
+    let Broken::Figure { of, figure, limit, .. } = what else { panic!("{what:?}") };
+    assert!(
+        of.starts_with("while it slows down") && (figure / limit - 1.02 / 1.01).abs() < 1e-3,
+        "{figure} {limit}"
+    );
+}
+
+#[test]
 fn a_joint_beyond_its_range_is_found() {
     let mut arm = Watched::new(Class::Range);
     arm.joints[2] = 200.001;

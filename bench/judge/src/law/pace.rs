@@ -1,7 +1,8 @@
 //! How fast the tool goes on lines and circles, and the joints point to point: as programmed, times the override.
 //!
 //! Where the override falls, the arm is faster for a while: it slows down as its limits allow. How fast that is, is the
-//! robot's affair; but it must not become faster than it was until the acceleration that it had is taken back.
+//! robot's affair; but once the acceleration that it had can be taken back it must not become faster than it was, except by
+//! [`RISE`].
 
 use protocol::image::{Command, Control};
 
@@ -19,6 +20,13 @@ const QUADRATURE: f64 = 1e-4;
 
 /// What a bend may add to chords from one cycle to the next while the way along it grows no faster.
 const BEND: f64 = 1e-3;
+
+/// How much faster than it was an arm may become while it slows down for the override: where a bend takes all of a joint's jerk,
+/// less speed is all that makes room for slowing down.
+const RISE: f64 = 1e-2;
+
+/// Cycles that an override may take where no limit is in the way: it changes steadily, not at once.
+const RAMP: u32 = 6;
 
 /// The share of the programmed speed below which an arm that has hardly begun to move may still get faster.
 const CREEP: f64 = 1e-3;
@@ -198,12 +206,12 @@ impl Law {
             return;
         }
         let share = step / programmed;
-        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + 1;
+        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + RAMP;
         let (on, highest) = self.pace.highest.unwrap_or((among.first, 0.0));
         if may_rise && on == among.first {
             self.pace.highest = Some((on, highest.max(share)));
         }
-        let most = highest.max(self.pace.wanted()).max(CREEP) * (1.0 + BEND) + TOOL_NOISE_MM / programmed;
+        let most = highest.max(self.pace.wanted()).max(CREEP) * (1.0 + RISE) + TOOL_NOISE_MM / programmed;
         let is_known = self.pace.highest.is_some() && on == among.first;
         if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
             let what = Broken::Figure {
