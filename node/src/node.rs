@@ -14,6 +14,7 @@ use rustix::io::Errno;
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
 use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, Inbox, Input, ShortText};
+use protocol_linux::handover::Taken;
 use protocol_linux::{
     CyclicThread, Driver, DriverError, Interface, InterfaceError, Notifier, Outbox, PortError, RingFull,
     StartError, Statistics, StopSignals, Task, allocation,
@@ -327,14 +328,13 @@ impl<N: Node> NodeProcess<N> {
     /// Waits for the next event.
     pub fn next_event(&mut self) -> Result<ProcessEvent<N::Event, N::Answer>, NodeError> {
         loop {
-            // Read before the ring: what was sent before the end is still in the ring then.
-            let ended = self.thread.has_ended();
-            if let Some(news) = self.thread.news() {
-                return Ok(ProcessEvent::News(news));
-            }
-            if ended && !self.ended {
-                self.ended = true;
-                return Ok(ProcessEvent::Ended);
+            match self.thread.news() {
+                Taken::Item(news) => return Ok(ProcessEvent::News(news)),
+                Taken::Ended if !self.ended => {
+                    self.ended = true;
+                    return Ok(ProcessEvent::Ended);
+                }
+                Taken::Nothing | Taken::Ended => {}
             }
             if let Some(input) = self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 return Ok(ProcessEvent::Input(input));

@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use machine::Instant;
+use protocol_linux::handover::{self, Sender, Taken};
 
 use crate::trace_row::{TraceSample, write_row};
 
@@ -27,7 +28,7 @@ pub struct TraceError {
 /// The cyclic thread's end of the ring.
 #[derive(Debug)]
 pub(crate) struct TraceRing<S> {
-    samples: rtrb::Producer<(Instant, S)>,
+    samples: Sender<(Instant, S)>,
     recording: bool,
     last: Option<u64>,
 }
@@ -41,7 +42,7 @@ impl<S> TraceRing<S> {
     pub(crate) fn look(&mut self, cycle: u64, sample: impl FnOnce() -> (Instant, S)) {
         if self.recording && self.last != Some(cycle) {
             self.last = Some(cycle);
-            let _ = self.samples.push(sample());
+            let _ = self.samples.send(sample());
         }
     }
 }
@@ -66,26 +67,26 @@ pub(crate) fn start<S: TraceSample>(path: &Path) -> Result<(TraceRing<S>, TraceW
         move |reason| TraceError { path, reason }
     };
     let mut file = BufWriter::new(File::create(path).map_err(broken(path))?);
-    let (samples, mut waiting) = rtrb::RingBuffer::<(Instant, S)>::new(RING_CAPACITY);
+    let (samples, mut waiting) = handover::ring::<(Instant, S)>(RING_CAPACITY);
     let path = path.to_owned();
     let of_thread = path.clone();
     let body = move || {
         let mut line = String::new();
         loop {
-            // Read before the ring is emptied: samples from before the end are still in the ring then.
-            let last = waiting.is_abandoned();
-            while let Ok((at, sample)) = waiting.pop() {
-                line.clear();
-                write_row(at, &sample, &mut line);
-                line.push('\n');
-                file.write_all(line.as_bytes()).map_err(broken(&of_thread))?;
+            match waiting.take() {
+                Taken::Item((at, sample)) => {
+                    line.clear();
+                    write_row(at, &sample, &mut line);
+                    line.push('\n');
+                    file.write_all(line.as_bytes()).map_err(broken(&of_thread))?;
+                }
+                Taken::Nothing => {
+                    // Flushed, so that a killed node does not lose the cycles that led to it.
+                    file.flush().map_err(broken(&of_thread))?;
+                    std::thread::sleep(EMPTY_EVERY);
+                }
+                Taken::Ended => return file.flush().map_err(broken(&of_thread)),
             }
-            if last {
-                return file.flush().map_err(broken(&of_thread));
-            }
-            // Flushed, so that a killed node does not lose the cycles that led to it.
-            file.flush().map_err(broken(&of_thread))?;
-            std::thread::sleep(EMPTY_EVERY);
         }
     };
     let thread = std::thread::Builder::new().name("trace".to_owned()).spawn(body).map_err(broken(&path))?;

@@ -6,7 +6,8 @@ use std::thread::JoinHandle;
 
 use machine::{Instant, Machine};
 
-use crate::{Driver, DriverError, Notifier, Owner, Statistics, scheduling};
+use crate::handover::{Receiver, Sender, Taken, ring};
+use crate::{Driver, DriverError, Notifier, Outbox, Owner, Statistics, scheduling};
 
 /// Commands, and news, that a ring holds.
 const RING_CAPACITY: usize = 64;
@@ -55,24 +56,6 @@ pub trait Task<M: Machine>: Send + 'static {
     }
 }
 
-/// Where the cyclic thread puts its news for the other thread.
-#[derive(Debug)]
-pub struct Outbox<N> {
-    ring: rtrb::Producer<N>,
-    reader: Notifier,
-    dropped: u64,
-}
-
-impl<N> Outbox<N> {
-    /// Sends news to the other thread. If that thread is 64 news behind, the news is dropped and counted.
-    pub fn tell(&mut self, news: N) {
-        if self.ring.push(news).is_err() {
-            self.dropped += 1;
-        }
-        self.reader.notify();
-    }
-}
-
 /// The cyclic thread is 64 commands behind, or it ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the cyclic thread takes no more commands: it is far behind, or it ended")]
@@ -97,11 +80,19 @@ pub struct CyclicThread<M, T: Task<M>>
 where
     M: Machine,
 {
-    commands: rtrb::Producer<T::Command>,
-    news: rtrb::Consumer<T::News>,
+    commands: Sender<T::Command>,
+    news: Receiver<T::News>,
     waker: Notifier,
     warning: Option<String>,
-    thread: JoinHandle<Finished<M, T>>,
+    thread: JoinHandle<Ended<M, T>>,
+}
+
+/// What the thread itself returns.
+#[derive(Debug)]
+struct Ended<M, T> {
+    driver: Driver<M>,
+    task: T,
+    result: Result<(), DriverError>,
 }
 
 /// What a cyclic thread returns when it ends.
@@ -125,19 +116,15 @@ where
     /// Starts the loop. `waker` is the notifier that the driver was created with; `reader` is notified of news and of
     /// the end.
     pub fn start(driver: Driver<M>, task: T, waker: Notifier, reader: Notifier) -> Result<Self, StartError> {
-        let (commands, command_ring) = rtrb::RingBuffer::new(RING_CAPACITY);
-        let (news_ring, news) = rtrb::RingBuffer::new(RING_CAPACITY);
+        let (commands, command_ring) = ring(RING_CAPACITY);
+        let (news_ring, news) = ring(RING_CAPACITY);
         let (started, start) = mpsc::sync_channel(1);
-        let outbox = Outbox { ring: news_ring, reader: reader.clone(), dropped: 0 };
-        let mut owner = RingOwner { task, commands: command_ring, outbox };
+        let mut owner = RingOwner { task, commands: command_ring, outbox: Outbox::new(news_ring, reader) };
         let body = move || {
             let _ = started.send(scheduling::make_real_time().refused());
             let mut driver = driver;
             let result = driver.run(&mut owner);
-            let news_dropped = owner.outbox.dropped;
-            drop(owner.outbox);
-            reader.notify();
-            Finished { driver, task: owner.task, news_dropped, result }
+            Ended { driver, task: owner.task, result }
         };
         let thread = std::thread::Builder::new().name("cyclic".to_owned()).spawn(body)?;
         // `start` has no message only if the thread panics before its first line.
@@ -152,31 +139,27 @@ where
 
     /// Sends a command to the task.
     pub fn send(&mut self, command: T::Command) -> Result<(), RingFull> {
-        let result = self.commands.push(command).map_err(|_| RingFull);
+        let result = self.commands.send(command).map_err(|_| RingFull);
         self.waker.notify();
         result
     }
 
-    /// Returns the next news, if any.
-    pub fn news(&mut self) -> Option<T::News> {
-        self.news.pop().ok()
-    }
-
-    /// Returns whether the loop has ended. Unread news may remain.
-    #[must_use]
-    pub fn has_ended(&self) -> bool {
-        self.news.is_abandoned()
+    /// Takes the next news, if there is any. It ends when the loop has ended and all news is read.
+    pub fn news(&mut self) -> Taken<T::News> {
+        self.news.take()
     }
 
     /// Waits until the loop ends. The error is a panic on the cyclic thread.
     pub fn join(self) -> std::thread::Result<Finished<M, T>> {
-        self.thread.join()
+        let Self { news, thread, .. } = self;
+        let Ended { driver, task, result } = thread.join()?;
+        Ok(Finished { driver, task, news_dropped: news.dropped(), result })
     }
 }
 
 struct RingOwner<M: Machine, T: Task<M>> {
     task: T,
-    commands: rtrb::Consumer<T::Command>,
+    commands: Receiver<T::Command>,
     outbox: Outbox<T::News>,
 }
 
@@ -184,7 +167,7 @@ impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
         self.task.look(now, machine);
         // One command per wake: the machine's contract requires that everything is sent between two changes.
-        if let Ok(command) = self.commands.pop() {
+        if let Taken::Item(command) = self.commands.take() {
             self.task.command(now, machine, statistics, command, &mut self.outbox)?;
         }
         if self.task.deadline().is_some_and(|deadline| deadline <= now) {

@@ -6,7 +6,6 @@
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -17,6 +16,7 @@ use machine::Instant;
 use crate::Interface;
 use crate::capture::{CaptureFile, Keep, Packet};
 use crate::clock;
+use crate::handover::{EndRequest, Ending};
 use crate::packet_ring::PacketRing;
 use crate::packet_socket::FrameBuffer;
 
@@ -61,7 +61,7 @@ pub enum RecorderError {
 /// A running capture.
 #[derive(Debug)]
 pub struct Recorder {
-    shared: Arc<Shared>,
+    end: Arc<EndRequest>,
     socket: Socket,
     thread: JoinHandle<Result<u64, RecorderError>>,
 }
@@ -87,14 +87,14 @@ impl Recorder {
         let no_socket = |reason| RecorderError::Socket { interface: interface.name().to_owned(), reason };
         let ring = PacketRing::open(interface, SLOTS).map_err(no_socket)?;
         let socket = ring.socket().try_clone().map_err(no_socket)?;
-        let shared = Arc::new(Shared::default());
+        let end = Arc::new(EndRequest::default());
         let recording =
-            Recording { ring, listener, shared: Arc::clone(&shared), interface: interface.name().to_owned() };
+            Recording { ring, listener, end: Arc::clone(&end), interface: interface.name().to_owned() };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || recording.run())
             .map_err(|reason| RecorderError::Socket { interface: "a thread".to_owned(), reason })?;
-        Ok(Self { shared, socket, thread })
+        Ok(Self { end, socket, thread })
     }
 
     /// Pauses the recording, or goes on. While it is paused, the kernel hands the recorder no frames, so it costs
@@ -123,23 +123,19 @@ impl Recorder {
     ///
     /// Some frames that passed are missing.
     pub fn stop(self) -> Result<u64, RecorderError> {
-        self.shared.stop.store(true, Ordering::Release);
-        self.thread.thread().unpark();
-        self.thread.join().unwrap_or(Ok(0))
+        self.end(Ending::Keep)
     }
 
     /// Ends the capture. If it is kept in memory until the end, nothing is written.
     pub fn discard(self) -> Result<(), RecorderError> {
-        self.shared.discard.store(true, Ordering::Release);
-        self.stop().map(drop)
+        self.end(Ending::Discard).map(drop)
     }
-}
 
-/// What the recorder's thread is asked to do.
-#[derive(Debug, Default)]
-struct Shared {
-    stop: AtomicBool,
-    discard: AtomicBool,
+    fn end(self, ending: Ending) -> Result<u64, RecorderError> {
+        self.end.set(ending);
+        self.thread.thread().unpark();
+        self.thread.join().unwrap_or(Ok(0))
+    }
 }
 
 /// Receives each frame, on the recorder's thread.
@@ -187,7 +183,7 @@ impl<F: FnMut(Instant, &Packet<'_>) + Send> Listener for Watcher<F> {
 struct Recording<L> {
     ring: PacketRing,
     listener: L,
-    shared: Arc<Shared>,
+    end: Arc<EndRequest>,
     interface: String,
 }
 
@@ -196,14 +192,14 @@ impl<L: Listener> Recording<L> {
         let mut buffer = FrameBuffer::new();
         for rest in 1.. {
             // Read before the frames, so that all that passed before the end is taken.
-            let is_last = self.shared.stop.load(Ordering::Acquire);
-            if self.shared.discard.load(Ordering::Acquire) {
+            let ending = self.end.get();
+            if ending == Some(Ending::Discard) {
                 break;
             }
             while let Some(packet) = self.ring.take(&mut buffer) {
                 self.listener.handle(&packet)?;
             }
-            if is_last {
+            if ending.is_some() {
                 let whole = self.is_whole();
                 return self.listener.finish().and_then(|frames| whole.map(|()| frames));
             }

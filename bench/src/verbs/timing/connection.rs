@@ -9,6 +9,7 @@ use anyhow::bail;
 use machine::{Duration, Instant, Machine};
 use plc_node::bus::PlcBus;
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol_linux::handover::Taken;
 use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, clock};
 use robot_node::bus::RobotBus;
 use setup::Bus;
@@ -68,11 +69,16 @@ impl Connection {
         let until = clock::now() + PATIENCE;
         own.up_at = loop {
             match own.plc.news() {
-                Some(News::Up(at)) => break at,
-                Some(News::Down(down)) if clock::now() >= until => bail!("no connection came about: {down}"),
-                Some(News::Down(_)) => {}
-                None if clock::now() >= until => bail!("nobody answered at {ROBOT} within {PATIENCE:?}"),
-                None => thread::sleep(LOOK),
+                Taken::Item(News::Up(at)) => break at,
+                Taken::Item(News::Down(down)) if clock::now() >= until => {
+                    bail!("no connection came about: {down}")
+                }
+                Taken::Item(News::Down(_)) => {}
+                Taken::Nothing if clock::now() >= until => {
+                    bail!("nobody answered at {ROBOT} within {PATIENCE:?}")
+                }
+                Taken::Nothing => thread::sleep(LOOK),
+                Taken::Ended => bail!("the PLC's end stopped before it had a connection"),
             }
         };
         thread::sleep(RUNNING);

@@ -31,6 +31,7 @@ use socket2::Socket;
 use virtual_time::{LinkCounters, Side};
 
 use crate::capture::Note;
+use crate::handover::{EndRequest, Ending};
 use crate::packet_socket::{self, FrameBuffer};
 use crate::recorder::RecorderError;
 use crate::socket_option::{self, ON};
@@ -67,17 +68,14 @@ pub struct Stopped {
 /// State shared with the thread. The parts are independent of each other, so the order of accesses does not matter.
 #[derive(Debug, Default)]
 struct Shared {
-    stop: AtomicBool,
+    end: EndRequest,
     paused: AtomicBool,
-    discard: AtomicBool,
     /// When both ends were ready, by the thread's clock; 0 before.
     ready_ns: AtomicU64,
     /// Nodes that were killed and have no comment in the captures yet.
     killed: [AtomicBool; 2],
     /// [`LinkCounters`] of each sender.
     counters: [[AtomicU64; 6]; 2],
-    /// Frames that were not recorded because the writer was behind.
-    left_out: AtomicU64,
 }
 
 impl ImpairedCable {
@@ -150,13 +148,12 @@ impl ImpairedCable {
     ///
     /// A capture could not be written, or frames are missing in it.
     pub fn stop(mut self, wanted: bool) -> Result<Stopped, RecorderError> {
-        self.shared.discard.store(!wanted, Ordering::Relaxed);
-        self.end()
+        self.end(if wanted { Ending::Keep } else { Ending::Discard })
     }
 
-    fn end(&mut self) -> Result<Stopped, RecorderError> {
-        // Who sees the end sees whether captures are wanted: the thread passes it on to the writer with the ring's end.
-        self.shared.stop.store(true, Ordering::Release);
+    fn end(&mut self, ending: Ending) -> Result<Stopped, RecorderError> {
+        // The thread passes the request on to the writer with the ring's end.
+        self.shared.end.set(ending);
         self.waker.notify();
         let allocations = self.thread.take().map_or(0, |thread| thread.join().unwrap_or(0));
         // The thread has ended, so the ring is complete.
@@ -167,7 +164,7 @@ impl ImpairedCable {
 
 impl Drop for ImpairedCable {
     fn drop(&mut self) {
-        let _ = self.end();
+        let _ = self.end(Ending::Keep);
     }
 }
 
@@ -199,7 +196,7 @@ impl Passing {
         }
         let mut buffer = FrameBuffer::new();
         allocation::arm();
-        while !self.shared.stop.load(Ordering::Acquire) {
+        while self.shared.end.get().is_none() {
             let limit = self.forwarder.deadline().map(|due| due.since(clock::now()));
             // An interrupted wait is an early end of the wait.
             if !matches!(waits.wait(limit), Ok(()) | Err(Errno::INTR)) {

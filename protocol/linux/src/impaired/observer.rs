@@ -13,6 +13,7 @@ use super::Shared;
 use super::forwarder::ROOM;
 use crate::RecorderError;
 use crate::capture::{CaptureFile, Note, Packet};
+use crate::handover::{Ending, Sender, Taken, ring};
 
 /// Entries that the ring holds: half a second at two frames a millisecond each way, seen at both ends.
 const RING_CAPACITY: usize = 4_096;
@@ -58,7 +59,7 @@ enum Entry {
 
 /// The cyclic thread's end of the ring; without a ring if there is no observer.
 pub(super) struct ObserverSender {
-    entries: Option<rtrb::Producer<Entry>>,
+    entries: Option<Sender<Entry>>,
     shared: Arc<Shared>,
 }
 
@@ -74,14 +75,13 @@ impl ObserverSender {
         if let (Some(to), Some(from)) = (frame.get_mut(..len), bytes.get(..len)) {
             to.copy_from_slice(from);
         }
-        if entries.push(Entry::Passed { passed, len, frame }).is_err() {
-            self.shared.left_out.fetch_add(1, Ordering::Relaxed);
-        }
+        let _ = entries.send(Entry::Passed { passed, len, frame });
     }
 
+    /// Adds a comment to the next frames. If the ring is full, it is left out and counts as a frame.
     pub(super) fn note(&mut self, note: Note) {
         if let Some(entries) = &mut self.entries {
-            let _ = entries.push(Entry::Note(note));
+            let _ = entries.send(Entry::Note(note));
         }
     }
 }
@@ -106,36 +106,34 @@ pub(super) fn start(
     if observers.iter().all(|observer| observer.capture.is_none() && observer.see.is_none()) {
         return Ok((ObserverSender { entries: None, shared }, Writer(None)));
     }
-    let (entries, mut waiting) = rtrb::RingBuffer::new(RING_CAPACITY);
+    let (entries, mut waiting) = ring(RING_CAPACITY);
     let mut ends = observers.map(|observer| End { observer, note: None });
     let writer_shared = Arc::clone(&shared);
     let body = move || {
         let mut result = Ok(());
         loop {
-            // Read before the ring is emptied: entries from before the end are still in the ring then.
-            let last = waiting.is_abandoned();
-            while let Ok(entry) = waiting.pop() {
-                let recorded = record(&mut ends, &entry);
+            let taken = waiting.take();
+            if let Taken::Item(entry) = &taken {
+                let recorded = record(&mut ends, entry);
                 // If a capture cannot be written, all captures end; the cable goes on.
                 if result.is_ok() && recorded.is_err() {
                     result = recorded;
                     ends.iter_mut().for_each(|end| end.observer.capture = None);
                 }
+                continue;
             }
             let captures = ends.iter_mut().filter_map(|end| end.observer.capture.as_mut());
             let flushed = captures.map(|capture| capture.flush().map_err(|error| broken(capture, error)));
             result = result.and(flushed.collect());
-            if last {
+            if matches!(taken, Taken::Ended) {
                 break;
             }
             std::thread::sleep(EMPTY_EVERY);
         }
-        let left_out = writer_shared.left_out.load(Ordering::Relaxed);
+        let is_wanted = writer_shared.end.get() != Some(Ending::Discard);
+        let left_out = waiting.dropped();
         for End { observer, .. } in ends {
-            let Some(capture) = observer.capture.filter(|_| !writer_shared.discard.load(Ordering::Relaxed))
-            else {
-                continue;
-            };
+            let Some(capture) = observer.capture.filter(|_| is_wanted) else { continue };
             let path = capture.path().to_owned();
             let finished = capture.finish().map(drop).map_err(|reason| RecorderError::File { path, reason });
             result = result.and(finished);

@@ -11,12 +11,18 @@ mod streams;
 mod test_network;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
+use std::ops::ControlFlow;
 use std::process::ExitCode;
 
-use machine::PortRequest;
+use machine::{Instant, PortRequest};
 use machines::{Cable, Echo, Station};
-use protocol_linux::{DriverError, Interface, OpenPort, clock};
-use test_network::{ADDRESSES, TestNetwork};
+use protocol::fieldbus::LinkEvent;
+use protocol_linux::handover::Taken;
+use protocol_linux::{
+    CyclicThread, Driver, DriverError, Interface, Notifier, OpenPort, Outbox, Statistics, Task, clock,
+};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use test_network::{ADDRESSES, TIMEOUT, TestNetwork};
 
 #[global_allocator]
 static ALLOCATOR: protocol_linux::allocation::AllocationCounter =
@@ -30,6 +36,7 @@ fn main() -> ExitCode {
         frames_of_another_vlan_are_discarded,
         cyclic_requests_are_answered_each_once,
         a_driver_ends_with_an_error_when_its_interface_is_removed,
+        the_end_of_a_cyclic_thread_that_panics_wakes_its_reader,
         the_error_for_a_taken_udp_port_names_the_port,
         ethernet_ip::cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on,
         ethernet_ip::a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only,
@@ -121,6 +128,48 @@ fn a_driver_ends_with_an_error_when_its_interface_is_removed() {
     let finished = left.join();
     assert!(matches!(finished.result, Err(DriverError::InterfaceGone { .. })), "{:?}", finished.result);
     drop(keep);
+}
+
+fn the_end_of_a_cyclic_thread_that_panics_wakes_its_reader() {
+    let network = TestNetwork::new();
+    let reader = Notifier::new().unwrap();
+    let mut thread = network.run(0, |interface| {
+        let nobody = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0);
+        let station = Station::new(Cable::Untagged, interface.mac(), nobody, clock::now());
+        let waker = Notifier::new().unwrap();
+        let driver = Driver::new(station, interface.clone(), waker.clone()).unwrap();
+        CyclicThread::start(driver, Fault, waker, reader.clone()).unwrap()
+    });
+    assert_eq!(thread.news(), Taken::Nothing);
+    thread.send(()).unwrap();
+    let limit = Timespec::try_from(TIMEOUT).unwrap();
+    let woken = poll(&mut [PollFd::new(&reader, PollFlags::IN)], Some(&limit)).unwrap();
+    assert_eq!((woken, thread.news()), (1, Taken::Ended));
+    thread.join().unwrap_err();
+}
+
+/// Panics at its first command.
+#[derive(Debug)]
+struct Fault;
+
+impl Task<Station> for Fault {
+    type Command = ();
+    type News = ();
+
+    fn command(
+        &mut self,
+        _: Instant,
+        _: &mut Station,
+        _: &Statistics,
+        (): (),
+        _: &mut Outbox<()>,
+    ) -> ControlFlow<()> {
+        unreachable!("what a fault of the program does")
+    }
+
+    fn event(&mut self, _: Instant, _: &mut Station, _: LinkEvent, _: &mut Outbox<()>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
 }
 
 fn the_error_for_a_taken_udp_port_names_the_port() {
