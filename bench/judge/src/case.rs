@@ -44,7 +44,7 @@ pub struct Case {
     pub runs: Vec<Run>,
 }
 
-/// The arm's links and limits, and where it stands at first.
+/// The arm's links and limits, and its joints at the start.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
@@ -60,7 +60,7 @@ pub struct Arm {
     pub acceleration_deg_s2: Vec<f64>,
     /// Rated jerks, in degrees (mm) per second³.
     pub jerk_deg_s3: Vec<f64>,
-    /// Where it stands at first, in degrees (mm).
+    /// Joints at the start, in degrees (mm).
     pub home_deg: Vec<f64>,
 }
 
@@ -98,13 +98,13 @@ pub enum Execution {
     Program,
 }
 
-/// Motions that belong together, and what happens meanwhile.
+/// Motions that belong together, and events meanwhile.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
     /// How they are commanded.
     pub execution: Execution,
-    /// What happens, in the order of time.
+    /// Events in the order of time.
     #[serde(default, rename = "event", skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<Event>,
     /// The motions.
@@ -245,7 +245,7 @@ impl Programmed {
     }
 }
 
-/// Why a file holds no case that can run.
+/// Why the case of a file cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
     /// It is no TOML, or a key is wrong.
@@ -257,7 +257,7 @@ pub enum CaseError {
     /// Its setup is not there or broken.
     #[error(transparent)]
     Setup(#[from] setup::Error),
-    /// Its arm makes no sense.
+    /// The figures of its arm contradict each other.
     #[error(transparent)]
     Arm(#[from] ConfigError),
 }
@@ -365,7 +365,7 @@ impl Arm {
         }
     }
 
-    /// Where it stands at first; joints that it lacks are 0.
+    /// Returns the joints at the start; joints that it lacks are 0.
     #[must_use]
     pub fn home(&self) -> Joints {
         by_joint(&self.home_deg, 0.0)

@@ -15,10 +15,10 @@ const PATIENCE: u32 = 3_000;
 /// Cycles that a halt may take: 20 s.
 const HALTS_WITHIN: u32 = 5_000;
 
-/// Cycles that are watched after a skill has ended: it must stand, and what it did last must be within the limits.
+/// Cycles that are watched after a skill has ended: the arm must stand, and its last cycles must be within the limits.
 const AFTERWARDS: u32 = 6;
 
-/// What came of a case.
+/// Result of a case.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Outcome {
     /// The first law that was broken.
@@ -150,7 +150,7 @@ impl Driver {
         self.law.start(self.command.number, execution, motions);
     }
 
-    /// Waits for the end of the skill, hands over motions as slots become free, and lets happen what happens.
+    /// Waits for the end of the skill, hands over motions as slots become free, and triggers the events.
     fn wait(&mut self, motions: &[Programmed], events: &mut &[Event]) {
         let ended = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
         let called_in = self.run_cycle;

@@ -8,7 +8,7 @@ use setup::Setup;
 use crate::violation::{Class, Violation};
 use crate::{driver, generator};
 
-/// What came of many cases.
+/// Results of many cases.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Tally {
     /// Cases.

@@ -1,7 +1,7 @@
 //! Forward kinematics of the arms, from their link drawings: a chain of homogeneous matrices.
 //!
-//! Written apart from the robot's own, which works with quaternions and closed formulas: an error would have to be made
-//! twice to pass. There is no inverse here; the judge only asks where given joints bring the tool.
+//! Written independently of the robot's own, which uses quaternions and closed formulas: only an error that is made
+//! twice would pass. There is no inverse: the judge only needs the tool's pose for given joints.
 //!
 //! ```text
 //! SCARA      x = l1·cos q1 + l2·cos(q1 + q2), y the same with sines, z = height + q3;

@@ -1,4 +1,4 @@
-//! An arm, judged by what is not its own.
+//! Judges the robot's motion by kinematics and laws that are not the robot's own.
 //!
 //! ```text
 //! generator   an arm, motions and disturbances at random, from a seed
@@ -10,8 +10,8 @@
 //! shrink      the least case that breaks the same law
 //! ```
 //!
-//! Nothing of the robot's arm, motion and quality is used: an error in there must not judge itself. The limits are those
-//! of the setup or, where the arm is a random one, of the case.
+//! The robot's own modules for arm, motion and quality are not used: an error in them must not judge itself. The limits
+//! are those of the setup or, where the arm is a random one, of the case.
 
 pub mod case;
 pub mod driver;

@@ -6,7 +6,7 @@ use crate::case::{Arm, Case, Event, Execution, Run};
 use crate::driver;
 use crate::violation::{Class, Violation};
 
-/// Runs of smaller cases that are tried at most.
+/// Largest number of smaller cases that are run.
 const TRIES: u32 = 3_000;
 
 /// Makes a case smaller, as long as the first law that it breaks stays of the same class. Returns it with what it breaks.
@@ -101,7 +101,7 @@ impl Shrinker<'_> {
         }
     }
 
-    /// What can be plainer: the setup's own arm, no delays, round numbers.
+    /// Makes a case plainer: the setup's own arm, no delays, round numbers.
     fn simplify(&mut self) {
         let own = Arm::of(self.setup);
         self.try_with(|case| case.arm = Arm { home_deg: case.arm.home_deg.clone(), ..own });

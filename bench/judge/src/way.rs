@@ -1,4 +1,4 @@
-//! The way of one motion as it is programmed: where it starts and ends, and on what line or circle the tool goes.
+//! The programmed way of one motion: its ends, and the line or circle of the tool.
 
 use crate::case::{Kind, Programmed};
 use crate::kinematics::{Joints, Links, Pose, Vector, cross, difference, distance, dot, length};

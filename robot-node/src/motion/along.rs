@@ -1,7 +1,7 @@
-//! What a curve asks of the arm along it: its nodes, where joints and tool are known with their derivatives.
+//! The nodes of a curve: the places where the derivatives of joints and tool are known.
 //!
-//! The curve is sampled in pieces. A piece whose samples leave out too much is cut in two, so that there are many nodes where the
-//! joints turn fast, near a singular position or in a tight bend, and few elsewhere.
+//! The curve is sampled in pieces. A piece that its samples do not describe well enough is cut in two. So there are
+//! many nodes where the joints turn fast (near a singular position, in a tight bend), and few elsewhere.
 
 use arrayvec::ArrayVec;
 
@@ -11,42 +11,41 @@ use super::node::{Node, Ratings};
 use super::nodes::{Nodes, PIECES, points_of};
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
 
-/// What is kept in reserve of what an axis and the tool may do, for what the samples do not show. Where they leave out more, the
-/// curve is cut.
+/// Share of the limits of axes and tool that is kept in reserve for the error of the samples. Where the error is
+/// larger, the curve is cut.
 pub(super) const AXIS_RESERVE: f64 = 0.955;
 pub(super) const TOOL_RESERVE: f64 = 0.965;
 
-/// The share of that reserve which may be left out. The rest is for what lies between the nodes.
+/// Share of that reserve that the error of the samples may use. The rest is for the places between the nodes.
 const LEFT_OUT: f64 = 0.85;
 
-/// A piece is at least this share of the curve long.
+/// Least length of a piece, as a share of the curve.
 const SHORTEST: f64 = 1.0 / 4096.0;
 
-/// An arc that goes round farther than this, in degrees, is cut at once: one piece's samples never tell enough of it.
+/// An arc of more degrees than this is cut at once: the samples of one piece never describe it well enough.
 const RESOLVED_ARC_DEG: f64 = 135.0;
 
-/// The most that a joint turns, in degrees, from one sample to the next in a piece that need not be cut.
+/// Largest turn of a joint between two samples of a piece that need not be cut, in degrees.
 const RESOLVED_DEG: f64 = 75.0;
 
-/// How far a rotary joint may be turned from where it is in a corner, in degrees, within the zone of that corner. Up to
-/// half a turn, the joints of a place are those that lie nearest to the corner's; the rest is for what the samples do not
-/// show.
+/// Largest turn of a rotary joint within the zone of a corner, in degrees, counted from the corner. Up to 180° the
+/// solution nearest to the corner's joints is the right one; the rest is for the error of the samples.
 const UNAMBIGUOUS_DEG: f64 = 150.0;
 
-/// What the arm does on a curve.
+/// How the arm follows a curve.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Followed {
     /// The joints at its end.
     pub(super) end: Joints,
     pub(super) nodes: Nodes,
-    /// Whether the reserve covers what its samples leave out, everywhere.
+    /// Whether the reserve covers the error of the samples everywhere.
     pub(super) is_resolved: bool,
-    /// What corners at its start and at its end may take of it at most, in the curve's unit: half of it, and no more than
-    /// where the joints are still told by those of the corner.
+    /// Largest parts of the curve that the corners at its start and at its end may replace, in the curve's unit: half
+    /// of it, and no more than the stretch on which the joints nearest to the corner's are the right ones.
     pub(super) zones: [f64; 2],
 }
 
-/// The ways along a curve that were looked at, and the joints there.
+/// Ways along a curve that were sampled, and the joints there.
 type Trail = ArrayVec<(f64, Joints), { PIECES * NODES }>;
 
 /// Follows a curve that starts at the joints `from`, with a programmed speed and limits of the acceleration and of the jerk along
@@ -116,8 +115,8 @@ pub(super) fn along(
     Ok(Followed { end: joints, nodes, is_resolved: all_resolved, zones })
 }
 
-/// How many pieces there are to the end of a curve, of which a share is left, if this is the next one and each is twice as long as the
-/// one before.
+/// Returns how many pieces there are to the end of a curve if this is the next one and each is twice as long as the one
+/// before. `left` is the share of the curve that is left.
 fn pieces_to_end(share: f64, left: f64) -> usize {
     let (mut pieces, mut piece, mut end) = (0, share, 0.0);
     while end < left {
@@ -128,8 +127,8 @@ fn pieces_to_end(share: f64, left: f64) -> usize {
     pieces
 }
 
-/// How far from a corner, at most `half`, no rotary joint turns by more than [`UNAMBIGUOUS_DEG`] from where it is in the
-/// corner. `trail` leads away from there.
+/// Returns the distance from a corner, at most `half`, within which no rotary joint turns by more than
+/// [`UNAMBIGUOUS_DEG`] from its value in the corner. `trail` leads away from the corner.
 fn unambiguous<'a>(
     corner: &Joints,
     trail: impl Iterator<Item = (f64, &'a Joints)>,
@@ -149,7 +148,7 @@ fn unambiguous<'a>(
     half
 }
 
-/// The largest turn of a joint from one sample to the next: after which way, which joint, from 1, and by how many
+/// Returns the largest turn of a joint from one sample to the next: the way there, the joint (from 1) and the turn in
 /// degrees.
 type Turn = (f64, (u8, f64));
 
@@ -182,8 +181,8 @@ fn sampled(
     Ok((samples, joints, turn))
 }
 
-/// Whether the reserve covers what the samples of a piece leave out, as fast as the arm may be there. `most` are limits of the
-/// acceleration and of the jerk along the piece, in its unit.
+/// Returns whether the reserve covers the error of a piece's samples at the highest speed there. `most` are the limits
+/// of acceleration and jerk along the piece, in its unit.
 pub(super) fn is_resolved(
     piece: &Derivatives,
     nodes: &[Node],
@@ -194,7 +193,8 @@ pub(super) fn is_resolved(
     let square =
         nodes.iter().map(|node| node.highest.min(node.programmed * node.programmed)).fold(0.0, f64::max);
     let speed = square.sqrt();
-    // All joints and the tool share one acceleration along the piece and one jerk. Where the joints turn least, most is allowed.
+    // All joints and the tool share one acceleration and one jerk along the piece. These are highest where the joints
+    // turn least.
     let jerks = ratings.jerk();
     let allowed = nodes.iter().map(|node| node.most_along(ratings));
     let allowed = allowed.fold([0.0; 2], |most: [f64; 2], node| [most[0].max(node[0]), most[1].max(node[1])]);

@@ -1,4 +1,4 @@
-//! One more motion at the end of the path: its corner, or a line or a spline that goes on.
+//! Appends a motion to the path: with a corner, or as the continuation of a line or a spline.
 
 use protocol::image::Motion;
 
@@ -11,27 +11,27 @@ use super::spline::Spline;
 use crate::RobotConfig;
 use crate::arm::{Arm, Violation};
 
-/// What came of one more motion.
+/// Outcome of appending a motion.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Appended {
     /// It is on the path.
     Planned,
-    /// It is on the path, but came too late for the corner before it, which is an exact stop.
+    /// It is on the path, but came too late for the corner before it: the arm stops there exactly.
     Late,
 }
 
 /// Two motions of a spline as pieces of one.
 struct Joined {
     one: Segment,
-    /// The second one, if it was not shaped by the first already.
+    /// The second one, if it does not have its shape from the first already.
     next: Option<Segment>,
-    /// If there is a corner before the first one: what is left of it.
+    /// The new corner before the first one, if there is one.
     corner: Option<Option<Blend>>,
 }
 
 impl Path {
-    /// Checks a motion that is to be [appended](Self::append) next. One that goes on with a spline has its shape from
-    /// there already.
+    /// Checks a motion that is to be [appended](Self::append) next. One that continues a spline already gets its shape
+    /// from that spline.
     ///
     /// # Errors
     ///
@@ -42,8 +42,7 @@ impl Path {
         Segment::prepare_after(before.map(|planned| &planned.segment), motion, &self.end, config)
     }
 
-    /// Puts one more motion, which starts at [`end`](Self::end), at the end of the path. `last` says that none
-    /// follows.
+    /// Appends a motion that starts at [`end`](Self::end). `last` says that none follows.
     pub fn append(&mut self, segment: Segment, last: bool, arm: &Arm) -> Appended {
         self.end = segment.end;
         let before = self.queue.len().checked_sub(1);
@@ -106,8 +105,8 @@ impl Path {
         self.place_of(index, way)
     }
 
-    /// Makes the last motion and the one before it one curve, if they are lines that go on straight or motions of one
-    /// spline.
+    /// Joins the last motion and the one before it to one curve, if they are lines in the same direction or motions of
+    /// one spline.
     fn go_on(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
         let (one, next) = (self.queue.get(before)?, self.queue.back()?);
         match (&one.segment.curve, &next.segment.curve) {
@@ -122,8 +121,8 @@ impl Path {
         }
     }
 
-    /// Makes the last motion and the one before it pieces of one spline. Both take their shape from each other, which is
-    /// only possible until the arm comes to the first one.
+    /// Makes the last motion and the one before it pieces of one spline. Each changes the shape of the other, which is
+    /// possible only until the arm reaches the first one.
     fn go_on_with_spline(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
         let (one, next) = (self.queue.get(before)?, self.queue.back()?);
         let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
@@ -168,10 +167,10 @@ impl Path {
         Some(Joined { one, next, corner })
     }
 
-    /// Puts pieces of one spline in place of two motions and plans; returns false, with all as it was, where the arm
-    /// cannot go on into that.
+    /// Replaces two motions by pieces of one spline and plans. Returns false and changes nothing where the arm cannot
+    /// continue into that.
     fn take_if_feasible(&mut self, before: usize, mut joined: Joined, arm: &Arm) -> bool {
-        // Its shape is another from its start on, or from the corner there on.
+        // Its shape changes from its start on, or from the corner there on.
         let corner = before.checked_sub(1).filter(|_| joined.corner.is_some());
         let was = corner.map(|corner| self.leaves(corner).way);
         self.swap(before, &mut joined, arm);
@@ -203,8 +202,8 @@ impl Path {
         }
     }
 
-    /// The last piece of a spline begins at a stop after all: it is the straight line that it is alone, if the arm can
-    /// follow that.
+    /// The last piece of a spline begins at a stop after all: it becomes a straight line, as a single one is, if the
+    /// arm can follow that.
     fn straighten_last(&mut self, before: usize, arm: &Arm) {
         let (Some(before), Some(last)) = (self.queue.get(before), self.queue.back()) else { return };
         let Curve::Spline(piece) = &last.segment.curve else { return };
@@ -214,7 +213,7 @@ impl Path {
         }
     }
 
-    /// Whether the arm has not come to this motion yet, nor to the corner before it.
+    /// Returns whether the arm has not reached this motion nor the corner before it.
     fn is_ahead(&self, index: usize) -> bool {
         if index >= self.queue.len() {
             return false;
@@ -238,7 +237,7 @@ impl Path {
         last.segment = segment;
     }
 
-    /// No motion will follow: the last one stops at its end, and that is as wanted.
+    /// Says that no motion will follow: the last one stops at its end as intended.
     pub fn close(&mut self) {
         if let Some(last) = self.queue.back_mut() {
             last.stops = true;

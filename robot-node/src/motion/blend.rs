@@ -25,30 +25,31 @@ use super::nodes::{Nodes, points_of};
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 
-/// How fast a zone is passed at the corner's border, per share of the corner's time: the slope of h at 1.
+/// The slope of h at 1: how fast the way through the zone grows at the corner's border.
 pub(super) const BORDER_SLOPE: f64 = 2.0;
 
-/// The share of the tool's programmed speed that it has at the nodes: between them it may be a little more.
+/// Share of the tool's programmed speed that is allowed at the nodes: between them the speed may be a little higher.
 const BETWEEN_NODES: f64 = 0.998;
 
-/// Into so many pieces a corner is cut at most where its samples leave out too much, and the least share that one has.
+/// Largest number of pieces into which a corner is cut where its samples do not describe it well enough, and the least
+/// share of one.
 const PIECES: usize = 8;
 const SHORTEST: f64 = 1.0 / 32.0;
 
-/// A zone is found to this share of itself; it errs to the smaller side.
+/// Accuracy of a zone, as a share of it; the error is to the smaller side.
 const ZONE_ACCURACY: f64 = 1e-3;
 
-/// Steps in which a zone is searched for.
+/// Largest number of steps of the search for a zone.
 const ZONE_STEPS: usize = 12;
 
-/// A corner: how much it takes from both motions, and what it asks of the arm. Its unit is the share of its time.
+/// A corner: which parts of both motions it replaces, and its nodes. Its unit is the share of its time.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Blend {
-    /// What it takes from the end of the first motion, in that curve's unit.
+    /// Length that it replaces at the end of the first motion, in that curve's unit.
     pub from_zone: f64,
-    /// What it takes from the start of the second motion, in that curve's unit.
+    /// Length that it replaces at the start of the second motion, in that curve's unit.
     pub to_zone: f64,
-    /// The distance from the corner that it keeps, in mm.
+    /// Largest distance of the path from the corner, in mm.
     pub distance_mm: f64,
     pub(super) ratings: Ratings,
     pub(super) nodes: Nodes,
@@ -56,13 +57,13 @@ pub struct Blend {
 
 impl Blend {
     /// The corner between two motions, with `share` (0…1) of the distance that they allow; none where the arm cannot
-    /// follow it, or where nothing of it is left.
+    /// follow it or no corner is left.
     #[must_use]
     pub fn between(first: &Segment, second: &Segment, share: f64, arm: &Arm) -> Option<Self> {
         Self::after_zone(wanted_zone(first, arm), first, second, share, arm)
     }
 
-    /// The same where the first motion's [`wanted_zone`] is known.
+    /// As [`between`](Self::between), with the first motion's [`wanted_zone`].
     pub(super) fn after_zone(
         wanted_zone: f64,
         first: &Segment,
@@ -110,8 +111,8 @@ impl Blend {
             return arm.follow(&flange.when_tool_at(tool), near);
         }
         let [(from, to)] = self.ways(first, &[w]);
-        // Within its zone either motion has the joints that lie nearest to the corner's. The sum of both may be far from
-        // those of either.
+        // Within its zone each motion has the joints nearest to those of the corner. The joints of the blend may be far
+        // from those of both motions.
         let one = first.curve.joints(from, arm, &first.end)?;
         let two = second.curve.joints(to, arm, &first.end)?;
         let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
@@ -119,7 +120,7 @@ impl Blend {
         Ok(joints)
     }
 
-    /// How far both motions are at some shares of the corner's time.
+    /// Returns the ways along both motions at some shares of the corner's time.
     fn ways<const N: usize>(&self, first: &Segment, shares: &[f64; N]) -> [(f64, f64); N] {
         let length = first.curve.length();
         shares.map(|w| (length - self.from_zone * eased(1.0 - w), self.to_zone * eased(w)))
@@ -140,7 +141,7 @@ impl Blend {
         Some((core::array::from_fn(|i| sum(&one[i], corner, &two[i])), flange))
     }
 
-    /// Checks reach, ranges and distance all along the corner, and finds what it asks of the arm.
+    /// Checks reach, ranges of the joints and distance all along the corner, and finds its nodes.
     fn find_nodes(&mut self, first: &Segment, second: &Segment, arm: &Arm) -> Result<(), Unfit> {
         let leads_tool = self.tools(first, second, &[0.5]).is_some();
         let (mut start, mut width, mut near) = (0.0, 1.0, first.end);
@@ -177,7 +178,7 @@ impl Blend {
         if is_possible { Ok(()) } else { Err(Unfit::Arm) }
     }
 
-    /// Samples a piece of the corner from joints at its start; gives those at its end as well.
+    /// Samples a piece of the corner from the joints at its start. Returns the joints at its end as well.
     fn sampled(
         &self,
         first: &Segment,
@@ -207,7 +208,7 @@ impl Blend {
             if !is_border && distance(tool, corner) > self.distance_mm {
                 return Err(Unfit::TooFar);
             }
-            // Between both motions the arm may turn over into another configuration, though on neither of them.
+            // In the corner the arm may change its configuration although it does not on either motion.
             let turns_over = node > 0 && arm.largest_turn(&near, &joints).1 > TURNED_OVER_DEG;
             if tools.is_some() && turns_over {
                 return Err(Unfit::Arm);
@@ -218,7 +219,7 @@ impl Blend {
         Ok((samples, near))
     }
 
-    /// The highest rate that is programmed at a share of the corner's time.
+    /// Returns the highest rate that the programmed speeds allow at a share of the corner's time.
     fn programmed(
         &self,
         share: f64,
@@ -228,29 +229,29 @@ impl Blend {
         second: &Segment,
     ) -> f64 {
         let [one, other] = [first, second].map(Segment::programmed_speed);
-        // Neither motion goes faster than it does outside of the corner.
+        // Neither motion is faster than outside of the corner.
         let alone = (one / (self.from_zone * eased_slope(1.0 - share)))
             .min(other / (self.to_zone * eased_slope(share)));
         let borders = [one / (BORDER_SLOPE * self.from_zone), other / (BORDER_SLOPE * self.to_zone)];
         if leads_tool {
-            // Nor does the tool, where there is a speed of the tool.
+            // Nor is the tool, where the motions have a speed of the tool.
             let tool = BETWEEN_NODES * one.max(other) / node.tool_slope(&self.ratings);
             alone.min(tool).min(2.0 * borders[0].max(borders[1]))
         } else {
-            // Nor do the joints, where both go point to point.
+            // Nor are the joints, where both motions are point to point.
             let most = [first, second].map(Segment::programmed_share).into_iter().fold(0.0, f64::max);
             alone.min(BETWEEN_NODES * most * node.speed_of_joints(&self.ratings))
         }
     }
 }
 
-/// What joints and tool are allowed where two motions meet: what both allow.
+/// Returns the limits of joints and tool where two motions meet: the lower ones of both.
 fn both(first: &Segment, second: &Segment, arm: &Arm) -> Ratings {
     let least = |of: fn(&Ratings) -> f64| of(&first.ratings).min(of(&second.ratings));
     let axes = |one: &Joints, other: &Joints| core::array::from_fn(|axis| one[axis].min(other[axis]));
     let (one, other) = (first.ratings.jerk(), second.ratings.jerk());
     let rated = arm.limits();
-    // Point to point all places are alike and less is kept in reserve.
+    // On a point-to-point motion all places are alike, and less is kept in reserve.
     let acceleration = axes(&first.ratings.acceleration, &second.ratings.acceleration);
     let acceleration = axes(&acceleration, &rated.acceleration.map(|rated| AXIS_RESERVE * rated));
     let jerk = axes(&axes(&one, &other), &rated.jerk.map(|rated| AXIS_RESERVE * rated));
@@ -277,7 +278,7 @@ fn eased_slope(w: f64) -> f64 {
     w * w * (6.0 - 4.0 * w)
 }
 
-/// Why a corner cannot be rounded as tried.
+/// Why a corner cannot be rounded with this zone.
 enum Unfit {
     /// The arm cannot follow.
     Arm,
@@ -299,20 +300,20 @@ fn sum(one: &Frame, corner: &Frame, two: &Frame) -> Frame {
     }
 }
 
-/// What the end of a motion gives to a corner at most, in its curve's unit.
+/// Returns the largest length that a corner may replace at the end of a motion, in its curve's unit.
 #[must_use]
 pub(super) fn wanted_zone(segment: &Segment, arm: &Arm) -> f64 {
     Approach::new(segment, End::Last, arm).zone(segment.approximation_mm)
 }
 
-/// A motion near a corner at one of its ends: how far its tool is from there.
+/// One end of a motion, at a corner: the distances of its tool from the corner.
 struct Approach<'a> {
     segment: &'a Segment,
     end: End,
     arm: &'a Arm,
     /// The tool at the corner, in the root.
     corner: [f64; 3],
-    /// The most that the motion gives to the corner, half of it as a rule, in its curve's unit.
+    /// Largest length of the motion that the corner may replace, half of it as a rule, in its curve's unit.
     half: f64,
     /// How far from the corner that is, in mm.
     half_mm: f64,
@@ -330,7 +331,7 @@ impl<'a> Approach<'a> {
         approach
     }
 
-    /// How much of the motion lies within `distance_mm` of the corner, in its curve's unit; at most half of it.
+    /// Returns the length of the motion within `distance_mm` of the corner, in its curve's unit; at most half of it.
     fn zone(&self, distance_mm: f64) -> f64 {
         if matches!(self.segment.curve, Curve::Line(_)) {
             return distance_mm.min(self.half);
@@ -339,7 +340,7 @@ impl<'a> Approach<'a> {
         if outside.1 <= distance_mm {
             return self.half;
         }
-        // The distance grows nearly evenly with the way: a secant, aimed a little short, is there in a few steps.
+        // The distance grows nearly evenly with the way: the secant method, aimed a little short, takes a few steps.
         let aim = distance_mm * (1.0 - ZONE_ACCURACY / 2.0);
         for step in 0..ZONE_STEPS {
             if inside.1 >= distance_mm * (1.0 - ZONE_ACCURACY) {
@@ -353,12 +354,12 @@ impl<'a> Approach<'a> {
         inside.0
     }
 
-    /// How far the tool is from the corner when the way to it is `way`, in mm.
+    /// Returns the distance of the tool from the corner in mm where the way to the corner is `way`.
     fn distance_at(&self, way: f64) -> f64 {
         distance(self.corner, self.place(way))
     }
 
-    /// The tool in the root when the way to the corner is `way`.
+    /// Returns the tool in the root where the way to the corner is `way`.
     fn place(&self, way: f64) -> [f64; 3] {
         let way = match self.end {
             End::First => way,

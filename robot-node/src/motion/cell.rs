@@ -1,11 +1,11 @@
-//! A piece of a law between two knots: how it goes on with time.
+//! A cell of a law, between two knots, as a function of time.
 
 use super::node::Pace;
 
-/// How the speed goes within a cell.
+/// The course of the speed within a cell.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Shape {
-    /// The acceleration grows evenly with the way, by this much.
+    /// The acceleration grows linearly with the way, by this per unit of way.
     Even(f64),
     /// With a constant jerk from rest.
     FromRest(f64),
@@ -13,11 +13,11 @@ enum Shape {
     ToRest(f64),
 }
 
-/// A piece of a law between two knots.
+/// A cell of a law, between two knots.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Cell {
     pub(super) length: f64,
-    /// How long it takes, in s.
+    /// Duration in s.
     pub(super) duration: f64,
     speed: f64,
     acceleration: f64,
@@ -81,7 +81,8 @@ impl Cell {
         matches!(self.shape, Shape::ToRest(_))
     }
 
-    /// When its acceleration becomes negative and stays so until the cell's end, in s; none where it is not negative there.
+    /// Returns the time in s from which the acceleration is negative up to the cell's end; none where it is not
+    /// negative there.
     pub(super) fn brakes_from(&self) -> Option<f64> {
         let Shape::Even(change) = self.shape else {
             return matches!(self.shape, Shape::ToRest(_)).then_some(0.0);

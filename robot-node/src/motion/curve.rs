@@ -5,15 +5,16 @@ use super::flange::Flange;
 use super::spline::Spline;
 use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Rotation, Violation, distance};
 
-/// How far a line that goes on with another one may lead off that, in mm and in degrees, at the end of the shorter one:
-/// what coordinates in single precision are off.
+/// Largest distance of a line from the line that it continues, in mm and in degrees, at the end of the shorter one: the
+/// rounding of coordinates in single precision.
 const STRAIGHT_MM: f64 = 1e-4;
 const STRAIGHT_DEG: f64 = 1e-4;
 
-/// How far its direction may be off, and its turn on each mm in degrees: near a singular position the joints make much of that.
+/// Largest difference of the directions, and of the turns per mm in degrees: near a singular position a small one moves
+/// the joints far.
 const KINK: f64 = 5e-5;
 
-/// Where the tool, or the joints, go from one point to the next. Another kind of motion is another variant.
+/// The way of the tool, or of the joints, from one point to the next. Each kind of motion has a variant.
 #[expect(
     clippy::large_enum_variant,
     reason = "kept in queues of fixed size; nothing is allocated while it runs"
@@ -26,7 +27,7 @@ pub enum Curve {
     Arc(Arc),
     /// A piece of a spline of the tool.
     Spline(Spline),
-    /// All axes together.
+    /// All axes, point to point.
     Axes(AxisLine),
 }
 
@@ -55,7 +56,7 @@ impl Line {
     pub fn new(from: Frame, to: Frame, flange: Flange) -> Self {
         let (axis, angle) = (from.rotation.inverse() * to.rotation).axis_angle();
         let way = distance(from.position, to.position);
-        // Single precision on the wire leaves some micrometres: that is no way to divide by.
+        // Single precision on the wire leaves some micrometres, by which nothing may be divided.
         let length = if way < 1e-3 { angle } else { way };
         let length = if length < 1e-3 { 0.0 } else { length };
         Self { from, to, length, axis, angle, flange }
@@ -82,8 +83,8 @@ impl Line {
         if self.length > 0.0 { way / self.length } else { 1.0 }
     }
 
-    /// Whether the next one goes on with it as one line: the same tool, direction and turn on each mm, but for the rounding
-    /// of what comes over the wire.
+    /// Returns whether the next one continues it as one line: the same tool, direction and turn per mm, except for the
+    /// rounding on the wire.
     #[must_use]
     pub(super) fn goes_on_to(&self, next: &Self) -> bool {
         let by_mm = |line: &Self| {

@@ -1,8 +1,8 @@
 //! How joints and tool change along a part of a path: first to third derivatives, from few samples.
 //!
 //! The part is sampled at Chebyshev points, and the polynomial through the samples is differentiated. Joints along a
-//! path are smooth but at singular positions, so that few points say much; how fast the polynomial's last factors
-//! fall off says how much they leave out.
+//! path are smooth except at singular positions, so a few points describe them well. How fast the polynomial's last
+//! coefficients fall tells the error.
 
 use core::f64::consts::PI;
 use std::sync::LazyLock;
@@ -15,7 +15,7 @@ pub(super) const NODES: usize = 9;
 /// Points at which the derivatives are known: the samples and one between each two of them.
 pub(super) const POINTS: usize = 2 * NODES - 1;
 
-/// How much more than found a joint may go between two points before it turns round.
+/// Factor for the extreme values of a joint between two points, which are found only approximately.
 const EXTREMUM: f64 = 1.25;
 
 /// Six joints and the three coordinates of the tool.
@@ -46,12 +46,12 @@ impl Samples {
 /// By order: the first, second and third derivative.
 type ByOrder<T> = [T; 3];
 
-/// One value for each point, as they are found: a point and its mirror image about the middle of the part are found
-/// together, so those up to the middle come first, and then from the end those down to it. The few in the middle come
-/// twice, so that the processor has a full row to work on.
+/// One value for each point, in the order in which they are computed. A point and its mirror image about the middle of
+/// the part are computed together: the points from the start to the middle come first, then those from the end back to
+/// the middle. Those in the middle come twice, which fills the processor's vector registers.
 type AtPoints = [f64; PLACES];
 
-/// How many these are.
+/// Number of these values.
 pub(super) const PLACES: usize = 2 * LANES;
 const _: () = assert!(PLACES.is_multiple_of(4), "they are worked on four at a time");
 
@@ -61,7 +61,7 @@ pub(super) struct Channel {
     samples: [f64; NODES],
     /// Its derivatives at each point.
     pub(super) at: ByOrder<AtPoints>,
-    /// What they may be off.
+    /// Largest errors of the derivatives.
     pub(super) off: ByOrder<f64>,
 }
 
@@ -74,7 +74,7 @@ impl Channel {
         let halves = Halves::of(samples);
         let [last_even, last_odd] = operators.factors.apply(&halves);
         let (before, end) = (last_odd[0].abs() + last_even[0].abs(), last_odd[1].abs() + last_even[1].abs());
-        // The factors fall off evenly. Those left out have the slope of their polynomial's end at most.
+        // The coefficients fall at an even rate. The slope of a polynomial that is left out is largest at its end.
         let left_out = if end < before { end * end / before } else { end };
         let mut scale = 1.0;
         for (order, operator) in operators.derivatives.iter().enumerate() {
@@ -87,10 +87,10 @@ impl Channel {
         }
     }
 
-    /// What lies around all values along a part that is `width` long: found at once, and wider than [`range`](Self::range).
+    /// Returns bounds of all values along a part that is `width` long: quicker and wider than [`range`](Self::range).
     fn bounds(&self, width: f64) -> (f64, f64) {
         let steepest = largest(&self.at[0]);
-        // From two samples toward each other, as steep as anywhere.
+        // From two samples toward each other, with the steepest slope of the part.
         let beyond = EXTREMUM * steepest * width * OPERATORS.longest_step / 2.0;
         let (lowest, highest) = lowest_and_highest(&self.samples);
         (lowest - beyond, highest + beyond)
@@ -105,7 +105,7 @@ impl Channel {
             let slope = |point| self.at[0][place_of(point)];
             let (before, next) = (slope(point), slope(point + 1));
             if before * next < 0.0 {
-                // It turns round in between: about where the slope, drawn straight, is 0.
+                // It has an extreme value in between: about where the slope, taken as linear, is 0.
                 let step = width * OPERATORS.steps[point];
                 let beyond = EXTREMUM * before * step / 2.0 * before / (before - next);
                 let value = values[place_of(point)];
@@ -125,15 +125,15 @@ pub(super) const fn place_of(point: usize) -> usize {
     if point < HALF_POINTS { point } else { LANES + POINTS - 1 - point }
 }
 
-/// The size of the largest of some values; those that are no numbers do not count.
+/// Returns the largest absolute value; those that are no numbers do not count.
 pub(super) fn largest(values: &AtPoints) -> f64 {
     most(0.0, |at| values[at].abs())
 }
 
-/// The largest of what a figure is at the places and of `least`. What is no number does not count.
+/// Returns the largest of `least` and of a figure at the places. What is no number does not count.
 #[inline]
 pub(super) fn most(least: f64, figure: impl Fn(usize) -> f64) -> f64 {
-    // So many side by side, since each comparison waits for the one before.
+    // Several side by side, since each comparison waits for the one before.
     const LANES: usize = 4;
     let mut most = [least; LANES];
     for row in 0..PLACES / LANES {
@@ -157,7 +157,7 @@ fn lowest_and_highest(values: &[f64]) -> (f64, f64) {
 pub(super) struct Derivatives([Channel; CHANNELS]);
 
 impl Derivatives {
-    /// None yet. They are so many that they are [found](Self::find) in place.
+    /// Empty. They are so many that they are [computed](Self::find) in place.
     pub(super) const NONE: Self = Self([Channel::NONE; CHANNELS]);
 
     /// From samples at [`SHARES`] of a part that is `width` long. Of the tool's derivatives those from the order `tool_from`

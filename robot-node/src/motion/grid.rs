@@ -6,35 +6,35 @@ use super::knot::{Knot, Rates};
 use super::node::{Node, Pace, Ratings};
 use super::slopes::Slopes;
 
-/// Parts that a stretch has at most.
+/// Largest number of parts of a stretch.
 pub(super) const PARTS: usize = 16;
 
-/// Knots that a stretch has at most. A longer one leaves out every other node.
+/// Largest number of knots of a stretch. A longer one leaves out every other node.
 pub(super) const KNOTS: usize = 1024;
 
-/// So many more nodes may be left out.
+/// Number of coarser steps over the nodes that are tried.
 const STRIDES: usize = 8;
 
-/// A cell between two knots is this share of the stretch long at most.
+/// Largest length of a cell between two knots, as a share of the stretch.
 const LONGEST: f64 = 1.0 / 8.0;
 
-/// A straight part or a corner, as far as it belongs to the stretch.
+/// The part of a motion or of a corner that belongs to the stretch.
 #[derive(Clone, Copy)]
 pub(super) struct Part<'a> {
     pub(super) nodes: &'a [Node],
     pub(super) ratings: &'a Ratings,
-    /// Where the stretch enters and leaves it, in its unit.
+    /// Where the stretch enters and leaves it, in its own unit.
     pub(super) from: f64,
     pub(super) to: f64,
-    /// What its way grows by for each unit of the stretch.
+    /// Its own units per unit of the stretch.
     pub(super) unit: f64,
-    /// The number of its motion, and whether it is the corner after that.
+    /// The number of its motion, and whether it is the corner after that motion.
     pub(super) motion: u32,
     pub(super) in_blend: bool,
 }
 
 impl Part<'_> {
-    /// How long it is in the unit of the stretch.
+    /// Returns its length in the unit of the stretch.
     pub(super) fn length(&self) -> f64 {
         (self.to - self.from).max(0.0) / self.unit
     }
@@ -45,7 +45,7 @@ impl Part<'_> {
         Some(Knot::between(one, other, share, rates, way, self.unit))
     }
 
-    /// What a place of its own unit asks, in that unit.
+    /// Returns the derivatives at a place of its own unit, in that unit.
     pub(super) fn slopes(&self, own_way: f64) -> Option<Slopes> {
         let (one, other, share) = self.nodes_around(own_way)?;
         Some(Slopes::between(one, other, share, 1.0))
@@ -60,20 +60,20 @@ impl Part<'_> {
     }
 }
 
-/// A cell is at most about so many times as long as the one beside it, so that the speed does not change too much within it.
+/// Largest ratio of the lengths of two neighbouring cells, about: in a longer one the speed would change too much.
 const GRADING: f64 = 3.0;
 
 /// The knots, and where each part begins.
 #[derive(Debug)]
 pub(super) struct Grid {
-    /// With room for [`KNOTS`], as all that is kept of them, which is too much for a stack.
+    /// With room for [`KNOTS`]. On the heap, as all lists of knots: they are too large for a stack.
     pub(super) knots: Vec<Knot>,
-    /// What is asked in the middle of each cell.
+    /// The derivatives in the middle of each cell.
     pub(super) middles: Vec<Slopes>,
-    /// The knots at nodes and borders, before cells are cut.
+    /// The knots at nodes and borders, before long cells are cut.
     rough: Vec<Knot>,
-    /// The same places as parts have them that end there, for all parts but the first: with their own limits, and perhaps another
-    /// third derivative.
+    /// The knots at the borders once more, with the limits and derivatives of the part that ends there; the third
+    /// derivative may jump at a border.
     pub(super) ends: ArrayVec<Knot, PARTS>,
     /// The knot at which a part begins.
     pub(super) begins: ArrayVec<usize, PARTS>,
@@ -87,21 +87,21 @@ impl Default for Grid {
     }
 }
 
-/// Adds a knot; none where there is no room.
+/// Adds a knot; none if there is no room.
 fn push(knots: &mut Vec<Knot>, knot: Knot) -> Option<()> {
     (knots.len() < KNOTS).then(|| knots.push(knot))
 }
 
 impl Grid {
-    /// Takes the knots of these parts; none where there is no way to go, or too much.
+    /// Takes the knots of these parts; none if there is no way to go or there are too many nodes.
     pub(super) fn fill(&mut self, parts: &[Part<'_>], pace: &Pace) -> Option<()> {
         let nodes: usize = parts.iter().map(|part| part.nodes.len() + 2).sum();
         let stride = nodes.div_ceil(KNOTS - 2 * PARTS - 16);
-        // How many cells are cut is not known before.
+        // How many cells are cut is not known in advance.
         (stride..stride + STRIDES).find_map(|stride| self.take_nodes(parts, pace, stride))
     }
 
-    /// Takes every so manieth node; none where they are too many.
+    /// Takes one node in `stride`; none if they are too many.
     fn take_nodes(&mut self, parts: &[Part<'_>], pace: &Pace, stride: usize) -> Option<()> {
         self.rough.clear();
         self.ends.clear();
@@ -138,7 +138,8 @@ impl Grid {
         self.begins.try_push(self.rough.len() - 1).ok()
     }
 
-    /// Takes what is behind the first knot of a part that begins at `begin`. No cell is too long for the whole `length`.
+    /// Takes what is behind the first knot of a part that begins at `begin`. No cell is longer than [`LONGEST`] of the
+    /// whole `length`.
     fn take_part(
         &mut self,
         (part, rates): (&Part<'_>, &Rates),
@@ -171,13 +172,13 @@ impl Grid {
         Some(())
     }
 
-    /// The place where a cell ends as the part has it that ends there too, if one does.
+    /// The knot at the end of a cell with the limits of the part that ends there, if one does.
     fn end_of(&self, cell: usize) -> Option<&Knot> {
         let part = self.begins.iter().position(|begin| *begin == cell + 1)?;
         self.ends.get(part.checked_sub(1)?)
     }
 
-    /// Cuts cells that are much longer than those beside them, which a short corner between long motions has.
+    /// Cuts cells that are much longer than their neighbours, as there are beside a short corner between long motions.
     fn grade(&mut self, first_cell: f64) -> Option<()> {
         let Self { knots, rough, ends, begins, .. } = self;
         knots.clear();
@@ -204,7 +205,7 @@ impl Grid {
                 step *= GRADING;
                 way += step;
             }
-            // From the other end the longest comes first.
+            // From the other end the longest cut comes first.
             let (mut step, mut way) = (GRADING * after, GRADING * after);
             let mut cuts = 0;
             while way < length / 2.0 {
@@ -221,7 +222,7 @@ impl Grid {
         Some(())
     }
 
-    /// From rest the jerk alone counts until the acceleration is up: a knot where that is.
+    /// Adds a knot where the acceleration has risen fully after a rest: up to there the jerk alone counts.
     fn refine_start(&mut self) {
         let (first, next) = (self.knots[0], self.knots[1]);
         let Some(ramp) = ramp(&first, next.way - first.way) else { return };
@@ -261,7 +262,8 @@ impl Grid {
     }
 }
 
-/// How far from a rest the acceleration is up, within a cell of this length. None where that is too near to its end for a knot.
+/// Returns the distance from a rest at which the acceleration has risen fully, within a cell of this length. None where
+/// that is too near to the cell's end for a knot.
 fn ramp(rest: &Knot, cell: f64) -> Option<f64> {
     let (acceleration, jerk) = rest.at_rest();
     let ramp = acceleration * acceleration * acceleration / (6.0 * jerk * jerk);

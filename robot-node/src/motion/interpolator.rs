@@ -1,7 +1,7 @@
 //! Driving along the path, one robot cycle after another.
 //!
-//! Override, suspend and halt are plans like any other: the arm stays on its path exactly, also within a corner, and
-//! keeps every limit. Where the path cannot be driven on, the arm leaves it and brakes within the limits of its axes.
+//! With override, suspend and halt too the arm stays on its path exactly, also within a corner, and keeps every limit.
+//! Where the path cannot be driven on, the arm leaves it and brakes within the limits of its axes.
 
 use super::append::Appended;
 use super::axis_monitor::AxisMonitor;
@@ -9,7 +9,7 @@ use super::path::Path;
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, Violation, length};
 
-/// What came of one cycle.
+/// Outcome of one cycle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Step {
     /// The motion, counted from 0, that has reached its decision point without a successor.
@@ -86,7 +86,7 @@ impl Interpolator {
         &self.path
     }
 
-    /// Puts one more motion at the path's end; see [`Path::append`].
+    /// Appends a motion to the path; see [`Path::append`].
     pub fn append(&mut self, segment: Segment, last: bool) -> Appended {
         self.path.append(segment, last, &self.arm)
     }
@@ -96,14 +96,15 @@ impl Interpolator {
         self.path.close();
     }
 
-    /// Forgets the path, which starts anew where the arm is. The arm must be at rest.
+    /// Removes all motions: the path starts anew where the arm is. The arm must be at rest.
     pub fn clear(&mut self) {
         self.path.clear(*self.axes.joints());
         (self.off_path, self.is_at_rest) = (false, true);
         self.tool_step = [0.0; 3];
     }
 
-    /// Forgets the path, which starts anew at `joints`: something else than this interpolator brought the arm there.
+    /// Removes all motions: the path starts anew at `joints`, to which something else than this interpolator has
+    /// brought the arm.
     pub fn rest_at(&mut self, joints: &Joints) {
         if self.axes.joints() != joints || !self.axes.is_still() {
             self.axes = AxisMonitor::at_rest(self.arm.limits(), joints, self.cycle_s);
@@ -113,7 +114,8 @@ impl Interpolator {
         self.clear();
     }
 
-    /// Stands still for a cycle: nothing to drive, or not yet. An arm that moves brakes within the limits of its axes.
+    /// Stands still for a cycle, since there is nothing to drive. An arm that moves brakes within the limits of its
+    /// axes.
     pub fn stand_still(&mut self) {
         if self.axes.is_still() {
             self.is_at_rest = true;
@@ -128,9 +130,9 @@ impl Interpolator {
     ///
     /// # Errors
     ///
-    /// What the checks of a motion found free was not, or the next cycle would be beyond what an axis is rated for. The
-    /// arm does not go there: it leaves the path and brakes, from this cycle on, until the path is
-    /// [forgotten](Self::clear).
+    /// The arm cannot go on although the checks of the motion passed, or the next cycle would exceed the ratings of an
+    /// axis. The arm does not go there: it leaves the path and brakes, from this cycle on, until the path is
+    /// [cleared](Self::clear).
     pub fn drive(&mut self, factor: f64) -> Result<Step, Violation> {
         self.take_up_tool();
         if self.off_path {
@@ -149,12 +151,12 @@ impl Interpolator {
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
 
-    /// Goes to joints that something else than the path leads to, such as a force, with this tool. The path must be
-    /// empty.
+    /// Goes to joints that something else than the path gives, such as a force controller, with this tool. The path
+    /// must be empty.
     ///
     /// # Errors
     ///
-    /// As [`drive`](Self::drive), also where there are no joints to go to.
+    /// As [`drive`](Self::drive), also if `joints` is an error.
     pub fn lead(&mut self, joints: Result<Joints, Violation>, tool_frame: &Frame) -> Result<(), Violation> {
         if *tool_frame != self.tool_frame {
             self.tool_frame = *tool_frame;

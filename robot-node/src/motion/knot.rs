@@ -1,4 +1,4 @@
-//! A place in the unit of a stretch, with what joints and tool leave a law there.
+//! A place of a stretch, with the speeds and accelerations that joints and tool allow there.
 
 use core::iter::zip;
 
@@ -7,34 +7,34 @@ use super::node::{Node, Ratings, Vector, square};
 use super::slopes::Slopes;
 use crate::arm::{AXES, Joints, dot};
 
-/// The share of the jerk left at a speed that may go into changing the speed where the path bends. The rest begins and ends
+/// Share of the jerk left at a speed that a change of the speed may use where the path bends. The rest begins and ends
 /// the change.
 const TURNING: f64 = 0.7;
 
 /// A node in the unit of a stretch from rest to rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Knot {
-    /// The way along the stretch.
+    /// Way along the stretch.
     pub(super) way: f64,
     /// The square of the highest speed, as programmed and as joints and tool allow.
     pub(super) highest: f64,
-    /// The share of acceleration and of jerk that may be made use of.
+    /// Share of the acceleration and of the jerk that may be used.
     pub(super) tightness: [f64; 2],
     pub(super) slopes: Slopes,
     pub(super) rates: Rates,
-    /// One over the joints' slopes.
+    /// Reciprocals of the joints' slopes.
     flatness: Joints,
-    /// The largest of what bends and twists count to the jerk.
+    /// Largest contributions of bends and of twists to the jerk.
     most_turning: [f64; 2],
 }
 
-/// What a law needs of a part's [`Ratings`].
+/// The part of [`Ratings`] that a law needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rates {
     pub(super) ramps: Ramps,
-    /// One over the joints' ramps.
+    /// Reciprocals of the joints' ramps.
     quickness: Joints,
-    /// How long the joints take to their rated speeds, in s: these over the accelerations.
+    /// Times in s in which the joints would reach their rated speeds: speeds over accelerations.
     speed_s: Joints,
 }
 
@@ -54,7 +54,7 @@ impl Rates {
 }
 
 impl Knot {
-    /// `unit` is what the node's unit grows by for each unit of the stretch.
+    /// `unit` is the number of the node's units per unit of the stretch.
     pub(super) fn new(node: &Node, rates: &Rates, way: f64, unit: f64) -> Self {
         let speed = node.programmed / unit;
         let highest = (speed * speed).min(node.highest / (unit * unit));
@@ -87,7 +87,7 @@ impl Knot {
         let [one, two] = [self, other].map(|knot| knot.most_turning);
         Self {
             way: self.way + share * length,
-            // At the border to a slower part only the other one is that of this part.
+            // At the border to a slower part only the other value is that of this part.
             highest: self.highest.max(other.highest),
             tightness: [1.0; 2],
             slopes,
@@ -97,7 +97,7 @@ impl Knot {
         }
     }
 
-    /// The square of the highest speed, where limits are drawn tighter.
+    /// Returns the square of the highest speed under the reduced limits.
     pub(super) fn highest(&self) -> f64 {
         self.highest * self.tightness[0].min(self.tightness[1])
     }
@@ -110,8 +110,8 @@ impl Knot {
         (self.tightness[0] / steepest, self.tightness[1] / jerk)
     }
 
-    /// The highest square x that a neighbour `distance` away may have, where the square is `known` on this side and x counts
-    /// `weight` at this place; `sign` is that of the acceleration from here to there.
+    /// Returns the highest square x of the speed at a neighbour `distance` away. The square is `known` on this side, x
+    /// has the weight `weight` at this place, and `sign` is that of the acceleration from here to there.
     pub(super) fn reach(&self, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
         let slope = sign / (2.0 * distance);
         let (joints, tool) = if sign < 0.0 {
@@ -133,20 +133,20 @@ impl Knot {
         let rest: Vector<f64> =
             core::array::from_fn(|i| (bend[i] * (1.0 - weight) - along[i] * slope) * known);
         most = most.min(largest(square(factor), dot(factor, rest), square(rest) - left * left));
-        // What turning takes of the jerk.
+        // The jerk that turning takes.
         let [bend, twist] = self.most_turning;
         let speed = known.sqrt();
         let turning = TURNING * (self.tightness[1] - twist * known * speed).max(0.0) / (3.0 * bend * speed);
         most.min(known + 2.0 * distance * turning)
     }
 
-    /// By how much the acceleration may grow (`sign` 1) or fall (−1) with the way.
+    /// Returns how fast the acceleration may grow (`sign` 1) or fall (−1) with the way.
     pub(super) fn bend_room(&self, square_speed: f64, acceleration: f64, sign: f64) -> f64 {
         let whole = self.tightness[1] / square_speed.max(f64::MIN_POSITIVE).sqrt();
         let mut least = f64::INFINITY;
         for axis in 0..AXES {
             let taken = 3.0 * self.slopes.bend[axis] * acceleration + self.slopes.twist[axis] * square_speed;
-            // Of a joint that stands this is no number, and does not count.
+            // For a joint that stands this is no number, and does not count.
             let flatness = self.flatness[axis];
             let x = whole * self.rates.quickness[axis] * flatness.abs() - sign * taken * flatness;
             least = if x < least { x } else { least };
@@ -163,7 +163,8 @@ impl Knot {
     }
 }
 
-/// The largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or what comes nearest to that; none where nothing limits it.
+/// Returns the largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or the nearest to that; infinite where nothing
+/// limits it.
 fn largest(square: f64, along: f64, rest: f64) -> f64 {
     if square == 0.0 {
         return f64::INFINITY;

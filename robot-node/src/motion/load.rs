@@ -1,10 +1,11 @@
-//! What a law takes at a place of what joints and tool are allowed there.
+//! The shares of their limits that joints and tool use at a place of a law.
 
 use super::node::Ratings;
 use super::slopes::Slopes;
 use crate::arm::{AXES, Joints};
 
-/// How long the accelerations of joints and tool take to come up, in s, and how much of them slowing down may have.
+/// Times in which the accelerations of joints and tool rise, in s, and the factors of the accelerations for slowing
+/// down.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ramps {
     pub(super) ramp_s: Joints,
@@ -20,7 +21,7 @@ impl Ramps {
     }
 }
 
-/// Accelerations and jerks as shares of what is allowed where the arm speeds up.
+/// Accelerations and jerks as shares of the limits for speeding up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load {
     /// The joints' accelerations and jerks, with their signs.
@@ -30,7 +31,7 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// Of a place, with the square of the speed, the acceleration and the jerk along the part.
+    /// Those at a place with this square of the speed, this acceleration and this jerk along the part.
     pub(super) fn new(slopes: &Slopes, [square_speed, acceleration, jerk]: [f64; 3], ramps: &Ramps) -> Self {
         let Slopes { slope, bend, twist, tool: [along, across, around] } = slopes;
         let speed = square_speed.max(0.0).sqrt();
@@ -50,7 +51,7 @@ impl Load {
         Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s] }
     }
 
-    /// The largest of each between the first and the last of three places, of which `self` is half-way: where it turns, by the
+    /// Returns the extreme values between the first and the last of three places, of which `self` is half-way, by the
     /// parabola through all three.
     pub(super) fn with_turns(mut self, before: &Self, after: &Self) -> Self {
         let turn = |before: f64, middle: &mut f64, after: f64| {
@@ -68,7 +69,7 @@ impl Load {
         self
     }
 
-    /// The most that is taken: of an acceleration, and of a jerk.
+    /// Returns the largest share of an acceleration, and of a jerk.
     pub(super) fn most(&self, slows: bool, ramps: &Ramps) -> [f64; 2] {
         let [mut accelerated, jerked] =
             self.joints.map(|joints| joints.into_iter().fold(0.0_f64, |most, load| most.max(load.abs())));

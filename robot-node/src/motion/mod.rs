@@ -1,9 +1,10 @@
 //! From motions to joints: geometry without time, limits, corners, one speed along the path, and a sample of it every
 //! robot cycle.
 //!
-//! [`Segment`] is one checked motion on its [`Curve`], with what that asks of the arm at a row of nodes; [`Blend`] the corner
-//! between two; the law (`law.rs`) how fast all of it is driven from one rest to the next; [`Path`] the look-ahead over all that is
-//! known; [`Interpolator`] drives along it, and holds each cycle against what the axes are rated for before it is driven.
+//! [`Segment`] is one checked motion on its [`Curve`], with the derivatives of joints and tool at a row of nodes.
+//! [`Blend`] is the corner between two motions. The law (`law/`) says how fast they are driven from one rest to the
+//! next. [`Path`] is the look-ahead over all motions that are known. [`Interpolator`] drives along the path, and
+//! compares each cycle with the ratings of the axes before the arm goes there.
 
 mod along;
 mod append;

@@ -1,4 +1,4 @@
-//! What a place of a part asks of joints and tool, and what is allowed there.
+//! The derivatives of joints and tool at a place of a part, and the limits there.
 //!
 //! With the speed v along the part and b = v², a joint has at a place with the derivatives q', q'' and q'''
 //!
@@ -6,13 +6,13 @@
 //! speed: q'·v        acceleration: q'·a + q''·b        jerk: (q'·κ + 3·q''·a + q'''·b)·v
 //! ```
 //!
-//! where a = b'/2 is the acceleration along the part and κ = a' how it changes with the way. The tool has the same with its place
-//! x, whose vectors are held against the programmed limits.
+//! where a = b'/2 is the acceleration along the part and κ = a' its change with the way. The same holds for the
+//! position of the tool; the sizes of its vectors are compared with the programmed limits.
 
 use super::derivatives::Derivatives;
 use crate::arm::{AXES, AxisLimits, Joints, dot};
 
-/// The share of the jerk that a constant speed takes at most. The rest begins and ends its changes.
+/// Largest share of the jerk that a constant speed may use. The rest begins and ends changes of the speed.
 const TWISTING: f64 = 0.9;
 
 /// Limits of joints and tool along a part.
@@ -20,12 +20,12 @@ const TWISTING: f64 = 0.9;
 pub(super) struct Ratings {
     pub(super) speed: Joints,
     pub(super) acceleration: Joints,
-    /// How long an acceleration takes to come up, in s: it over the jerk.
+    /// Times in which the accelerations rise, in s: acceleration over jerk.
     pub(super) ramp_s: Joints,
     /// In mm/s²; infinite where no tool is led.
     pub(super) tool_acceleration: f64,
     pub(super) tool_ramp_s: f64,
-    /// How much of the accelerations slowing down may have: of the joints', and of the tool's.
+    /// Factors of the accelerations for slowing down: of the joints, and of the tool.
     pub(super) deceleration: f64,
     pub(super) tool_deceleration: f64,
 }
@@ -42,7 +42,7 @@ pub struct Limits {
 }
 
 impl Ratings {
-    /// Of axes, with a share of their acceleration and their jerk, that lead no tool.
+    /// Those of axes that lead no tool, with a share of their acceleration and their jerk.
     pub(super) fn of_axes(rated: &AxisLimits, share: f64, reserve: f64) -> Self {
         Self {
             speed: rated.speed.map(|speed| reserve * speed),
@@ -75,12 +75,12 @@ impl Ratings {
     }
 }
 
-/// How long an acceleration takes to come up; 0 where there is no limit.
+/// Returns the time in which an acceleration rises; 0 where there is no limit.
 pub(super) fn ramp_s(acceleration: f64, jerk: f64) -> f64 {
     if jerk.is_finite() { acceleration / jerk } else { 0.0 }
 }
 
-/// How the arm moves at a place: the square of its speed, and its acceleration.
+/// Motion along a part at a place: the square of the speed, and the acceleration.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Pace {
     pub(super) square: f64,
@@ -94,7 +94,7 @@ impl Pace {
         self.square == 0.0
     }
 
-    /// How far from here the arm stands if it goes on braking like this; infinite where it does not brake.
+    /// Returns the distance in which the arm stops if it goes on braking like this; infinite where it does not brake.
     pub(super) fn brakes_within(&self) -> f64 {
         if self.acceleration < 0.0 { -self.square / (2.0 * self.acceleration) } else { f64::INFINITY }
     }
@@ -103,7 +103,7 @@ impl Pace {
 /// A vector of the tool.
 pub(super) type Vector<T> = [T; 3];
 
-/// A place of a part: its derivatives by the part's unit, over what each acceleration may be.
+/// A place of a part: the derivatives by the part's unit, over the limits of the accelerations.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Node {
     /// In the part's unit.
@@ -119,8 +119,8 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// A place from the derivatives there, and from the share of what they may be off that counts as there. Of a line, whose tool
-    /// goes straight on, the tool's are not asked for.
+    /// Creates a node from the derivatives at a place; `off` is the share of their error that is added. For a line
+    /// those of the tool are not needed.
     pub(super) fn new(
         way: f64,
         programmed: f64,
@@ -158,7 +158,7 @@ impl Node {
         Self { highest: node.highest_of_tool(ratings).min(node.highest_of_joints(ratings).0), ..node }
     }
 
-    /// A place of a motion of all axes together, whose derivatives are its whole ways.
+    /// Creates a node of a point-to-point motion, whose derivatives are the whole ways of the joints.
     pub(super) fn of_axes(way: f64, programmed: f64, ways: &Joints, ratings: &Ratings) -> Self {
         let slope = core::array::from_fn(|axis| (ways[axis] / ratings.acceleration[axis]) as f32);
         let none = [0.0; AXES];
@@ -166,7 +166,7 @@ impl Node {
         Self { way, programmed, highest: f64::INFINITY, slope, bend: none, twist: none, tool }
     }
 
-    /// The square of the highest speed that the joints allow, and the axis, from 1, that allows no more.
+    /// Returns the square of the highest speed that the joints allow, and the axis (from 1) that limits it.
     pub(super) fn highest_of_joints(&self, ratings: &Ratings) -> (f64, u8) {
         let mut slowest = (f64::INFINITY, 1);
         for axis in 0..AXES {
@@ -174,7 +174,7 @@ impl Node {
                 [self.slope[axis], self.bend[axis], self.twist[axis]].map(|value| f64::from(value.abs()));
             let speed = ratings.speed[axis] / (slope * ratings.acceleration[axis]);
             let square = (speed * speed).min(1.0 / bend);
-            // The jerk's limit has a root of the third degree: only where it counts.
+            // The limit by the jerk needs a cube root: only where it matters.
             let jerk = ratings.ramp_s[axis] * twist;
             let least = square.min(slowest.0);
             if least * least * least * jerk * jerk > TWISTING * TWISTING {
@@ -187,7 +187,7 @@ impl Node {
         slowest
     }
 
-    /// The speed at which the first joint has its rated speed.
+    /// Returns the speed at which the first joint reaches its rated speed.
     pub(super) fn speed_of_joints(&self, ratings: &Ratings) -> f64 {
         let speed = |axis: usize| {
             ratings.speed[axis] / (f64::from(self.slope[axis].abs()) * ratings.acceleration[axis])
@@ -199,7 +199,7 @@ impl Node {
         let [_, bend, twist] = self.tool.map(|vector| square(vector.map(f64::from)));
         let highest = (1.0 / bend).sqrt();
         let jerk = twist * ratings.tool_ramp_s * ratings.tool_ramp_s;
-        // A root of the third degree: only where it counts.
+        // A cube root: only where it matters.
         if highest * highest * highest * jerk > TWISTING * TWISTING {
             libm::cbrt(TWISTING * TWISTING / jerk)
         } else {
@@ -207,8 +207,8 @@ impl Node {
         }
     }
 
-    /// Reduces limits to what may all be made use of at once at this place: half of what the joints have goes into acceleration
-    /// and jerk at most, what is left into the speed.
+    /// Reduces limits to those that may all be used at once at this place: at most half of what the joints can do goes
+    /// into acceleration and jerk, the rest into the speed.
     pub(super) fn steady(&self, limits: Limits, ratings: &Ratings) -> Limits {
         let Limits { mut speed, mut acceleration, mut jerk } = limits;
         for axis in 0..AXES {
@@ -226,14 +226,14 @@ impl Node {
                         && turning * ratings.ramp_s[axis] <= 1.0
                 })
         };
-        // It is a matter of reserve: steps of a twentieth are near enough.
+        // Steps of a twentieth are near enough for a reserve.
         while speed > 0.0 && !fits(speed) {
             speed *= 0.95;
         }
         Limits { speed, acceleration, jerk }
     }
 
-    /// The highest acceleration along the part and the highest jerk that joints and tool allow here, from rest.
+    /// Returns the highest acceleration and the highest jerk along the part that joints and tool allow here from rest.
     pub(super) fn most_along(&self, ratings: &Ratings) -> [f64; 2] {
         let tool = square(self.tool[0].map(f64::from)).sqrt();
         let (mut steepest, mut ramp) = (tool, tool * ratings.tool_ramp_s);
@@ -245,7 +245,7 @@ impl Node {
         [1.0 / steepest, 1.0 / ramp]
     }
 
-    /// How fast the tool is per unit of the part's speed, in mm; 0 where no tool is led.
+    /// Returns the speed of the tool per unit of the part's speed, in mm; 0 where no tool is led.
     pub(super) fn tool_slope(&self, ratings: &Ratings) -> f64 {
         square(self.tool[0].map(f64::from)).sqrt() * ratings.tool_acceleration
     }

@@ -6,24 +6,25 @@ use std::sync::{Mutex, MutexGuard};
 use super::derivatives::POINTS;
 use super::node::Node;
 
-/// Into so many pieces a curve is cut at most.
+/// Largest number of pieces into which a curve is cut.
 pub(super) const PIECES: usize = 40;
 
 /// A piece of a curve that is shorter than this share of it needs few nodes: the speed has no time to change much.
 const SHORT: f64 = 1.0 / 8.0;
 
-/// Of a short piece of a curve one in so many points is a node, and of a longer one one in fewer; of a whole curve all are.
+/// In a short piece of a curve one point in [`STRIDE`] is a node, in a longer one one in [`LONG_STRIDE`]; in a whole
+/// curve all are.
 const STRIDE: usize = 4;
 const LONG_STRIDE: usize = 2;
 const _: () = assert!((POINTS - 1).is_multiple_of(STRIDE) && STRIDE.is_multiple_of(LONG_STRIDE));
 
-/// As many as any curve has.
+/// Largest number of nodes of a curve.
 const MOST_NODES: usize = PIECES * (POINTS - 1) / STRIDE
     + (1.0 / SHORT) as usize * (POINTS - 1) * (STRIDE - LONG_STRIDE) / (STRIDE * LONG_STRIDE)
     + 1;
 
-/// Which of the points of a piece that is this share of a curve are nodes; the first one of a piece that is not the first is the
-/// last one of the piece before.
+/// Returns which points of a piece are nodes; `share` is that of the piece in the curve. The first point of a later
+/// piece is the last one of the piece before.
 pub(super) fn points_of(share: f64, is_first: bool) -> impl Iterator<Item = usize> {
     let stride = if share >= 1.0 {
         1
@@ -35,13 +36,14 @@ pub(super) fn points_of(share: f64, is_first: bool) -> impl Iterator<Item = usiz
     (0..POINTS).step_by(stride).skip(usize::from(!is_first))
 }
 
-/// Lists that a path needs at most: of a queue of motions, of their corners, and of motions that take another shape.
+/// Largest number of lists that a path needs: for a queue of motions, their corners, and motions that take another
+/// shape.
 const LISTS: usize = 24;
 
-/// So often a thread asks for the spare lists while another one takes or gives one, which takes some nanoseconds.
+/// Attempts of a thread to get the spare lists while another one takes or returns one, which takes some nanoseconds.
 const ATTEMPTS: usize = 1_000;
 
-/// Lists that are not made use of, so that a robot cycle need not allocate one.
+/// Lists that are not in use, so that a robot cycle need not allocate one.
 static SPARES: Mutex<Vec<Vec<Node>>> = Mutex::new(Vec::new());
 
 /// The spare lists, without ever waiting for a thread that the system has stopped.
@@ -55,7 +57,7 @@ fn spares() -> Option<MutexGuard<'static, Vec<Vec<Node>>>> {
     })
 }
 
-/// Room for the nodes of a path, as long as there is the path: so many of the spare lists are its own.
+/// Room for the nodes of a path as long as the path exists: this many of the spare lists belong to it.
 #[derive(Debug)]
 pub(super) struct Room(usize);
 
@@ -88,12 +90,12 @@ impl Drop for Room {
     }
 }
 
-/// Some nodes one after another. They are so many that a motion which is handed on leaves them where they are.
+/// Nodes in order of the way. They are on the heap, so that a motion can be moved cheaply.
 #[derive(PartialEq, Debug)]
 pub(super) struct Nodes(Vec<Node>);
 
 impl Nodes {
-    /// None yet, with room for as many as any curve has.
+    /// Empty, with room for the nodes of any curve.
     pub(super) fn new() -> Self {
         let spare = spares().and_then(|mut spares| spares.pop());
         Self(spare.unwrap_or_else(|| Vec::with_capacity(MOST_NODES)))

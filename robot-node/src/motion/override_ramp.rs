@@ -1,8 +1,8 @@
-//! How the override changes while the arm moves: as fast as joints and tool allow, on the path.
+//! Changes the override while the arm moves: as fast as joints and tool allow, on the path.
 //!
-//! Each cycle the rate of the law's time is bent for one step, such that the arm has the jerk that it may have, and what follows
-//! the step is known before: the rate levels out. Only a step from which that keeps the limits is begun, so that there is always a
-//! way on; the next cycle mostly takes another step instead. The last one levels out at the override.
+//! Each cycle begins a new ramp of the rate: a step in which the arm has the highest jerk that the limits allow, and
+//! then phases in which the rate levels out. A ramp is begun only if all of it keeps the limits, so the arm can always
+//! finish it; mostly the next cycle replaces it by another one. The last ramp levels out at the override.
 
 use super::knot::Rates;
 use super::load::{Load, Ramps};
@@ -11,15 +11,16 @@ use super::path::Path;
 use super::piece::{Course, Piece};
 use super::time_scale::{BENDS, MOST_BENT, Phase, Ramp, Rate, TimeScale};
 
-/// A step takes so many seconds.
+/// Duration of a step, in s.
 const STEP_S: f64 = 0.004;
 
-/// The shares of the most jerk with which a step is tried: toward the override, and away from it where what the arm does has to be
-/// taken back first.
-const PULLS: [f64; 12] = [1.0, 0.93, 0.86, 0.78, 0.65, 0.5, 0.3, 0.15, 0.05, -0.15, -0.3, -0.6];
+/// Shares of the highest jerk with which a step is tried: toward the override, and away from it where the present
+/// change must be taken back first.
+const JERK_SHARES: [f64; 12] = [1.0, 0.93, 0.86, 0.78, 0.65, 0.5, 0.3, 0.15, 0.05, -0.15, -0.3, -0.6];
 
-/// How the rate may level out after a step: the seconds it first goes on evenly, and the share of the most jerk that then bends it.
-/// While the law itself takes all of the jerk, only a weak one or a late one is possible.
+/// Ways to level out after a step: the seconds for which the rate first keeps its slope, and the share of the highest
+/// jerk with which it then levels out. While the law itself uses all of the jerk, only a weak or a late one is
+/// possible.
 const LEVELS: [[f64; 2]; 10] = [
     [0.0, 0.9],
     [0.0, 0.6],
@@ -33,25 +34,27 @@ const LEVELS: [[f64; 2]; 10] = [
     [0.1, 0.6],
 ];
 
-/// The first ones are strong enough to end a ramp.
+/// This many of them are strong enough to end a ramp at the override.
 const LANDINGS: usize = 3;
 
-/// The share of the most acceleration that steps come up to.
-const STEEP: f64 = 0.99;
+/// Share of the highest acceleration that steps reach.
+const ACCELERATION_SHARE: f64 = 0.99;
 
-/// By so much a ramp may lead away from the override at most.
+/// Largest distance by which a ramp may lead away from the override.
 const AWAY: f64 = 1e-6;
 
-/// A ramp is worth to be replaced by one that changes the rate within a step by so much more, of what levelling out could.
-const WORTH: f64 = 1e-3;
+/// A ramp is replaced by one that changes the rate within a step by this much more, as a share of the change by the
+/// highest jerk.
+const LEAST_GAIN: f64 = 1e-3;
 
-/// What joints and tool may take while the override changes, of what is planned with: a little of the reserve.
+/// Share of the planned limits that joints and tool may use while the override changes: a little of the reserve.
 const WHILE_SCALED: f64 = 1.008;
 
-/// A ramp is looked at where pieces of the law end, and every so many seconds: in each of its phases at least and at most so often.
-const LOOK_S: f64 = 0.0005;
-const LEAST_LOOKS: f64 = 2.0;
-const MOST_LOOKS: f64 = 128.0;
+/// A ramp is checked where pieces of the law end and at this interval, in s: at least and at most this often in each of
+/// its phases.
+const CHECK_S: f64 = 0.0005;
+const LEAST_CHECKS: f64 = 2.0;
+const MOST_CHECKS: f64 = 128.0;
 
 impl Path {
     /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the limits allow.
@@ -67,8 +70,8 @@ impl Path {
         }
     }
 
-    /// The ramp toward the override that changes the rate the most within a step and keeps the limits. None where the one under
-    /// way changes it as much.
+    /// Returns the ramp toward the override that changes the rate most within a step and keeps the limits. None where
+    /// the present ramp changes it as much.
     fn quickest_ramp(&self) -> Option<Ramp> {
         let (part, spot, Pace { square, acceleration }) = self.here()?;
         let (most, most_jerk) = part.knot(spot.way, 0.0, &Rates::of(part.ratings))?.at_rest();
@@ -76,17 +79,22 @@ impl Path {
         let sign = 1.0_f64.copysign(self.factor - now.share);
         let under_way = self.scale.after(STEP_S).change;
         let accelerates = now.share * now.share * acceleration + now.change * speed;
-        let room = (STEEP * most - sign * accelerates) / STEP_S;
+        let room = (ACCELERATION_SHARE * most - sign * accelerates) / STEP_S;
         let course = self.course();
-        let worth = if self.scale.is_steady() { 0.0 } else { WORTH * STEP_S * most_jerk / speed };
-        // A rate that goes the other way yet goes no farther than it would have.
+        let least_gain = if self.scale.is_steady() { 0.0 } else { LEAST_GAIN * STEP_S * most_jerk / speed };
+        // A rate that still moves away from the override goes no farther than it would have gone.
         let farthest = if sign * now.change >= 0.0 { now.share } else { self.scale.target() };
         let is_better = |ramp: &Ramp| {
-            sign * (ramp.farthest(-sign) - farthest) >= -AWAY && sign * (ramp.change() - under_way) > worth
+            sign * (ramp.farthest(-sign) - farthest) >= -AWAY
+                && sign * (ramp.change() - under_way) > least_gain
         };
         let mut has_landed = [false; LANDINGS];
-        for pull in PULLS {
-            let jerk = if pull > 0.0 { pull * most_jerk.min(room) } else { room.min(pull * most_jerk) };
+        for jerk_share in JERK_SHARES {
+            let jerk = if jerk_share > 0.0 {
+                jerk_share * most_jerk.min(room)
+            } else {
+                room.min(jerk_share * most_jerk)
+            };
             let bends = self.bends(sign * jerk);
             let mut behind = None;
             for (index, [hold, level]) in LEVELS.into_iter().enumerate() {
@@ -116,12 +124,13 @@ impl Path {
         None
     }
 
-    /// How the law goes on from here.
+    /// Returns the law from the present place on.
     fn course(&self) -> Course<impl Iterator<Item = Piece> + Clone> {
         Course::new(self.pieces.iter().copied(), self.time)
     }
 
-    /// How the rate bends in the parts of the next step where the arm has this jerk, in the unit of the part that it is in.
+    /// Returns the second derivatives of the rate in the parts of the next step that give the arm this jerk, in the
+    /// unit of the present part.
     fn bends(&self, jerk: f64) -> [f64; BENDS] {
         let (mut rate, mut course) = (self.scale.now(), self.course());
         rate.bend = 0.0;
@@ -140,15 +149,15 @@ impl Path {
         })
     }
 
-    /// Whether joints and tool keep their limits while the law's time goes as these phases have it, along a course, which then goes
-    /// on behind them.
+    /// Returns whether joints and tool keep their limits while the law's time passes as in these phases, along a
+    /// course, which is advanced by them.
     pub(super) fn keeps_limits<I: Iterator<Item = Piece>>(
         &self,
         phases: impl IntoIterator<Item = Phase>,
         course: &mut Course<I>,
     ) -> bool {
         for phase in phases.into_iter().filter(|phase| phase.seconds > 0.0) {
-            let step = (phase.seconds / LEAST_LOOKS).min(LOOK_S).max(phase.seconds / MOST_LOOKS);
+            let step = (phase.seconds / LEAST_CHECKS).min(CHECK_S).max(phase.seconds / MOST_CHECKS);
             let (mut now, mut law_now) = (0.0, 0.0);
             while now < phase.seconds {
                 let Some(mut piece) = course.piece else { return true };
@@ -160,7 +169,7 @@ impl Path {
                 let (mut gone, end) = (-course.time, law_next - law_now);
                 course.time += end;
                 while course.time >= piece.cell.duration {
-                    // It is the most where one piece goes over into the next.
+                    // The loads are highest where one piece ends and the next begins.
                     gone += piece.cell.duration;
                     let border = phase.at(now + gone / end * (next - now)).0;
                     if !self.keeps_limits_at(&piece, piece.cell.duration, &border) {
@@ -197,7 +206,7 @@ impl Path {
         if scaled[0].max(scaled[1]) <= WHILE_SCALED {
             return true;
         }
-        // No more than the law itself takes there.
+        // The loads may be those of the law itself.
         let own = load(square, acceleration, jerk).map(|load| load.max(WHILE_SCALED));
         scaled[0] <= own[0] && scaled[1] <= own[1]
     }

@@ -1,8 +1,9 @@
 //! The queue of motions as one path with one speed along it.
 //!
-//! Each motion is a *straight* part and the corner into the next one. From one rest to the next, the parts make a stretch, which has
-//! one [`Law`] over all of them. What is driven stays as it was: one more motion changes the law from where it would have begun to
-//! brake for the end that was, or from the present way, speed and acceleration. The override is a [`TimeScale`] and changes no law.
+//! Each motion is a *straight* part and the corner into the next one. From one rest to the next, the parts make a
+//! stretch, which has one [`Law`] over all of them. One more motion changes the law only from the place on where the
+//! arm would have begun to brake for the former end, or from the present place, speed and acceleration. The override is
+//! a [`TimeScale`] and changes no law.
 
 use std::collections::VecDeque;
 
@@ -19,7 +20,7 @@ use crate::arm::{Arm, Joints, Violation};
 /// Five motions that wait or run, and those whose corner is still being left.
 const CAPACITY: usize = PARTS / 2;
 
-/// Cells of all stretches, for which room is made.
+/// Number of cells for which there is room, of all stretches.
 pub(super) const CELLS: usize = 4096;
 
 /// A place on the path, by time: a cell of its law, and the seconds since its start.
@@ -27,23 +28,23 @@ pub(super) const CELLS: usize = 4096;
 pub struct Place {
     cell: usize,
     time: f64,
-    /// How long it takes to go there, in s.
+    /// Time to go there, in s.
     seconds: f64,
-    /// On the way the arm comes to rest, where the override may be another at once.
+    /// Whether the arm comes to rest on the way there: from the rest on the override may change at once.
     settled: bool,
 }
 
 #[derive(Clone, Debug)]
 pub(super) struct Planned {
     pub(super) segment: Segment,
-    /// Where its end would be left for a corner at the earliest, counted from the end.
+    /// Length before its end on which it may be left for a corner.
     pub(super) zone: f64,
-    /// It will stop at its end, whatever comes.
+    /// Whether it stops at its end, whatever follows.
     pub(super) stops: bool,
     /// Where the corner before it ends, in its curve's unit; 0 without one.
     pub(super) start: f64,
     pub(super) corner: Option<Blend>,
-    /// The next motion goes on as one curve with this one: no corner, no stop.
+    /// Whether the next motion is one curve with this one: no corner, no stop.
     pub(super) goes_on: bool,
 }
 
@@ -51,15 +52,16 @@ pub(super) struct Planned {
 #[derive(Debug)]
 pub struct Path {
     pub(super) queue: VecDeque<Planned>,
-    /// The law of all that is ahead.
+    /// The law from the present piece to the end.
     pub(super) pieces: VecDeque<Piece>,
-    /// Where the law of one stretch is found; taken out while that is done.
+    /// Memory for planning the law of one stretch; taken out meanwhile.
     pub(super) law: Option<Box<Law>>,
     /// Seconds since the start of the first piece.
     pub(super) time: f64,
-    /// Where that is.
+    /// The place of the arm.
     pub(super) spot: Spot,
-    /// The pieces at the end of the law in which the arm brakes all the time, and when it begins to in the one before.
+    /// The number of pieces at the end of the law in which the arm only brakes, and the time in the piece before from
+    /// which it brakes.
     pub(super) braking: (usize, f64),
     /// The override, 0…1, and the one in effect, which follows it.
     pub(super) factor: f64,
@@ -68,12 +70,12 @@ pub struct Path {
     pub(super) start: Joints,
     pub(super) end: Joints,
     pub(super) left_behind: u32,
-    /// For the nodes of the queue, which are dropped before it.
+    /// Room for the nodes of the queue, which are dropped before it.
     _room: Room,
 }
 
 impl Clone for Path {
-    /// A copy has no room beforehand: it allocates what it needs.
+    /// A copy has no room of its own: it allocates what it needs.
     fn clone(&self) -> Self {
         let Self { time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
         let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
@@ -182,7 +184,7 @@ impl Path {
         Some(Part { nodes, ratings, from: way, to: way, unit: 1.0, motion, in_blend })
     }
 
-    /// How far the path is driven `seconds` from now, and what is left of them if it ends before.
+    /// Returns the place on the path after `seconds`, and the rest of the seconds if the path ends before.
     #[must_use]
     pub fn ahead(&self, seconds: f64) -> (Place, f64) {
         let mut time = self.time + self.scale.law_seconds(seconds);
@@ -250,7 +252,8 @@ impl Path {
         self.left_behind += 1;
     }
 
-    /// The start of braking or of the zone, whichever is first, is where a motion must know what follows.
+    /// Stops the last motion at its end where the arm begins to brake or reaches the zone without a successor,
+    /// whichever is first.
     fn decide(&mut self) -> Option<u32> {
         if self.queue.len() != 1 {
             return None;

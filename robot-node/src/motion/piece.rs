@@ -3,14 +3,14 @@
 use super::cell::Cell;
 use super::node::Pace;
 
-/// A place on the path, by way; one that comes later is greater.
+/// A place on the path, by way; a later one is greater.
 #[derive(Clone, Copy, PartialEq, PartialOrd, Debug)]
 pub(super) struct Spot {
     /// The number of the motion.
     pub(super) motion: u32,
-    /// In the corner after its straight part.
+    /// Whether it is in the corner after that motion.
     pub(super) in_blend: bool,
-    /// In the unit of that part.
+    /// In the unit of the motion's curve or of the corner.
     pub(super) way: f64,
 }
 
@@ -19,7 +19,7 @@ pub(super) struct Spot {
 pub(super) struct Piece {
     pub(super) cell: Cell,
     pub(super) start: Spot,
-    /// What the way of its part grows by for each unit of the cell.
+    /// The units of its part per unit of the cell.
     pub(super) unit: f64,
 }
 
@@ -44,13 +44,13 @@ impl Piece {
         (self.start.motion, self.start.in_blend) == (other.start.motion, other.start.in_blend)
     }
 
-    /// Whether the acceleration falls in it, as it does before the arm slows down.
+    /// Returns whether the acceleration falls in it, as it does before the arm slows down.
     pub(super) fn falls(&self) -> bool {
         self.cell.is_to_rest() || self.cell.jerk(&self.cell.at(0.0).1) < 0.0
     }
 }
 
-/// How the law goes on from a place.
+/// The law from a place on.
 #[derive(Clone, Debug)]
 pub(super) struct Course<I> {
     pieces: I,
@@ -58,8 +58,7 @@ pub(super) struct Course<I> {
     pub(super) piece: Option<Piece>,
     /// Seconds since its start.
     pub(super) time: f64,
-    /// By how much the unit of its part has shrunk since the start of the course: figures in the unit there times this are in the unit
-    /// here.
+    /// Factor from figures in the unit of the course's first part to the unit of the present part.
     pub(super) unit: f64,
 }
 
@@ -75,13 +74,13 @@ impl<I: Iterator<Item = Piece>> Course<I> {
         self.time -= piece.cell.duration;
         self.piece = if piece.cell.is_to_rest() { None } else { self.pieces.next() };
         if let Some(next) = self.piece.filter(|next| !next.is_on(piece)) {
-            // The arm goes on as fast as it came.
+            // The speed of the tool does not change there.
             let [came, goes] = [piece.at(piece.cell.duration), next.at(0.0)].map(|(_, pace)| pace.square);
             self.unit *= if came > 0.0 { (goes / came).sqrt() } else { 1.0 };
         }
     }
 
-    /// Goes on by some of the law's seconds.
+    /// Advances by some of the law's seconds.
     pub(super) fn advance(&mut self, seconds: f64) {
         self.time += seconds;
         while let Some(piece) = self.piece.filter(|piece| self.time >= piece.cell.duration) {

@@ -1,4 +1,4 @@
-//! The law of a path when it becomes another one: from where on it changes, and over which parts.
+//! Planning the law anew after a change of the path: from which place on, and over which parts.
 
 use std::collections::VecDeque;
 
@@ -12,20 +12,20 @@ use super::path::{CELLS, Path, Planned};
 use super::piece::{Course, Piece, Spot};
 use super::segment::Segment;
 
-/// The arm slows down for what comes in so many places before the end at most that are tried.
-const TURNS: usize = 3;
+/// Largest number of places, at which the arm begins to slow down, that are tried as the start of a new plan.
+const BRAKING_PLACES: usize = 3;
 
-/// As many knots ahead are tried.
-const LATER: usize = 3;
+/// Number of knots ahead that are tried.
+const LATER_KNOTS: usize = 3;
 
 impl Path {
-    /// Plans the path anew behind a place, where it is another than it was. Returns false, and leaves the law as it is, where the
-    /// arm cannot go on so from what it does now.
+    /// Plans the path anew after a place from which on it has changed. Returns false and leaves the law as it is where
+    /// no law continues the present motion of the arm.
     pub(super) fn plan(&mut self, changed: &Spot) -> bool {
         let first = self.first_begin(changed).filter(|first| first.spot <= *changed);
         let Some(first) = first else { return self.plan_later(0, changed) };
         let mut next = self.pieces.len().checked_sub(self.braking.0 + 1);
-        for _ in 0..TURNS {
+        for _ in 0..BRAKING_PLACES {
             let Some(near) = next.and_then(|piece| self.slows_from(piece, &first, changed)) else { break };
             if self.plan_from(&near) {
                 return true;
@@ -35,13 +35,13 @@ impl Path {
         self.plan_from(&first) || self.plan_later(first.pieces, changed)
     }
 
-    /// Plans the path anew from one of the next knots: where no law goes on from the present pace, one may from there.
+    /// Plans the path anew from one of the next knots: where no law continues the present motion, one may from there.
     fn plan_later(&mut self, from: usize, changed: &Spot) -> bool {
-        (from + 1..=from + LATER)
+        (from + 1..=from + LATER_KNOTS)
             .any(|kept| self.begin_at(kept, changed).is_some_and(|begin| self.plan_from(&begin)))
     }
 
-    /// A plan that begins with this piece; none where that is behind a place.
+    /// Returns a plan's begin at this piece; none where that is behind a place.
     fn begin_at(&self, piece: usize, changed: &Spot) -> Option<Begin> {
         let (spot, pace) = self.pieces.get(piece)?.at(0.0);
         (spot <= *changed).then_some(Begin { pieces: piece, time: self.time, spot, pace })
@@ -50,13 +50,13 @@ impl Path {
     fn plan_from(&mut self, begin: &Begin) -> bool {
         let mut start = (begin.spot, begin.pace);
         let mut is_first = true;
-        // Stretch by stretch; the first one may fail.
+        // One stretch after another; the first one may fail.
         loop {
             let (parts, next) = parts(&self.queue, self.left_behind, start.0);
             let mut law = self.law.take().unwrap_or_default();
             let found = law.find(&parts, start.1);
             if is_first {
-                // Where the arm rests it can always go on otherwise, and a ramp is over.
+                // From a rest there is always a law, and a ramp of the override is over.
                 let is_possible = start.1.is_rest()
                     || found.is_some()
                         && (self.scale.is_steady() || {
@@ -88,10 +88,10 @@ impl Path {
         true
     }
 
-    /// From where on the path is planned at the earliest: from the rest before a place, or from where the arm is. None where what
-    /// the arm does can not be changed at once.
+    /// Returns the earliest begin of a plan: the rest before a place, or the present place. None where the present
+    /// motion cannot be changed at once.
     fn first_begin(&self, changed: &Spot) -> Option<Begin> {
-        // A stretch that the arm has not come to yet.
+        // A stretch that the arm has not reached.
         let mut first = changed.motion;
         while first > self.left_behind {
             let before = self.queue.get((first - 1 - self.left_behind) as usize)?;
@@ -116,7 +116,7 @@ impl Path {
         if pace.is_rest() {
             Some(Begin { spot, ..at_rest })
         } else if front.cell.is_from_rest() {
-            // What begins with a constant jerk ends so: it takes a moment.
+            // A cell that begins with a constant jerk is driven to its end.
             let (spot, pace) = front.at(front.cell.duration);
             Some(Begin { pieces: 1, time: self.time, spot, pace })
         } else if front.cell.is_to_rest() {
@@ -126,14 +126,14 @@ impl Path {
         }
     }
 
-    /// Where the arm begins to slow down before a piece, as far as that is not behind a place: from there on the law is another
-    /// one if the path behind that place is. None where it is no later than from `first` on.
+    /// Returns where the arm begins to slow down before a piece, if that is not behind a place: if the path behind that
+    /// place changes, the law changes from there on. None where that is no later than `first`.
     fn slows_from(&self, piece: usize, first: &Begin, changed: &Spot) -> Option<Begin> {
         let mut piece = piece;
         while piece > first.pieces {
             let (start, before) = (self.pieces.get(piece)?, self.pieces.get(piece - 1)?);
             if start.start <= *changed && !before.falls() {
-                // The last cell before may be shorter than it will be.
+                // The last cell before may become longer.
                 return if piece > first.pieces + 1 { self.begin_at(piece - 1, changed) } else { None };
             }
             piece -= 1;
@@ -141,7 +141,7 @@ impl Path {
         None
     }
 
-    /// The last piece before one in which the arm slows down for something that comes earlier; none where there is none.
+    /// Returns the last piece before this one in which the acceleration falls; none where there is none.
     fn slowed_before(&self, piece: usize) -> Option<usize> {
         (0..piece).rev().find(|before| self.pieces.get(*before).is_some_and(Piece::falls))
     }
@@ -161,7 +161,7 @@ impl Path {
     }
 }
 
-/// The parts from a spot until the next rest, and where the path goes on behind that, if it does.
+/// Returns the parts from a spot to the next rest, and the spot behind that rest if the path continues.
 fn parts(
     queue: &VecDeque<Planned>,
     left_behind: u32,
@@ -185,7 +185,7 @@ fn parts(
         }
         if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
             let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
-            // The first part gives the unit.
+            // The unit of the stretch is that of the first part.
             let rate =
                 if here.is_some_and(|spot| spot.in_blend) { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
             let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
@@ -206,7 +206,7 @@ struct Begin {
     pieces: usize,
     /// Seconds since the start of the first piece.
     time: f64,
-    /// Where the first new piece begins, and how fast.
+    /// Where the first new piece begins, and the pace there.
     spot: Spot,
     pace: Pace,
 }

@@ -16,22 +16,22 @@ use crate::arm::{AXES, Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
 /// The same as [`AXIS_RESERVE`] point to point, where all places are alike.
 const STRAIGHT_RESERVE: f64 = 0.985;
 
-/// What a motion is programmed with. Along a path in mm and seconds; point to point as shares of the axes' rated
+/// The programmed limits of a motion. Along a path in mm and seconds; point to point as shares of the axes' rated
 /// speeds, accelerations and jerks, 0…1.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Programmed {
     /// Highest speed, in mm/s.
     pub speed: f64,
-    /// Highest acceleration where the motion speeds up, in mm/s².
+    /// Highest acceleration, in mm/s².
     pub acceleration: f64,
-    /// Highest acceleration where the motion slows down, in mm/s²; that of speeding up where none is programmed.
+    /// Highest deceleration, in mm/s²; the acceleration where none is programmed.
     pub deceleration: f64,
     /// Highest jerk, in mm/s³. Where none is programmed: the robot's path jerk, point to point the acceleration's share.
     pub jerk: f64,
 }
 
 impl Programmed {
-    /// Reads and checks what a motion is programmed with.
+    /// Reads and checks the programmed limits of a motion.
     fn of(motion: &Motion, config: &RobotConfig) -> Result<Self, Violation> {
         let is_point_to_point = motion.kind.is_point_to_point();
         let (given, most) = if is_point_to_point {
@@ -77,15 +77,15 @@ pub struct Segment {
     pub curve: Curve,
     /// The joints at its end.
     pub end: Joints,
-    /// What it is programmed with.
+    /// Its programmed limits.
     pub programmed: Programmed,
-    /// What joints and tool are allowed along it.
+    /// The limits of joints and tool along it.
     pub(super) ratings: Ratings,
-    /// What the curve asks of them.
+    /// The nodes of the curve.
     pub(super) nodes: Nodes,
-    /// What corners at its start and at its end may take of it at most, in the curve's unit.
+    /// Largest parts of the curve that the corners at its start and at its end may replace, in the curve's unit.
     pub zones: [f64; 2],
-    /// How far from its end it may leave its curve, in mm.
+    /// The approximation distance: how far from its end it may leave its curve, in mm.
     pub approximation_mm: f64,
     /// The tool in the flange.
     pub tool: Frame,
@@ -103,7 +103,7 @@ impl Segment {
         Self::prepare_after(None, motion, from, config)
     }
 
-    /// The same after a motion that this one may go on with as one curve, if both are motions of a spline.
+    /// As [`prepare`](Self::prepare), after a motion with which this one is one curve if both are motions of a spline.
     pub(super) fn prepare_after(
         before: Option<&Self>,
         motion: &Motion,
@@ -113,7 +113,7 @@ impl Segment {
         match motion.kind {
             MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
             MotionKind::Circular | MotionKind::Spline => {}
-            // Its line; what it presses with is the force controller's affair.
+            // Its line; the force is the force controller's task.
             MotionKind::LinForceCartesian if config.force.is_some() => {}
             MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
             MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
@@ -151,7 +151,7 @@ impl Segment {
             };
             let most = [programmed.acceleration, programmed.jerk];
             let follow = |curve: &Curve| along(curve, from, programmed.speed, most, &ratings, arm);
-            // Where the arm cannot follow the bend, the line that it may stop before is what counts.
+            // Where the arm cannot follow the bend, the motion is a line that begins at a stop.
             let bent = going_on(before, &curve).and_then(|bent| Some((bent, follow(&bent).ok()?)));
             let (curve, Followed { end, nodes, zones, .. }) =
                 match bent.filter(|(_, found)| found.is_resolved) {
@@ -194,8 +194,8 @@ impl Segment {
         }
     }
 
-    /// The same motion of a spline in the shape that its neighbours give it, from the joints `from`; none where the arm
-    /// cannot follow that shape to the same joints, or it bends too tightly for its nodes to tell.
+    /// Returns the same motion of a spline in the shape that its neighbours give it, from the joints `from`. None where
+    /// the arm cannot follow that shape to the same joints, or where it bends too tightly for its nodes to describe it.
     #[must_use]
     pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
         let curve = Curve::Spline(spline);
@@ -217,7 +217,7 @@ impl Segment {
         })
     }
 
-    /// Limits that may all be made use of at once, everywhere along it.
+    /// Returns limits that may all be used at once everywhere along it.
     #[must_use]
     pub fn steady_limits(&self) -> Limits {
         let Programmed { speed, acceleration, jerk, .. } = self.programmed;
@@ -254,7 +254,7 @@ fn within(value: f64, limit: f64, violation: fn(f64, f64) -> Violation) -> Resul
     if value > 0.0 && value <= limit { Ok(value) } else { Err(violation(value, limit)) }
 }
 
-/// What joints and tool are allowed along a path.
+/// Returns the limits of joints and tool along a path.
 fn along_a_path(programmed: &Programmed, arm: &Arm) -> Ratings {
     let Programmed { acceleration, deceleration, jerk, .. } = *programmed;
     let ratings =
@@ -262,12 +262,12 @@ fn along_a_path(programmed: &Programmed, arm: &Arm) -> Ratings {
     Ratings { tool_deceleration: deceleration / acceleration, ..ratings }
 }
 
-/// What the joints are allowed point to point, and what that asks of them: the slowest axis sets the pace of all.
+/// Returns the limits of the joints point to point, and the nodes: the slowest axis determines the speed of all.
 fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> (Ratings, Nodes) {
     let rated = arm.limits();
     let ratings = Ratings::of_axes(rated, programmed.acceleration, STRAIGHT_RESERVE);
     let ratings = Ratings {
-        // What is programmed is no more than they have.
+        // The programmed shares are at most those that the joints have.
         speed: [f64::INFINITY; AXES],
         ramp_s: ratings.ramp_s.map(|ramp_s| ramp_s * programmed.acceleration / programmed.jerk),
         deceleration: programmed.deceleration / programmed.acceleration,

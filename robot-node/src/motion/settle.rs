@@ -1,5 +1,5 @@
 //! Brings a quantity to a target value, one robot cycle after another: as fast as the limits of its change and of the
-//! difference of successive changes allow, and without overshoot.
+//! difference of successive changes allow, without overshoot.
 //!
 //! A motion profile over time does not help if the target value is known for this cycle only, as for a contact force,
 //! or if the arm has left its path. Then the limits apply to the differences between cycles, and they are kept

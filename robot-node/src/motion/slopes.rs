@@ -1,9 +1,10 @@
-//! What a place of a stretch asks of joints and tool.
+//! The derivatives of joints and tool at a place of a stretch.
 
 use super::node::{Node, Vector, square};
 use crate::arm::{AXES, Joints};
 
-/// First, second and third derivatives of joints and tool by the way of a stretch, over what each acceleration may be.
+/// First, second and third derivatives of joints and tool by the way of a stretch, over the limits of the
+/// accelerations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slopes {
     pub(super) slope: Joints,
@@ -44,7 +45,7 @@ impl Slopes {
         values.for_each(|value| *value *= cube);
     }
 
-    /// Those at a share of the way to others, which are `length` away: between two values, what their slopes make of it.
+    /// Those at a share of the way to others, which are `length` away: cubic between two values with their slopes.
     pub(super) fn toward(&self, other: &Self, length: f64, share: f64) -> Self {
         let mut found = *self;
         for axis in 0..AXES {
@@ -89,13 +90,13 @@ impl Slopes {
         found
     }
 
-    /// The most that a unit of acceleration along the way asks.
+    /// Returns the largest share of a limit that a unit of acceleration along the way uses.
     pub(super) fn steepest(&self) -> f64 {
         self.slope.iter().fold(square(self.tool[0]).sqrt(), |most, slope| most.max(slope.abs()))
     }
 }
 
-/// Between two values with their slopes, at a share of the way.
+/// Returns the cubic between two values with their slopes, at a share of the way.
 fn hermite([one, slope]: [f64; 2], [other, other_slope]: [f64; 2], length: f64, share: f64) -> f64 {
     let rest = 1.0 - share;
     let (bend, other_bend) = (length * slope - (other - one), (other - one) - length * other_slope);

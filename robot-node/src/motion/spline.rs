@@ -12,9 +12,9 @@
 //! continuous in its second derivative by u (C²), and in tangent and curvature on the path (G²).
 //!
 //! The scheme is local because the PLC shows five motions ahead at most, and often fewer: a piece depends on its two
-//! targets, the one before and the one after, and on nothing else. A spline that is C² and of degree three would
-//! depend on every target to come, and change behind the arm with each that is written. Without a target before or
-//! after, the parabola of the other end is all there is; with neither, the piece is a straight line.
+//! targets, the one before and the one after, and on nothing else. A spline that is C² and of degree three would depend
+//! on every target to come, and change behind the arm with each that is written. Without a target before or after, the
+//! piece is the parabola of the other end; with neither, it is a straight line.
 //!
 //! Square roots of the distances (the centripetal parameter) keep a long piece beside a short one from swinging out.
 //! The orientation goes through the same blend as a quaternion and is normalised, so it is as smooth as the position.
@@ -22,17 +22,17 @@
 use super::flange::Flange;
 use crate::arm::{Frame, Rotation, distance, dot, length};
 
-/// Parts into which the piece is cut to know its length.
+/// Parts into which the piece is cut to measure its length.
 const PARTS: usize = 8;
 
 /// One of them, as a share of the piece.
 const PART: f64 = 1.0 / PARTS as f64;
 
-/// A step of Newton's method that is smaller than this share of a part leaves less than a hundred-millionth of it: each
-/// step squares what is off.
+/// A step of Newton's method that is smaller than this share of a part leaves an error of less than a hundred-millionth
+/// of it: each step squares the error.
 const LAST_STEP: f64 = 1e-4;
 
-/// Where the way hardly grows with τ, more steps than one may be needed.
+/// Largest number of steps: where the way hardly grows with τ, one is not enough.
 const NEWTON_STEPS: usize = 4;
 
 /// Position in mm and quaternion.
@@ -65,7 +65,7 @@ pub struct Spline {
     flange: Flange,
 }
 
-/// About where a share is: within a part from `start` to `end`, which begins after a way in mm.
+/// A guessed share: within a part from `start` to `end`, which begins after a way in mm.
 #[derive(Clone, Copy)]
 struct Guess {
     start: f64,
@@ -212,7 +212,7 @@ impl Spline {
     /// rule. Each step waits for roots and quotients, so all shares take it together.
     fn shares<const N: usize>(&self, ways: &[f64; N]) -> [f64; N] {
         let mut guesses = ways.map(|way| self.guess(way));
-        // Where a way leaves the piece, nobody asks for its share.
+        // For a way outside of the piece no share is needed.
         let mut is_off = ways.map(|way| way > 0.0 && way < self.length());
         for _ in 0..NEWTON_STEPS {
             for ((guess, is_off), way) in guesses.iter_mut().zip(&mut is_off).zip(ways) {
@@ -237,7 +237,7 @@ impl Spline {
         let t = (way - start_way) / width;
         let [[slope, bend], [end_slope, end_bend]] = [self.growth[part], self.growth[part + 1]]
             .map(|[first, second]| [first * width, second * width * width]);
-        // Beyond the parabola of the start: what is missing at the end, of τ and of its derivatives.
+        // The differences from the parabola of the start at the end: of τ and of its derivatives.
         let [rest, of_slope, of_bend] =
             [PART - slope - bend / 2.0, end_slope - slope - bend, end_bend - bend];
         let cubic = 10.0 * rest - 4.0 * of_slope + of_bend / 2.0;

@@ -1,37 +1,37 @@
 //! The override as the rate at which a law's time goes.
 //!
-//! The law of a path is made for the programmed speeds. Its time goes at the rate σ, 0…1, of real time: the arm stays on its path
-//! whatever σ does, and with the law's speed v, acceleration a and jerk j it has
+//! The law of a path is made for the programmed speeds. Its time passes at the rate σ, 0…1, of real time. The arm stays
+//! on its path whatever σ is. With the law's speed v, acceleration a and jerk j it has
 //!
 //! ```text
 //! speed: σ·v        acceleration: σ²·a + σ'·v        jerk: σ³·j + 3·σ·σ'·a + σ''·v
 //! ```
 //!
-//! At a steady override f the speeds are the share f of those at 100 %, as the PLC expects. To another override the rate goes on a
-//! [`Ramp`], whose phases have constant second derivatives.
+//! At a constant override f the speeds are the share f of those at 100 %, as the PLC expects. From one override to
+//! another the rate follows a [`Ramp`], whose phases have constant second derivatives.
 
-/// A ramp is at most this steep, per s, and its steepness changes by at most this, per s²: from 1 to 0 in about five cycles.
+/// Largest slope of a ramp, per s, and largest second derivative, per s²: from 1 to 0 in about five cycles.
 const STEEPEST: f64 = 50.0;
 pub(super) const MOST_BENT: f64 = 5_000.0;
 
-/// How the rate goes, at a time.
+/// The rate and its derivatives at a time.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Rate {
     /// σ, 0…1.
     pub(super) share: f64,
-    /// Its change, per s.
+    /// Its first derivative, per s.
     pub(super) change: f64,
-    /// The change of that, per s².
+    /// Its second derivative, per s².
     pub(super) bend: f64,
 }
 
 impl Rate {
-    /// One that stays as it is.
+    /// A constant rate.
     pub(super) const fn steady(share: f64) -> Self {
         Self { share, change: 0.0, bend: 0.0 }
     }
 
-    /// After some time within a phase, and the law's time until then.
+    /// Returns the rate after some time within a phase, and the law's time until then.
     pub(super) fn after(&self, seconds: f64) -> (Self, f64) {
         let Self { share, change, bend } = *self;
         let law_s = seconds * (share + seconds * (change / 2.0 + seconds * bend / 6.0));
@@ -48,12 +48,12 @@ pub(super) struct Phase {
 }
 
 impl Phase {
-    /// After some of its time: the rate, and the law's time since its start.
+    /// Returns the rate after some of its time, and the law's time since its start.
     pub(super) fn at(&self, seconds: f64) -> (Rate, f64) {
         self.start.after(seconds)
     }
 
-    /// Where the rate turns, or its start where it does not.
+    /// Returns the rate at its extreme value, or at the start if it has none.
     fn turn(&self) -> Rate {
         let Rate { change, bend, .. } = self.start;
         let seconds = if change * bend < 0.0 { (-change / bend).min(self.seconds) } else { 0.0 };
@@ -61,10 +61,10 @@ impl Phase {
     }
 }
 
-/// How many times a step of a ramp bends.
+/// Number of phases of a ramp's step.
 pub(super) const BENDS: usize = 4;
 
-/// A ramp: a step, and what levels it out.
+/// A ramp: a step, and two phases that level the rate out.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Ramp {
     phases: [Phase; BENDS + 2],
@@ -72,13 +72,14 @@ pub(super) struct Ramp {
 }
 
 impl Ramp {
-    /// One that is over.
+    /// A ramp that has ended.
     const fn steady(share: f64) -> Self {
         Self { phases: [Phase { start: Rate::steady(share), seconds: 0.0 }; BENDS + 2], target: share }
     }
 
-    /// A step of so many seconds, bent so in its parts, after which the rate changes on evenly for some seconds and then levels out
-    /// with `level`, per s². None where that leads beyond a share, or leaves 0…1 on the way.
+    /// A step of `seconds` with these second derivatives in its parts, after which the rate keeps its slope for `hold`
+    /// seconds and then levels out with `level`, per s². None where that leads beyond `share`, or leaves 0…1 on the
+    /// way.
     pub(super) fn stepping(
         from: Rate,
         bends: [f64; BENDS],
@@ -100,8 +101,8 @@ impl Ramp {
         (!is_beyond && start.change.abs() <= STEEPEST).then_some(ramp)
     }
 
-    /// A step of so many seconds after which levelling out with `level`, per s², leads to a share. None where it would leave 0…1 on
-    /// the way.
+    /// A step of `seconds` after which levelling out with `level`, per s², ends at `share`. None where it would leave
+    /// 0…1 on the way.
     pub(super) fn landing(from: Rate, seconds: f64, level: f64, share: f64) -> Option<Self> {
         let mut ramp = Self::steady(share);
         let level = level.min(MOST_BENT);
@@ -116,7 +117,7 @@ impl Ramp {
         (change.abs() <= STEEPEST && bend.abs() <= MOST_BENT).then_some(ramp)
     }
 
-    /// What follows the step. Returns where it comes to; none where that is not within 0…1, or a rate before is not.
+    /// Adds the phases after the step. Returns the rate at the end; none where that or a rate before is not within 0…1.
     fn level_out(&mut self, start: Rate, hold: f64, level: f64) -> Option<f64> {
         let level = level.min(MOST_BENT);
         let [.., holding, leveling] = &mut self.phases;
@@ -130,13 +131,13 @@ impl Ramp {
         (within(end) && turns).then_some(end)
     }
 
-    /// The highest rate on the way (`sign` 1), or the lowest one (−1).
+    /// Returns the highest rate on the way (`sign` 1), or the lowest one (−1).
     pub(super) fn farthest(&self, sign: f64) -> f64 {
         let turns = self.phases.iter().map(|phase| sign * phase.turn().share);
         turns.fold(sign * self.target, f64::max) * sign
     }
 
-    /// How the rate changes at the end of the step.
+    /// Returns the slope of the rate at the end of the step.
     pub(super) const fn change(&self) -> f64 {
         self.phases[BENDS].start.change
     }
@@ -149,7 +150,7 @@ impl Ramp {
         core::array::from_fn(|index| self.phases[index])
     }
 
-    /// What follows the step.
+    /// The phases after the step.
     pub(super) const fn leveling(&self) -> [Phase; 2] {
         [self.phases[BENDS], self.phases[BENDS + 1]]
     }
@@ -159,7 +160,7 @@ impl Ramp {
     }
 }
 
-/// The rate now, and the ramp that it is on.
+/// The ramp of the override, and the time on it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct TimeScale {
     ramp: Ramp,
@@ -180,7 +181,7 @@ impl TimeScale {
         self.time >= self.ramp.seconds()
     }
 
-    /// Whether it is this share, and stays so.
+    /// Returns whether the rate is constant at this share.
     pub(super) fn is_steadily(&self, share: f64) -> bool {
         self.is_steady() && self.ramp.target == share
     }
@@ -193,7 +194,7 @@ impl TimeScale {
         self.ahead().next().map_or(Rate::steady(self.ramp.target), |phase| phase.start)
     }
 
-    /// What is left of the ramp, phase by phase.
+    /// Returns the rest of the ramp, phase by phase.
     pub(super) fn ahead(&self) -> impl Iterator<Item = Phase> {
         let mut begun = self.time;
         self.ramp.phases.into_iter().filter_map(move |phase| {
@@ -204,7 +205,7 @@ impl TimeScale {
         })
     }
 
-    /// By how much the law's time goes on in the next seconds.
+    /// Returns the law's time that passes in the next seconds.
     pub(super) fn law_seconds(&self, seconds: f64) -> f64 {
         let (mut left, mut law_s) = (seconds, 0.0);
         for phase in self.ahead() {
@@ -215,10 +216,10 @@ impl TimeScale {
         law_s + left * self.ramp.target
     }
 
-    /// How many of the next seconds it takes until the law's time has gone on by some.
+    /// Returns how many of the next seconds pass until `law_seconds` of the law's time have passed.
     pub(super) fn seconds_until(&self, law_seconds: f64, most: f64) -> f64 {
         let (mut low, mut high) = (0.0, most);
-        // To less than a picosecond of a cycle.
+        // This is less than a picosecond of a cycle.
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if self.law_seconds(middle) < law_seconds { low = middle } else { high = middle }
@@ -226,7 +227,7 @@ impl TimeScale {
         high
     }
 
-    /// The rate after some seconds.
+    /// Returns the rate after some seconds.
     pub(super) fn after(&self, seconds: f64) -> Rate {
         let mut left = seconds;
         for phase in self.ahead() {

@@ -1,9 +1,9 @@
 //! Random cases: an arm, motions of every kind and disturbances, from a seed.
 //!
-//! Motions are drawn as short phrases that belong together (a chain along one line, a spline, a turn of the wrist and the
-//! lines after it), because corners between unlike motions and rows of like ones are where a planner errs. Targets are drawn
-//! as joints, so that most are reached; that a line between them leaves a joint's range or passes a singular position happens,
-//! and the robot has to refuse it in order.
+//! Motions are drawn as short phrases that belong together (a chain along one line, a spline, a turn of the wrist and
+//! the lines after it), because corners between different kinds of motions and rows of similar ones are where planners
+//! fail. Targets are drawn as joints, so that most are reached. A line between two targets may still leave a joint's
+//! range or pass a singular position: the robot has to refuse it properly.
 
 mod arm;
 mod dice;
@@ -21,10 +21,10 @@ const OVERRIDE_OF_NOTHING: bool = false;
 /// The share of cases with an arm of other links and limits than the setup's.
 const OTHER_ARM: f64 = 0.35;
 
-/// The case of this number in the row of cases of a seed.
+/// Returns the case of this number among the cases of a seed.
 #[must_use]
 pub fn case(setup: &Setup, seed: u64, number: u64) -> Case {
-    // Any two numbers give streams that have nothing to do with each other: the generator mixes its seed.
+    // Any two numbers give unrelated streams: the generator mixes its seed.
     let mut dice = Dice::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(number));
     let dice = &mut dice;
     let mut arm = Arm::of(setup);
@@ -82,7 +82,7 @@ fn run(dice: &mut Dice, case: &mut Case, setup: &Setup) -> Run {
     Run { execution: execution.unwrap_or(Execution::Continuous), events: events(dice), motions }
 }
 
-/// What happens on the way: nothing as a rule, or some changes of the override, suspends, and at most one end.
+/// Draws the events: none as a rule, or some changes of the override, suspends, and at most one end.
 fn events(dice: &mut Dice) -> Vec<Event> {
     let mut events = Vec::new();
     let mut cycle = 0;

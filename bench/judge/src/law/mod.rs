@@ -1,4 +1,4 @@
-//! The laws that an arm has to keep, whatever it is asked for, held against each robot cycle.
+//! The laws that an arm has to keep whatever is commanded, checked in each robot cycle.
 //!
 //! # What sampling may add
 //!
@@ -9,10 +9,10 @@
 //! (q₁ − q₀)/T = ∫ q̇·b₁      (q₂ − 2q₁ + q₀)/T² = ∫ q̈·b₂      (q₃ − 3q₂ + 3q₁ − q₀)/T³ = ∫ q⃛·b₃      bₙ ≥ 0, ∫ bₙ = 1
 //! ```
 //!
-//! A mean is never above the highest value, so sampling adds nothing, neither where the jerk changes within a cycle nor at
-//! a path's ends. The same holds for the tool: a chord is never longer than its arc. What is left is rounding: `SHARE` of
-//! the limit, which is a thousand times what the robot's laws leave over their lengths (10⁻⁹), and 2ⁿ times what a sample
-//! itself may be off (`JOINT_NOISE`, `TOOL_NOISE_MM`).
+//! A mean is never above the highest value, so sampling adds nothing, neither where the jerk changes within a cycle nor
+//! at a path's ends. The same holds for the tool: a chord is never longer than its arc. What is left is rounding:
+//! `SHARE` of the limit, which is a thousand times the error of the robot's laws over their lengths (10⁻⁹), and 2ⁿ
+//! times the error of a sample itself (`JOINT_NOISE`, `TOOL_NOISE_MM`).
 //!
 //! An exact stop lies between two samples. From or to rest a way of ½·a·t² is gone in the time t, so the samples beside
 //! it are within ½·a·T² of the target; a curve leaves the chord of two samples by a·T²/8.
@@ -109,7 +109,7 @@ pub struct Law {
     cycle: u32,
     /// The last samples, the newest first.
     samples: [Sample; 4],
-    /// Cycles since the tool was led by another skill: what came before says nothing of this one's course.
+    /// Cycles since the start of this skill: earlier samples say nothing about its course.
     samples_of_skill: u32,
     skill: Skill,
     ways: Vec<Way>,

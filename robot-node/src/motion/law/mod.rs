@@ -1,4 +1,5 @@
-//! The time law of a stretch of path: as fast as joints and tool allow, from where the arm is to the next rest.
+//! The time law of a stretch of path: as fast as joints and tool allow, from the present state of the arm to the next
+//! rest.
 //!
 //! It is found over the way s, as b = v², where the limits of speed and acceleration are straight lines:
 //!
@@ -10,10 +11,11 @@
 //! exactly everywhere. The spline is given by one value a cell, and at a knot b and b' are those of the polygon through these
 //! values. In the cells beside a rest the jerk is constant instead, and b grows as s^(4/3).
 //!
-//! Values as high as the limits of the knots allow are found in three passes: backward, from the rest at the end, as steep as
-//! slowing down and its end may be; forward the same for speeding up; and the corners at the top, where the acceleration falls, are
-//! rounded by the jerk (a convex hull once its parabola is added). What comes out is held against the limits at all knots, and
-//! where it takes too much the limits are drawn tighter.
+//! The highest values that the limits at the knots allow are found in three passes. The first goes backward from the
+//! rest at the end, as steeply as deceleration and jerk allow. The second goes forward and does the same for the
+//! acceleration. The third rounds the corners at the top, where the acceleration falls, with the jerk: with the
+//! parabola of the jerk added, this is a convex hull. Then the result is compared with the limits at all knots. Where
+//! it exceeds them, they are reduced and the passes are repeated.
 
 use arrayvec::ArrayVec;
 
@@ -24,48 +26,48 @@ use super::grid::{Grid, KNOTS, Part};
 use super::knot::Knot;
 use super::node::Pace;
 
-/// How much more than is planned with a law may take: of the reserve, nothing to speak of, and where the arm already moves, a
-/// little.
+/// By how much a law may exceed the limits that it is planned with, as a share: hardly, and a little where the arm
+/// already moves. The reserve covers both.
 const EXACT: f64 = 5e-3;
 const SLACK: f64 = 8e-3;
 
-/// So often limits are drawn tighter at most.
+/// Largest number of rounds.
 const ROUNDS: usize = 5;
 
-/// The least share of the highest square of the speed that is kept.
-const SLOWEST: f64 = 1e-6;
+/// Least share of the highest square of the speed.
+const LEAST_SQUARE: f64 = 1e-6;
 
-/// So many times the highest square of the speed over a cell's length is more than any acceleration.
+/// This many times the highest square of the speed over a cell's length is more than any acceleration.
 const MUCH: f64 = 10.0;
 
 type List = ArrayVec<f64, KNOTS>;
 
-/// A law over the knots of a grid. It has room for the longest stretch, so that none is allocated.
+/// A law over the knots of a grid. It has room for the longest stretch, so planning does not allocate.
 #[derive(Debug, Default)]
 pub(super) struct Law {
     grid: Grid,
-    /// For each cell the number of its end among the grid's, counted from 1, if another part begins there.
+    /// For each cell at whose end another part begins: the number of that border among [`Grid::ends`], from 1; else 0.
     ends_at: ArrayVec<u8, KNOTS>,
     start: Pace,
-    /// Where the values of the polygon stand, one for each cell.
+    /// The ways at which the values of the polygon are given, one for each cell.
     places: List,
     values: List,
     /// The squares of the highest speeds that the joints allow in the middles of the cells.
     tops: List,
-    /// One over twice the distance from each place to the next one.
+    /// Reciprocals of twice the distance from each of these ways to the next.
     steps: List,
-    /// How the arm moves at the knots.
+    /// Speed and acceleration at the knots.
     paces: ArrayVec<Pace, KNOTS>,
-    /// The values of the round that was best so far.
+    /// The values of the best round so far.
     best: List,
-    /// What the rounding of the top adds to the values, and its corners.
+    /// What the rounding of the top adds to the values, and the corners of the hull.
     added: List,
     hull: ArrayVec<u16, KNOTS>,
 }
 
 impl Law {
-    /// Finds the fastest law for these parts, from a pace at the start to rest at the end; none where the arm cannot go on so from
-    /// there.
+    /// Finds the fastest law for these parts, from a pace at the start to rest at the end; none where the arm cannot go
+    /// on from that pace.
     pub(super) fn find(&mut self, parts: &[Part<'_>], start: Pace) -> Option<()> {
         self.grid.fill(parts, &start)?;
         self.start = start;
@@ -93,7 +95,7 @@ impl Law {
                 self.best.clone_from(&self.values);
             }
         }
-        // From rest all of it may be slower.
+        // From rest the whole law may be slowed down.
         if !start.is_rest() || !least.is_finite() {
             return None;
         }
@@ -103,7 +105,7 @@ impl Law {
         Some(())
     }
 
-    /// Puts the values into the middles of the cells, and nearer to a rest beside one.
+    /// Places the values in the middles of the cells; beside a rest nearer to the rest.
     fn place(&mut self) {
         let knots = &self.grid.knots;
         let cells = knots.len() - 1;
@@ -144,12 +146,12 @@ impl Law {
         self.grid.knots[cell + 1].way - self.grid.knots[cell].way
     }
 
-    /// The knot at the end of a cell, as the cell's part has it.
+    /// The knot at the end of a cell, with the limits of the cell's part.
     fn end_of(&self, cell: usize) -> &Knot {
         self.other_side(cell).unwrap_or(&self.grid.knots[cell + 1])
     }
 
-    /// The knot after a cell as the part has it that ends there, if one does.
+    /// The knot at the end of a cell with the limits of the part that ends there, if one does.
     fn other_side(&self, cell: usize) -> Option<&Knot> {
         match self.ends_at[cell] {
             0 => None,
@@ -157,7 +159,8 @@ impl Law {
         }
     }
 
-    /// The highest square that a neighbour of the knot after a cell may have, as both parts there have it; see [`Knot::reach`].
+    /// Returns the highest square of the speed at a neighbour of the knot after a cell, within the limits of both parts
+    /// that meet there; see [`Knot::reach`].
     #[inline]
     fn reach(&self, cell: usize, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
         let most = self.grid.knots[cell + 1].reach(known, distance, weight, sign);
@@ -167,16 +170,16 @@ impl Law {
         }
     }
 
-    /// From rest there is always a law: where limits that are drawn tighter leave no speed, a slow one is kept.
+    /// Keeps a low speed where the reduced limits leave none: from rest there is always a law.
     fn keep_moving(&mut self) {
         let last = self.cells() - 1;
         for cell in 1..last {
-            let least = SLOWEST * self.grid.knots[cell].highest.min(self.grid.knots[cell + 1].highest);
+            let least = LEAST_SQUARE * self.grid.knots[cell].highest.min(self.grid.knots[cell + 1].highest);
             self.values[cell] = self.values[cell].max(least);
         }
     }
 
-    /// Whether the arm does not come to a stop before the end.
+    /// Returns whether the arm does not stop before the end.
     fn moves_everywhere(&self) -> bool {
         self.paces[1..self.cells()].iter().all(|pace| pace.square > 0.0)
     }
@@ -190,9 +193,9 @@ impl Law {
         self.values[0] = 0.0;
         self.values[last] = 0.0;
         if !self.start.is_rest() {
-            // The polygon goes on as the arm moves.
+            // The polygon begins with the present speed and acceleration.
             let first = self.start.square + self.start.acceleration * self.length(0);
-            // What the arm is faster than allowed by rounding is no more than that.
+            // Rounding may make the arm faster than allowed, but no more than by this.
             let allowed = self.grid.knots[1].highest * (1.0 + 1e-7);
             if first < 0.0 || last == 0 || first > allowed {
                 return None;
@@ -202,12 +205,12 @@ impl Law {
         Some(())
     }
 
-    /// How steep the polygon is over the knot after a cell: the acceleration there.
+    /// Returns the slope of the polygon over the knot after a cell: the acceleration there.
     fn acceleration(&self, cell: usize) -> f64 {
         (self.values[cell + 1] - self.values[cell]) * self.steps[cell]
     }
 
-    /// Finds how the arm moves at the knots.
+    /// Finds speed and acceleration at the knots.
     fn find_paces(&mut self) {
         let cells = self.cells();
         self.paces.clear();
@@ -221,7 +224,7 @@ impl Law {
         self.paces.push(Pace::REST);
     }
 
-    /// The highest square at the other end of a cell beside a rest, by the jerk.
+    /// Returns the highest square of the speed at the other end of a cell beside a rest, as the jerk allows.
     fn highest_beside_rest(&self, rest: usize, knot: usize, cell: usize) -> f64 {
         let length = self.length(cell);
         let jerk_at = |knot: &Knot| knot.at_rest().1;
@@ -231,16 +234,16 @@ impl Law {
         root * root
     }
 
-    /// By how much the acceleration may change over a cell with this square of the speed.
+    /// Returns how much the acceleration may change over a cell at this square of the speed.
     fn change_room(&self, cell: usize, square: f64, acceleration: f64, sign: f64) -> f64 {
         let room = |knot: &Knot| knot.bend_room(square, acceleration, sign);
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let length = self.length(cell);
-        // More than from rest to the highest speed within the cell is no limit.
+        // A change from rest to the highest speed within the cell is as good as no limit.
         (room(one).min(room(other)) * length).min(MUCH * one.highest.max(other.highest) / length)
     }
 
-    /// As fast as slowing down to what comes allows.
+    /// Lowers the values so that the arm can slow down to those that follow.
     fn backward(&mut self) {
         let last = self.cells() - 1;
         let mut after = 0.0;
@@ -262,11 +265,11 @@ impl Law {
         }
     }
 
-    /// As fast as speeding up from what was allows.
+    /// Lowers the values so that the arm can speed up from those before.
     fn forward(&mut self) {
         let last = self.cells() - 1;
         let mut before = if self.start.is_rest() { 0.0 } else { self.start.acceleration };
-        // How the arm comes cannot be helped. What comes later is as the way backward has it.
+        // The present deceleration cannot be undone. Later ones are those of the backward pass.
         let mut is_slowing = before < 0.0;
         for cell in 1..last {
             let (knot, known) = (cell, self.values[cell - 1]);
@@ -292,7 +295,7 @@ impl Law {
     fn round_off(&mut self) -> Option<()> {
         let cells = self.cells();
         let moves = !self.start.is_rest();
-        // With the parabolas of the jerk added, what is allowed is convex.
+        // With the parabolas of the jerk added, the allowed values are below a convex hull.
         let (mut slope, mut sum) = (0.0, 0.0);
         let mut before = if moves { self.start.acceleration } else { self.acceleration(0) };
         self.added.clear();
@@ -309,7 +312,7 @@ impl Law {
             self.added.push(sum);
         }
         self.hull.clear();
-        // The slope with which the arm comes is kept.
+        // The slope of the present acceleration is kept.
         let kept = 2.0 * self.start.acceleration;
         for cell in 0..cells {
             while let [.., before, last] = self.hull[..] {
@@ -338,7 +341,7 @@ impl Law {
         Some(())
     }
 
-    /// A value with what the rounding adds to it.
+    /// Returns a value with what the rounding adds to it.
     fn height(&self, cell: usize) -> f64 {
         self.values[cell] + self.added[cell]
     }

@@ -1,19 +1,19 @@
-//! What a law takes of the limits, and limits drawn tighter where that is too much.
+//! How much of the limits a law uses, and reduced limits where that is too much.
 
 use super::super::load::Load;
 use super::super::node::Pace;
 use super::super::slopes::Slopes;
 use super::{EXACT, Law};
 
-/// The share of a limit that is left at least where it is drawn tighter.
+/// Least share to which a limit is reduced.
 const TIGHTEST: f64 = 0.2;
 
-/// Shares that the square of the speed and the acceleration have half-way to a rest, or from one: ½^(4/3) and ½^(1/3).
+/// Shares of the square of the speed and of the acceleration half-way to or from a rest: ½^(4/3) and ½^(1/3).
 const HALF_WAY: [f64; 2] = [0.396_850_262_992_049_86, 0.793_700_525_984_099_7];
 
 impl Law {
-    /// Draws the limits tighter where the law takes more than they are. Returns the most of a limit that it takes, and how much
-    /// too fast that is.
+    /// Reduces the limits where the law exceeds them. Returns the largest used share of a limit, and the ratio by which
+    /// the law is too fast.
     pub(super) fn tighten(&mut self, power: f64) -> (f64, f64) {
         let cells = self.cells();
         let mut most = [0.0_f64; 2];
@@ -31,7 +31,7 @@ impl Law {
         (most[0].max(most[1]), most[0].sqrt().max(libm::cbrt(most[1])))
     }
 
-    /// What the law takes of the limits in a cell: at its start, in between and at its end.
+    /// Returns the shares of the limits that the law uses in a cell: at its start, in between and at its end.
     fn loads_of(&self, cell: usize) -> [[f64; 2]; 3] {
         let [from, to] = [self.paces[cell], self.paces[cell + 1]];
         let [start, end] = [&self.grid.knots[cell], self.end_of(cell)];
@@ -46,7 +46,7 @@ impl Law {
             let there = most(load(&knot.slopes, pace, jerk), pace);
             let at_rest = if from.is_rest() { start } else { end };
             let rest = [0.0, jerk / at_rest.at_rest().1 * at_rest.tightness[1]];
-            // They go with s^(4/3) and s^(1/3).
+            // They grow with s^(4/3) and s^(1/3).
             let half =
                 Pace { square: HALF_WAY[0] * pace.square, acceleration: HALF_WAY[1] * pace.acceleration };
             let middle = most(load(between, half, jerk), pace);
@@ -59,15 +59,15 @@ impl Law {
         let (before, after) = (at(&start.slopes, from), at(&end.slopes, to));
         let mut first = most(before, from);
         if cell == 0 {
-            // What the arm does at the start cannot be helped; how it goes on can.
+            // The acceleration at the start is given; the jerk there is not.
             first[0] = 0.0;
         }
-        // It may be more than at both ends.
+        // It may be higher than at both ends.
         let turned = at(between, middle).with_turns(&before, &after);
         [first, most(turned, middle), most(after, to)]
     }
 
-    /// Draws limits tighter where more than they are is taken.
+    /// Reduces the limits at some knots where the law exceeds them.
     fn draw(&mut self, knots: core::ops::RangeInclusive<usize>, [accelerated, jerked]: [f64; 2], power: f64) {
         let (first, last) = (*knots.start(), *knots.end());
         let [accelerated, jerked] = [accelerated, jerked].map(|load| 1.0 + power * (load - 1.0));
