@@ -173,11 +173,11 @@ impl Trace {
         let gaps = ExecutionType::ALL.into_iter().filter_map(|execution_type| {
             let [scans, cycles] = self.types.get(execution_type)?.gaps();
             let name = execution_type.to_string().to_uppercase();
-            (scans + cycles > 0).then(|| {
-                format!(
-                    "The recording of {name} lacks {scans} scans of the PLC and {cycles} cycles of the robot."
-                )
-            })
+            let plural = |count: u64| if count == 1 { "" } else { "s" };
+            let scans = (scans > 0).then(|| format!("{scans} scan{} of the PLC", plural(scans)));
+            let cycles = (cycles > 0).then(|| format!("{cycles} cycle{} of the robot", plural(cycles)));
+            let lacking: Vec<_> = scans.into_iter().chain(cycles).collect();
+            (!lacking.is_empty()).then(|| format!("The recording of {name} lacks {}.", lacking.join(" and ")))
         });
         let sentences: Vec<_> = self.cut_off().into_iter().chain(gaps).collect();
         (!sentences.is_empty()).then(|| sentences.join(" "))
@@ -267,6 +267,26 @@ mod tests {
         let trace = Trace { types: PerType { cm: Some(recording), ..PerType::default() } };
         let said = trace.incomplete().unwrap();
         assert_eq!(said, "The recording of CM lacks 5 scans of the PLC and 2 cycles of the robot.");
+    }
+
+    #[test]
+    fn a_recording_names_only_the_node_whose_rows_it_lacks() {
+        let lacking = |scans: &[u64], cycles: &[u64]| {
+            let mut recording = Recording::default();
+            for number in (0..90).filter(|number| !scans.contains(number)) {
+                recording.plc(scan(number as i64 * 1_000, number));
+            }
+            for number in (0..22).filter(|number| !cycles.contains(number)) {
+                recording.robot(tick(number as f64 * 4.0));
+            }
+            Trace { types: PerType { cm: Some(recording), ..PerType::default() } }.incomplete()
+        };
+        assert_eq!(lacking(&[], &[]), None);
+        assert_eq!(
+            lacking(&[], &[3, 4, 5, 6, 7]).unwrap(),
+            "The recording of CM lacks 5 cycles of the robot."
+        );
+        assert_eq!(lacking(&[20], &[]).unwrap(), "The recording of CM lacks 1 scan of the PLC.");
     }
 
     #[test]

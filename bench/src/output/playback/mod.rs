@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn a_file_of_incomplete_recordings_says_so_in_its_metadata_and_in_a_warning() {
         let (metadata, warnings) = said((0..90).filter(|scan| !(20..25).contains(scan)));
-        let said = "The recording of CM lacks 5 scans of the PLC and 0 cycles of the robot.";
+        let said = "The recording of CM lacks 5 scans of the PLC.";
         let wanted = [("complete", "no"), ("lacking", said), ("setup", "A")];
         assert!(
             metadata.iter().map(|(key, value)| (key.as_str(), value.as_str())).eq(wanted),
