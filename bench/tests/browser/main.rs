@@ -146,6 +146,66 @@ fn the_pages_of_studies_are_laid_out_on_every_screen() {
 
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn a_history_is_laid_out_on_every_screen_marks_the_change_and_leads_to_the_reports() {
+    let directory = tempfile::tempdir().unwrap();
+    let virtual_run = |name: &str, arguments: &[&str]| {
+        let out = format!("runs/{name}");
+        bench(directory.path(), &[&["--mode", "virtual", "--quiet", "--out", &out], arguments].concat());
+        directory.path().join(out)
+    };
+    for seed in ["1", "2", "3"] {
+        virtual_run(&format!("A run with a long name {seed} & <b>"), &["--reps", "6", "--seed", seed]);
+    }
+    virtual_run("slow", &["--reps", "6", "--override", "50"]);
+    let unreported = virtual_run("single", &["--reps", "1", "--setup", "B"]);
+    std::fs::remove_file(unreported.join("report.html")).unwrap();
+    let broken = virtual_run("broken", &["--reps", "1"]);
+    std::fs::write(broken.join("results.json"), r#"{"schema_version": 0}"#).unwrap();
+    // Each time of the last run is 60 ms longer.
+    let last = directory.path().join("runs/A run with a long name 3 & <b>/results.json");
+    let mut results: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&last).unwrap()).unwrap();
+    for key in ["rc", "sm", "cm"] {
+        let result = &mut results["results"][key];
+        for sample in result["samples_ms"].as_array_mut().unwrap() {
+            *sample = json!(sample.as_f64().unwrap() + 60.0);
+        }
+        result["aet_ms"] = json!(result["aet_ms"].as_f64().unwrap() + 60.0);
+    }
+    results["status"] = json!("interrupted");
+    std::fs::write(&last, results.to_string()).unwrap();
+    bench(directory.path(), &["history", "--html", "history.html"]);
+    let page = directory.path().join("history.html");
+    let mut browser = Browser::new(Graphics::None);
+    for screen in Screen::all() {
+        browser.open(&page, "", screen);
+        assert_eq!(browser.eval(LAYOUT), json!([]), "{screen:?}");
+        let highest = browser
+            .eval("Math.max(...[...document.querySelectorAll('figure, tr')].map(part => part.offsetHeight))");
+        assert!(!screen.is_print || highest.as_f64() <= Some(1016.0), "{highest} px on paper");
+        // Three panels of the first section, each with the change beside its upright line.
+        let labels = browser.eval(
+            "[...document.querySelectorAll('#kind-1 svg text')].filter(e => e.checkVisibility() && /^[+−]\\d+\\.\\d$/.test(e.textContent.trim())).length",
+        );
+        assert_eq!(labels, 3, "{screen:?}");
+        assert!(browser.console().is_empty(), "{:?}", browser.console());
+    }
+    let changed = browser.eval("[...document.querySelectorAll('#kind-1 tbody tr')].map(row => row.querySelectorAll('.change').length)");
+    assert_eq!(changed, json!([0, 0, 3, 0]));
+    assert!(browser.text("#kind-1 tbody tr:nth-child(4)").contains("override 50, before 100"));
+    assert!(browser.text("#left-out").contains("schema version 0"));
+    assert_eq!(browser.eval("document.querySelectorAll('#kind-2 a').length"), 0, "no report, no link");
+    browser.open(&page, "", Screen::wide(1400));
+    browser.forget();
+    browser.click("#kind-1 tbody tr:nth-child(2) a", 0.5);
+    browser.loaded();
+    assert!(browser.text("body > header").contains("A run with a long name 2 & <b>"));
+    let printed = browser.call("Page.printToPDF", json!({}));
+    assert!(printed["data"].as_str().unwrap().starts_with("JVBERi"), "that is %PDF- in base64");
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
 fn the_probe_finds_each_fault_of_a_page() {
     let directory = tempfile::tempdir().unwrap();
     let page = directory.path().join("bad.html");
