@@ -29,6 +29,7 @@ fn main() -> ExitCode {
         ctrl_c_and_sigterm_end_everything_and_keep_the_samples,
         even_a_killed_bench_leaves_nothing_behind,
         a_real_timeline_has_the_frames_of_both_ends_without_an_unrequested_capture,
+        a_run_during_which_utc_steps_by_hours_is_as_any_other,
         a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted,
         a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture,
         a_plc_that_a_fault_killed_is_named_with_that_fault,
@@ -218,6 +219,44 @@ fn comments(ended: &Ended, file: &str, sent: bool) -> Vec<String> {
         }));
     }
     comments
+}
+
+/// Returns the stamps in the capture of one end, in the order of the capture.
+fn stamps(ended: &Ended, file: &str) -> Vec<Duration> {
+    let bytes = &ended.captures.iter().find(|(name, _)| name == file).expect("a capture").1;
+    let mut reader = PcapNgReader::new(&bytes[..]).unwrap();
+    let mut stamps = Vec::new();
+    while let Some(block) = reader.next_block() {
+        if let Block::EnhancedPacket(packet) = block.unwrap() {
+            stamps.push(packet.timestamp);
+        }
+    }
+    stamps
+}
+
+/// The clock is replaced in the bench and in both nodes: each reading of UTC is 3 h ahead, right, or 5 h behind. The kernel's
+/// stamps of frames stay right.
+fn a_run_during_which_utc_steps_by_hours_is_as_any_other() {
+    for (fault, is_impaired) in [(&[][..], false), (&["--fault", "duplicate=0.001"][..], true)] {
+        let args = [&["--reps", "1", "--capture", "always", "--trace"], fault].concat();
+        let ended = Bench::start_with_a_stepping_clock("A", &args).wait();
+        assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+        // Passed means: verified against the plan, by the clocks of both nodes.
+        assert_eq!(ended.samples.lines().count(), 2);
+        let run_ms = ended.results["results"]["cm"]["samples_ms"][0].as_f64().unwrap();
+        assert!((1_000.0..60_000.0).contains(&run_ms), "{run_ms} ms");
+        // The timeline has no frame that is hours away, and lacks none.
+        let sent_at_all = ended.results["bus"]["frames_sent"].as_u64().unwrap();
+        for track in 1..=4 {
+            let frames = frames(&ended.timeline, track);
+            assert!(frames.len() as u64 > sent_at_all / 2, "{} of {sent_at_all} frames", frames.len());
+            assert!(frames.iter().all(|(at, _)| (0.0..=run_ms * 1e3).contains(at)));
+        }
+        // An impaired cable stamps what it delivers itself: there the steps are seen.
+        let stamps = stamps(&ended, "robot.pcapng");
+        let (first, last) = (stamps.iter().min().unwrap(), stamps.iter().max().unwrap());
+        assert_eq!(*last - *first > Duration::from_secs(7 * 3_600), is_impaired, "{first:?} to {last:?}");
+    }
 }
 
 /// Returns the cyclic frames of both directions, counted by the PLC.

@@ -1,5 +1,6 @@
 //! The bench as a process on a real rig, and how it ends.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::Read as _;
 use std::path::Path;
@@ -79,23 +80,40 @@ pub(crate) struct Ended {
 
 impl Bench {
     pub(crate) fn start(args: &[&str]) -> Self {
-        Self::start_in(tempfile::tempdir().unwrap(), "A", args)
+        Self::start_in(tempfile::tempdir().unwrap(), "A", args, &[])
     }
 
     /// Starts it on a setup that tolerates all stalls of the host.
     pub(crate) fn start_patient(setup: &str, args: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();
         let setup = patient(setup, place.path());
-        Self::start_in(place, &setup, args)
+        Self::start_in(place, &setup, args, &[])
     }
 
-    fn start_in(place: tempfile::TempDir, setup: &str, args: &[&str]) -> Self {
+    /// Starts it likewise, it and its nodes with a UTC that steps by hours.
+    pub(crate) fn start_with_a_stepping_clock(setup: &str, args: &[&str]) -> Self {
+        let place = tempfile::tempdir().unwrap();
+        let setup = patient(setup, place.path());
+        let clock = place.path().join("stepping-clock.so");
+        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/rig/stepping_clock.c");
+        let built = Command::new("cc").args(["-O2", "-shared", "-fPIC", source, "-o"]).arg(&clock).status();
+        assert!(built.unwrap().success());
+        Self::start_in(place, &setup, args, &[("LD_PRELOAD", clock.as_os_str())])
+    }
+
+    fn start_in(
+        place: tempfile::TempDir,
+        setup: &str,
+        args: &[&str],
+        environment: &[(&str, &OsStr)],
+    ) -> Self {
         let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
         let started = Instant::now();
         let child = Command::new(env!("CARGO_BIN_EXE_bench"))
             .args(["--setup", setup, "--types", "cm", "--out"])
             .arg(place.path().join("run"))
             .args(args)
+            .envs(environment.iter().copied())
             .stdin(Stdio::null())
             .stdout(fs::File::create(place.path().join("printed")).unwrap())
             .stderr(Stdio::piped())

@@ -19,7 +19,12 @@ pub fn now() -> Instant {
     Instant::from_nanos(seconds.saturating_mul(1_000_000_000).saturating_add(nanos))
 }
 
-/// Converts a recent moment in UTC, as the kernel stamps frames, to an instant of this clock.
+/// Longest time for which frames wait until they are looked at. A stamp that is older, or in the future, is from before a
+/// step of UTC.
+const LONGEST_WAIT: Duration = Duration::from_secs(10);
+
+/// Converts a recent moment in UTC, as the kernel stamps frames, to an instant of this clock. If UTC was stepped since, by
+/// more than ten seconds forwards or by any time back, that is now.
 #[must_use]
 pub fn instant_of(since_1970: Duration) -> Instant {
     let (mut before, mut utc, mut after) = (now(), utc(), now());
@@ -30,8 +35,14 @@ pub fn instant_of(since_1970: Duration) -> Instant {
         }
         (before, utc, after) = (now(), self::utc(), now());
     }
-    let ago = utc.saturating_sub(since_1970).as_nanos();
-    Instant::from_nanos(after.as_nanos().saturating_sub(u64::try_from(ago).unwrap_or(u64::MAX)))
+    before_now(after, utc, since_1970)
+}
+
+/// Returns the instant of a moment in UTC, `now` being `utc`.
+fn before_now(now: Instant, utc: Duration, since_1970: Duration) -> Instant {
+    let ago = utc.saturating_sub(since_1970);
+    let ago = if ago > LONGEST_WAIT { Duration::ZERO } else { ago };
+    Instant::from_nanos(now.as_nanos().saturating_sub(u64::try_from(ago.as_nanos()).unwrap_or(0)))
 }
 
 /// Returns the time in UTC, since 1970.
@@ -75,6 +86,18 @@ mod tests {
             found + off >= before && found <= after + off,
             "{found:?} is not within {before:?} and {after:?}"
         );
+    }
+
+    #[test]
+    fn a_frame_from_before_a_step_of_utc_counts_as_seen_now() {
+        let (now, utc, hour) = (Instant::from_millis(5_000), Duration::from_secs(1 << 30), 3_600);
+        let seen = |stamped| before_now(now, utc, stamped);
+        assert_eq!(seen(utc), now);
+        assert_eq!(seen(utc - Duration::from_millis(40)), Instant::from_millis(4_960));
+        assert_eq!(seen(utc - Duration::from_secs(4)), Instant::from_millis(1_000));
+        assert_eq!(seen(utc - Duration::from_secs(3 * hour)), now);
+        assert_eq!(seen(utc + Duration::from_secs(5 * hour)), now);
+        assert_eq!(seen(Duration::ZERO), now);
     }
 
     #[test]
