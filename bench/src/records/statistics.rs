@@ -129,6 +129,16 @@ mod tests {
     }
 
     #[test]
+    fn the_mad_of_two_samples_scatters_as_half_of_their_difference_does() {
+        // The difference of two samples of a normal distribution is normal with √2 of its standard deviation σ, and the
+        // deviation of the absolute value of a normal one is √(1 − 2/π) of its own: half of it is σ √((1 − 2/π) / 2).
+        let deviation = deviation_from_mad(1.0, 2).unwrap();
+        let expected = deviation * ((1.0 - 2.0 / PI) / 2.0).sqrt();
+        let found = error_of_mad(1.0, 2, 2).unwrap();
+        assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
+    }
+
+    #[test]
     fn the_papers_improvements_follow_from_its_table_2() {
         let percent = |sm, cm| (aet_improvement(sm, cm) * 100.0).round();
         assert_eq!((percent(6477.0, 3729.0), percent(8971.0, 7617.0)), (42.0, 15.0));

@@ -419,6 +419,18 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_that_counts_wrongly_is_stopped_unless_it_says_that_the_skill_has_ended() {
+        for (status, stops) in [(Status::default(), true), (Status::DONE, false), (Status::ABORTED, false)] {
+            let mut group = AxesGroup::new(PATIENCE);
+            let mut call = SkillCall::default();
+            let wrong = |number| Feedback { executed: 9, ..answer(number, status, State::Ready) };
+            let ended = ends_in(&mut call, &mut group, BufferMode::Aborting, wrong);
+            assert_eq!(ended, (2, Some(BlockError::CountedTooFar { counted: 9, written: 0 })));
+            assert_eq!(group.command.control.contains(HALT), stops, "{status:?}");
+        }
+    }
+
+    #[test]
     fn a_skill_behind_another_starts_only_if_that_one_is_done() {
         for (status, starts) in [(Status::DONE, true), (Status::ABORTED, false)] {
             let mut group = AxesGroup::new(PATIENCE);

@@ -307,6 +307,15 @@ mod tests {
     }
 
     #[test]
+    fn an_image_of_zeros_is_from_no_program_and_does_not_count() {
+        let mut checker = FeedbackChecker::default();
+        assert_eq!(checker.verify(Order::BigEndian, &[0; IMAGE_LEN]), Verdict::Unchecked);
+        assert_eq!(checker.checks(), Checks::default());
+        assert_eq!(checker.verify(Order::BigEndian, &[1; IMAGE_LEN]), Verdict::Altered);
+        assert_eq!(checker.checks(), Checks { altered: 1, unchecked: 0 });
+    }
+
+    #[test]
     fn every_flipped_bit_of_either_image_is_found() {
         let mut image = [0; IMAGE_LEN];
         Feedback { life: 9, joints: [12.5; 6], ..Feedback::default() }.emit::<LittleEndian>(&mut image);

@@ -1,4 +1,5 @@
 use super::*;
+use alloc::vec::Vec;
 use machine::wire::{BigEndian, LittleEndian};
 use proptest::prelude::*;
 
@@ -153,7 +154,55 @@ fn motion_k_is_in_slot_k_mod_5() {
     }
     let velocities = command.slots.map(|slot| slot.velocity);
     assert_eq!(velocities, [5, 6, 2, 3, 4]);
-    assert_eq!(command.slot(6).velocity, 6);
+    assert_eq!([2, 3, 4, 5, 6].map(|index| command.slot(index).velocity), [2, 3, 4, 5, 6]);
+}
+
+#[test]
+fn a_motions_figures_are_in_mm_and_seconds_or_shares_of_what_is_rated() {
+    let motion = Motion { deceleration: 4_000, jerk: 3_000, ..sample_motion() };
+    assert_eq!((motion.velocity_mm_s(), motion.velocity_share()), (250.0, 0.25));
+    assert_eq!((motion.acceleration_mm_s2(), motion.acceleration_share()), (5_000.0, 0.5));
+    assert_eq!((motion.deceleration_mm_s2(), motion.deceleration_share()), (Some(4_000.0), Some(0.4)));
+    assert_eq!((motion.jerk_mm_s3(), motion.jerk_share()), (Some(30_000.0), Some(0.3)));
+    assert_eq!(motion.approximation_mm(), 10.0);
+    // A deceleration and a jerk of 0 are the robot's to choose.
+    let motion = sample_motion();
+    assert_eq!((motion.deceleration_mm_s2(), motion.deceleration_share()), (None, None));
+    assert_eq!((motion.jerk_mm_s3(), motion.jerk_share()), (None, None));
+    assert_eq!(motion.buffer_len(), MOTION_LEN);
+}
+
+#[test]
+fn motions_from_point_to_point_are_those_of_two_kinds() {
+    let kinds: Vec<_> = (0..=7).map(MotionKind::from).filter(|kind| kind.is_point_to_point()).collect();
+    assert_eq!(kinds, [MotionKind::PtpCartesian, MotionKind::PtpJoint]);
+}
+
+#[test]
+fn a_findings_figures_are_those_that_it_was_made_of() {
+    let finding = Finding::new(5, 6.0, 7.0, 8.0);
+    assert_eq!((finding.index, finding.value(), finding.lower(), finding.upper()), (5, 6.0, 7.0, 8.0));
+}
+
+#[test]
+fn an_image_is_read_in_the_byte_order_in_which_it_was_written_and_not_in_the_other() {
+    let mut command = Command { life: 0x0102, number: 0x0304, total: 7, ..Command::default() };
+    command.set_slot(0, sample_motion());
+    let head = Command { slots: [Motion::EMPTY; SLOTS], ..command };
+    let feedback = Feedback { number: 0x0304, clock_ns: 5, joints: [1.0; 6], ..Feedback::default() };
+    for (order, other) in [(Order::BigEndian, Order::LittleEndian), (Order::LittleEndian, Order::BigEndian)] {
+        let mut image = [0; IMAGE_LEN];
+        order.emit_command(&command, &mut image);
+        assert_eq!(order.parse_command(&image), Ok(command));
+        assert_eq!(order.parse_command_head(&image), Ok(head));
+        assert_eq!(other.parse_command_head(&image).map(|command| command.number), Ok(0x0403));
+        let mut image = [0; IMAGE_LEN];
+        order.emit_command_head(&command, &mut image);
+        assert_eq!(order.parse_command(&image), Ok(head));
+        order.emit_feedback(&feedback, &mut image);
+        assert_eq!(order.parse_feedback(&image), Ok(feedback));
+        assert_eq!(other.parse_feedback(&image).map(|feedback| feedback.number), Ok(0x0403));
+    }
 }
 
 proptest! {
