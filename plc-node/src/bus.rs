@@ -151,7 +151,7 @@ fn ethernet_ip_scanner(
         first_id: seed as u32,
     };
     let connection = ConnectionConfig {
-        multiplier: TimeoutMultiplier::covering(intervals).ok_or(BusError::Timeout { intervals })?,
+        multiplier: TimeoutMultiplier::at_least(intervals).ok_or(BusError::Timeout { intervals })?,
         multicast: ethernet_ip.multicast,
         serial_number: bus.robot.and_then(|robot| robot.serial_number),
         ..ConnectionConfig::exclusive_owner(addresses.robot, &ETHERNET_IP_ROBOT, bus.cycle_us.value)

@@ -34,7 +34,7 @@ pub struct Host {
 impl Host {
     /// Reads the description of this computer. What cannot be read is null.
     #[must_use]
-    pub fn look(now: SystemTime) -> Self {
+    pub fn read(now: SystemTime) -> Self {
         let line = |path| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
         let cpu = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
             let name = text.lines().find(|line| line.starts_with("model name"))?;

@@ -22,7 +22,7 @@ pub struct Listening {
 
 /// Returns the sockets of all nodes and benches whose files this user may read.
 #[must_use]
-pub fn look() -> Vec<Listening> {
+pub fn find_sockets() -> Vec<Listening> {
     let Ok(processes) = fs::read_dir("/proc") else { return Vec::new() };
     let mut found: Vec<_> = processes.flatten().flat_map(|process| of_process(&process.path())).collect();
     found.sort();
@@ -133,6 +133,6 @@ sk               RefCnt Type Proto  Iface R Rmem   User   Inode
 
     #[test]
     fn looking_at_this_computer_finds_no_port_of_a_test() {
-        assert!(look().iter().all(|found| found.socket.len() > 4));
+        assert!(find_sockets().iter().all(|found| found.socket.len() > 4));
     }
 }

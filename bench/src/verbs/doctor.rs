@@ -80,10 +80,10 @@ impl Finding {
 pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let setup = setup::setup(options.setup.name())?;
     // Before this process enters a namespace, from where it sees fewer files of others.
-    let listening = listening(&listening::look());
+    let listening = listening(&listening::find_sockets());
     let mut findings = networks();
     findings.push(listening);
-    let host = Host::look(std::time::SystemTime::now());
+    let host = Host::read(std::time::SystemTime::now());
     findings.push(cores(host.cores));
     findings.push(clock_source(host.clock_source.as_deref()));
     findings.push(governor(host.governor.as_deref()));

@@ -107,7 +107,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
         },
     )?;
     let growth = Growth::of(&held);
-    outln!("Setup {}, {} {growth}", setup.name, all.told(lives, started.elapsed()));
+    outln!("Setup {}, {} {growth}", setup.name, all.summary(lives, started.elapsed()));
     let is_well = all.altered == 0 && all.passed > 0 && growth.is_none();
     Ok(if is_well { Exit::Pass } else { Exit::RunFailed })
 }
@@ -161,7 +161,7 @@ impl Counts {
         self.difference = self.difference.take().or(other.difference);
     }
 
-    fn told(&self, lives: u64, host: Duration) -> String {
+    fn summary(&self, lives: u64, host: Duration) -> String {
         let Self { plant, passed, refused, reason, altered, difference } = self;
         let hours = plant.as_secs_f64() / 3_600.0;
         let first =

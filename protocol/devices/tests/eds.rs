@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use ethernet_ip::cip::{General, Path, Reply};
-use ethernet_ip::connection::{ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad};
+use ethernet_ip::connection::{
+    ConnectionType, OpenReply, OpenRequest, Parameters, Priority, Transport, Triad,
+};
 use ethernet_ip::cpf::{Item, Packet, kind, write_item};
 use ethernet_ip::description::Role;
 use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
@@ -138,7 +140,7 @@ impl AdapterUnderTest {
         let reply = Reply::parse(reply).unwrap();
         match reply.general {
             General::Success => Ok(reply.data.to_vec()),
-            general => Err((general.into(), reply.word(0).unwrap_or(0))),
+            general => Err((general.into(), reply.additional_status(0).unwrap_or(0))),
         }
     }
 
@@ -149,7 +151,7 @@ impl AdapterUnderTest {
         data.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
     }
 
-    fn open(&mut self, request: &OpenRequest<'_>) -> Result<Opened, (u8, u16)> {
+    fn open(&mut self, request: &OpenRequest<'_>) -> Result<OpenReply, (u8, u16)> {
         let mut buf = [0; 256];
         let mut writer = Writer::<LittleEndian>::new(&mut buf);
         writer.bytes(&[0x54, 2, 0x20, 6, 0x24, 1]);
@@ -157,7 +159,7 @@ impl AdapterUnderTest {
         let triad = Triad { connection_serial: self.serial, ..request.triad };
         OpenRequest { triad, ..*request }.emit(&mut writer, false);
         let len = writer.finish().unwrap();
-        self.request(&buf[..len]).map(|data| Opened::parse(&data).unwrap())
+        self.request(&buf[..len]).map(|data| OpenReply::parse(&data).unwrap())
     }
 }
 

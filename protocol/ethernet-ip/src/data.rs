@@ -1,9 +1,9 @@
-//! Data that the owner of a machine gives it for an assembly.
+//! The error for data that do not fit an assembly.
 
-/// Why data was not taken.
+/// Why data cannot be set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum DataError {
-    /// No assembly of this instance is sent.
+    /// There is no assembly of this instance that is sent.
     #[error("assembly {instance} is not sent by this device: only assemblies of the role `Produced` are")]
     NotProduced {
         /// The instance.
@@ -12,9 +12,9 @@ pub enum DataError {
     /// The assembly has data of another length.
     #[error("the assembly has {expected} bytes of data, not {found}")]
     Length {
-        /// Bytes that it has.
+        /// Its length in bytes.
         expected: usize,
-        /// Bytes that were given.
+        /// Bytes that were passed.
         found: usize,
     },
 }

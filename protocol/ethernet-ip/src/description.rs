@@ -14,9 +14,9 @@ pub enum Role {
     Consumed,
     /// Configuration.
     Configuration,
-    /// Keeps a connection alive that only takes data: O→T without data.
+    /// Heartbeat of an input-only connection: O→T without data.
     InputOnlyHeartbeat,
-    /// Keeps a connection alive that only listens to others': O→T without data.
+    /// Heartbeat of a listen-only connection: O→T without data.
     ListenOnlyHeartbeat,
 }
 
@@ -34,16 +34,16 @@ impl Role {
     }
 }
 
-/// An assembly: what a connection can be opened to.
+/// An assembly: data that a connection can carry.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Assembly {
     /// Instance, which is the connection point too.
     pub instance: u32,
-    /// What it is for.
+    /// Its use.
     pub role: Role,
     /// Bytes of data.
     pub size: u16,
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
 }
 
@@ -117,7 +117,7 @@ impl Description {
     }
 }
 
-/// Who a device says it is.
+/// Identity that a device reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Identity {
     /// Its vendor, type, product code and revision.

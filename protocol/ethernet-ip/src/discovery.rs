@@ -1,4 +1,4 @@
-//! Finding devices: ListIdentity over UDP, sent to all, and what each device answers (volume 2, 2-4.3).
+//! Finding devices: the ListIdentity request over UDP to all devices, and its replies (volume 2, 2-4.3).
 //!
 //! ```text
 //! item of type 0x000C, in each answer
@@ -23,12 +23,12 @@ use super::description::Identity;
 use super::encapsulation::{Command, HEADER_LEN, Header, Status};
 use machine::wire::{Overflow, Truncated};
 
-/// A device that answered.
+/// The reply of a device to ListIdentity.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Found<'a> {
-    /// Where it says that it listens.
+pub struct IdentityReply<'a> {
+    /// The address at which the device says that it listens.
     pub address: SocketAddrV4,
-    /// Who it is.
+    /// Its identity.
     pub identity: Identity,
     /// Status word of its Identity: bit 0 owned, bit 2 configured, bits 4 to 7 what I/O does.
     pub status: u16,
@@ -38,17 +38,17 @@ pub struct Found<'a> {
     pub state: u8,
 }
 
-/// Writes the question to all devices, for UDP port [`super::ENCAPSULATION_PORT`]. Devices answer at once or, the
-/// standard allows it, within `answer_within_ms`, so that not all do at the same time. Returns the length in bytes.
-pub fn emit_question(buf: &mut [u8], answer_within_ms: u16) -> Result<usize, Overflow> {
+/// Writes the request to all devices, for UDP port [`super::ENCAPSULATION_PORT`]. A device answers at once or after a
+/// random delay of up to `answer_within_ms`, so that not all answer at the same time. Returns the length in bytes.
+pub fn emit_request(buf: &mut [u8], answer_within_ms: u16) -> Result<usize, Overflow> {
     let mut header = Header::request(Command::ListIdentity, 0);
     let [low, high] = answer_within_ms.to_le_bytes();
     header.context = [low, high, 0, 0, 0, 0, 0, 0];
     header.emit(buf, |_| {})
 }
 
-impl<'a> Found<'a> {
-    /// Reads an answer; none where the datagram is something else.
+impl<'a> IdentityReply<'a> {
+    /// Parses a reply; `None` if the datagram is something else.
     #[must_use]
     pub fn parse(datagram: &'a [u8]) -> Option<Self> {
         let header = Header::parse(datagram).ok()?;
@@ -100,16 +100,16 @@ mod tests {
             originators: machine::Allowed::default(),
         });
         let mut buf = [0; 512];
-        let len = emit_question(&mut buf, 500).unwrap();
+        let len = emit_request(&mut buf, 500).unwrap();
         let peer = Some(SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, 1), 50_000));
         let from = Source { port: Port::Udp(ENCAPSULATION_PORT), peer };
         adapter.handle_frame(Instant::ZERO, from, &buf[..len]);
         let answer = adapter.poll_transmit(Instant::ZERO, &mut buf).unwrap();
         assert_eq!(answer.to, peer);
-        let found = Found::parse(&buf[..answer.len]).unwrap();
+        let found = IdentityReply::parse(&buf[..answer.len]).unwrap();
         assert_eq!(found.address, SocketAddrV4::new(address, ENCAPSULATION_PORT));
         assert_eq!(found.identity, Identity { key: DEVICE.key(), serial_number: 0x1234_5678 });
         assert_eq!((found.product_name, found.state), (DEVICE.product_name.as_bytes(), 3));
-        assert!((0..answer.len).all(|cut| Found::parse(&buf[..cut]).is_none()));
+        assert!((0..answer.len).all(|cut| IdentityReply::parse(&buf[..cut]).is_none()));
     }
 }

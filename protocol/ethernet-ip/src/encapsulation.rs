@@ -140,7 +140,7 @@ impl Default for Reassembly {
 }
 
 impl Reassembly {
-    /// Drops all bytes, for a new connection.
+    /// Drops all bytes. Call it for a new connection.
     pub const fn clear(&mut self) {
         (self.start, self.end, self.skip) = (0, 0, 0);
     }

@@ -9,7 +9,7 @@ use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
 use crate::ENCAPSULATION_PORT;
 use crate::description::Identity;
-use crate::discovery::{Found, emit_question};
+use crate::discovery::{IdentityReply, emit_request};
 
 /// Devices that one address may have: one, or some that share it by mistake. One host must not fill the list.
 const MOST_OF_ONE_HOST: usize = 8;
@@ -46,7 +46,7 @@ pub struct FoundDevice {
     pub address: Ipv4Addr,
     /// Address in its answer. If it differs from the address above, there is address translation or a fault.
     pub listens_at: SocketAddrV4,
-    /// Who it is.
+    /// Its identity.
     pub identity: Identity,
     /// Status word of its Identity: bit 0 owned, bit 2 configured, bits 4 to 7 what I/O does.
     pub status: u16,
@@ -107,7 +107,8 @@ impl Machine for Search {
         if port != self.config.local_port || self.schedule.has_ended() {
             return;
         }
-        let Some(Found { address: listens_at, identity, status, product_name, state }) = Found::parse(frame)
+        let Some(IdentityReply { address: listens_at, identity, status, product_name, state }) =
+            IdentityReply::parse(frame)
         else {
             self.answers.ignore();
             return;
@@ -134,7 +135,7 @@ impl Machine for Search {
         self.sent += 1;
         // 0 would mean two seconds to a device.
         let answer_within_ms = u16::try_from(self.schedule.spread().as_millis()).unwrap_or(u16::MAX).max(1);
-        let len = emit_question(buf, answer_within_ms).ok()?;
+        let len = emit_request(buf, answer_within_ms).ok()?;
         let to = Some(SocketAddrV4::new(to, ENCAPSULATION_PORT));
         Some(Transmit { port: Port::Udp(self.config.local_port), to, len })
     }

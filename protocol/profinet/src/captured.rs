@@ -1,4 +1,4 @@
-//! Captured frames for tests; their source is told in `vectors/README.md`.
+//! Captured frames for tests; `vectors/README.md` names their source.
 
 /// Returns the frame in a hex file of `vectors/`, without its comment line.
 pub(crate) fn frame(text: &str) -> Vec<u8> {

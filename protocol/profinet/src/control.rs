@@ -1,4 +1,4 @@
-//! Control and Release: the end of the parameters, readiness, the end of the AR.
+//! Control and Release: all parameters are written, the device is ready, the AR ends.
 //!
 //! ```text
 //! reserved u16 · ARUUID 16 · SessionKey u16 · AlarmSequenceNumber or reserved u16

@@ -1,12 +1,12 @@
-//! The data that a station provides: what its cyclic frames carry, kept from one connection to the next.
+//! The data that a station provides in its cyclic frames, stored from one connection to the next.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Why data was not taken.
+/// Why data cannot be set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum DataError {
-    /// No submodule there has data in this direction.
+    /// There is no submodule with data in this direction.
     #[error("subslot 0x{subslot:04X} of slot {slot} has no data in this direction")]
     NoData {
         /// Slot number.
@@ -21,9 +21,9 @@ pub enum DataError {
         slot: u16,
         /// Subslot number.
         subslot: u16,
-        /// Bytes that it has.
+        /// Its length in bytes.
         expected: usize,
-        /// Bytes that were given.
+        /// Bytes that were passed.
         found: usize,
     },
 }
@@ -51,7 +51,7 @@ impl Provided {
         Self { parts: submodules.filter(|(.., len)| *len > 0).map(part).collect() }
     }
 
-    /// Takes the data of one submodule.
+    /// Sets the data of one submodule.
     pub(crate) fn set(&mut self, slot: u16, subslot: u16, data: &[u8]) -> Result<(), DataError> {
         let here = |part: &&mut Part| (part.slot, part.subslot) == (slot, subslot);
         let part = self.parts.iter_mut().find(here).ok_or(DataError::NoData { slot, subslot })?;
@@ -64,7 +64,7 @@ impl Provided {
         Ok(())
     }
 
-    /// Has `write` write the data of each submodule into its place.
+    /// Calls `write` with the place of each submodule's data.
     pub(crate) fn set_all(&mut self, mut write: impl FnMut(u16, u16, &mut [u8])) {
         for Part { slot, subslot, data, is_set } in &mut self.parts {
             write(*slot, *subslot, data);

@@ -41,7 +41,7 @@ pub const HEADER_LEN: usize = 64;
 /// Length in bytes of the blocks of I&M0.
 pub const IM0_LEN: usize = 60;
 
-/// Record that a Read or Write addresses.
+/// Address of a record in a Read or Write.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Address {
     /// SeqNumber: counts the records of an AR.
@@ -83,7 +83,7 @@ impl Address {
     }
 }
 
-/// Reads the head of a record PDU: where it goes, RecordDataLength, and the reader over the rest of its 64 bytes.
+/// Reads the head of a record PDU: address, RecordDataLength, and the reader over the rest of its 64 bytes.
 fn parse_head<'a>(
     reader: &mut BlockReader<'a>,
     wanted: BlockType,
@@ -102,7 +102,7 @@ fn parse_head<'a>(
 /// A Write.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct WriteRequest<'a> {
-    /// Where the record goes.
+    /// Address of the record.
     pub address: Address,
     /// The record.
     pub record: &'a [u8],
@@ -126,8 +126,8 @@ impl<'a> WriteRequest<'a> {
         writer.bytes(self.record);
     }
 
-    /// Returns the Writes in a MultipleWrite; after one that cannot be read there are no more.
-    pub fn parts(&self) -> impl Iterator<Item = Result<WriteRequest<'a>, Violation>> + use<'a> {
+    /// Returns the Writes in a MultipleWrite, up to the first malformed one.
+    pub fn writes(&self) -> impl Iterator<Item = Result<WriteRequest<'a>, Violation>> + use<'a> {
         let mut reader = BlockReader::new(self.record);
         core::iter::from_fn(move || {
             if reader.is_empty() {
@@ -146,7 +146,7 @@ impl<'a> WriteRequest<'a> {
 /// The answer to a Write.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct WriteResponse {
-    /// Where the record went.
+    /// Address of the record.
     pub address: Address,
     /// RecordDataLength: bytes written.
     pub length: u32,
@@ -177,9 +177,9 @@ impl WriteResponse {
 /// A Read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ReadRequest {
-    /// Which record is wanted.
+    /// Address of the requested record.
     pub address: Address,
-    /// The most bytes of it that are wanted.
+    /// Largest number of bytes to return.
     pub most: u32,
     /// TargetARUUID, for a Read without an AR; else nil.
     pub target_ar: Uuid,
@@ -206,7 +206,7 @@ impl ReadRequest {
 /// The answer to a Read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ReadResponse<'a> {
-    /// Which record it is.
+    /// Address of the record.
     pub address: Address,
     /// The record.
     pub record: &'a [u8],
@@ -323,9 +323,11 @@ mod tests {
         let write = WriteRequest::parse(&mut BlockReader::new(&blocks)).unwrap();
         assert_eq!(write.address.index, index::MULTIPLE_WRITE);
         assert_eq!(emitted(|w| write.emit(w)), blocks);
-        let parts: Vec<_> =
-            write.parts().map(|part| part.map(|part| (part.address.index, part.record.len()))).collect();
-        assert_eq!(parts, [Ok((0x8071, 12)), Ok((0x7B, 4)), Ok((0x7C, 4)), Ok((0x7D, 4))]);
+        let writes: Vec<_> = write
+            .writes()
+            .map(|write| write.map(|write| (write.address.index, write.record.len())))
+            .collect();
+        assert_eq!(writes, [Ok((0x8071, 12)), Ok((0x7B, 4)), Ok((0x7C, 4)), Ok((0x7D, 4))]);
     }
 
     #[test]
@@ -386,8 +388,8 @@ mod tests {
         }
         let cut = [&blocks[..HEADER_LEN + 200]].concat();
         let write = WriteRequest { address: whole_address(&blocks), record: &cut[HEADER_LEN..] };
-        let parts: Vec<_> = write.parts().collect();
-        assert!(parts[1].is_ok() && parts.last().unwrap().is_err());
+        let writes: Vec<_> = write.writes().collect();
+        assert!(writes[1].is_ok() && writes.last().unwrap().is_err());
     }
 
     fn whole_address(blocks: &[u8]) -> Address {

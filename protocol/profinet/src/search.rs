@@ -14,7 +14,8 @@ use crate::{ETHER_TYPE, ETHERNET};
 pub struct SearchConfig {
     /// The own MAC address.
     pub mac: Mac,
-    /// Xid of the first request; those after it count up. Choose one that was not used lately, so that old answers are not accepted.
+    /// Xid of the first request; the following ones count up. Choose one that was not used lately, so that old answers are
+    /// not accepted.
     pub first_xid: u32,
     /// Time from the first request to the end.
     pub length: Duration,

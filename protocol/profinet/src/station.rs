@@ -16,10 +16,10 @@ use machine::{Duration, Instant, Requested};
 /// Largest number of blocks in one Set or Get; further ones are not answered.
 const MOST_BLOCKS: usize = 16;
 
-/// Largest number of answers that are due at once, and of answers to Identify that wait for their delay.
+/// Largest number of answers that wait to be sent at once, and of answers to Identify that wait for their delay.
 const MOST_REPLIES: usize = 8;
 
-/// Time for the owner to set an address on the interface. After it the requester has given up.
+/// Time in which the owner can set an address on the interface. After it, the requester has given up.
 const ADDRESS_TIME: Duration = Duration::from_secs(3);
 
 /// Role of an IO-Device, which gets its name and address from others.
@@ -43,7 +43,7 @@ pub(super) struct Station {
     delayed: [Option<Reply>; MOST_REPLIES],
     /// When the first of both is due.
     reply_due: Option<Instant>,
-    setting: Option<Setting>,
+    pending_set: Option<PendingSet>,
 }
 
 /// An answer that waits to be sent.
@@ -80,7 +80,7 @@ impl Results {
 
 /// A Set of the address that the owner has not completed yet.
 #[derive(Clone, Copy, Debug)]
-struct Setting {
+struct PendingSet {
     reply: Reply,
     suite: IpSuite,
     deadline: Instant,
@@ -97,16 +97,16 @@ pub(super) struct Effect {
 
 /// Whether the sender of a DCP PDU may change the station.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum MaySet {
+pub(super) enum SetPermission {
     /// It may.
-    Yes,
+    Allowed,
     /// Nobody may: an AR runs.
     InOperation,
     /// Others may, but not this sender.
     NotListed,
 }
 
-/// Why a DCP PDU was ignored.
+/// Why a DCP PDU is ignored.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Refusal {
     /// It is malformed.
@@ -141,7 +141,7 @@ impl Station {
             prompt: [None; MOST_REPLIES],
             delayed: [None; MOST_REPLIES],
             reply_due: None,
-            setting: None,
+            pending_set: None,
         }
     }
 
@@ -159,7 +159,7 @@ impl Station {
         now: Instant,
         header: &EthernetHeader,
         payload: &[u8],
-        may_set: MaySet,
+        set_permission: SetPermission,
     ) -> Result<Effect, Refusal> {
         let pdu = Pdu::parse(payload).map_err(|_| Refusal::Malformed)?;
         let reply =
@@ -169,7 +169,7 @@ impl Station {
         }
         match pdu.service {
             Service::IdentifyRequest => {
-                if !self.is_meant(&pdu)? {
+                if !self.is_for_this_station(&pdu)? {
                     return Err(Refusal::Foreign);
                 }
                 let due = now + response_delay(self.mac, pdu.response_delay_factor);
@@ -178,19 +178,19 @@ impl Station {
             }
             Service::GetRequest if header.destination == self.mac => {
                 let mut results = Results::NONE;
-                pdu.wanted().for_each(|code| results.push(code, self.get_error(code)));
+                pdu.requested_options().for_each(|code| results.push(code, self.get_error(code)));
                 self.queue(now, Reply { service: Service::GetResponse, results, ..reply })?;
                 Ok(Effect::default())
             }
             Service::SetRequest if header.destination == self.mac => {
-                self.set(now, &pdu, Reply { service: Service::SetResponse, ..reply }, may_set)
+                self.set(now, &pdu, Reply { service: Service::SetResponse, ..reply }, set_permission)
             }
             _ => Err(Refusal::Foreign),
         }
     }
 
     /// Returns whether an Identify request is for this station: all of its blocks match.
-    fn is_meant(&self, pdu: &Pdu<'_>) -> Result<bool, Refusal> {
+    fn is_for_this_station(&self, pdu: &Pdu<'_>) -> Result<bool, Refusal> {
         let mut any = false;
         for block in pdu.blocks() {
             let block = block.map_err(|_| Refusal::Malformed)?;
@@ -229,9 +229,11 @@ impl Station {
         now: Instant,
         pdu: &Pdu<'_>,
         mut reply: Reply,
-        may_set: MaySet,
+        set_permission: SetPermission,
     ) -> Result<Effect, Refusal> {
-        if self.setting.is_some_and(|setting| (setting.reply.xid, setting.reply.to) == (reply.xid, reply.to))
+        if self
+            .pending_set
+            .is_some_and(|pending_set| (pending_set.reply.xid, pending_set.reply.to) == (reply.xid, reply.to))
         {
             // A repetition of the Set in progress.
             return Ok(Effect::default());
@@ -242,10 +244,12 @@ impl Station {
         }
         let mut effect = Effect::default();
         for block in pdu.blocks().flatten() {
-            let change = self.change(&block.content).filter(|_| may_set != MaySet::Yes);
+            let change = self.change(&block.content).filter(|_| set_permission != SetPermission::Allowed);
             effect.refused = effect.refused.or(change);
             let error = match block.content {
-                _ if change.is_some() && may_set == MaySet::InOperation => BlockError::InOperation,
+                _ if change.is_some() && set_permission == SetPermission::InOperation => {
+                    BlockError::InOperation
+                }
                 _ if change.is_some() => BlockError::NotPossible,
                 _ if self.role == IO_CONTROLLER && matches!(block.code().0 >> 8, 1 | 2) => {
                     BlockError::NotPossible
@@ -255,7 +259,9 @@ impl Station {
                 }
                 Content::Ip(suite) if suite == self.ip => BlockError::None,
                 Content::Ip(suite) if !is_allowed(suite) => BlockError::SuboptionNotSet,
-                Content::Ip(_) if self.setting.is_some() || effect.address.is_some() => BlockError::Resource,
+                Content::Ip(_) if self.pending_set.is_some() || effect.address.is_some() => {
+                    BlockError::Resource
+                }
                 Content::Ip(suite) => {
                     effect.address = Some(suite);
                     BlockError::None
@@ -278,14 +284,13 @@ impl Station {
             reply.results.push(block.code(), error);
         }
         match effect.address {
-            Some(suite) => self.setting = Some(Setting { reply, suite, deadline: now + ADDRESS_TIME }),
+            Some(suite) => self.pending_set = Some(PendingSet { reply, suite, deadline: now + ADDRESS_TIME }),
             None => self.queue(now, reply)?,
         }
         Ok(effect)
     }
 
-    /// Returns the change that a block of a Set asks for, if the station would be another one afterwards: what it is found
-    /// and reached by.
+    /// Returns the change that a block of a Set requests, if it changes the station's name or address.
     fn change(&self, content: &Content<'_>) -> Option<Requested> {
         match content {
             Content::Ip(suite) if *suite != self.ip => Some(Requested::Address),
@@ -302,7 +307,7 @@ impl Station {
 
     /// Reports whether the owner could set the address on the interface. Returns whether the address changed.
     pub(super) fn address_set(&mut self, now: Instant, done: bool) -> bool {
-        let Some(Setting { mut reply, suite, .. }) = self.setting.take() else { return false };
+        let Some(PendingSet { mut reply, suite, .. }) = self.pending_set.take() else { return false };
         if done {
             self.ip = suite;
         } else {
@@ -314,7 +319,7 @@ impl Station {
             address.for_each(|(_, error)| *error = BlockError::NotPossible);
         }
         reply.due = now;
-        // If there is no room for the answer, the controller asks again and is answered at once.
+        // If there is no room for the answer, it is not sent: the controller repeats the request and is answered at once.
         let _ = self.queue(now, reply);
         done
     }
@@ -326,20 +331,21 @@ impl Station {
             Some(reply.due)
         };
         let delayed = if reply.due > now { free(&mut self.delayed, reply) } else { None };
-        // Without a place to wait in, the answer goes out at once: long delays must not silence the station.
+        // Without a free place to wait, the answer is sent at once, so that requests with long delays cannot silence the
+        // station.
         let due = delayed.or_else(|| free(&mut self.prompt, Reply { due: now, ..reply }));
         self.reply_due = Instant::earlier(self.reply_due, Some(due.ok_or(Refusal::Foreign)?));
         Ok(())
     }
 
     pub(super) fn handle_timeout(&mut self, now: Instant) {
-        if self.setting.as_ref().is_some_and(|setting| now >= setting.deadline) {
-            self.setting = None;
+        if self.pending_set.as_ref().is_some_and(|pending_set| now >= pending_set.deadline) {
+            self.pending_set = None;
         }
     }
 
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
-        Instant::earlier(self.reply_due, self.setting.as_ref().map(|setting| setting.deadline))
+        Instant::earlier(self.reply_due, self.pending_set.as_ref().map(|pending_set| pending_set.deadline))
     }
 
     /// Writes the next due answer as an Ethernet frame; returns its length.

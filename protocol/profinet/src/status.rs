@@ -1,11 +1,11 @@
-//! PNIOStatus: the status of a refusal, and the only table from violations to statuses.
+//! PNIOStatus: the status of a refusal, and the only table of the violations' statuses.
 //!
 //! ```text
 //! 0 ErrorCode · 1 ErrorDecode · 2 ErrorCode1 · 3 ErrorCode2        IEC 61158-6-10, PNIOStatus
 //! ```
 //!
-//! On the wire of RPC it is one 32-bit number in the sender's byte order. ErrorCode names the service that failed,
-//! ErrorDecode how to read the other two, ErrorCode1 the block or the state machine, ErrorCode2 the field or reason.
+//! In an RPC PDU it is one 32-bit number in the sender's byte order. ErrorCode names the service that failed, ErrorDecode
+//! defines the meaning of the other two, ErrorCode1 names the block or the state machine, ErrorCode2 the field or reason.
 //!
 //! In one file, because a table of the standard is looked up as a whole.
 

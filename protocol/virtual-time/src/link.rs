@@ -27,13 +27,13 @@ pub struct Impairment {
     pub corrupt_ppm: u32,
     /// Frames in which one bit flips on the wire: the frame's checksum finds it, so that the frame is lost.
     pub corrupt_on_wire_ppm: u32,
-    /// What happens to single frames.
-    pub strikes: Strikes,
+    /// Faults of single frames.
+    pub frame_faults: FrameFaults,
 }
 
-/// What happens to one frame.
+/// A fault of a single frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Strike {
+pub enum FrameFault {
     /// It is lost; of a TCP stream, a segment is lost once and sent again.
     Lose,
     /// It arrives twice. TCP drops the second one.
@@ -50,39 +50,39 @@ pub enum Strike {
 
 /// What happens to single frames, by their numbers among those that were put in, counted from 1.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
-pub struct Strikes([Option<(u64, Strike)>; Strikes::MOST]);
+pub struct FrameFaults([Option<(u64, FrameFault)>; FrameFaults::MOST]);
 
-impl Strikes {
-    /// Most strikes of one direction.
+impl FrameFaults {
+    /// Largest number of faults of single frames in one direction.
     pub const MOST: usize = 4;
-    /// No frame is struck.
+    /// No frame has a fault of its own.
     pub const NONE: Self = Self([None; Self::MOST]);
 
-    /// Adds a strike. Returns whether there was room for it.
-    pub fn add(&mut self, frame: u64, strike: Strike) -> bool {
+    /// Adds a fault. Returns whether there was room for it.
+    pub fn add(&mut self, frame: u64, frame_fault: FrameFault) -> bool {
         let room = self.0.iter_mut().find(|one| one.is_none());
-        room.map(|room| *room = Some((frame, strike))).is_some()
+        room.map(|room| *room = Some((frame, frame_fault))).is_some()
     }
 
-    /// Returns all strikes.
-    pub fn iter(&self) -> impl Iterator<Item = (u64, Strike)> + '_ {
+    /// Returns all faults, each with the number of its frame.
+    pub fn iter(&self) -> impl Iterator<Item = (u64, FrameFault)> + '_ {
         self.0.iter().flatten().copied()
     }
 
     /// Returns the longest time for which it holds a frame back.
     #[must_use]
     pub fn longest_hold(&self) -> Duration {
-        let hold = |(_, strike)| match strike {
-            Strike::Hold(by) => Some(by),
+        let hold = |(_, frame_fault)| match frame_fault {
+            FrameFault::Hold(by) => Some(by),
             _ => None,
         };
         self.iter().filter_map(hold).max().unwrap_or_default()
     }
 }
 
-/// All that strikes one frame.
+/// All faults of one frame.
 #[derive(Clone, Copy, Default)]
-struct Struck {
+struct CombinedFault {
     is_lost: bool,
     is_doubled: bool,
     held: Option<Duration>,
@@ -92,7 +92,7 @@ struct Struck {
 
 /// A piece of a TCP stream that passed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) struct Passed {
+pub(super) struct SentPiece {
     pub(super) arrival: Instant,
     /// How often it was lost before.
     pub(super) losses: u32,
@@ -119,7 +119,7 @@ pub struct LinkCounters {
 
 /// What a cable did to one frame, besides delaying it. Displayed as a capture's comment.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Debug)]
-pub struct Fate {
+pub struct LinkEffect {
     /// It is lost by chance.
     pub lost: bool,
     /// It is lost because the cable is cut.
@@ -134,7 +134,7 @@ pub struct Fate {
     pub failed_checksum: bool,
 }
 
-impl Fate {
+impl LinkEffect {
     /// Returns whether nothing was done to it.
     #[must_use]
     pub fn is_clean(&self) -> bool {
@@ -142,7 +142,7 @@ impl Fate {
     }
 }
 
-impl fmt::Display for Fate {
+impl fmt::Display for LinkEffect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { lost, cut, duplicated, held_back, flipped_bit, failed_checksum } = *self;
         let mut separator = "fault: ";
@@ -223,12 +223,12 @@ impl Link {
 
     /// Calls `arrive` for each copy of the frame that gets through, with its arrival time. An empty frame cannot be
     /// corrupted.
-    pub fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, Fate, &[u8])) -> Fate {
-        let (fate, arrival) = self.decide(now, frame.len());
-        let Some(arrival) = arrival else { return fate };
-        let copies = if fate.duplicated { 2 } else { 1 };
+    pub fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, LinkEffect, &[u8])) -> LinkEffect {
+        let (effect, arrival) = self.decide(now, frame.len());
+        let Some(arrival) = arrival else { return effect };
+        let copies = if effect.duplicated { 2 } else { 1 };
         let mut corrupted = [0; FRAME_CAPACITY];
-        let frame = match (fate.flipped_bit, corrupted.get_mut(..frame.len())) {
+        let frame = match (effect.flipped_bit, corrupted.get_mut(..frame.len())) {
             (Some(bit), Some(corrupted)) => {
                 corrupted.copy_from_slice(frame);
                 flip(corrupted, bit);
@@ -236,12 +236,12 @@ impl Link {
             }
             _ => frame,
         };
-        (0..copies).for_each(|_| arrive(arrival, fate, frame));
-        fate
+        (0..copies).for_each(|_| arrive(arrival, effect, frame));
+        effect
     }
 
     /// Decides what happens to a frame of `len` bytes sent now, and when it arrives; `None` if it is lost.
-    pub(super) fn decide(&mut self, now: Instant, len: usize) -> (Fate, Option<Instant>) {
+    pub(super) fn decide(&mut self, now: Instant, len: usize) -> (LinkEffect, Option<Instant>) {
         self.counters.sent += 1;
         let Impairment {
             delay,
@@ -252,81 +252,81 @@ impl Link {
             reorder_by,
             corrupt_ppm,
             corrupt_on_wire_ppm,
-            strikes: _,
+            frame_faults: _,
         } = self.impairment;
-        let struck = self.struck();
-        let mut fate = Fate { cut: self.cut, ..Fate::default() };
-        fate.lost = !fate.cut && (self.chance(loss_ppm) || struck.is_lost);
-        fate.failed_checksum =
-            !fate.cut && !fate.lost && (self.chance(corrupt_on_wire_ppm) || struck.flips_on_wire);
-        self.counters.corrupted_on_wire += u64::from(fate.failed_checksum);
-        if fate.cut || fate.lost || fate.failed_checksum {
+        let combined = self.combined();
+        let mut effect = LinkEffect { cut: self.cut, ..LinkEffect::default() };
+        effect.lost = !effect.cut && (self.chance(loss_ppm) || combined.is_lost);
+        effect.failed_checksum =
+            !effect.cut && !effect.lost && (self.chance(corrupt_on_wire_ppm) || combined.flips_on_wire);
+        self.counters.corrupted_on_wire += u64::from(effect.failed_checksum);
+        if effect.cut || effect.lost || effect.failed_checksum {
             self.counters.lost += 1;
-            return (fate, None);
+            return (effect, None);
         }
         let mut arrival = now + delay + self.up_to(jitter);
-        let held = struck.held.or_else(|| self.chance(reorder_ppm).then_some(reorder_by));
+        let held = combined.held.or_else(|| self.chance(reorder_ppm).then_some(reorder_by));
         if let Some(by) = held {
             self.counters.reordered += 1;
-            fate.held_back = Some(by);
+            effect.held_back = Some(by);
             arrival += by;
         } else {
             arrival = arrival.max(self.last_arrival);
             self.last_arrival = arrival;
         }
-        fate.duplicated = self.chance(duplicate_ppm) || struck.is_doubled;
-        self.counters.duplicated += u64::from(fate.duplicated);
+        effect.duplicated = self.chance(duplicate_ppm) || combined.is_doubled;
+        self.counters.duplicated += u64::from(effect.duplicated);
         if (1..=FRAME_CAPACITY).contains(&len) {
             let chance = self.chance(corrupt_ppm).then(|| self.below(len as u64 * 8) as u32);
-            fate.flipped_bit = chance.or_else(|| Some(struck.flipped? % (len as u32 * 8)));
-            self.counters.corrupted += u64::from(fate.flipped_bit.is_some());
+            effect.flipped_bit = chance.or_else(|| Some(combined.flipped? % (len as u32 * 8)));
+            self.counters.corrupted += u64::from(effect.flipped_bit.is_some());
         }
-        (fate, Some(arrival))
+        (effect, Some(arrival))
     }
 
     /// Returns how a piece of `len` bytes of a TCP stream sent now arrives: where a datagram would be lost, it arrives
-    /// later. `None` while cut. Of its bits only a strike flips one behind the checksums.
+    /// later. `None` while cut. Only a fault of this single frame flips one of its bits behind the checksums.
     pub(super) fn pass_stream(
         &mut self,
         now: Instant,
         len: usize,
         retransmission: Duration,
-    ) -> Option<Passed> {
+    ) -> Option<SentPiece> {
         self.counters.sent += 1;
         if self.cut {
             return None;
         }
-        let struck = self.struck();
+        let combined = self.combined();
         let mut arrival = now + self.impairment.delay + self.up_to(self.impairment.jitter);
-        arrival += struck.held.unwrap_or_default();
-        let mut losses = u32::from(struck.is_lost || struck.flips_on_wire);
-        self.counters.corrupted_on_wire += u64::from(struck.flips_on_wire);
+        arrival += combined.held.unwrap_or_default();
+        let mut losses = u32::from(combined.is_lost || combined.flips_on_wire);
+        self.counters.corrupted_on_wire += u64::from(combined.flips_on_wire);
         while self.chance(self.impairment.loss_ppm.min(900_000)) {
             losses += 1;
         }
         self.counters.lost += u64::from(losses);
         arrival += retransmission * losses;
-        let flipped_bit = struck.flipped.filter(|_| (1..=FRAME_CAPACITY).contains(&len));
+        let flipped_bit = combined.flipped.filter(|_| (1..=FRAME_CAPACITY).contains(&len));
         let flipped_bit = flipped_bit.map(|bit| bit % (len as u32 * 8));
         self.counters.corrupted += u64::from(flipped_bit.is_some());
-        Some(Passed { arrival, losses, flipped_bit })
+        Some(SentPiece { arrival, losses, flipped_bit })
     }
 
-    /// Returns what strikes the frame that was counted last.
-    fn struck(&self) -> Struck {
-        let mut struck = Struck::default();
-        for (number, strike) in self.impairment.strikes.iter() {
+    /// Returns the faults of the frame that was counted last.
+    fn combined(&self) -> CombinedFault {
+        let mut combined = CombinedFault::default();
+        for (number, frame_fault) in self.impairment.frame_faults.iter() {
             if number == self.counters.sent {
-                match strike {
-                    Strike::Lose => struck.is_lost = true,
-                    Strike::Double => struck.is_doubled = true,
-                    Strike::Hold(by) => struck.held = Some(by),
-                    Strike::Flip(bit) => struck.flipped = Some(bit),
-                    Strike::FlipOnWire => struck.flips_on_wire = true,
+                match frame_fault {
+                    FrameFault::Lose => combined.is_lost = true,
+                    FrameFault::Double => combined.is_doubled = true,
+                    FrameFault::Hold(by) => combined.held = Some(by),
+                    FrameFault::Flip(bit) => combined.flipped = Some(bit),
+                    FrameFault::FlipOnWire => combined.flips_on_wire = true,
                 }
             }
         }
-        struck
+        combined
     }
 
     /// Draws no random number if the rate is zero, so that switching on one fault does not shift the others.

@@ -75,7 +75,7 @@ impl<M: Machine> Network<M> {
     pub fn add(&mut self, machine: M, mac: Mac, address: Option<Ipv4Addr>) -> StationId {
         let id = StationId(self.stations.len());
         self.stations.push(Station { machine, mac, address, timeout: None });
-        self.settle(id);
+        self.poll_machine(id);
         id
     }
 
@@ -95,7 +95,7 @@ impl<M: Machine> Network<M> {
     pub fn command<R>(&mut self, id: StationId, command: impl FnOnce(&mut M, Instant) -> R) -> Option<R> {
         let now = self.now;
         let result = command(&mut self.stations.get_mut(id.0)?.machine, now);
-        self.settle(id);
+        self.poll_machine(id);
         Some(result)
     }
 
@@ -151,7 +151,7 @@ impl<M: Machine> Network<M> {
     }
 
     /// Follows the contract after a change: drains frames, requests and events, then reads the timeout.
-    fn settle(&mut self, id: StationId) {
+    fn poll_machine(&mut self, id: StationId) {
         let now = self.now;
         loop {
             let Some(station) = self.stations.get_mut(id.0) else { return };

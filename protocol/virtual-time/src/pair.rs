@@ -104,7 +104,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             tap: None,
         };
         for side in [Side::A, Side::B] {
-            pair.settle(side, pair.local_time(side));
+            pair.poll_machine(side, pair.local_time(side));
         }
         pair
     }
@@ -141,7 +141,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn command_a<R>(&mut self, command: impl FnOnce(&mut A, Instant) -> R) -> R {
         let local = self.local_time(Side::A);
         let result = command(&mut self.a, local);
-        self.settle(Side::A, local);
+        self.poll_machine(Side::A, local);
         result
     }
 
@@ -149,7 +149,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     pub fn command_b<R>(&mut self, command: impl FnOnce(&mut B, Instant) -> R) -> R {
         let local = self.local_time(Side::B);
         let result = command(&mut self.b, local);
-        self.settle(Side::B, local);
+        self.poll_machine(Side::B, local);
         result
     }
 
@@ -197,7 +197,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         station.alive = true;
         station.local_timeout = None;
         let local = self.local_time(side);
-        self.settle(side, local);
+        self.poll_machine(side, local);
     }
 
     /// Makes [`next_event`](Self::next_event) return once `side` has put so many frames into the cable.
@@ -270,7 +270,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     Side::A => self.a.handle_timeout(local),
                     Side::B => self.b.handle_timeout(local),
                 }
-                self.settle(side, local);
+                self.poll_machine(side, local);
                 true
             }
             _ => false,
@@ -279,7 +279,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
 
     /// Fulfils the contract after a change: drains frames and events, then reads the timeout. `local` is what the
     /// side's clock shows now.
-    fn settle(&mut self, side: Side, local: Instant) {
+    fn poll_machine(&mut self, side: Side, local: Instant) {
         if !self.station(side).alive {
             return;
         }

@@ -8,7 +8,7 @@ use machine::{
     Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
-use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side, Strike, Strikes};
+use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side, FrameFault, FrameFaults};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
@@ -101,7 +101,7 @@ fn the_same_seed_gives_the_same_nanoseconds_under_every_fault() {
         reorder_by: Duration::from_millis(2),
         corrupt_ppm: 200_000,
         corrupt_on_wire_ppm: 200_000,
-        strikes: Strikes::NONE,
+        frame_faults: FrameFaults::NONE,
     };
     assert_eq!(transcript(7, link), transcript(7, link));
     assert_ne!(transcript(7, link), transcript(8, link));
@@ -134,17 +134,17 @@ fn a_strike_hits_the_frame_of_its_number_and_no_other() {
     let by = Duration::from_millis(2);
     let none = [0; 8];
     let flipped = [0, 0x20, 0, 0, 0, 0, 0, 0];
-    for (strike, copies, latest_ms, third) in [
-        (Strike::Lose, [1, 1, 0, 1], 0, None),
-        (Strike::Double, [1, 1, 2, 1], 0, Some(none)),
-        (Strike::Hold(by), [1; 4], 2, Some(none)),
-        (Strike::FlipOnWire, [1, 1, 0, 1], 0, None),
+    for (frame_fault, copies, latest_ms, third) in [
+        (FrameFault::Lose, [1, 1, 0, 1], 0, None),
+        (FrameFault::Double, [1, 1, 2, 1], 0, Some(none)),
+        (FrameFault::Hold(by), [1; 4], 2, Some(none)),
+        (FrameFault::FlipOnWire, [1, 1, 0, 1], 0, None),
         // Bit 77 of 64 is bit 13.
-        (Strike::Flip(77), [1; 4], 0, Some(flipped)),
+        (FrameFault::Flip(77), [1; 4], 0, Some(flipped)),
     ] {
-        let mut strikes = Strikes::NONE;
-        assert!(strikes.add(3, strike));
-        let mut link = Link::new(Impairment { strikes, ..Impairment::default() }, 1, 0);
+        let mut frame_faults = FrameFaults::NONE;
+        assert!(frame_faults.add(3, frame_fault));
+        let mut link = Link::new(Impairment { frame_faults, ..Impairment::default() }, 1, 0);
         let mut latest = Instant::ZERO;
         let arrivals = [1, 2, 3, 4].map(|number| {
             let mut copies = 0;
@@ -160,10 +160,10 @@ fn a_strike_hits_the_frame_of_its_number_and_no_other() {
 
 #[test]
 fn a_direction_has_room_for_a_few_strikes_and_all_of_them_hit() {
-    let mut strikes = Strikes::NONE;
-    assert!((1..=4).all(|frame| strikes.add(2 * frame, Strike::Lose)));
-    assert!(!strikes.add(10, Strike::Lose));
-    let mut link = Link::new(Impairment { strikes, ..Impairment::default() }, 1, 0);
+    let mut frame_faults = FrameFaults::NONE;
+    assert!((1..=4).all(|frame| frame_faults.add(2 * frame, FrameFault::Lose)));
+    assert!(!frame_faults.add(10, FrameFault::Lose));
+    let mut link = Link::new(Impairment { frame_faults, ..Impairment::default() }, 1, 0);
     let arrives = [(); 10].map(|()| {
         let mut arrives = false;
         link.pass(Instant::ZERO, &[0], |_, _, _| arrives = true);

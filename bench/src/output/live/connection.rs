@@ -1,4 +1,4 @@
-//! Connections of browsers, bounded in number and in patience.
+//! Connections of browsers. Their number is limited, and a silent connection is closed.
 
 use std::future::Future as _;
 use std::io;
@@ -17,35 +17,35 @@ use tokio::time::{Instant, Sleep, sleep};
 /// Connections at once: a browser opens several for a page.
 const CONNECTIONS: usize = 32;
 
-/// Longest time in which a connection carries no byte. A page that is open gets more often something, so one that reaches
-/// this hangs, and what waits for it is given up.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest time without a byte on a connection. An open page receives something more often, so a connection that reaches
+/// this time hangs; what waits for it is dropped.
+const LONGEST_SILENCE: Duration = Duration::from_secs(20);
 
 /// Pause after a connection that could not be accepted, for example for want of file numbers.
 const AFTER_ERROR: Duration = Duration::from_millis(200);
 
-/// Takes as many connections as are allowed; others wait in the kernel.
+/// Accepts as many connections as are allowed; others wait in the kernel.
 #[derive(Debug)]
-pub(super) struct Bounded {
+pub(super) struct LimitedListener {
     listener: TcpListener,
     room: Arc<Semaphore>,
 }
 
-impl Bounded {
+impl LimitedListener {
     pub(super) fn new(listener: TcpListener) -> Self {
         Self { listener, room: Arc::new(Semaphore::new(CONNECTIONS)) }
     }
 }
 
-impl Listener for Bounded {
-    type Io = Patient<TcpStream>;
+impl Listener for LimitedListener {
+    type Io = TimedStream<TcpStream>;
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Self::Io, SocketAddr) {
         let room = Arc::clone(&self.room).acquire_owned().await.ok();
         loop {
             match self.listener.accept().await {
-                Ok((stream, address)) => return (Patient::new(stream, room), address),
+                Ok((stream, address)) => return (TimedStream::new(stream, room), address),
                 Err(_) => sleep(AFTER_ERROR).await,
             }
         }
@@ -56,48 +56,52 @@ impl Listener for Bounded {
     }
 }
 
-/// A stream that breaks when it carries nothing for too long.
+/// A stream that fails after [`LONGEST_SILENCE`] without a byte.
 #[derive(Debug)]
-pub(super) struct Patient<S> {
+pub(super) struct TimedStream<S> {
     stream: S,
     end: Pin<Box<Sleep>>,
     _room: Option<OwnedSemaphorePermit>,
 }
 
-impl<S> Patient<S> {
+impl<S> TimedStream<S> {
     fn new(stream: S, room: Option<OwnedSemaphorePermit>) -> Self {
-        Self { stream, end: Box::pin(sleep(PATIENCE)), _room: room }
+        Self { stream, end: Box::pin(sleep(LONGEST_SILENCE)), _room: room }
     }
 
-    /// Returns what the stream did, or an error if it has waited for too long.
-    fn judged<T>(&mut self, context: &mut Context<'_>, done: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
+    /// Returns the result of the stream, or an error if it has waited for too long.
+    fn or_timed_out<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        done: Poll<io::Result<T>>,
+    ) -> Poll<io::Result<T>> {
         if done.is_ready() {
-            self.end.as_mut().reset(Instant::now() + PATIENCE);
+            self.end.as_mut().reset(Instant::now() + LONGEST_SILENCE);
             return done;
         }
         self.end.as_mut().poll(context).map(|()| Err(io::ErrorKind::TimedOut.into()))
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Patient<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for TimedStream<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let done = Pin::new(&mut self.stream).poll_read(context, buffer);
-        self.judged(context, done)
+        self.or_timed_out(context, done)
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Patient<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for TimedStream<S> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let done = Pin::new(&mut self.stream).poll_write(context, bytes);
-        self.judged(context, done)
+        self.or_timed_out(context, done)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -123,7 +127,7 @@ mod tests {
     fn a_browser_that_takes_nothing_loses_its_connection() {
         in_virtual_time(async {
             let (_hanging, ours) = tokio::io::duplex(16);
-            let mut ours = Patient::new(ours, None);
+            let mut ours = TimedStream::new(ours, None);
             let began = Instant::now();
             let error = ours.write_all(&[0; 64]).await.unwrap_err();
             assert_eq!((error.kind(), began.elapsed().as_secs()), (io::ErrorKind::TimedOut, 20));
@@ -134,9 +138,9 @@ mod tests {
     fn a_connection_lasts_while_anything_passes() {
         in_virtual_time(async {
             let (mut browser, ours) = tokio::io::duplex(16);
-            let mut ours = Patient::new(ours, None);
+            let mut ours = TimedStream::new(ours, None);
             for _ in 0..5 {
-                sleep(PATIENCE / 2).await;
+                sleep(LONGEST_SILENCE / 2).await;
                 ours.write_all(&[7]).await.unwrap();
                 assert_eq!(browser.read_u8().await.unwrap(), 7);
             }

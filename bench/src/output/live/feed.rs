@@ -1,4 +1,4 @@
-//! What a run tells the live view. Telling never waits: the view loses news before the run loses time.
+//! The events that a run sends to the live view. Sending never waits: if the view is too slow, it loses events.
 
 use node::report::NodeReport;
 use node::role::NodeRole;
@@ -8,18 +8,18 @@ use tokio::sync::mpsc;
 use super::state::Part;
 use crate::records::results::Results;
 
-/// News that may wait for the view's thread.
+/// Events that may wait for the view's thread.
 const WAITING: usize = 1_024;
 
-/// News of a run.
+/// An event of a run.
 #[derive(Debug)]
-pub(super) enum News {
+pub(super) enum FeedEvent {
     /// The next repetition begins with its pause.
     Next { execution_type: ExecutionType, repetition: u32 },
     /// The start edge was set, at this time of the nodes' clock.
     Started { at_ns: u64 },
     /// The repetition's motions are done, so long after the start edge.
-    Moved { length_ns: u64 },
+    MotionsDone { length_ns: u64 },
     /// The results so far.
     Results(Box<Results>),
     /// A node's report about itself.
@@ -27,60 +27,60 @@ pub(super) enum News {
     /// How the run ended; nothing follows.
     Last(Box<Part>),
     /// Something that a person should know.
-    Happened { is_problem: bool, text: String },
+    Note { is_problem: bool, text: String },
 }
 
 /// The run's end of the channel to the live view.
 #[derive(Clone, Debug)]
-pub struct Feed(mpsc::Sender<News>);
+pub struct Feed(mpsc::Sender<FeedEvent>);
 
 impl Feed {
-    pub(super) fn new() -> (Self, mpsc::Receiver<News>) {
+    pub(super) fn new() -> (Self, mpsc::Receiver<FeedEvent>) {
         let (sender, receiver) = mpsc::channel(WAITING);
         (Self(sender), receiver)
     }
 
-    /// Tells that the next repetition begins with its pause.
+    /// Reports that the next repetition begins with its pause.
     pub fn next(&self, execution_type: ExecutionType, repetition: u32) {
-        self.tell(News::Next { execution_type, repetition });
+        self.send(FeedEvent::Next { execution_type, repetition });
     }
 
-    /// Tells that the start edge was set, in ns of the nodes' clock.
+    /// Reports that the start edge was set, in ns of the nodes' clock.
     pub fn started(&self, at_ns: u64) {
-        self.tell(News::Started { at_ns });
+        self.send(FeedEvent::Started { at_ns });
     }
 
-    /// Tells that the repetition's motions are done, so long after the start edge.
-    pub fn moved(&self, length_ns: u64) {
-        self.tell(News::Moved { length_ns });
+    /// Reports that the repetition's motions are done, so long after the start edge.
+    pub fn motions_done(&self, length_ns: u64) {
+        self.send(FeedEvent::MotionsDone { length_ns });
     }
 
-    /// Tells the results so far.
+    /// Reports the results so far.
     pub fn results(&self, results: &Results) {
-        self.tell(News::Results(Box::new(results.clone())));
+        self.send(FeedEvent::Results(Box::new(results.clone())));
     }
 
-    /// Tells a node's report about itself.
+    /// Reports a node's report about itself.
     pub fn report(&self, role: NodeRole, report: NodeReport) {
-        self.tell(News::Report(role, Box::new(report)));
+        self.send(FeedEvent::Report(role, Box::new(report)));
     }
 
-    /// Tells what a person may want to know.
+    /// Reports something that a person may want to know.
     pub fn note(&self, text: impl Into<String>) {
-        self.tell(News::Happened { is_problem: false, text: text.into() });
+        self.send(FeedEvent::Note { is_problem: false, text: text.into() });
     }
 
-    /// Tells an alarm or a fault.
+    /// Reports an alarm or a fault.
     pub fn alarm(&self, text: impl Into<String>) {
-        self.tell(News::Happened { is_problem: true, text: text.into() });
+        self.send(FeedEvent::Note { is_problem: true, text: text.into() });
     }
 
-    /// Tells how the run ended. If the channel is full, the thread ends without these words when all feeds are dropped.
+    /// Reports how the run ended. If the channel is full, the thread ends without this event once all feeds are dropped.
     pub(super) fn last(&self, part: Part) {
-        self.tell(News::Last(Box::new(part)));
+        self.send(FeedEvent::Last(Box::new(part)));
     }
 
-    fn tell(&self, news: News) {
-        let _ = self.0.try_send(news);
+    fn send(&self, event: FeedEvent) {
+        let _ = self.0.try_send(event);
     }
 }

@@ -38,18 +38,18 @@ pub use page::About;
 
 use crate::records::results::{Results, Status};
 use crate::records::trace::tables::{PLC_ROWS, ROBOT_ROWS};
-use connection::Bounded;
-use feed::News;
+use connection::LimitedListener;
+use feed::FeedEvent;
 use frames::Frames;
 use rows::Rows;
-use server::Shown;
+use server::Served;
 use state::{Ended, Line, Part, Repetition};
 
 /// Interval at which rows are read: 30 times a second.
 const EVERY: Duration = Duration::from_millis(33);
 
 /// Time that open pages get to take the last news.
-const LAST_NEWS: Duration = Duration::from_millis(300);
+const LAST_EVENTS: Duration = Duration::from_millis(300);
 
 /// Why there is no live view.
 #[derive(Debug, thiserror::Error)]
@@ -83,7 +83,7 @@ impl Reserved {
     /// # Errors
     ///
     /// Another program has it.
-    pub fn take(address: LiveAddress) -> Result<Self, LiveError> {
+    pub fn open(address: LiveAddress) -> Result<Self, LiveError> {
         let failed = |error| LiveError::Address { address, error };
         let listener = TcpListener::bind(address.socket()).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
@@ -109,11 +109,11 @@ impl Live {
     pub fn start(reserved: Reserved, about: &About<'_>, directory: Option<&Path>) -> anyhow::Result<Self> {
         let Reserved { listener, address } = reserved;
         let (page, axes) = page::render(about)?;
-        let shown = Shown::new(&page);
-        let (feed, news) = Feed::new();
+        let served = Served::new(&page);
+        let (feed, events) = Feed::new();
         let view = View {
-            news,
-            shown,
+            events,
+            served,
             rows: directory
                 .map(|directory| [PLC_ROWS, ROBOT_ROWS].map(|name| Rows::new(&directory.join(name)))),
             frames: Frames::new(axes),
@@ -179,8 +179,8 @@ fn ended(results: &Results, saved: &Path) -> Ended {
 
 /// What the view's thread has.
 struct View {
-    news: mpsc::Receiver<News>,
-    shown: Shown,
+    events: mpsc::Receiver<FeedEvent>,
+    served: Served,
     /// Rows of the PLC and of the robot.
     rows: Option<[Rows; 2]>,
     frames: Frames,
@@ -193,57 +193,59 @@ impl View {
     /// Serves until the run has ended.
     async fn serve(mut self, listener: TcpListener) {
         let listener = match tokio::net::TcpListener::from_std(listener) {
-            Ok(listener) => Bounded::new(listener),
+            Ok(listener) => LimitedListener::new(listener),
             Err(error) => return crate::output::errln!("warning: {}", LiveError::Server(error)),
         };
-        let server = tokio::spawn(axum::serve(listener, server::routes(self.shown.clone())).into_future());
+        let server = tokio::spawn(axum::serve(listener, server::routes(self.served.clone())).into_future());
         let mut ticks = tokio::time::interval(EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let last = loop {
             tokio::select! {
-                news = self.news.recv() => match news {
-                    Some(News::Last(part)) => break part,
-                    Some(news) => self.take(news),
+                event = self.events.recv() => match event {
+                    Some(FeedEvent::Last(part)) => break part,
+                    Some(event) => self.handle(event),
                     None => break Box::default(),
                 },
-                _ = ticks.tick() => self.look(),
+                _ = ticks.tick() => self.read_rows(),
             }
         };
-        self.look();
-        self.shown.hub().publish(*last);
-        self.shown.hub().close();
-        tokio::time::sleep(LAST_NEWS).await;
+        self.read_rows();
+        self.served.hub().publish(*last);
+        self.served.hub().close();
+        tokio::time::sleep(LAST_EVENTS).await;
         server.abort();
     }
 
-    fn take(&mut self, news: News) {
-        let part = match news {
-            News::Next { execution_type, repetition: number } => {
-                let repetition = Repetition { key: execution_type.to_string(), number, of: self.reps };
+    fn handle(&mut self, event: FeedEvent) {
+        let part = match event {
+            FeedEvent::Next { execution_type, repetition: number } => {
+                let repetition = Repetition { key: execution_type.to_string(), number, reps: self.reps };
                 self.repetition = Some(repetition);
                 // The arm may still move back to the start: the repetition before is shown until the start edge.
                 return;
             }
-            News::Started { at_ns } => {
+            FeedEvent::Started { at_ns } => {
                 self.frames.start(at_ns);
                 Part { repetition: self.repetition.clone(), ..Part::default() }
             }
-            News::Moved { length_ns } => Part { end_ms: Some(length_ns as f64 / 1e6), ..Part::default() },
-            News::Results(results) => parts::table(&results),
-            News::Report(NodeRole::Plc, report) => {
+            FeedEvent::MotionsDone { length_ns } => {
+                Part { end_ms: Some(length_ns as f64 / 1e6), ..Part::default() }
+            }
+            FeedEvent::Results(results) => parts::table(&results),
+            FeedEvent::Report(NodeRole::Plc, report) => {
                 Part { plc: Some(parts::node(&report)), ..Part::default() }
             }
-            News::Report(NodeRole::Robot, report) => {
+            FeedEvent::Report(NodeRole::Robot, report) => {
                 Part { robot: Some(parts::node(&report)), ..Part::default() }
             }
-            News::Last(part) => *part,
-            News::Happened { is_problem, text } => self.line(is_problem, text),
+            FeedEvent::Last(part) => *part,
+            FeedEvent::Note { is_problem, text } => self.line(is_problem, text),
         };
-        self.shown.hub().publish(part);
+        self.served.hub().publish(part);
     }
 
     /// Reads the new rows and publishes their frames.
-    fn look(&mut self) {
+    fn read_rows(&mut self) {
         let Some([plc, robot]) = &mut self.rows else { return };
         let read = plc.read().and_then(|plc| Ok((plc, robot.read()?)));
         let part = match read {
@@ -253,7 +255,7 @@ impl View {
                 self.line(true, format!("the arm is not followed any more: {error}"))
             }
         };
-        self.shown.hub().publish(part);
+        self.served.hub().publish(part);
     }
 
     fn line(&self, is_problem: bool, text: String) -> Part {

@@ -69,11 +69,11 @@ pub(super) fn render(about: &About<'_>) -> anyhow::Result<(String, usize)> {
         None => Scene::of(setup, application),
     };
     let axes = scene.as_ref().map_or(0, Scene::axes);
-    let type_of = |of: &ExecutionType| Type {
-        key: of.to_string(),
-        name: label(*of),
-        how: how(*of),
-        is_program: *of == ExecutionType::Rc,
+    let type_of = |execution_type: &ExecutionType| Type {
+        key: execution_type.to_string(),
+        name: label(*execution_type),
+        how: how(*execution_type),
+        is_program: *execution_type == ExecutionType::Rc,
     };
     let types: Vec<_> = about.types.iter().map(type_of).collect();
     let data = race::data(&Data { scene: scene.as_ref().ok(), axes, types: &types, lanes: [] })?;

@@ -11,15 +11,15 @@ use crate::records::results::{Results, TypeResult};
 
 /// Returns the table of the results so far.
 pub(super) fn table(results: &Results) -> Part {
-    let of_type = |of: ExecutionType| Some(row(of, results.results.get(of)?, results.reps));
+    let row_of = |key: ExecutionType| Some(row(key, results.results.get(key)?, results.reps));
     let table = Table {
-        rows: ExecutionType::ALL.into_iter().filter_map(of_type).collect(),
+        rows: ExecutionType::ALL.into_iter().filter_map(row_of).collect(),
         improvement: results.aet_improvement.map(|share| percent(share, 1)).unwrap_or_default(),
     };
     Part { table: Some(table), ..Part::default() }
 }
 
-fn row(of: ExecutionType, result: &TypeResult, reps: u32) -> Row {
+fn row(execution_type: ExecutionType, result: &TypeResult, reps: u32) -> Row {
     let samples = &result.samples_ms;
     let text = |value: Option<f64>| value.map(millis).unwrap_or_default();
     let margin = match Mean::of(samples) {
@@ -31,7 +31,10 @@ fn row(of: ExecutionType, result: &TypeResult, reps: u32) -> Row {
     let ends = [f64::min, f64::max].map(|end| text(samples.iter().copied().reduce(end)));
     let [shortest, longest] = ends;
     let done = format!("{} of {reps}", samples.len());
-    Row { key: of.to_string(), cells: [done, text(result.aet_ms), margin, text(mad_ms), shortest, longest] }
+    Row {
+        key: execution_type.to_string(),
+        cells: [done, text(result.aet_ms), margin, text(mad_ms), shortest, longest],
+    }
 }
 
 /// Returns a node's figures.

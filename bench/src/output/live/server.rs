@@ -1,4 +1,4 @@
-//! What a browser can ask for: the page and its events. Nothing can be changed from there.
+//! The server of the live view: a browser can read the page and its events, and can change nothing.
 
 use std::convert::Infallible;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -15,7 +15,8 @@ use futures_util::stream;
 
 use super::hub::Hub;
 
-/// What every answer says: it is not stored, and the page loads nothing from anywhere else and is in nobody's frame.
+/// Headers of every answer: browsers do not store it, the page loads nothing from other hosts, and no other page can
+/// embed it.
 const HEADERS: [(HeaderName, &str); 4] = [
     (header::CACHE_CONTROL, "no-store"),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -27,17 +28,17 @@ const HEADERS: [(HeaderName, &str); 4] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// What the server shows.
+/// The page and the events that the server sends.
 #[derive(Clone, Debug)]
-pub(super) struct Shown {
+pub(super) struct Served {
     page: Arc<str>,
-    /// The number of each event, which a browser gives when it asks again: a digest of the page.
+    /// The id of each event, a digest of the page. A browser that reconnects sends it back.
     digest: Arc<str>,
     pub(super) hub: Arc<Mutex<Hub>>,
 }
 
-impl Shown {
-    /// Shows a page, and nothing on it yet.
+impl Served {
+    /// Creates the state of a page without events.
     pub(super) fn new(page: &str) -> Self {
         let mut hasher = DefaultHasher::new();
         page.hash(&mut hasher);
@@ -50,7 +51,7 @@ impl Shown {
 }
 
 /// Returns the routes.
-pub(super) fn routes(shown: Shown) -> Router {
+pub(super) fn routes(shown: Served) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/events", get(events))
@@ -58,12 +59,12 @@ pub(super) fn routes(shown: Shown) -> Router {
         .with_state(shown)
 }
 
-async fn page(State(shown): State<Shown>) -> Html<String> {
+async fn page(State(shown): State<Served>) -> Html<String> {
     Html(shown.page.to_string())
 }
 
 /// Sends the state, then each change, as server-sent events. A page that another run served is told to load this one's.
-async fn events(State(shown): State<Shown>, headers: HeaderMap) -> Response {
+async fn events(State(shown): State<Served>, headers: HeaderMap) -> Response {
     if headers.get("last-event-id").is_some_and(|last| last.as_bytes() != shown.digest.as_bytes()) {
         let reload = stream::iter([Ok::<_, Infallible>(
             Event::default().event("other-run").data("load this page again"),
@@ -128,7 +129,7 @@ mod tests {
     use tower_service::Service as _;
 
     fn ask(method: Method, path: &str, headers: &[(&str, &str)]) -> Response {
-        let shown = Shown::new("the page");
+        let shown = Served::new("the page");
         let request = Request::builder().method(method).uri(path);
         let request = headers.iter().fold(request, |request, (name, value)| request.header(*name, *value));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
@@ -160,10 +161,10 @@ mod tests {
 
     #[test]
     fn a_page_of_another_run_is_told_to_load_this_ones_and_one_of_this_run_gets_the_state() {
-        let digest = Shown::new("the page").digest;
+        let digest = Served::new("the page").digest;
         let state = events_after(&digest);
         assert!(state.contains("\"is_whole\":true") && state.contains(&format!("id: {digest}")), "{state}");
-        let other = events_after(&Shown::new("another page").digest);
+        let other = events_after(&Served::new("another page").digest);
         assert!(other.contains("event: other-run") && !other.contains("is_whole"), "{other}");
     }
 

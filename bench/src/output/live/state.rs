@@ -46,7 +46,8 @@ pub(super) struct Repetition {
     /// Its type, in lower case.
     pub(super) key: String,
     pub(super) number: u32,
-    pub(super) of: u32,
+    #[serde(rename = "of")]
+    pub(super) reps: u32,
 }
 
 /// The arm and the slots in one cycle of the robot.
@@ -154,7 +155,7 @@ mod tests {
     }
 
     fn begins(number: u32) -> Part {
-        let repetition = Repetition { key: "cm".to_owned(), number, of: 3 };
+        let repetition = Repetition { key: "cm".to_owned(), number, reps: 3 };
         Part { repetition: Some(repetition), ..Part::default() }
     }
 

@@ -33,8 +33,8 @@ impl AtFrame {
             _ => return None,
         };
         let (number, after) = value.split_once('@')?;
-        let of = |frame| Ok(Self { from, frame, first, then, after: time(after)? });
-        Some(frame(number).and_then(of))
+        let with_number = |frame| Ok(Self { from, frame, first, then, after: time(after)? });
+        Some(frame(number).and_then(with_number))
     }
 
     /// Returns the node that ends and is started again, if any.

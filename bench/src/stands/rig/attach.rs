@@ -83,14 +83,14 @@ impl Rig {
         let (sender, events) = mpsc::channel(1_024);
         let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, token, sender.clone()).await?;
         // A controller that has sent no line loses the control port to the next one.
-        plc.tell(&Instruction::<PlcInstruction>::Report).await;
+        plc.send(&Instruction::<PlcInstruction>::Report).await;
         let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
         let mut startup = Startup::new(Some(WantedCell { setup, application }));
         // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
         rig.wait_for_hellos(&mut startup).await?;
         if let Some(address) = &to.robot {
             let mut robot = AttachedNode::reach(NodeRole::Robot, address, token, sender).await?;
-            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+            robot.send(&Instruction::<RobotInstruction>::Report).await;
             rig.robot = Some(Node::Attached(robot));
         }
         rig.wait_until_connected(startup).await?;

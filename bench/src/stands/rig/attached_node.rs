@@ -87,13 +87,13 @@ impl AttachedNode {
         let alive = tokio::spawn(stay_alive(Arc::clone(&stream)));
         let mut node = Self { role, address: address.to_owned(), stream, alive, ended: false };
         if let Some(token) = token {
-            node.tell(&Instruction::<()>::Token(token.text().to_owned())).await;
+            node.send(&Instruction::<()>::Token(token.text().to_owned())).await;
         }
         Ok(node)
     }
 
     /// Sends the node an instruction. If that fails, the node has gone, and [`NodeEvent::Ended`] reports it.
-    pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
+    pub(super) async fn send<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         let mut line = serde_json::to_vec(instruction).unwrap_or_default();
         line.push(b'\n');
         let _ = self.stream.lock().await.write_all(&line).await;

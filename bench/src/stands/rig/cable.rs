@@ -52,7 +52,7 @@ pub(super) struct Cable {
 
 impl Cable {
     /// Creates the cable, brings both ends up and starts the captures.
-    pub(super) fn lay(options: CableOptions<'_>) -> Result<Self, RigError> {
+    pub(super) fn set_up(options: CableOptions<'_>) -> Result<Self, RigError> {
         let (plc, robot) = (NetworkNamespace::new()?, NetworkNamespace::new()?);
         let mut cable = Self {
             plc,
@@ -65,14 +65,14 @@ impl Cable {
             discarded: false,
         };
         if options.faults.is_empty() {
-            cable.lay_clean(options)?;
+            cable.set_up_clean(options)?;
         } else {
-            cable.lay_impaired(options)?;
+            cable.set_up_impaired(options)?;
         }
         Ok(cable)
     }
 
-    fn lay_clean(&mut self, CableOptions { capture, .. }: CableOptions<'_>) -> Result<(), RigError> {
+    fn set_up_clean(&mut self, CableOptions { capture, .. }: CableOptions<'_>) -> Result<(), RigError> {
         veth::connect(&self.plc, PLC, &self.robot, ROBOT)?;
         // Both ends, since otherwise the first node would find a cable without a carrier.
         switch_on(&self.plc, PLC)??;
@@ -90,7 +90,7 @@ impl Cable {
 
     /// Creates the cable with faults. It also writes the captures, since only its middle knows which fault met which
     /// frame.
-    fn lay_impaired(&mut self, options: CableOptions<'_>) -> Result<(), RigError> {
+    fn set_up_impaired(&mut self, options: CableOptions<'_>) -> Result<(), RigError> {
         let CableOptions { capture, faults, seed, frames } = options;
         let middle = NetworkNamespace::new()?;
         for (network, end, near_end) in [(&self.plc, PLC, TO_PLC), (&self.robot, ROBOT, TO_ROBOT)] {

@@ -8,7 +8,7 @@ use plc_node::process::{PlcInstruction, PlcMessage};
 use plc_node::{Execution, ExecutionType, OverrideSchedule};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::{Begun, Rig, RigError};
+use super::{FirstReports, Rig, RigError};
 use crate::records::conditions::{Measured, MotionTotals};
 use crate::records::schedule::PAUSE;
 use crate::records::trace::Window;
@@ -48,7 +48,7 @@ impl Rig {
             execution: run,
             quality: moved.map(|moved| moved.quality),
             account: moved.map(|moved| moved.account),
-            interference: self.reports.counts().since(&self.begun.with.counts()),
+            interference: self.reports.counts().since(&self.first_reports.with.counts()),
         })
     }
 
@@ -85,7 +85,7 @@ impl Rig {
         self.is_running = true;
         self.before_run = self.reports.clone();
         // The nodes answer at once, before they do anything for this run.
-        self.begun = Begun { is_awaited: [true; 2], ..Begun::default() };
+        self.first_reports = FirstReports { is_awaited: [true; 2], ..FirstReports::default() };
         self.request_reports().await;
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type, overrides })).await;
     }

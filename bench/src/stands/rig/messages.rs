@@ -122,7 +122,7 @@ impl Rig {
             }
         };
         self.note(&event);
-        self.tell_live(&event);
+        self.feed_live(&event);
         match self.failure(&event).await {
             Some(error) => Err(error),
             None => Ok(event),
@@ -264,7 +264,7 @@ impl Rig {
         self.tell_plc(&Instruction::Report).await;
         self.awaited[0] += 1;
         if let Some(robot) = &mut self.robot {
-            robot.tell(&Instruction::<RobotInstruction>::Report).await;
+            robot.send(&Instruction::<RobotInstruction>::Report).await;
             self.awaited[1] += 1;
         }
     }
@@ -272,8 +272,8 @@ impl Rig {
     fn take_report(&mut self, role: NodeRole, report: &NodeReport) {
         let index = usize::from(role == NodeRole::Robot);
         self.awaited[index] = self.awaited[index].saturating_sub(1);
-        if std::mem::take(&mut self.begun.is_awaited[index]) {
-            report.clone_into(self.begun.with.of(role));
+        if std::mem::take(&mut self.first_reports.is_awaited[index]) {
+            report.clone_into(self.first_reports.with.of(role));
         }
         report.clone_into(self.reports.of(role));
     }
@@ -283,7 +283,7 @@ impl Rig {
         let Some(node) = self.node(role).filter(|node| !node.has_ended()) else {
             return Ok(());
         };
-        node.tell(&Instruction::<()>::Stop).await;
+        node.send(&Instruction::<()>::Stop).await;
         let end = async {
             loop {
                 match self.next_event().await {
@@ -302,7 +302,7 @@ impl Rig {
     }
 
     pub(super) async fn tell_plc(&mut self, instruction: &Instruction<PlcInstruction>) {
-        self.plc.tell(instruction).await;
+        self.plc.send(instruction).await;
     }
 
     const fn node(&mut self, role: NodeRole) -> Option<&mut Node> {

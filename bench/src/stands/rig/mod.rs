@@ -25,11 +25,11 @@ mod config;
 mod error;
 mod executions;
 mod frames;
+mod live_feed;
 mod messages;
 mod node;
 mod node_process;
 mod stand;
-mod told;
 mod wanted_cell;
 
 pub use attach::{Attach, AttachError};
@@ -98,7 +98,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// The outer error tells why there is no cable, the inner one why there are no sockets on it.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
-    let cable = Cable::lay(CableOptions::default())?;
+    let cable = Cable::set_up(CableOptions::default())?;
     let open = || {
         let interface = Interface::open(cable::PLC)?;
         let profinet = OpenPort::open_all(&interface, profinet::PORTS);
@@ -122,7 +122,7 @@ pub struct Rig {
     /// The nodes' reports from before the current run.
     before_run: Reports,
     /// The nodes' reports at the start of the current run.
-    begun: Begun,
+    first_reports: FirstReports,
     /// Reports asked for and not received: PLC, robot.
     awaited: [u32; 2],
     /// Motions of the current run, or of the last one.
@@ -165,7 +165,7 @@ pub struct Reports {
 
 /// The first reports of a run.
 #[derive(Clone, Default, Debug)]
-struct Begun {
+struct FirstReports {
     with: Reports,
     /// Whether those of PLC and robot are still to come.
     is_awaited: [bool; 2],
@@ -204,7 +204,7 @@ impl Rig {
         let started = Instant::now();
         let RigConfig { capture, faults, seed, frames: frames_log, .. } = config;
         let (capture, frames) = (capture.as_ref(), frames_log.as_ref());
-        let cable = Cable::lay(CableOptions { capture, faults, seed: *seed, frames })?;
+        let cable = Cable::set_up(CableOptions { capture, faults, seed: *seed, frames })?;
         // Room for all messages of two nodes while the bench writes a file.
         let (sender, events) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
@@ -243,7 +243,7 @@ impl Rig {
         rig.frames.clone_from(frames_log);
         if config.writes_all && config.trace.is_some() {
             rig.writes_all = true;
-            rig.tell_to_write(true).await;
+            rig.set_tracing(true).await;
         }
         Ok(rig)
     }
@@ -263,7 +263,7 @@ impl Rig {
             reports: Reports::default(),
             before: Reports::default(),
             before_run: Reports::default(),
-            begun: Begun::default(),
+            first_reports: FirstReports::default(),
             awaited: [0; 2],
             moved: MotionTotals::default(),
             traced: Vec::new(),
@@ -318,17 +318,17 @@ impl Rig {
                 cable.watch(on)?;
             }
             if !self.writes_all {
-                self.tell_to_write(on).await;
+                self.set_tracing(on).await;
             }
         }
         Ok(())
     }
 
     /// Tells the nodes to write their cycles, or to stop that.
-    async fn tell_to_write(&mut self, on: bool) {
-        self.plc.tell(&Instruction::<PlcInstruction>::Record(on)).await;
+    async fn set_tracing(&mut self, on: bool) {
+        self.plc.send(&Instruction::<PlcInstruction>::Record(on)).await;
         if let Some(robot) = &mut self.robot {
-            robot.tell(&Instruction::<RobotInstruction>::Record(on)).await;
+            robot.send(&Instruction::<RobotInstruction>::Record(on)).await;
         }
     }
 
@@ -343,7 +343,7 @@ impl Rig {
             Change::Kill(role) => self.kill(role),
             Change::Drive(axis, disturbance) => {
                 if let Some(robot) = &mut self.robot {
-                    robot.tell(&Instruction::Node(RobotInstruction::Disturb { axis, disturbance })).await;
+                    robot.send(&Instruction::Node(RobotInstruction::Disturb { axis, disturbance })).await;
                 }
             }
             // A restart is for virtual time, and the options refuse it here.

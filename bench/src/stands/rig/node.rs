@@ -17,10 +17,10 @@ pub(super) enum Node {
 
 impl Node {
     /// Sends the node an instruction. If that fails, [`super::node_process::NodeEvent::Ended`] reports it.
-    pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
+    pub(super) async fn send<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         match self {
-            Self::Process(node) => node.tell(instruction).await,
-            Self::Attached(node) => node.tell(instruction).await,
+            Self::Process(node) => node.send(instruction).await,
+            Self::Attached(node) => node.send(instruction).await,
         }
     }
 

@@ -85,7 +85,7 @@ impl NodeProcess {
     }
 
     /// Sends the node an instruction. If that fails, the node has ended, and [`NodeEvent::Ended`] reports it.
-    pub(super) async fn tell<O: Serialize>(&mut self, instruction: &Instruction<O>) {
+    pub(super) async fn send<O: Serialize>(&mut self, instruction: &Instruction<O>) {
         let Some(stdin) = &mut self.stdin else {
             return;
         };

@@ -44,10 +44,10 @@ const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 #[error("no connection to the robot: {0}")]
 pub(super) struct OtherRobot(String);
 
-/// A run did not end within any time that a run takes.
+/// A run did not end within [`LONGEST_RUN`].
 #[derive(Debug, thiserror::Error)]
 #[error("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())]
-pub(crate) struct Endless;
+pub(crate) struct NeverEnded;
 
 /// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
@@ -324,7 +324,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
                 "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
             );
         }
-        Err(Endless.into())
+        Err(NeverEnded.into())
     }
 
     fn recover(&mut self) -> anyhow::Result<()> {

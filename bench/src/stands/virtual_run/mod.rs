@@ -34,7 +34,7 @@ use robot_node::RobotConfig;
 use setup::Setup;
 use virtual_time::Side;
 
-pub(crate) use cell::{Endless, Nodes};
+pub(crate) use cell::{NeverEnded, Nodes};
 pub use plant_speed::PlantSpeed;
 pub use reaction::reactions;
 

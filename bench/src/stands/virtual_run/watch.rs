@@ -58,7 +58,7 @@ impl<'a> Watch<'a> {
             if let Some(PlcEvent::Started { at, .. }) = event {
                 self.start = Some(true_time(pair, Side::A, at));
             }
-            self.look(pair);
+            self.record(pair);
             if event.is_some() {
                 return event;
             }
@@ -66,7 +66,7 @@ impl<'a> Watch<'a> {
         None
     }
 
-    fn look<P: Fieldbus, R: Fieldbus>(&mut self, pair: &Pair<PlcNode<P>, RobotNode<R>>) {
+    fn record<P: Fieldbus, R: Fieldbus>(&mut self, pair: &Pair<PlcNode<P>, RobotNode<R>>) {
         let Some(start) = self.start else { return };
         let since = |at: Instant| at.as_nanos() as f64 - start.as_nanos() as f64;
         if let Some(frames) = &self.frames {

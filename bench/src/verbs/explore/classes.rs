@@ -109,14 +109,14 @@ impl Classes {
     pub(super) fn count(&mut self, job: &Job, outcome: &Outcome) {
         let Outcome { class, later_ns, reason } = outcome;
         let kinds = job.faults.iter().map(|fault| fault.what).collect();
-        let row = self.rows.entry((job.of, kinds)).or_default();
+        let row = self.rows.entry((job.type_index, kinds)).or_default();
         if let Some(count) = row.counts.get_mut(*class as usize) {
             *count += 1;
         }
         let [earliest, latest] = &mut row.later_ns;
         (*earliest, *latest) = ((*earliest).min(*later_ns), (*latest).max(*later_ns));
         for fault in &job.faults {
-            let frames = self.frames.entry((job.of, fault.direction, fault.what)).or_default();
+            let frames = self.frames.entry((job.type_index, fault.direction, fault.what)).or_default();
             let worst = frames.entry(fault.frame).or_insert(*class);
             *worst = (*worst).max(*class);
         }

@@ -146,7 +146,7 @@ impl Injected {
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) struct Job {
     /// Number of the execution type among those of the exploration.
-    pub(super) of: usize,
+    pub(super) type_index: usize,
     /// Its faults, in the order of their kinds.
     pub(super) faults: Vec<Injected>,
 }
@@ -155,14 +155,14 @@ pub(super) struct Job {
 /// robot and to the PLC.
 pub(super) fn singles(frames: &[[u64; 2]], kinds: &[What], every: u64, seed: u64) -> Vec<Job> {
     let mut jobs = Vec::new();
-    for (of, frames) in frames.iter().enumerate() {
+    for (type_index, frames) in frames.iter().enumerate() {
         for what in kinds {
             for (direction, frames) in frames.iter().enumerate() {
                 let numbers = (1..=*frames).step_by(usize::try_from(every).unwrap_or(usize::MAX));
-                jobs.extend(
-                    numbers
-                        .map(|frame| Job { of, faults: vec![Injected::new(*what, direction, frame, seed)] }),
-                );
+                jobs.extend(numbers.map(|frame| Job {
+                    type_index,
+                    faults: vec![Injected::new(*what, direction, frame, seed)],
+                }));
             }
         }
     }
@@ -174,16 +174,16 @@ pub(super) fn pairs(frames: &[[u64; 2]], kinds: &[What], count: usize, seed: u64
     let mut random = Pcg64Mcg::seed_from_u64(seed.rotate_left(41) ^ 0x9A1);
     let mut draw = |limit: usize| below(&mut random, limit as u64) as usize;
     let mut job = || {
-        let of = draw(frames.len());
+        let type_index = draw(frames.len());
         let mut fault = || {
             let what = *kinds.get(draw(kinds.len()))?;
             let direction = draw(2);
-            let frame = 1 + draw(*frames.get(of)?.get(direction)? as usize) as u64;
+            let frame = 1 + draw(*frames.get(type_index)?.get(direction)? as usize) as u64;
             Some(Injected::new(what, direction, frame, seed))
         };
         let mut faults = vec![fault()?, fault()?];
         faults.sort_by_key(|fault| fault.what);
-        Some(Job { of, faults })
+        Some(Job { type_index, faults })
     };
     (0..count).map_while(|_| job()).collect()
 }
@@ -211,7 +211,8 @@ mod tests {
     #[test]
     fn single_faults_meet_every_frame_of_both_directions_once() {
         let jobs = singles(&[[3, 2], [1, 1]], &[What::Lose, What::Cut], 1, 1);
-        let mut texts: Vec<_> = jobs.iter().map(|job| (job.of, job.faults[0].text(LENGTHS))).collect();
+        let mut texts: Vec<_> =
+            jobs.iter().map(|job| (job.type_index, job.faults[0].text(LENGTHS))).collect();
         assert_eq!(texts.len(), 2 * (5 + 2));
         texts.sort();
         texts.dedup();
@@ -226,9 +227,11 @@ mod tests {
         assert_eq!(jobs, pairs(&frames, &What::ALL, 300, 7));
         assert_ne!(jobs, pairs(&frames, &What::ALL, 300, 8));
         assert_eq!(jobs.len(), 300);
-        for Job { of, faults } in &jobs {
+        for Job { type_index, faults } in &jobs {
             assert_eq!(faults.len(), 2);
-            assert!(faults.iter().all(|fault| (1..=frames[*of][fault.direction]).contains(&fault.frame)));
+            assert!(
+                faults.iter().all(|fault| (1..=frames[*type_index][fault.direction]).contains(&fault.frame))
+            );
         }
         assert!(What::ALL.iter().all(|what| jobs.iter().any(|job| job.faults[1].what == *what)));
     }

@@ -50,13 +50,14 @@ impl Journal {
     pub(super) fn add(
         &mut self,
         run: usize,
-        of: &str,
+        execution_type: &str,
         faults: &str,
         outcome: &Outcome,
     ) -> anyhow::Result<()> {
         let Outcome { class, later_ns, reason } = outcome;
         let reason = reason.replace('"', "'").replace('\n', " ");
-        let written = writeln!(self.file, "{run},{of},{faults},{},{later_ns},\"{reason}\"", class.name());
+        let written =
+            writeln!(self.file, "{run},{execution_type},{faults},{},{later_ns},\"{reason}\"", class.name());
         let flushed = written.and_then(|()| {
             if self.flushed.elapsed() >= FLUSH_EVERY {
                 self.flushed = Instant::now();

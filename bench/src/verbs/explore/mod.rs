@@ -11,11 +11,11 @@
 //! ```
 
 mod classes;
+mod clean_run;
 mod fault;
 mod journal;
 mod page;
 mod table;
-mod world;
 
 use std::path::PathBuf;
 use std::time::SystemTime;
@@ -34,10 +34,10 @@ use crate::output::progress::label;
 use crate::records::run_directory::{self, Durability, replace};
 use crate::stands::planned_cell::PlannedCell;
 use classes::Classes;
+use clean_run::CleanRun;
 pub use fault::What;
 use fault::{Job, Lengths, pairs, singles};
 use journal::Journal;
-use world::Clean;
 
 /// A sequence that takes a second.
 const SHORT: &str = include_str!("short.toml");
@@ -127,7 +127,7 @@ impl ExploreOptions {
 struct Exploration<'a> {
     setup: &'a Setup,
     options: &'a ExploreOptions,
-    cleans: Vec<Clean<'a>>,
+    clean_runs: Vec<CleanRun<'a>>,
     /// The `--application` of commands that run again.
     application: String,
     classes: Classes,
@@ -156,10 +156,12 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     run_directory::create_for_study(&directory, &setup)?;
     journal::claim(&directory, &options.claim(&found.text))?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
-    let clean = |of| Clean::of(of, &setup, &planned, options.seed, options.lengths(), options.late_ms);
-    let cleans = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
+    let clean = |execution_type| {
+        CleanRun::of(execution_type, &setup, &planned, options.seed, options.lengths(), options.late_ms)
+    };
+    let clean_runs = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
     let mut exploration =
-        Exploration { setup: &setup, options, cleans, application, classes: Classes::default() };
+        Exploration { setup: &setup, options, clean_runs, application, classes: Classes::default() };
     exploration.run(&directory)?;
     outln!("{}", exploration.table());
     exploration.tell_reasons();
@@ -171,7 +173,7 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
 
 impl Exploration<'_> {
     fn jobs(&self) -> Vec<Job> {
-        let frames: Vec<_> = self.cleans.iter().map(|clean| clean.frames).collect();
+        let frames: Vec<_> = self.clean_runs.iter().map(|clean| clean.frames).collect();
         let (kinds, seed) = (flat(&self.options.kinds), self.options.seed);
         match self.options.pairs {
             Some(count) => pairs(&frames, &kinds, count as usize, seed),
@@ -182,7 +184,7 @@ impl Exploration<'_> {
     /// Makes the runs that the directory does not have yet.
     fn run(&mut self, directory: &std::path::Path) -> anyhow::Result<()> {
         let jobs = self.jobs();
-        let Self { cleans, classes, options, .. } = self;
+        let Self { clean_runs, classes, options, .. } = self;
         let mut is_done = vec![false; jobs.len()];
         let mut journal = Journal::open(directory, |run, outcome| {
             let (job, done) =
@@ -192,7 +194,7 @@ impl Exploration<'_> {
             Ok(())
         })?;
         let left: Vec<_> = jobs.iter().zip(&is_done).enumerate().filter(|(_, (_, done))| !**done).collect();
-        let clean = |job: &Job| cleans.get(job.of).context("a job without its run");
+        let clean = |job: &Job| clean_runs.get(job.type_index).context("a job without its run");
         let pool = jobs::Pool { name: "explore", quiet: options.quiet, threads: options.threads };
         pool.each(
             &left,
@@ -208,11 +210,11 @@ impl Exploration<'_> {
     }
 
     /// Returns the command that makes a run again.
-    fn command(&self, of: ExecutionType, faults: &[fault::Injected]) -> String {
+    fn command(&self, execution_type: ExecutionType, faults: &[fault::Injected]) -> String {
         let faults: String =
             faults.iter().map(|fault| format!(" --fault {}", fault.text(self.options.lengths()))).collect();
         format!(
-            "bench --setup {} --application {} --mode virtual --types {of} --reps 1 --seed {}{faults}",
+            "bench --setup {} --application {} --mode virtual --types {execution_type} --reps 1 --seed {}{faults}",
             self.options.setup.name(),
             self.application,
             self.options.seed

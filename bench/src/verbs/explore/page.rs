@@ -32,7 +32,7 @@ struct Page {
     sections: Vec<Section>,
     head: [&'static str; HEAD.len()],
     rows: Vec<Vec<String>>,
-    reasons: Vec<Told>,
+    reasons: Vec<ReasonRow>,
 }
 
 #[derive(Serialize)]
@@ -42,7 +42,7 @@ struct Section {
 }
 
 #[derive(Serialize)]
-struct Told {
+struct ReasonRow {
     runs: u64,
     class: &'static str,
     text: String,
@@ -59,15 +59,15 @@ impl Exploration<'_> {
     ///
     /// The template or a figure is broken.
     pub(super) fn page(&self) -> anyhow::Result<String> {
-        let told = |reason: &&Reason| Told {
+        let reason_row = |reason: &&Reason| ReasonRow {
             runs: reason.runs,
             class: reason.class.name(),
             text: reason.text.clone(),
             command: self.smallest(reason),
         };
-        let sections = self.cleans.iter().enumerate().map(|(of, clean)| {
+        let sections = self.clean_runs.iter().enumerate().map(|(type_index, clean)| {
             let name = label(clean.execution_type());
-            Ok(Section { name, figure: self.figure(of)? })
+            Ok(Section { name, figure: self.figure(type_index)? })
         });
         let options = self.options;
         let page = Page {
@@ -85,21 +85,22 @@ impl Exploration<'_> {
             sections: sections.collect::<anyhow::Result<_>>()?,
             head: HEAD,
             rows: self.cells(),
-            reasons: self.classes.reasons().iter().map(told).collect(),
+            reasons: self.classes.reasons().iter().map(reason_row).collect(),
         };
         fill(TEMPLATE, &page)
     }
 
     /// Draws the frames of a type.
-    fn figure(&self, of: usize) -> anyhow::Result<Option<Figure>> {
+    fn figure(&self, type_index: usize) -> anyhow::Result<Option<Figure>> {
         let lines: Vec<Line<'_>> = self
             .classes
             .frames
             .iter()
-            .filter(|((known, ..), _)| *known == of)
+            .filter(|((known, ..), _)| *known == type_index)
             .map(|((_, direction, what), frames)| (*direction, *what, frames))
             .collect();
-        let frames = self.cleans.get(of).and_then(|clean| clean.frames.into_iter().max()).unwrap_or(0);
+        let frames =
+            self.clean_runs.get(type_index).and_then(|clean| clean.frames.into_iter().max()).unwrap_or(0);
         Figure::draw("Worst class at each frame, a line for each direction and kind of fault", |format| {
             draw(&lines, frames, format)
         })

@@ -29,27 +29,27 @@ impl Exploration<'_> {
 
     /// Returns how many runs ended well, in a sentence.
     pub(super) fn verdict(&self) -> String {
-        let of = |class| self.classes.of(class);
+        let count = |class| self.classes.of(class);
         format!(
             "Of {} runs {} passed in the same time, {} late by a bounded time, and {} were refused with a reason and the \
              next one passed. {} ended otherwise.",
             self.classes.runs(),
-            of(Class::Same),
-            of(Class::Late),
-            of(Class::Refused),
+            count(Class::Same),
+            count(Class::Late),
+            count(Class::Refused),
             self.classes.wrong()
         )
     }
 
     /// Returns the cells of each row.
     pub(super) fn cells(&self) -> Vec<Vec<String>> {
-        let cells = |((of, kinds), row): (&(usize, Vec<What>), &Row)| {
-            let of = self.cleans.get(*of)?.execution_type();
+        let cells = |((type_index, kinds), row): (&(usize, Vec<What>), &Row)| {
+            let execution_type = self.clean_runs.get(*type_index)?.execution_type();
             let kinds: Vec<_> = kinds.iter().map(|what| what.label()).collect();
             let counted = |class| row.of(class).to_string();
             let counts = [Class::Refused, Class::TooLate, Class::Stuck, Class::Altered, Class::Panicked];
             let first = [
-                label(of),
+                label(execution_type),
                 kinds.join(" + "),
                 row.runs().to_string(),
                 counted(Class::Same),
@@ -93,7 +93,7 @@ impl Exploration<'_> {
 
     /// Returns the command of the first run with this reason, with the fewest faults that have the same end.
     pub(super) fn smallest(&self, Reason { class, first, .. }: &Reason) -> String {
-        self.cleans.get(first.of).map_or_else(String::new, |clean| {
+        self.clean_runs.get(first.type_index).map_or_else(String::new, |clean| {
             self.command(clean.execution_type(), &clean.shrunk(&first.faults, *class))
         })
     }

@@ -159,7 +159,7 @@ fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
         );
         return Err(Failure::new(Exit::Usage, error));
     }
-    Reserved::take(address).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))
+    Reserved::open(address).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))
 }
 
 /// Checks that the setup describes a robot, and that it can stand where the application starts.
@@ -221,7 +221,7 @@ impl Measurement<'_> {
             live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
         };
         self.warn(&session.progress);
-        let host = Host::look(started);
+        let host = Host::read(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
         let results = self.empty_results();

@@ -169,7 +169,7 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         }
     });
     // Printed even after an error: an hour of pairs must not be lost because of the last one.
-    let costs = seen.tell(options, &setup);
+    let costs = seen.print(options, &setup);
     if kept.is_none() {
         let removed = std::fs::remove_dir_all(&directory);
         removed.with_context(|| format!("cannot remove {}", directory.display()))?;
@@ -192,7 +192,7 @@ struct Seen {
 
 impl Seen {
     /// Prints the cost of recording for both nodes, if there is at least one pair.
-    fn tell(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
+    fn print(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
         let costs = [("PLC", &self.plc), ("robot", &self.robot)]
             .map(|(node, pairs)| Cost::new(node, options.what(), pairs, options.seed));
         let pairs = self.plc.len() + self.left_out as usize;

@@ -37,7 +37,7 @@ impl Watched {
             reps: 1,
             no_rows: None,
         };
-        let reserved = Reserved::take("127.0.0.1:0".parse()?)?;
+        let reserved = Reserved::open("127.0.0.1:0".parse()?)?;
         let live = Live::start(reserved, &about, Some(directory))?;
         let address = live.address();
         let mut stream = TcpStream::connect(address).context("cannot open the live view")?;

@@ -79,14 +79,14 @@ impl Case {
             Factor::Approximation => setup.motions.approximation_mm.value > 0.0,
             Factor::Overhead => setup.robot.skill_overhead_us.value > 0,
         };
-        let of = |factor: Factor| {
+        let cases = |factor: Factor| {
             // The motions have their own multipliers: a plan is joined or split as a whole.
             let asked = factors.filter(|_| factor != Factor::Motions);
             let times = asked.unwrap_or(factor.usual()).iter().filter(|times| **times != 1.0);
             times.map(move |times| Self { factor: Some(factor), times: *times }).collect::<Vec<_>>()
         };
         std::iter::once(Self { factor: None, times: 1.0 })
-            .chain(Factor::ALL.into_iter().filter(|factor| has(*factor)).flat_map(of))
+            .chain(Factor::ALL.into_iter().filter(|factor| has(*factor)).flat_map(cases))
             .collect()
     }
 

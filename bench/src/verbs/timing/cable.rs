@@ -56,7 +56,7 @@ pub(super) struct Cable {
 }
 
 impl Cable {
-    pub(super) fn lay() -> anyhow::Result<Self> {
+    pub(super) fn set_up() -> anyhow::Result<Self> {
         let (plc, robot) = (NetworkNamespace::new()?, NetworkNamespace::new()?);
         veth::connect(&plc, "plc0", &robot, "robot0")?;
         Ok(Self { plc: End::new(plc, "plc0", PLC)?, robot: End::new(robot, "robot0", ROBOT)? })

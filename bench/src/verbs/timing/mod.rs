@@ -127,7 +127,7 @@ fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::
     let foreign = match options.peer.split_first() {
         None => None,
         Some((program, arguments)) => {
-            let cable = Cable::lay()?;
+            let cable = Cable::set_up()?;
             let process = cable.spawn_at_robot(program, arguments)?;
             Some((cable, process))
         }

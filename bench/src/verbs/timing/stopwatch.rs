@@ -100,7 +100,7 @@ impl<B: Fieldbus> Stopwatch<B> {
     }
 
     /// Takes the time if a number arrived that is new here.
-    fn look(&mut self) {
+    fn take_time(&mut self) {
         let received =
             self.bus.input().and_then(|image| image.first_chunk().copied().map(u32::from_le_bytes));
         let now = clock::now();
@@ -136,7 +136,7 @@ impl<B: Fieldbus> Machine for Stopwatch<B> {
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
-        self.look();
+        self.take_time();
     }
 
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {

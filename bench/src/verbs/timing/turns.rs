@@ -44,7 +44,7 @@ pub(super) struct Turns {
 
 impl Turns {
     pub(super) fn new() -> anyhow::Result<Self> {
-        Ok(Self { bare: Cable::lay()?, ours: Cable::lay()? })
+        Ok(Self { bare: Cable::set_up()?, ours: Cable::set_up()? })
     }
 
     /// Takes one turn; `foreign` is the cable to an adapter of somebody else and the setup for it.

@@ -138,7 +138,7 @@ fn check_ethernet_ip(bus: &Bus, ethernet_ip: &EthernetIp) -> Check {
         return Err(problem("bus.cycle_us", text));
     }
     let intervals = ethernet_ip.timeout_intervals(&bus.watchdog_cycles);
-    let covering = TimeoutMultiplier::covering(intervals).map(TimeoutMultiplier::intervals);
+    let covering = TimeoutMultiplier::at_least(intervals).map(TimeoutMultiplier::intervals);
     if ethernet_ip.timeout_multiplier.is_some() && covering != Some(intervals) {
         let text =
             format!("{intervals} is not a multiplier of EtherNet/IP: 4, 8, 16, 32, 64, 128, 256 or 512");

@@ -10,11 +10,11 @@ use rand_pcg::Pcg64Mcg;
 use crate::encapsulation::Header;
 use machine::{Duration, Instant};
 
-/// Largest number of waiting requests. Where they are more, the one that would wait longest is answered at once: long
-/// delays must not silence the device.
+/// Largest number of waiting requests. If there are more, the one that would wait longest is answered at once, so that
+/// requests with long delays cannot silence the device.
 const ROOM: usize = 8;
 
-/// Largest number of waiting requests of one host; it gets no more answers than that.
+/// Largest number of waiting requests of one host; further ones are not answered.
 const OF_ONE_HOST: usize = 2;
 
 /// Longest delay in ms if the request leaves it to the device.
@@ -31,7 +31,7 @@ struct Waiting {
     header: Header,
 }
 
-/// All such requests.
+/// All requests whose answers are delayed.
 #[derive(Debug)]
 pub(super) struct Delayed {
     waiting: Vec<Waiting>,
@@ -45,7 +45,7 @@ impl Delayed {
     }
 
     /// Adds a request. The first two bytes of its context are MaxResponseDelay, in ms.
-    pub(super) fn ask(&mut self, now: Instant, peer: SocketAddrV4, header: Header) {
+    pub(super) fn add(&mut self, now: Instant, peer: SocketAddrV4, header: Header) {
         let [low, high, ..] = header.context;
         let longest = match u16::from_le_bytes([low, high]) {
             0 => DEFAULT_MS,

@@ -17,14 +17,14 @@ const CAPABILITY: u16 = 1 << 5 | 1 << 8;
 /// The one service's name, 16 bytes.
 const SERVICE_NAME: &[u8; 16] = b"Communications\0\0";
 
-/// What follows from a message.
+/// Result of handling a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Answer {
-    /// This many bytes go back.
+    /// A reply of this many bytes.
     Reply(usize),
-    /// Nothing goes back.
+    /// No reply.
     None,
-    /// The connection is to be ended.
+    /// No reply; the TCP connection is closed.
     Close,
 }
 
@@ -67,7 +67,7 @@ pub(super) fn answer(
     }
 }
 
-/// Answers a message that came over UDP: one a datagram. Returns the reply's length.
+/// Answers the message in a UDP datagram. Returns the reply's length.
 pub(super) fn answer_datagram(state: &mut State, datagram: &[u8], buf: &mut [u8]) -> Option<usize> {
     let whole = Header::parse(datagram)
         .ok()
@@ -218,7 +218,7 @@ fn send_unit_data(
         state.counters.malformed += 1;
         return Answer::None;
     };
-    let Some(connection) = state.explicit.heard(now, stream, o_t_id) else {
+    let Some(connection) = state.explicit.receive(now, stream, o_t_id) else {
         state.counters.foreign += 1;
         return Answer::None;
     };
@@ -237,7 +237,7 @@ fn send_unit_data(
             });
         })
     };
-    if let Some(cip) = state.explicit.repeated(o_t_id, count) {
+    if let Some(cip) = state.explicit.stored_reply(o_t_id, count) {
         return write(buf, cip);
     }
     let mut context = Context { now, peer, stream, socket_t_o: None, reply_socket_t_o: None, depth: 0 };
@@ -245,7 +245,7 @@ fn send_unit_data(
         let room = room.min(scratch.len());
         let len = state.route(&mut context, request, scratch.get_mut(..room).unwrap_or_default());
         let cip = scratch.get(..len).unwrap_or_default();
-        state.explicit.remember(o_t_id, count, cip);
+        state.explicit.store_reply(o_t_id, count, cip);
         write(buf, cip)
     })
 }

@@ -1,4 +1,4 @@
-//! Which connections an adapter opens (volume 1, 3-5.5.2 and 3-6; volume 2, 3-3).
+//! Checks requests to open a connection, and opens it (volume 1, 3-5.5.2 and 3-6; volume 2, 3-3).
 
 use core::net::SocketAddrV4;
 
@@ -9,8 +9,8 @@ use crate::IO_PORT;
 use crate::cip::{Application, Violation, class};
 use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::connection::{
-    ConnectionType, Inhibit, OpenRequest, Opened, Parameters, Priority, TimeoutMultiplier, Trigger, Watchdog,
-    sequence,
+    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, Priority, TimeoutMultiplier, Trigger,
+    Watchdog, sequence,
 };
 use crate::description::{Assembly, Role};
 use machine::{Cycle, Duration, Peer};
@@ -23,7 +23,7 @@ const fn micros(micros: u32) -> Duration {
 }
 
 /// The assemblies of an I/O connection.
-struct Points {
+struct IoAssemblies {
     kind: Kind,
     consumed: &'static Assembly,
     produced: &'static Assembly,
@@ -36,7 +36,7 @@ impl State {
         &mut self,
         context: &mut Context,
         request: &OpenRequest<'_>,
-    ) -> Result<Opened, Violation> {
+    ) -> Result<OpenReply, Violation> {
         let OpenRequest { triad, o_t, t_o, .. } = *request;
         if self.closed {
             return Err(Violation::NotConfigured);
@@ -84,7 +84,7 @@ impl State {
         &self,
         request: &OpenRequest<'_>,
         application: &Application<'_>,
-    ) -> Result<Opened, Violation> {
+    ) -> Result<OpenReply, Violation> {
         match application.class {
             Some(class::ASSEMBLY) | None => {}
             Some(_) => return Err(Violation::NullForwardOpen),
@@ -94,7 +94,7 @@ impl State {
         }
         let description = self.device.description;
         let served = |rpi: u32| rpi.clamp(description.min_rpi_us, description.max_rpi_us);
-        Ok(Opened {
+        Ok(OpenReply {
             o_t_id: request.o_t_id,
             t_o_id: request.t_o_id,
             triad: request.triad,
@@ -109,9 +109,9 @@ impl State {
         request: &OpenRequest<'_>,
         multiplier: TimeoutMultiplier,
         application: &Application<'_>,
-    ) -> Result<Opened, Violation> {
+    ) -> Result<OpenReply, Violation> {
         let OpenRequest { o_t_rpi_us, o_t, t_o_rpi_us, t_o, .. } = *request;
-        let points = self.points(application)?;
+        let points = self.find_assemblies(application)?;
         check_io_parameters(&points, o_t, t_o)?;
         let inhibit = self.check_intervals(request, application)?;
         self.check_room(points.kind)?;
@@ -154,7 +154,7 @@ impl State {
         self.io.add(connection);
         self.follow_owner(None);
         let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
-        Ok(Opened { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
+        Ok(OpenReply { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
     }
 
     /// Checks the packet intervals, and returns the inhibit time of the producer.
@@ -179,7 +179,7 @@ impl State {
         Ok(inhibit)
     }
 
-    fn points(&self, application: &Application<'_>) -> Result<Points, Violation> {
+    fn find_assemblies(&self, application: &Application<'_>) -> Result<IoAssemblies, Violation> {
         if application.class != Some(class::ASSEMBLY) {
             return Err(Violation::ApplicationPath);
         }
@@ -210,7 +210,7 @@ impl State {
             (Role::ListenOnlyHeartbeat, Role::Produced) => Kind::ListenOnly,
             _ => return Err(Violation::InconsistentPathCombination),
         };
-        Ok(Points { kind, consumed, produced, named })
+        Ok(IoAssemblies { kind, consumed, produced, named })
     }
 
     /// Checks that one more connection of this kind may be opened.
@@ -245,8 +245,9 @@ impl State {
         if !self.device.network.is_local(*context.peer.ip()) {
             return Err(Violation::OffSubnetMulticast);
         }
-        let fitting = self.io.multicasts().find(|running| fits(producer, running).is_ok()).copied();
-        let refused = self.io.multicasts().find_map(|running| fits(producer, running).err());
+        let fitting =
+            self.io.multicasts().find(|running| check_multicast(producer, running).is_ok()).copied();
+        let refused = self.io.multicasts().find_map(|running| check_multicast(producer, running).err());
         match (fitting, refused) {
             (Some(running), _) => *producer = Producer { sends: false, ..running },
             (None, Some(violation)) if kind != Kind::ExclusiveOwner => return Err(violation),
@@ -266,7 +267,7 @@ impl State {
         request: &OpenRequest<'_>,
         multiplier: TimeoutMultiplier,
         application: &Application<'_>,
-    ) -> Result<Opened, Violation> {
+    ) -> Result<OpenReply, Violation> {
         let OpenRequest { triad, t_o_id, o_t_rpi_us, o_t, t_o_rpi_us, t_o, transport, .. } = *request;
         if !transport.is_server() {
             return Err(Violation::DirectionNotSupported);
@@ -314,12 +315,12 @@ impl State {
             t_o_size: t_o.size,
             watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
         });
-        Ok(Opened { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us: t_o_rpi_us })
+        Ok(OpenReply { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us: t_o_rpi_us })
     }
 }
 
 /// Checks that a connection can take part in a multicast that runs.
-fn fits(wanted: &Producer, running: &Producer) -> Result<(), Violation> {
+fn check_multicast(wanted: &Producer, running: &Producer) -> Result<(), Violation> {
     if running.assembly != wanted.assembly {
         return Err(Violation::ProducingPath);
     }
@@ -335,14 +336,14 @@ fn fits(wanted: &Producer, running: &Producer) -> Result<(), Violation> {
     if running.inhibit.time() != wanted.inhibit.time() {
         return Err(Violation::MulticastInhibit);
     }
-    // Who wants it more often than it comes cannot be served; who wants it less often gets it as it comes.
+    // A shorter interval than the multicast's cannot be served. For a longer one, the multicast comes more often than asked.
     if running.cycle.period() > wanted.cycle.period() {
         return Err(Violation::RpiNotSupported);
     }
     Ok(())
 }
 
-fn check_io_parameters(points: &Points, o_t: Parameters, t_o: Parameters) -> Result<(), Violation> {
+fn check_io_parameters(points: &IoAssemblies, o_t: Parameters, t_o: Parameters) -> Result<(), Violation> {
     let heartbeat = points.kind != Kind::ExclusiveOwner;
     if o_t.kind != ConnectionType::PointToPoint {
         return Err(Violation::OtType);

@@ -60,8 +60,8 @@ impl ExplicitConnections {
         self.open
     }
 
-    /// Returns whether a host gets no further connection: all places are taken, or this host has all but one, which is
-    /// kept for others.
+    /// Returns whether a host gets no further connection: all places are taken, or this host has all but the last one,
+    /// which is for other hosts.
     pub(super) fn is_full_for(&self, host: Ipv4Addr) -> bool {
         let own = self.open().filter(|connection| connection.host == host).count();
         self.len() == self.slots.len() || self.slots.len() > 1 && own + 1 >= self.slots.len()
@@ -95,23 +95,23 @@ impl ExplicitConnections {
 
     /// Ends the connection of this triad on this TCP connection. Returns whether there was one.
     pub(super) fn remove(&mut self, stream: StreamId, triad: &Triad) -> bool {
-        self.keep(|connection| connection.triad != *triad || connection.stream != stream) > 0
+        self.remove_unless(|connection| connection.triad != *triad || connection.stream != stream) > 0
     }
 
     pub(super) fn retain(&mut self, alive: impl Fn(StreamId) -> bool) {
-        self.keep(|connection| alive(connection.stream));
+        self.remove_unless(|connection| alive(connection.stream));
     }
 
     pub(super) fn clear(&mut self) {
-        self.keep(|_| false);
+        self.remove_unless(|_| false);
     }
 
     /// Ends the expired connections and returns their number.
     pub(super) fn remove_expired(&mut self, now: Instant) -> usize {
-        self.keep(|connection| !connection.watchdog.expired(now))
+        self.remove_unless(|connection| !connection.watchdog.expired(now))
     }
 
-    fn keep(&mut self, wanted: impl Fn(&ExplicitConnection) -> bool) -> usize {
+    fn remove_unless(&mut self, wanted: impl Fn(&ExplicitConnection) -> bool) -> usize {
         if self.open == 0 {
             return 0;
         }
@@ -133,8 +133,8 @@ impl ExplicitConnections {
         self.open().map(|connection| connection.watchdog.deadline()).min()
     }
 
-    /// Returns the connection of this number on this TCP connection, for a request that was just received.
-    pub(super) fn heard(
+    /// Restarts the timeout of the connection of this number on this TCP connection, and returns the connection.
+    pub(super) fn receive(
         &mut self,
         now: Instant,
         stream: StreamId,
@@ -148,15 +148,15 @@ impl ExplicitConnections {
     }
 
     /// Returns the reply if the request is a repetition.
-    pub(super) fn repeated(&self, o_t_id: u32, count: u16) -> Option<&[u8]> {
-        let slot = self.slots.iter().find(|slot| slot.is(o_t_id))?;
+    pub(super) fn stored_reply(&self, o_t_id: u32, count: u16) -> Option<&[u8]> {
+        let slot = self.slots.iter().find(|slot| slot.has_id(o_t_id))?;
         let (_, len) = slot.last.filter(|(last, _)| *last == count)?;
         slot.reply.get(..len)
     }
 
     /// Stores a reply, in case its request is repeated.
-    pub(super) fn remember(&mut self, o_t_id: u32, count: u16, reply: &[u8]) {
-        if let Some(slot) = self.slots.iter_mut().find(|slot| slot.is(o_t_id))
+    pub(super) fn store_reply(&mut self, o_t_id: u32, count: u16, reply: &[u8]) {
+        if let Some(slot) = self.slots.iter_mut().find(|slot| slot.has_id(o_t_id))
             && let Some(place) = slot.reply.get_mut(..reply.len())
         {
             place.copy_from_slice(reply);
@@ -166,7 +166,7 @@ impl ExplicitConnections {
 }
 
 impl Slot {
-    fn is(&self, o_t_id: u32) -> bool {
+    fn has_id(&self, o_t_id: u32) -> bool {
         self.connection.as_ref().is_some_and(|connection| connection.o_t_id == o_t_id)
     }
 }

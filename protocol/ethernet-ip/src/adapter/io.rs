@@ -14,9 +14,9 @@ use machine::{Cycle, Instant, Sequence};
 pub(super) enum Kind {
     /// Sets the outputs; there is one.
     ExclusiveOwner,
-    /// Takes the inputs.
+    /// Receives the inputs.
     InputOnly,
-    /// Takes the inputs as long as another connection does more.
+    /// Receives the inputs of another connection, and ends with it.
     ListenOnly,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct IoConnection {
     pub(super) sequence: Sequence,
     /// Sequence count of the last data taken over.
     pub(super) count: Option<u16>,
-    /// What the last run/idle header said.
+    /// Whether the last run/idle header was run.
     pub(super) run: bool,
     pub(super) producer: Producer,
 }
@@ -46,7 +46,7 @@ pub(super) struct Producer {
     pub(super) id: u32,
     pub(super) to: SocketAddrV4,
     pub(super) parameters: Parameters,
-    /// What the QoS object said of this priority when the connection was opened.
+    /// The DSCP that the QoS object had for this priority when the connection was opened.
     pub(super) dscp: u8,
     /// The assembly that it sends.
     pub(super) assembly: u32,
@@ -83,7 +83,7 @@ pub(super) enum ReceivedFrame {
 impl IoConnection {
     /// Returns whether a frame with so many bytes behind its sequence count may belong to this connection. A heartbeat
     /// has a run/idle header or none, whatever was agreed.
-    const fn takes(&self, len: usize) -> bool {
+    const fn accepts_len(&self, len: usize) -> bool {
         match self.kind {
             Kind::ExclusiveOwner => len == self.o_t_len,
             Kind::InputOnly | Kind::ListenOnly => len == 0 || len == RUN_IDLE_LEN as usize,
@@ -93,12 +93,12 @@ impl IoConnection {
 
 impl Producer {
     /// Returns whether a change of the data sends a frame, in addition to time.
-    const fn follows_changes(&self) -> bool {
+    const fn sends_on_change(&self) -> bool {
         matches!(self.trigger, Trigger::ChangeOfState | Trigger::Application)
     }
 
     fn next(&self) -> Option<Instant> {
-        let change = (self.changed && self.follows_changes()).then(|| self.inhibit.free_at());
+        let change = (self.changed && self.sends_on_change()).then(|| self.inhibit.free_at());
         self.sends.then(|| change.map_or(self.cycle.next(), |change| change.min(self.cycle.next())))
     }
 
@@ -120,7 +120,7 @@ impl Producer {
     }
 }
 
-/// All class 1 connections. There is room for them from the start.
+/// All class 1 connections. Their memory is allocated at the start.
 #[derive(Debug)]
 pub(super) struct IoConnections {
     open: Vec<IoConnection>,
@@ -182,14 +182,14 @@ impl IoConnections {
             .for_each(|producer| producer.changed = true);
     }
 
-    /// Returns whether the outputs have an owner, and then whether it runs.
-    pub(super) fn owner_runs(&self) -> Option<bool> {
+    /// Returns whether the owner of the outputs is in run; `None` without an owner.
+    pub(super) fn is_owner_running(&self) -> Option<bool> {
         let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
         owner.map(|owner| owner.run)
     }
 
     /// Takes a frame; the owner's data go into the assembly that it consumes.
-    pub(super) fn take(
+    pub(super) fn receive(
         &mut self,
         now: Instant,
         peer: Ipv4Addr,
@@ -200,7 +200,7 @@ impl IoConnections {
             connection.o_t_id == frame.connection && connection.originator == peer
         };
         let Some(connection) = self.open.iter_mut().find(is_its) else { return ReceivedFrame::Foreign };
-        if !connection.takes(frame.payload.len()) {
+        if !connection.accepts_len(frame.payload.len()) {
             return ReceivedFrame::WrongSize;
         }
         let Some(ahead) = connection.sequence.accept(now, frame.sequence) else { return ReceivedFrame::Late };
@@ -223,13 +223,13 @@ impl IoConnections {
         self.open.iter_mut().find_map(|connection| connection.producer.produce(now))
     }
 
-    /// Ends a connection that expired, and those that live by it. Returns its kind.
+    /// Ends a connection that expired, and the connections that depend on it. Returns its kind.
     pub(super) fn remove_expired(&mut self, now: Instant) -> Option<Kind> {
         let index = self.open.iter().position(|connection| connection.watchdog.expired(now))?;
         Some(self.remove_at(index))
     }
 
-    /// Ends a connection of a host, and those that live by it. Returns its kind.
+    /// Ends a connection of a host, and the connections that depend on it. Returns its kind.
     pub(super) fn remove(&mut self, host: Ipv4Addr, triad: &Triad) -> Option<Kind> {
         let is_it = |connection: &IoConnection| connection.originator == host && connection.triad == *triad;
         let index = self.open.iter().position(is_it)?;

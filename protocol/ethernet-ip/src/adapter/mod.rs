@@ -1,4 +1,4 @@
-//! The adapter: the target that the robot node is.
+//! The adapter: the target of connections, which scanners open.
 //!
 //! Requests are taken out of their TCP streams one at a time, when the driver asks for the next frame to send: a
 //! flood of requests needs no queue, and cyclic frames always go before replies.
@@ -29,7 +29,7 @@ use super::{ENCAPSULATION_PORT, IO_PORT};
 use machine::{Allowed, Counters, DownCause, LinkEvent, Peer, Requested};
 use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
-/// What an adapter must be told.
+/// Configuration of an adapter.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct AdapterConfig {
     /// What the device is.
@@ -44,8 +44,8 @@ pub struct AdapterConfig {
     pub gateway: Ipv4Addr,
     /// Its hardware address.
     pub mac: [u8; 6],
-    /// Where connection numbers and session handles begin; best another one at each start, so that frames of a
-    /// connection from before are not taken for those of a new one.
+    /// First connection number and session handle. Choose another one at each start, so that frames of an old connection
+    /// are not accepted for a new one.
     pub first_id: u32,
     /// Originators that may connect: the address is that of the host, the serial number that of the Forward_Open. Others get
     /// no TCP connection or no connection.
@@ -124,7 +124,7 @@ impl Machine for Adapter {
                     && header.options == 0
                     && frame.len() == HEADER_LEN + usize::from(header.length) =>
             {
-                self.delayed.ask(now, peer, header);
+                self.delayed.add(now, peer, header);
             }
             _ => self.handle_frame(now, from, frame),
         }
@@ -206,7 +206,7 @@ impl Adapter {
         let address = *peer.ip();
         if !self.state.originators.allows(Peer { address: Some(address), ..Peer::default() }) {
             self.state.refuse_foreign(now, address, Requested::Connection);
-            return self.sessions.turn_away(stream);
+            return self.sessions.refuse(stream);
         }
         let Self { state, sessions, .. } = self;
         sessions.open(now, stream, peer, state.io.owner(), |stream| state.explicit.carries(stream));
@@ -238,7 +238,7 @@ impl Adapter {
         self.state.is_up().then(|| self.state.device.assemblies.get(assembly.instance))
     }
 
-    /// Drops every connection and takes no new ones: a target has no message to end a connection with.
+    /// Drops every connection and accepts no new ones. A target has no message that ends a connection.
     pub fn disconnect(&mut self, _now: Instant) {
         self.state.close_all(DownCause::ClosedHere);
     }

@@ -1,8 +1,10 @@
 //! The message router: finds the object of a request. The Connection Manager's own services are here.
 
 use super::state::{Context, State};
-use crate::cip::{General, Path, PathError, Request, Segment, Violation, answer, class, refuse, service};
-use crate::connection::{CloseRequest, Closed, OpenRequest, Refused};
+use crate::cip::{
+    General, Path, PathError, Request, Segment, Violation, class, emit_refusal, emit_reply, service,
+};
+use crate::connection::{CloseReply, CloseRequest, OpenRequest, RefusedReply};
 use crate::objects::{multiple_service, serve};
 use crate::{Reader, Writer, objects};
 use machine::{Down, DownCause, Requested};
@@ -15,17 +17,17 @@ impl State {
     pub(super) fn route(&mut self, context: &mut Context, message: &[u8], reply: &mut [u8]) -> usize {
         let request = match Request::parse(message) {
             Ok(request) => request,
-            Err((service, violation)) => return refuse(reply, service, violation, |_| {}),
+            Err((service, violation)) => return emit_refusal(reply, service, violation, |_| {}),
         };
         let target = match request.path.target() {
             Ok(target) => target,
-            Err(violation) => return refuse(reply, request.service, violation, |_| {}),
+            Err(violation) => return emit_refusal(reply, request.service, violation, |_| {}),
         };
         let data = request.data;
         match (target.class, target.instance, request.service) {
             (Some(class::MESSAGE_ROUTER), Some(1), service::MULTIPLE_SERVICE) => {
                 if context.depth >= MAX_DEPTH {
-                    return refuse(reply, request.service, Violation::NestedTooDeep, |_| {});
+                    return emit_refusal(reply, request.service, Violation::NestedTooDeep, |_| {});
                 }
                 context.depth += 1;
                 // A Multiple_Service within another is not allowed.
@@ -56,7 +58,7 @@ impl State {
         let is_foreign = self.io.owner().is_some_and(|owner| owner != host);
         self.device.locked = is_foreign;
         let mut is_refused = false;
-        let len = answer(reply, request.service, |writer| {
+        let len = emit_reply(reply, request.service, |writer| {
             let served = serve(&mut self.device, target, request.service, request.data, writer);
             is_refused = matches!(served, Err(Violation::InUse | Violation::NotSettable));
             served
@@ -86,12 +88,12 @@ impl State {
         }
         self.device.manager.opened(result.err());
         match result {
-            Ok(opened) => answer(reply, service, |writer| {
+            Ok(opened) => emit_reply(reply, service, |writer| {
                 opened.emit(writer);
                 Ok(General::Success)
             }),
-            Err(violation) => refuse(reply, service, violation, |writer| {
-                write_refused(writer, Refused::of_open(data));
+            Err(violation) => emit_refusal(reply, service, violation, |writer| {
+                write_refused(writer, RefusedReply::from_open_request(data));
             }),
         }
     }
@@ -100,17 +102,17 @@ impl State {
         let result = CloseRequest::parse(data).and_then(|request| self.close(context, &request));
         self.device.manager.closed(result.err());
         match result {
-            Ok(closed) => answer(reply, service::FORWARD_CLOSE, |writer| {
+            Ok(closed) => emit_reply(reply, service::FORWARD_CLOSE, |writer| {
                 closed.emit(writer);
                 Ok(General::Success)
             }),
-            Err(violation) => refuse(reply, service::FORWARD_CLOSE, violation, |writer| {
-                write_refused(writer, Refused::of_close(data));
+            Err(violation) => emit_refusal(reply, service::FORWARD_CLOSE, violation, |writer| {
+                write_refused(writer, RefusedReply::from_close_request(data));
             }),
         }
     }
 
-    fn close(&mut self, context: &Context, request: &CloseRequest<'_>) -> Result<Closed, Violation> {
+    fn close(&mut self, context: &Context, request: &CloseRequest<'_>) -> Result<CloseReply, Violation> {
         let CloseRequest { triad, path } = *request;
         let host = *context.peer.ip();
         if let Some(connection) = self.io.find_of(host, &triad) {
@@ -121,7 +123,7 @@ impl State {
             self.io.remove(host, &triad);
             let down = Down { cause: DownCause::ClosedByPeer, code: 0, text: "by a Forward_Close" };
             self.follow_owner(Some(down));
-            return Ok(Closed { triad });
+            return Ok(CloseReply { triad });
         }
         if !self.explicit.remove(context.stream, &triad) {
             let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
@@ -131,7 +133,7 @@ impl State {
             self.refuse_foreign(context.now, host, Requested::End);
             return Err(Violation::ForeignOriginator);
         }
-        Ok(Closed { triad })
+        Ok(CloseReply { triad })
     }
 
     /// Runs the message within, if its route leads to this device (volume 1, 3-5.5.4).
@@ -155,7 +157,7 @@ impl State {
                 context.depth -= 1;
                 len
             }
-            Err(violation) => refuse(reply, service::UNCONNECTED_SEND, violation, |_| {}),
+            Err(violation) => emit_refusal(reply, service::UNCONNECTED_SEND, violation, |_| {}),
         }
     }
 
@@ -197,7 +199,7 @@ impl State {
     }
 }
 
-fn write_refused(writer: &mut Writer<'_>, refused: Option<Refused>) {
+fn write_refused(writer: &mut Writer<'_>, refused: Option<RefusedReply>) {
     if let Some(refused) = refused {
         refused.emit(writer);
     }

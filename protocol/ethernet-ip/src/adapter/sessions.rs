@@ -14,20 +14,20 @@ use machine::{Duration, Instant, StreamId};
 struct Slot {
     session: Option<Session>,
     reassembly: Reassembly,
-    /// There may be whole messages in the stream.
+    /// Whether there may be whole messages in the stream.
     pending: bool,
 }
 
-/// All TCP connections. They take turns: one message of each is answered at a time.
+/// All TCP connections. One message of each is answered in turn.
 #[derive(Debug)]
 pub(super) struct Sessions {
     slots: Box<[Slot]>,
     closing: VecDeque<StreamId>,
     next_handle: u32,
     turn: usize,
-    /// Some slot is pending.
+    /// Whether some slot is pending.
     pending: bool,
-    /// When the connection that is silent longest was heard last.
+    /// When the connection that has been silent longest last sent something.
     oldest: Option<Instant>,
 }
 
@@ -55,7 +55,8 @@ impl Sessions {
         self.open_sessions().any(|session| session.stream == stream)
     }
 
-    /// Handles a client that connected: it gets a free place, or that of another client by [`Self::place_for`], or none.
+    /// Handles a client that connected: gives it a free place or the place of another client ([`Self::place_for`]), or
+    /// closes its connection.
     pub(super) fn open(
         &mut self,
         now: Instant,
@@ -66,7 +67,7 @@ impl Sessions {
     ) {
         let place = self.place_for(*peer.ip(), owner, is_in_use);
         let Some(slot) = place.and_then(|index| self.slots.get_mut(index)) else {
-            return self.turn_away(stream);
+            return self.refuse(stream);
         };
         if let Some(evicted) = slot.session.replace(Session { stream, peer, handle: 0, last_heard: now }) {
             self.closing.push_back(evicted.stream);
@@ -77,17 +78,17 @@ impl Sessions {
     }
 
     /// Ends a TCP connection that gets no place.
-    pub(super) fn turn_away(&mut self, stream: StreamId) {
+    pub(super) fn refuse(&mut self, stream: StreamId) {
         self.closing.push_back(stream);
     }
 
     /// Returns the place for a client of a host.
     ///
     /// If all places are taken, a client gets the place of another one: of a host that has at least two more connections
-    /// than its own host, or of a client that never registered. The owner of the outputs may replace any other client, and
-    /// no client of another host replaces one of the owner's. Clients that carry a class 3 connection keep their places.
-    /// Of the others, those without a session go first, then the host with the most connections, then those that are
-    /// silent longest.
+    /// than its own host, or of a client that never registered. The owner of the outputs may replace any other client; a
+    /// client of another host never replaces a client of the owner. A client that carries a class 3 connection is never
+    /// replaced. Of the others, clients without a session are replaced first, then clients of the host with the most
+    /// connections, then those that have been silent longest.
     fn place_for(
         &self,
         host: Ipv4Addr,

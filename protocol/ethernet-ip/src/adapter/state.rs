@@ -17,7 +17,7 @@ use machine::{Instant, Port, StreamId, Transmit};
 /// Largest number of bytes that an encapsulation reply adds to a CIP reply: header, items, a socket address.
 const ENVELOPE_LEN: usize = 24 + 16 + 20;
 
-/// Events that wait at most; the owner polls after every handler, so two are many.
+/// Largest number of events that wait. The owner polls after every handler, so two are more than enough.
 const EVENTS: usize = 8;
 
 #[derive(Debug)]
@@ -27,9 +27,9 @@ pub(super) struct State {
     pub(super) explicit: ExplicitConnections,
     pub(super) counters: Counters,
     pub(super) events: VecDeque<LinkEvent>,
-    /// Where CIP replies are put together.
+    /// Buffer in which CIP replies are built.
     pub(super) scratch: Box<[u8]>,
-    /// Takes no connections any more.
+    /// Whether new connections are refused.
     pub(super) closed: bool,
     /// The DSCP of the cyclic frame that was handed out last.
     pub(super) cyclic_dscp: u8,
@@ -40,13 +40,13 @@ pub(super) struct State {
     next_id: u32,
 }
 
-/// Where a request came from, and what its reply needs beside the CIP reply.
+/// Sender of a request, and what the encapsulation adds to its CIP reply.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Context {
     pub(super) now: Instant,
     pub(super) peer: SocketAddrV4,
     pub(super) stream: StreamId,
-    /// Where the originator wants T→O data, if it says so.
+    /// Where the originator wants T→O data, if the request contains it.
     pub(super) socket_t_o: Option<SocketAddrV4>,
     /// Where multicast T→O data goes: for the reply.
     pub(super) reply_socket_t_o: Option<SocketAddrV4>,
@@ -88,13 +88,13 @@ impl State {
         self.up
     }
 
-    /// Takes a cyclic frame.
+    /// Handles a cyclic frame.
     pub(super) fn consume(&mut self, now: Instant, peer: Ipv4Addr, datagram: &[u8]) {
         let Ok(frame) = Frame::parse(datagram) else {
             self.counters.malformed += 1;
             return;
         };
-        match self.io.take(now, peer, &frame, &mut self.device.assemblies) {
+        match self.io.receive(now, peer, &frame, &mut self.device.assemblies) {
             ReceivedFrame::Foreign => self.counters.foreign += 1,
             ReceivedFrame::WrongSize => self.counters.malformed += 1,
             ReceivedFrame::Late => self.counters.late += 1,
@@ -135,8 +135,7 @@ impl State {
         self.follow_owner(None);
     }
 
-    /// Reports to the owner of this machine a request that was refused since it did not come from the owner of the outputs, or
-    /// not from a listed originator.
+    /// Reports a refused request as an event: its sender is not the owner of the outputs, or not a listed originator.
     pub(super) fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
         if let Some(report) = self.foreign.refuse(now, Sender::Ip(from), what)
             && self.events.len() < EVENTS
@@ -153,9 +152,9 @@ impl State {
         self.follow_owner(Some(Down { cause, code: 0, text: "" }));
     }
 
-    /// Reports to the owner of this machine when the link comes up or goes down, and updates the Identity's status.
+    /// Reports as an event when the link comes up or goes down, and updates the Identity's status.
     pub(super) fn follow_owner(&mut self, down: Option<Down>) {
-        let owner = self.io.owner_runs();
+        let owner = self.io.is_owner_running();
         self.device.io = IoState {
             owned: owner.is_some(),
             connections: self.io.len(),

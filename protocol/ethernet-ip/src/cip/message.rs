@@ -108,7 +108,7 @@ impl<'a> Reply<'a> {
 
     /// Returns the additional status word `index`.
     #[must_use]
-    pub fn word(&self, index: usize) -> Option<u16> {
+    pub fn additional_status(&self, index: usize) -> Option<u16> {
         let mut reader = Reader::new(self.additional);
         reader.skip(2 * index).ok()?;
         reader.u16().ok()
@@ -116,7 +116,7 @@ impl<'a> Reply<'a> {
 }
 
 /// Writes the reply to `service`: what `data` writes, or its violation. Returns the length.
-pub fn answer(
+pub fn emit_reply(
     buf: &mut [u8],
     service: u8,
     data: impl FnOnce(&mut Writer<'_>) -> Result<General, Violation>,
@@ -129,13 +129,13 @@ pub fn answer(
     }
     match (result, writer.finish()) {
         (Ok(_), Ok(len)) => len,
-        (Ok(_), Err(_)) => refuse(buf, service, Violation::ReplyTooLarge, |_| {}),
-        (Err(violation), _) => refuse(buf, service, violation, |_| {}),
+        (Ok(_), Err(_)) => emit_refusal(buf, service, Violation::ReplyTooLarge, |_| {}),
+        (Err(violation), _) => emit_refusal(buf, service, violation, |_| {}),
     }
 }
 
 /// Writes a reply that refuses `service`, with what `data` writes behind the status. Returns the length.
-pub fn refuse(
+pub fn emit_refusal(
     buf: &mut [u8],
     service: u8,
     violation: Violation,
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn a_reply_that_is_too_large_is_replaced_by_an_error_reply() {
         let mut buf = [0; 8];
-        let len = answer(&mut buf, 1, |w| {
+        let len = emit_reply(&mut buf, 1, |w| {
             w.zeros(100);
             Ok(General::Success)
         });

@@ -7,7 +7,7 @@ mod status;
 mod violation;
 
 pub use key::{ElectronicKey, KeyMismatch, Revision};
-pub use message::{Reply, Request, answer, refuse, service};
+pub use message::{Reply, Request, emit_refusal, emit_reply, service};
 pub use path::{Application, Logical, Path, PathError, Segment, Target, write_logical};
 pub use status::{Extended, General};
 pub use violation::{Status, Violation};

@@ -83,7 +83,7 @@ violations! {
     NestedTooDeep => ResourceUnavailable,
     /// A host requests to close a connection of another host.
     ForeignOriginator => PrivilegeViolation,
-    /// The device is in use: it cannot be reset, nor set to what would hurt the owner of its outputs.
+    /// The device is in use: it cannot be reset, and what the owner of its outputs depends on cannot be set.
     InUse => DeviceStateConflict,
 
     // Forward_Open: the triad and who owns what.
@@ -95,7 +95,7 @@ violations! {
     OutputsOwned => ConnectionFailure OwnershipConflict,
     /// There is no such connection to close or to change.
     ConnectionNotFound => ConnectionFailure ConnectionNotFound,
-    /// The device was told to accept no connections.
+    /// The device accepts no connections any more.
     NotConfigured => ConnectionFailure NotConfigured,
     /// Every connection of the device is in use.
     OutOfConnections => ConnectionFailure OutOfConnections,
@@ -169,7 +169,7 @@ violations! {
     ConsumingPath => ConnectionFailure InvalidConsumingPath,
     /// A T→O assembly that is not there.
     ProducingPath => ConnectionFailure InvalidProducingPath,
-    /// Assemblies that are there but not for this.
+    /// Assemblies that exist, but not for this use.
     InconsistentPathCombination => ConnectionFailure InconsistentPathCombination,
     /// A null Forward_Open for what cannot be configured.
     NullForwardOpen => ConnectionFailure NullForwardOpenNotSupported,
@@ -183,7 +183,7 @@ violations! {
     ForwardClosePath => ConnectionFailure ForwardClosePathMismatch,
 
     // Unconnected_Send.
-    /// The route was good but nobody answered before the time was over.
+    /// The route is correct, but no device answered in time.
     UnconnectedTimeout => ConnectionFailure UnconnectedTimedOut,
     /// The embedded message is empty or does not fit its size.
     UnconnectedParameter => ConnectionFailure UnconnectedParameter,

@@ -4,6 +4,6 @@ mod open;
 mod parameters;
 mod timing;
 
-pub use open::{CloseRequest, Closed, OpenRequest, Opened, Refused, Triad};
+pub use open::{CloseReply, CloseRequest, OpenReply, OpenRequest, RefusedReply, Triad};
 pub use parameters::{ConnectionType, Parameters, Priority, Transport, Trigger};
 pub use timing::{Inhibit, TimeoutMultiplier, Watchdog, sequence};

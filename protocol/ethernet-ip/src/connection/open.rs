@@ -37,7 +37,7 @@ use super::parameters::{Parameters, Transport};
 use cip::{Path, Violation};
 use machine::wire::Truncated;
 
-/// Priority/tick 10 and 240 ticks: the time 2^10 ms × 240 that an originator grants a request to pass routers.
+/// Priority/tick 10 and 240 ticks: a request may take 2^10 ms × 240 to pass routers.
 const TIME_TICK: [u8; 2] = [0x0A, 0xF0];
 
 /// Worldwide unique identity of a connection.
@@ -149,7 +149,7 @@ fn parse_path<'a>(reader: &mut Reader<'a>, reserved: bool) -> Result<Path<'a>, V
 
 /// The reply of a target that opened the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Opened {
+pub struct OpenReply {
     /// Number of the O→T connection.
     pub o_t_id: u32,
     /// Number of the T→O connection.
@@ -162,7 +162,7 @@ pub struct Opened {
     pub t_o_api_us: u32,
 }
 
-impl Opened {
+impl OpenReply {
     /// Parses the reply's data.
     pub fn parse(data: &[u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::new(data);
@@ -188,12 +188,12 @@ impl Opened {
 
 /// The data behind the status of a target that refused to open or to close a connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Refused {
+pub struct RefusedReply {
     /// Identity of the connection.
     pub triad: Triad,
 }
 
-impl Refused {
+impl RefusedReply {
     /// Writes the data. The remaining path has no words, since there is no router behind this device.
     pub fn emit(&self, writer: &mut Writer<'_>) {
         self.triad.emit(writer);
@@ -202,14 +202,14 @@ impl Refused {
 
     /// Reads the triad from a request that may be truncated.
     #[must_use]
-    pub fn of_open(data: &[u8]) -> Option<Self> {
+    pub fn from_open_request(data: &[u8]) -> Option<Self> {
         let triad = data.get(10..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
         triad.map(|triad| Self { triad })
     }
 
     /// Reads the triad from a Forward_Close that may be truncated.
     #[must_use]
-    pub fn of_close(data: &[u8]) -> Option<Self> {
+    pub fn from_close_request(data: &[u8]) -> Option<Self> {
         let triad = data.get(2..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
         triad.map(|triad| Self { triad })
     }
@@ -245,12 +245,12 @@ impl<'a> CloseRequest<'a> {
 
 /// The reply of a target that closed the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Closed {
+pub struct CloseReply {
     /// Identity of the connection.
     pub triad: Triad,
 }
 
-impl Closed {
+impl CloseReply {
     /// Writes the reply's data.
     pub fn emit(&self, writer: &mut Writer<'_>) {
         self.triad.emit(writer);
@@ -323,6 +323,6 @@ mod tests {
         let len = writer.finish().unwrap();
         assert_eq!(CloseRequest::parse(&buf[..len]), Ok(close));
         assert!((0..len).all(|cut| CloseRequest::parse(&buf[..cut]) == Err(Violation::TooShort)));
-        assert_eq!(Refused::of_close(&buf[..len]), Some(Refused { triad: TRIAD }));
+        assert_eq!(RefusedReply::from_close_request(&buf[..len]), Some(RefusedReply { triad: TRIAD }));
     }
 }

@@ -18,7 +18,7 @@ impl TimeoutMultiplier {
 
     /// Returns the smallest multiplier of at least this many packet intervals, if there is one.
     #[must_use]
-    pub const fn covering(intervals: u32) -> Option<Self> {
+    pub const fn at_least(intervals: u32) -> Option<Self> {
         let mut code = 0;
         while code <= 7 {
             if 4 << code >= intervals {
@@ -141,8 +141,8 @@ mod tests {
 
     #[test]
     fn a_number_of_intervals_is_covered_by_the_next_multiplier_that_is_not_less() {
-        let covering = |intervals| TimeoutMultiplier::covering(intervals).map(TimeoutMultiplier::intervals);
-        let covered: Vec<_> = [0, 3, 4, 5, 100, 512, 513].map(covering).into();
+        let at_least = |intervals| TimeoutMultiplier::at_least(intervals).map(TimeoutMultiplier::intervals);
+        let covered: Vec<_> = [0, 3, 4, 5, 100, 512, 513].map(at_least).into();
         assert_eq!(covered, [Some(4), Some(4), Some(4), Some(8), Some(128), Some(512), None]);
     }
 

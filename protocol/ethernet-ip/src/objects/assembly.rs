@@ -91,8 +91,8 @@ impl Object for Assembly {
         Ok(())
     }
 
-    /// Refuses every change of data by a message: only the owner of the outputs may move the arm, and the other
-    /// assemblies hold nothing that could be set.
+    /// Refuses every change of data by a message: only the owner of the outputs may set them, and the other assemblies hold
+    /// nothing that could be set.
     fn set(device: &mut Device, instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
         let role = device.description.assembly(instance).map(|assembly| assembly.role);
         match (role, attribute) {

@@ -2,7 +2,7 @@
 
 use super::super::Writer;
 use super::super::cip::{Extended, Violation};
-use super::{Device, Object, exactly};
+use super::{Device, Object, parse_exact};
 
 /// Attributes 1 to 8.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -70,7 +70,7 @@ impl Object for ConnectionManager {
 
     /// Sets a counter, which continues from the new value.
     fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
-        let value = u16::from_le_bytes(exactly(data)?);
+        let value = u16::from_le_bytes(parse_exact(data)?);
         let index = usize::from(attribute).checked_sub(1);
         let count = index.and_then(|index| device.manager.counts.get_mut(index));
         *count.ok_or(Violation::UnknownAttribute)? = value;

@@ -4,7 +4,7 @@ use super::super::Writer;
 use super::super::cip::Violation;
 use super::{Device, Object, write_short_string};
 
-/// Speed that the interface reports: that of the bus in the paper's cells.
+/// Speed that the interface reports, in Mbit/s.
 const SPEED_MBIT_S: u16 = 100;
 
 /// Flags: link up, full duplex, settings negotiated.

@@ -66,7 +66,7 @@ impl Object for Identity {
         Ok(())
     }
 
-    /// Handles Reset: of type 0 or of type 1, which also resets the settings. A robot in use is not reset.
+    /// Handles Reset: of type 0 or of type 1, which also resets the settings. A device in use is not reset.
     fn own_service(
         device: &mut Device,
         instance: u32,

@@ -1,6 +1,6 @@
 //! Message Router, class 02, and its Multiple_Service_Packet (volume 1, 5-3 and appendix ).
 
-use super::super::cip::{General, Violation, refuse, service};
+use super::super::cip::{General, Violation, emit_refusal, service};
 use super::super::{Reader, Writer};
 use super::{CLASSES, Device, Object};
 
@@ -57,7 +57,7 @@ pub(in super::super) fn multiple_service(
 ) -> usize {
     match answer_each(data, reply, answer_request) {
         Ok(len) => len,
-        Err(violation) => refuse(reply, service::MULTIPLE_SERVICE, violation, |_| {}),
+        Err(violation) => emit_refusal(reply, service::MULTIPLE_SERVICE, violation, |_| {}),
     }
 }
 

@@ -21,7 +21,7 @@ use super::cip::{General, Target, Violation, class, service};
 use super::description::Description;
 use super::{Reader, Writer};
 
-/// Every class of objects that a device of ours has: its code, its revision and its name.
+/// Every class of objects that the device has: its code, its revision and its name.
 pub const CLASSES: [(u32, u16, &str); 8] = [
     (class::IDENTITY, identity::Identity::REVISION, "Identity"),
     (class::MESSAGE_ROUTER, message_router::MessageRouter::REVISION, "Message Router"),
@@ -33,7 +33,7 @@ pub const CLASSES: [(u32, u16, &str); 8] = [
     (class::ETHERNET_LINK, ethernet_link::EthernetLink::REVISION, "Ethernet Link"),
 ];
 
-/// What the objects hold.
+/// State of all objects.
 #[derive(Debug)]
 pub(super) struct Device {
     pub(super) description: &'static Description,
@@ -42,8 +42,8 @@ pub(super) struct Device {
     pub(super) qos: Qos,
     pub(super) manager: ManagerCounters,
     pub(super) io: IoState,
-    /// The request that is served comes from another host than that of the owner of the outputs: it sets nothing that would
-    /// hurt this owner.
+    /// Whether the request comes from another host than the owner of the outputs. Such a request cannot set what the owner
+    /// depends on.
     pub(super) locked: bool,
     pub(super) assemblies: AssemblyData,
 }
@@ -286,7 +286,7 @@ fn set_list<O: Object>(
 }
 
 /// Reads the single number that a settable attribute takes.
-fn exactly<const N: usize>(data: &[u8]) -> Result<[u8; N], Violation> {
+fn parse_exact<const N: usize>(data: &[u8]) -> Result<[u8; N], Violation> {
     match data.len() {
         len if len < N => Err(Violation::TooShort),
         len if len > N => Err(Violation::TooLong),

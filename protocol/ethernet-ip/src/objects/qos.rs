@@ -3,7 +3,7 @@
 use super::super::Writer;
 use super::super::cip::Violation;
 use super::super::connection::Priority;
-use super::{Device, Object, exactly};
+use super::{Device, Object, parse_exact};
 
 /// DSCP values, 0 to 63. The driver writes them into the IP header.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -38,7 +38,7 @@ impl Qos {
         }
     }
 
-    const fn of(&mut self, attribute: u16) -> Option<&mut u8> {
+    const fn value_mut(&mut self, attribute: u16) -> Option<&mut u8> {
         Some(match attribute {
             4 => &mut self.urgent,
             5 => &mut self.scheduled,
@@ -63,15 +63,15 @@ impl Object for QosObject {
         writer: &mut Writer<'_>,
     ) -> Result<(), Violation> {
         let mut qos = device.qos;
-        writer.u8(*qos.of(attribute).ok_or(Violation::UnknownAttribute)?);
+        writer.u8(*qos.value_mut(attribute).ok_or(Violation::UnknownAttribute)?);
         Ok(())
     }
 
     fn set(device: &mut Device, _instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
         let locked = device.locked;
-        let place = device.qos.of(attribute).ok_or(Violation::UnknownAttribute)?;
-        match exactly(data)? {
-            // The frames of the owner of the outputs would lose their priority with its next connection.
+        let place = device.qos.value_mut(attribute).ok_or(Violation::UnknownAttribute)?;
+        match parse_exact(data)? {
+            // After such a change, the frames of the owner's next connection would have no priority.
             [dscp @ 0..=63] if locked && dscp != *place => Err(Violation::InUse),
             [dscp @ 0..=63] => {
                 *place = dscp;

@@ -2,7 +2,7 @@
 
 use super::super::Writer;
 use super::super::cip::{Violation, class};
-use super::{Device, Object, exactly, write_instance_path};
+use super::{Device, Object, parse_exact, write_instance_path};
 use core::net::Ipv4Addr;
 use machine::Duration;
 
@@ -109,11 +109,11 @@ impl Object for TcpIpInterface {
         let locked = device.locked;
         let network = &mut device.network;
         match attribute {
-            3 => match u32::from_le_bytes(exactly(data)?) {
+            3 => match u32::from_le_bytes(parse_exact(data)?) {
                 0 => Ok(()),
                 _ => Err(Violation::BadAttributeValue),
             },
-            13 => match u16::from_le_bytes(exactly(data)?) {
+            13 => match u16::from_le_bytes(parse_exact(data)?) {
                 // A shorter time would end the TCP connection of the owner of the outputs.
                 seconds @ 0..=3600 if locked && seconds != network.inactivity_s => Err(Violation::InUse),
                 seconds @ 0..=3600 => {

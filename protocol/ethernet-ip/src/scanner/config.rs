@@ -10,38 +10,38 @@ use crate::connection::{ConnectionType, Parameters, Priority, TimeoutMultiplier}
 use crate::description::{Description, Role};
 use machine::Duration;
 
-/// What a scanner must be told of itself.
+/// Configuration of a scanner itself.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ScannerConfig {
     /// Its own ODVA vendor number.
     pub vendor: u16,
     /// Its own serial number, which no other device of the vendor has.
     pub serial_number: u32,
-    /// Where connection numbers begin; best another one at each start, so that frames of a connection from before are
-    /// not taken for those of a new one.
+    /// First connection number. Choose another one at each start, so that frames of an old connection are not accepted for
+    /// a new one.
     pub first_id: u32,
 }
 
-/// What a scanner must be told of a connection.
+/// Configuration of a connection.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct ConnectionConfig {
     /// The adapter's address.
     pub target: Ipv4Addr,
-    /// Port segments to the adapter behind a bridge, as a padded path; empty where it is on this network.
+    /// Port segments to an adapter behind a bridge, as a padded path; empty for an adapter on this network.
     pub route: Vec<u8>,
-    /// The device that the adapter must be; none for any.
+    /// The device that the adapter must be; `None` for any.
     pub key: Option<ElectronicKey>,
-    /// The serial number that the adapter must have; none for any.
+    /// The serial number that the adapter must have; `None` for any.
     pub serial_number: Option<u32>,
-    /// What the EDS file of that device says, for refusals to quote; none where there is none.
+    /// What the EDS file of that device says; the text of a refusal quotes it.
     pub described: Option<&'static Description>,
-    /// Configuration assembly; none where the adapter has none.
+    /// Configuration assembly, if the adapter has one.
     pub configuration: Option<u32>,
     /// O→T assembly.
     pub consumed: u32,
     /// T→O assembly.
     pub produced: u32,
-    /// Whether T→O data goes to a multicast group, which other scanners may join as well, and not to this one alone.
+    /// Whether T→O data goes to a multicast group, which other scanners may join, and not to this scanner alone.
     pub multicast: bool,
     /// Bytes of data O→T, without sequence count and header.
     pub o_t_size: u16,

@@ -33,7 +33,7 @@ use super::{IO_PORT, PORTS};
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
 pub struct ConnectionId(u16);
 
-/// A scanner has no number left for another connection.
+/// Error: a scanner has no number left for another connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("a scanner has 65,535 connections at most: remove one first")]
 pub struct TooManyConnections;
@@ -43,7 +43,7 @@ pub struct TooManyConnections;
 pub struct Scanner {
     connections: Vec<Option<Connection>>,
     numbers: Numbers,
-    /// TCP connections that nobody wants any more.
+    /// TCP connections to close.
     to_close: VecDeque<StreamId>,
     /// Frames that belong to no connection.
     counters: Counters,
@@ -202,7 +202,7 @@ impl Machine for Scanner {
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         let mut connections = self.connections.iter_mut().flatten();
-        // The cyclic frames of all go before anything else of one.
+        // The cyclic frames of all connections go before all other frames.
         let cyclic = connections.find_map(|connection| connection.poll_io(now, buf));
         cyclic.or_else(|| {
             self.connections.iter_mut().flatten().find_map(|connection| connection.poll_message(buf))

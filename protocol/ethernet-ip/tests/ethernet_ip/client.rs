@@ -8,7 +8,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use crate::samples::CONSUMED;
 use ethernet_ip::cip::{General, Path, Reply};
 use ethernet_ip::connection::{
-    CloseRequest, ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport, Triad,
+    CloseRequest, ConnectionType, OpenReply, OpenRequest, Parameters, Priority, Transport, Triad,
 };
 use ethernet_ip::cpf::{self, Item, Packet, kind, write_item};
 use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Status};
@@ -167,7 +167,7 @@ pub(crate) struct Client {
 #[derive(Debug)]
 struct Good {
     client: Client,
-    opened: Opened,
+    opened: OpenReply,
     next: Instant,
     sequence: u32,
 }
@@ -349,7 +349,7 @@ impl Rig {
     pub(crate) fn request_connected(
         &mut self,
         client: Client,
-        opened: &Opened,
+        opened: &OpenReply,
         count: u16,
         cip: &[u8],
     ) -> Option<Answer> {
@@ -369,15 +369,15 @@ impl Rig {
         &mut self,
         client: Client,
         request: &OpenRequest<'_>,
-    ) -> Result<Opened, (u8, u16)> {
+    ) -> Result<OpenReply, (u8, u16)> {
         let answer = self.request(client, &open_message(request, false));
         match answer.general {
-            General::Success => Ok(Opened::parse(&answer.data).unwrap()),
+            General::Success => Ok(OpenReply::parse(&answer.data).unwrap()),
             _ => Err(answer.status()),
         }
     }
 
-    pub(crate) fn open(&mut self, client: Client, request: &OpenRequest<'_>) -> Opened {
+    pub(crate) fn open(&mut self, client: Client, request: &OpenRequest<'_>) -> OpenReply {
         self.try_open(client, request)
             .unwrap_or_else(|(general, extended)| panic!("refused with 0x{general:02X}, 0x{extended:04X}"))
     }

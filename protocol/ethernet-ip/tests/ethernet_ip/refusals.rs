@@ -7,7 +7,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use crate::samples::{CONSUMED, DEVICE, PRODUCED};
 use crate::single_connection::{SCANNER, SingleConnection};
 use ethernet_ip::cip::{ElectronicKey, General, Path, Revision};
-use ethernet_ip::connection::{ConnectionType, OpenRequest, Opened, Parameters, Priority, Transport};
+use ethernet_ip::connection::{ConnectionType, OpenReply, OpenRequest, Parameters, Priority, Transport};
 use ethernet_ip::description::Description;
 use ethernet_ip::{ConnectionConfig, IO_PORT, ScannerConfig};
 use machine::{DownCause, LinkEvent};
@@ -254,7 +254,7 @@ fn a_multicast_is_sent_once_for_all_and_goes_on_without_a_gap_when_its_first_tak
         let (answer, socket) =
             rig.open_to(client, &request, SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, IO_PORT));
         assert_eq!(socket, Some(peer(Ipv4Addr::new(239, 192, 1, 32), IO_PORT)));
-        opened.push(Opened::parse(&answer.data).unwrap());
+        opened.push(OpenReply::parse(&answer.data).unwrap());
     }
     assert!(opened.iter().all(|o| o.t_o_id == opened[0].t_o_id && o.t_o_id != owner(1).t_o_id));
     rig.advance(Duration::from_micros(2_500));

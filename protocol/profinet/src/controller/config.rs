@@ -7,7 +7,7 @@ use core::net::Ipv4Addr;
 
 use crate::description::{Description, INTERFACE_SUBSLOT};
 use crate::is_station_name;
-use crate::rt::{Transport, UnfitCycle};
+use crate::rt::{Transport, UnsupportedCycle};
 use machine::Duration;
 use machine::ethernet::Mac;
 
@@ -22,7 +22,7 @@ pub struct ControllerConfig {
     pub address: Ipv4Addr,
     /// Subnet mask, which each device gets with its address.
     pub mask: Ipv4Addr,
-    /// What it is, for DCP and for the devices. It needs no modules.
+    /// Its identity and names, for DCP and for the devices. It needs no modules.
     pub description: Description,
     /// Seed of the UUIDs and transaction numbers, mixed with the start time of each AR.
     pub seed: u64,
@@ -35,14 +35,14 @@ pub struct ArConfig {
     pub station_name: String,
     /// IP address that the device is to have.
     pub address: Ipv4Addr,
-    /// MAC address of the device; `None` if any station of that name and identity may be it. With it, the answers of other
-    /// stations to DCP change nothing.
+    /// MAC address of the device; `None` accepts any station of that name and identity. With an address, DCP answers of
+    /// other stations are ignored.
     pub mac: Option<Mac>,
     /// The device: identity, modules, submodules.
     pub description: Description,
-    /// Parameter records that the device gets before data are exchanged.
+    /// Parameter records that are written before data are exchanged.
     pub parameters: Vec<Parameter>,
-    /// What carries the cyclic frames.
+    /// Transport of the cyclic frames.
     pub transport: Transport,
     /// Time from one cyclic frame to the next, both ways.
     pub cycle: Duration,
@@ -50,7 +50,7 @@ pub struct ArConfig {
     pub watchdog_cycles: u16,
 }
 
-/// A record that the controller writes while it starts the device up.
+/// A parameter record that the controller writes during startup.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Parameter {
     /// Slot number.
@@ -79,7 +79,7 @@ impl Parameter {
 pub enum ConfigError {
     /// The cycle cannot be expressed.
     #[error(transparent)]
-    Cycle(#[from] UnfitCycle),
+    Cycle(#[from] UnsupportedCycle),
     /// The watchdog is zero or longer than the standard allows.
     #[error(
         "a watchdog of {cycles} cycles is {} ms; choose 1 cycle or more and at most {} ms", time.as_millis(),
@@ -93,7 +93,7 @@ pub enum ConfigError {
         /// The longest time that the transport has.
         limit: Duration,
     },
-    /// A station name is empty or has what DCP does not allow.
+    /// A station name is empty or contains something that DCP does not allow.
     #[error(
         "{0:?} is not a station name: allowed are lower-case letters, digits and hyphens, in parts of up to 63 characters \
          separated by dots, 240 in all"
@@ -133,7 +133,7 @@ pub enum ConfigError {
     TooManyArs(usize),
 }
 
-/// Checks that DCP allows a station name, and that there is one.
+/// Checks that a station name is not empty and that DCP allows it.
 pub(super) fn check_name(name: &str) -> Result<(), ConfigError> {
     let is_good = !name.is_empty() && is_station_name(name.as_bytes());
     if is_good { Ok(()) } else { Err(ConfigError::StationName(name.into())) }

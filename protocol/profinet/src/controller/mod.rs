@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! Ethernet 0x8892 ─┬─ DCP requests ──────────── station
-//!                  ├─ DCP answers ───────────── each AR, until it is its own
+//!                  ├─ DCP answers ───────────── each AR, until one of them accepts it
 //!                  └─ cyclic data, alarms ───── the ARs with the sender's MAC address     (RT_CLASS_1)
 //! UDP 34962 ───────── cyclic data, alarms ───── the ARs with the sender's IP address      (RT_CLASS_UDP)
 //! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR
@@ -31,7 +31,7 @@ use super::station::{self, Station};
 use super::{ETHER_TYPE, PORTS, RPC_PORT};
 use responder::{RequestOutcome, Responder};
 
-/// ARs that a controller may have: each has two FrameIDs of its own, and there are 15,360 of RT_CLASS_1.
+/// Largest number of ARs: each needs two FrameIDs of its own, and RT_CLASS_1 has 15,360.
 const MOST_ARS: usize = 4096;
 
 /// An AR of a [`Controller`], as long as it is not removed.
@@ -47,7 +47,7 @@ pub struct Controller {
     ars: Vec<Option<Ar>>,
     /// Frames that belong to no AR.
     counters: Counters,
-    /// Whether the station or the responder may have something to send.
+    /// Whether the station or the responder may have frames to send.
     has_answers: bool,
 }
 
@@ -66,7 +66,7 @@ impl Controller {
         })
     }
 
-    /// Adds an AR that starts to look for its device at `start`.
+    /// Adds an AR that starts to search for its device at `start`.
     pub fn connect(&mut self, config: ArConfig, start: Instant) -> Result<ArId, ConfigError> {
         let free = self.ars.iter().position(Option::is_none).unwrap_or(self.ars.len());
         let number = u16::try_from(free).ok().filter(|_| free < MOST_ARS);
@@ -85,7 +85,7 @@ impl Controller {
         self.ars.get(usize::from(ar.0))?.as_ref()
     }
 
-    /// Returns an AR, for commands; none once it was removed. Poll the controller afterwards.
+    /// Returns an AR, for commands; `None` once it was removed. Poll the controller afterwards.
     pub fn ar_mut(&mut self, ar: ArId) -> Option<&mut Ar> {
         self.ars.get_mut(usize::from(ar.0))?.as_mut()
     }
@@ -140,7 +140,7 @@ impl Controller {
             // Others look for this station, as an engineering system does.
             Ok(pdu) if pdu.service.is_request() => {
                 self.has_answers = true;
-                match self.station.handle_frame(now, header, payload, station::MaySet::Yes) {
+                match self.station.handle_frame(now, header, payload, station::SetPermission::Allowed) {
                     Ok(_) => {}
                     Err(station::Refusal::Malformed) => self.counters.malformed += 1,
                     Err(station::Refusal::Foreign) => self.counters.foreign += 1,
@@ -205,7 +205,7 @@ impl Controller {
         }
     }
 
-    /// Writes the next answer to somebody who asked this station.
+    /// Writes the next answer of this station to DCP and to calls.
     fn poll_answer(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         if let Some((to, len)) = self.responder.poll_transmit(buf) {
             return Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len });
@@ -237,7 +237,7 @@ impl Machine for Controller {
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        // The cyclic frames of all go before anything else of one.
+        // The cyclic frames of all ARs go before all other frames.
         if let Some(transmit) = self.all().find_map(|ar| ar.poll_cyclic(buf)) {
             return Some(transmit);
         }

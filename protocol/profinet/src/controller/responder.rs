@@ -1,5 +1,5 @@
-//! Calls from the device to the controller: ApplicationReady. Each call is answered anew as often as it comes, so that
-//! a lost answer costs nothing.
+//! Calls from the device to the controller: ApplicationReady. A repeated call is answered again, so that a lost answer does
+//! no harm.
 
 use core::net::SocketAddrV4;
 
@@ -11,16 +11,16 @@ use crate::rpc::{
 use crate::status::{Service, Violation};
 use machine::wire::{BigEndian, Overflow, Writer};
 
-/// What a PDU from the device led to.
+/// Result of handling a PDU from the device.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum RequestOutcome {
     /// The device of this AR is ready for cyclic data.
     Ready(Uuid),
-    /// It was answered, and means nothing more.
+    /// It was answered; nothing else follows.
     Answered,
     /// It is not for a controller.
     Foreign,
-    /// It broke the format, and was answered so.
+    /// It was malformed, and was answered with an error.
     Malformed,
 }
 
@@ -37,8 +37,8 @@ impl Responder {
         Self { answer: Message::new(), to: None }
     }
 
-    /// Takes a PDU that a client sent. `session` returns the SessionKey of an AR that waits for ApplicationReady, or that
-    /// is past it.
+    /// Handles a PDU of a client. `session` returns the SessionKey of an AR that waits for ApplicationReady or has received
+    /// it.
     pub(super) fn handle(
         &mut self,
         from: SocketAddrV4,
@@ -104,7 +104,7 @@ impl Responder {
         RequestOutcome::Answered
     }
 
-    /// Writes the next datagram of the answer; returns whom it is for and its length.
+    /// Writes the next datagram of the answer; returns its receiver and length.
     pub(super) fn poll_transmit(&mut self, datagram: &mut [u8]) -> Option<(SocketAddrV4, usize)> {
         let len = self.answer.poll(datagram)?;
         Some((self.to?, len))

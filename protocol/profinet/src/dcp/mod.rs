@@ -180,7 +180,7 @@ impl<'a> Pdu<'a> {
     }
 
     /// Returns the options that a Get request asks for. None in other PDUs.
-    pub fn wanted(&self) -> impl Iterator<Item = Code> + use<'a> {
+    pub fn requested_options(&self) -> impl Iterator<Item = Code> + use<'a> {
         let body = if self.service == Service::GetRequest { self.body } else { &[] };
         let mut reader = Reader::<BigEndian>::new(body);
         core::iter::from_fn(move || reader.u16().ok().map(Code))

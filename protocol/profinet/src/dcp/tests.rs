@@ -100,7 +100,7 @@ fn a_get_request_lists_options() {
     let bytes = emitted(|w| emit_get_request(w, 9, &[Code::IP, Code::NAME_OF_STATION]));
     assert_eq!(bytes, b"\xFE\xFD\x03\x00\x00\x00\x00\x09\x00\x00\x00\x04\x01\x02\x02\x02");
     let pdu = Pdu::parse(&bytes).unwrap();
-    assert_eq!(pdu.wanted().collect::<Vec<_>>(), [Code::IP, Code::NAME_OF_STATION]);
+    assert_eq!(pdu.requested_options().collect::<Vec<_>>(), [Code::IP, Code::NAME_OF_STATION]);
     assert_eq!(pdu.blocks().count(), 0);
 }
 
@@ -134,7 +134,7 @@ proptest! {
         for candidate in [&framed, &bytes] {
             if let Ok(pdu) = Pdu::parse(candidate) {
                 prop_assert!(pdu.blocks().count() <= 50);
-                let _ = (Station::from_pdu(&pdu), pdu.wanted().count());
+                let _ = (Station::from_pdu(&pdu), pdu.requested_options().count());
             }
         }
     }

@@ -120,8 +120,9 @@ fn check_iocr(iocr: &Iocr) -> Result<(), Violation> {
     let offset = iocr.frame_send_offset;
     let send_clock_ns = u32::from(clock) * 31_250;
     check(offset == Iocr::BEST_EFFORT || offset < send_clock_ns, Violation::FrameSendOffset)?;
-    let in_range =
-        |factor: u16| (1..=MAX_FACTOR).contains(&factor) && time.times(factor) <= transport.max_hold_time();
+    let in_range = |factor: u16| {
+        (1..=MAX_FACTOR).contains(&factor) && time.multiplied(factor) <= transport.max_hold_time()
+    };
     check(in_range(iocr.watchdog_factor), Violation::WatchdogFactor)?;
     check(in_range(iocr.data_hold_factor), Violation::DataHoldFactor)?;
     check(transport == Transport::Udp || iocr.tag_header >> 13 == 6, Violation::IocrTagHeader)

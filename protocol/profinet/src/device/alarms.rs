@@ -1,5 +1,5 @@
-//! The device's end of the alarm connection: acknowledges the controller's PDUs and refuses alarms, since a
-//! controller has no alarms for a device.
+//! The device's end of the alarm connection: acknowledges the controller's PDUs, and refuses alarms, because a controller
+//! sends none.
 
 use crate::ETHER_TYPE;
 use crate::alarm::{

@@ -1,5 +1,5 @@
-//! Stores answers, so that a repeated request gets the same answer and is not executed twice. A caller is a station and
-//! its activity: a station that uses the activity of another is another caller.
+//! Stores answers, so that a repeated request gets the same answer and is not executed twice. A caller is a pair of station
+//! and activity: two stations with the same activity are two callers.
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
@@ -18,7 +18,7 @@ const CALLERS: usize = 4;
 pub(super) struct Call<'a> {
     pub(super) request: &'a Header,
     pub(super) from: SocketAddrV4,
-    /// Station whose newest answer no other station may displace.
+    /// Station whose newest answer stays stored, however many other stations call.
     pub(super) controller: Option<Ipv4Addr>,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct Call<'a> {
 pub(super) struct Answers {
     callers: [Answer; CALLERS],
     uses: u64,
-    /// Whether datagrams may wait to be sent.
+    /// Whether there may be datagrams to send.
     pending: bool,
 }
 
@@ -43,7 +43,7 @@ struct Answer {
 pub(super) enum RequestStatus {
     /// It is new.
     New,
-    /// It was answered, and the answer is queued again.
+    /// It was answered before; the answer is queued again.
     Answered,
     /// Its caller has made another call since then.
     Old,

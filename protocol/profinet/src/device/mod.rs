@@ -9,11 +9,11 @@
 //! UDP 34964 ───────── RPC ────────────────────── server, answers, records, admission
 //! ```
 //!
-//! One controller at a time. A second one is refused; the same one that starts anew takes its old AR's place: it must
-//! have the IP address and the MAC address of the AR. While there is an AR, nobody else can end or change it, and name
-//! and addresses of the station stay as they are.
+//! One controller at a time. The device refuses a second one. The same controller, with the same IP and MAC address, may
+//! connect again: its new AR replaces the old one. While there is an AR, no other station can end or change it, and the
+//! station's name and address cannot be changed.
 //!
-//! In one file, because frames, timeouts and the end of a connection change one state.
+//! In one file, because frames, timeouts and the end of a connection change the same state.
 
 mod admission;
 mod alarms;
@@ -41,28 +41,28 @@ use super::description::Description;
 use super::provided::Provided;
 use super::rpc::{Header, Kind, Message, Received as Fragment, flags, rpc_status};
 use super::rt::{Received, Transport, UDP_PORT};
-use super::station::{Effect, MaySet, Refusal, Station};
+use super::station::{Effect, Refusal, SetPermission, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Peer, Requested, Sender};
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
 
-/// Events that can wait for the owner; it drains them after every call, of which none makes as many.
+/// Largest number of events that wait. The owner polls after every call, and no call makes as many.
 const MOST_EVENTS: usize = 8;
 
-/// What an IO-Device is told at its start.
+/// Configuration of an IO-Device.
 #[derive(Clone, Debug)]
 pub struct DeviceConfig {
     /// MAC address of the interface.
     pub mac: Mac,
-    /// Station name, until DCP sets another one; empty for none. [`super::is_station_name`] says which are allowed.
+    /// Station name, until DCP sets another one; empty for none. [`super::is_station_name`] checks whether it is allowed.
     pub station_name: Vec<u8>,
-    /// IP address of the interface, if it has one already.
+    /// IP address of the interface, if it already has one.
     pub address: Option<Ipv4Addr>,
     /// Subnet mask that goes with it.
     pub mask: Ipv4Addr,
-    /// What the device is.
+    /// Description of the device.
     pub description: Description,
     /// Controllers that may connect and, by DCP, set name and address.
     pub controllers: Allowed,
@@ -75,7 +75,7 @@ pub struct Device {
     core: Core,
 }
 
-/// The device but for the memory in which requests are put together, so that a request can be read from it.
+/// The device without the memory in which requests are reassembled, so that a request can be read while the device changes.
 #[derive(Debug)]
 struct Core {
     mac: Mac,
@@ -93,9 +93,9 @@ struct Core {
     inputs: Provided,
     events: VecDeque<LinkEvent>,
     foreign: ForeignRequests,
-    /// Without the cyclic frames of the present AR.
+    /// Counters, without the cyclic frames of the present AR.
     counters: Counters,
-    /// Whether anything but cyclic frames may wait to be sent: only since something else came or was due.
+    /// Whether there may be frames to send that are not cyclic. Set when something other than cyclic data arrives or is due.
     acyclic: bool,
 }
 
@@ -175,7 +175,7 @@ impl Device {
             }
             Kind::Response if header.is_fragment() => core.counters.malformed += 1,
             Kind::Response => core.handle_response(now, from, &header, body),
-            // The controller is not ready to be called, or busy: the call is repeated in time.
+            // The controller cannot take the call yet. The call is repeated later.
             Kind::Working | Kind::NoCall | Kind::Reject | Kind::Fault | Kind::Ack | Kind::FragmentAck => {}
             Kind::Cancel | Kind::CancelAck | Kind::Unknown(_) => core.counters.foreign += 1,
         }
@@ -199,8 +199,8 @@ impl Core {
         };
         if dcp::FRAME_IDS.contains(&frame_id) {
             self.acyclic = true;
-            match self.station.handle_frame(now, &header, payload, self.may_set(header.source)) {
-                Ok(effect) => self.follow(now, header.source, effect),
+            match self.station.handle_frame(now, &header, payload, self.set_permission(header.source)) {
+                Ok(effect) => self.report_effect(now, header.source, effect),
                 Err(Refusal::Malformed) => self.counters.malformed += 1,
                 Err(Refusal::Foreign) => self.counters.foreign += 1,
             }
@@ -215,15 +215,15 @@ impl Core {
         }
     }
 
-    /// Returns what a station may change by DCP: nothing while an AR runs, or if the station is not one of the listed
-    /// controllers.
-    fn may_set(&self, source: Mac) -> MaySet {
+    /// Returns whether a station may change name and address by DCP: not while there is an AR, and only if it is one of the
+    /// listed controllers.
+    fn set_permission(&self, source: Mac) -> SetPermission {
         if self.relation.is_some() {
-            MaySet::InOperation
+            SetPermission::InOperation
         } else if self.controllers.allows(Peer { mac: Some(source), ..Peer::default() }) {
-            MaySet::Yes
+            SetPermission::Allowed
         } else {
-            MaySet::NotListed
+            SetPermission::NotListed
         }
     }
 
@@ -240,12 +240,12 @@ impl Core {
         }
     }
 
-    /// Takes a cyclic frame or an alarm from the controller, from the FrameID on.
+    /// Handles a cyclic frame or an alarm from the controller, from the FrameID on.
     fn handle_rt(&mut self, now: Instant, transport: Transport, frame_id: u16, payload: &[u8]) {
         let Some(relation) = &mut self.relation else { return };
         if relation.consumes(transport, frame_id) {
             match relation.handle_cyclic(now, payload) {
-                Received::New => self.come_up(),
+                Received::New => self.report_up(),
                 // The receiver counts those that are late.
                 Received::Late | Received::Ignored => {}
                 Received::Malformed => self.counters.malformed += 1,
@@ -270,9 +270,9 @@ impl Core {
         }
     }
 
-    /// Tells the owner once that data are exchanged.
-    fn come_up(&mut self) {
-        if self.relation.as_mut().is_some_and(Relation::has_come_up) {
+    /// Reports once that data are exchanged.
+    fn report_up(&mut self) {
+        if self.relation.as_mut().is_some_and(Relation::take_up) {
             self.report(LinkEvent::Up);
         }
     }
@@ -283,8 +283,8 @@ impl Core {
         }
     }
 
-    /// Reports to the owner what DCP changed in the station, or was not allowed to change.
-    fn follow(&mut self, now: Instant, from: Mac, effect: Effect) {
+    /// Reports as events the changes that DCP made, and those that were refused.
+    fn report_effect(&mut self, now: Instant, from: Mac, effect: Effect) {
         if let Some(what) = effect.refused {
             self.counters.foreign += 1;
             self.report_foreign(now, Sender::Mac(from), what);
@@ -294,7 +294,7 @@ impl Core {
         }
     }
 
-    /// Ends the AR from this side and sends the reason to the controller and the owner.
+    /// Ends the AR from this side; sends the reason to the controller and reports it as an event.
     fn abort(&mut self, violation: Violation) {
         let cause = match violation {
             Violation::ConsumerExpired | Violation::InitiatorTimeout => DownCause::Watchdog,
@@ -310,7 +310,7 @@ impl Core {
         self.end((cause, status));
     }
 
-    /// Ends the AR; its counts are kept.
+    /// Ends the AR and adds its counters to those of the device.
     fn end(&mut self, (cause, status): (DownCause, Status)) {
         if self.relation.is_none() {
             return;
@@ -334,7 +334,7 @@ impl Core {
         counters
     }
 
-    /// Reports to the owner a request that was refused because another station than the controller sent it.
+    /// Reports as an event a request that was refused because its sender is not the controller.
     fn report_foreign(&mut self, now: Instant, from: Sender, what: Requested) {
         if let Some(report) = self.foreign.refuse(now, from, what) {
             self.report(LinkEvent::Foreign(report));
@@ -362,7 +362,7 @@ impl Core {
         Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
     }
 
-    /// Writes the next frame that is no cyclic one.
+    /// Writes the next frame that is not cyclic.
     fn poll_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         if let Some(transmit) = self.final_error.take().and_then(|final_error| final_error.emit(buf).ok()) {
             return Some(transmit);

@@ -1,4 +1,4 @@
-//! What the owner of a device calls: data of the submodules, counters, the end of the connection.
+//! The methods for the owner of a device: data of the submodules, counters, the end of the connection.
 
 use machine::{Counters, Instant};
 
@@ -22,7 +22,7 @@ impl Device {
     }
 
     /// Returns the newest output data of every submodule that has data, as ((slot, subslot), data) by ascending slot and
-    /// subslot; `None` for data that the controller marks as bad. Nothing at all while the device is not up.
+    /// subslot; `None` for data that the controller marks as bad. Empty while the device is not up.
     pub fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
         self.core.relation.iter().flat_map(Relation::outputs)
     }

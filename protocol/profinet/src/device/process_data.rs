@@ -1,4 +1,4 @@
-//! Where the data of each submodule are in the cyclic frames, and which statuses go with them.
+//! Positions of each submodule's data and statuses in the cyclic frames.
 
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -16,11 +16,11 @@ struct Part {
     data: Range<usize>,
 }
 
-/// A status that this side writes.
+/// A status that the device writes.
 #[derive(Clone, Copy, Debug)]
 struct StatusByte {
     frame: usize,
-    /// Whether the submodule is there as expected.
+    /// Whether the submodule is plugged as expected.
     usable: bool,
 }
 

@@ -45,7 +45,7 @@ pub(super) fn emit_write_answer(
 ) {
     WriteResponse { address: write.address, length: 0, status }.emit(writer);
     if write.address.index == index::MULTIPLE_WRITE {
-        for part in write.parts().flatten() {
+        for part in write.writes().flatten() {
             let status = write_status(description, &part);
             WriteResponse { address: part.address, length: 0, status }.emit(writer);
         }

@@ -4,8 +4,8 @@
 //! Connect ──▶ Parameters ── PrmEnd ──▶ Ready ── ApplicationReady confirmed ──▶ Data
 //! ```
 //!
-//! Cyclic frames go out from the Connect on, with bad statuses until PrmEnd. Frames that come in are watched from the
-//! first one on; until it came, and between the steps, the controller's activity timeout runs instead.
+//! The device sends cyclic frames from the Connect on, with bad statuses until PrmEnd. The watchdog runs from the first
+//! received frame on. Before that, and between the steps, the controller's activity timeout runs.
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
@@ -22,32 +22,32 @@ use crate::status::Violation;
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
 
-/// LocalAlarmReference of the device: the same in every AR, since a controller may keep its ARUUID from session to
-/// session, and then an analyser takes another reference for a fault.
+/// LocalAlarmReference of the device. It is the same in every AR: a controller may keep its ARUUID from session to session,
+/// and an analyser reports another reference with the same ARUUID as a fault.
 pub(super) const ALARM_REFERENCE: u16 = 0;
 
 /// When ApplicationReady is repeated for the first time; the interval doubles each time.
 const FIRST_REPETITION: Duration = Duration::from_millis(200);
 
-/// How far the connection is.
+/// State of the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Phase {
-    /// Parameters may be written; PrmEnd is awaited.
+    /// Parameters may be written, until PrmEnd.
     Parameters,
-    /// ApplicationReady is on its way to the controller.
+    /// ApplicationReady was sent; the controller has not confirmed it.
     Ready {
         /// When the call is repeated.
         repeat: Instant,
-        /// How long after that again.
+        /// Time until the repetition after that.
         interval: Duration,
     },
-    /// Data is exchanged.
+    /// Data are exchanged.
     Data,
 }
 
-/// Who an AR is between.
+/// The two ends of an AR.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ends {
+pub(super) struct Endpoints {
     /// MAC address of the device.
     pub(super) mac: Mac,
     /// IP address of the controller.
@@ -63,7 +63,7 @@ pub(super) struct Relation {
     pub(super) initiator_object: Uuid,
     pub(super) controller: Ipv4Addr,
     pub(super) phase: Phase,
-    /// Whether the owner knows that data are exchanged.
+    /// Whether the exchange of data was reported.
     pub(super) is_up: bool,
     pub(super) sender: CyclicSender,
     pub(super) receiver: CyclicReceiver,
@@ -79,12 +79,12 @@ impl Relation {
     /// Creates the AR for an admitted Connect.
     pub(super) fn new(
         now: Instant,
-        ends: &Ends,
+        endpoints: &Endpoints,
         description: &Description,
         request: &ConnectRequest,
         admission: &Admission<'_>,
     ) -> Self {
-        let Ends { mac, controller } = *ends;
+        let Endpoints { mac, controller } = *endpoints;
         let ConnectRequest { ar, expected, .. } = request;
         let Admission { input, output, alarm_cr, output_frame_id, diff } = admission;
         let route = |transport| match transport {
@@ -107,7 +107,7 @@ impl Relation {
             *output_frame_id,
             output_time,
             usize::from(output.data_length),
-            output_time.times(output.data_hold_factor),
+            output_time.multiplied(output.data_hold_factor),
             now,
         );
         let alarm_route = if alarm_cr.properties & AlarmCr::OVER_UDP != 0 {
@@ -140,11 +140,12 @@ impl Relation {
         self.consumes == transport && self.receiver.frame_id() == frame_id
     }
 
-    /// Takes a cyclic frame, from the FrameID on.
+    /// Handles a cyclic frame, from the FrameID on.
     pub(super) fn handle_cyclic(&mut self, now: Instant, payload: &[u8]) -> Received {
         let received = self.receiver.handle_frame(now, payload);
         if received == Received::New {
-            self.is_output_good = self.receiver.usable().is_some_and(|c_sdu| self.process.is_good(c_sdu));
+            self.is_output_good =
+                self.receiver.usable_data().is_some_and(|c_sdu| self.process.is_good(c_sdu));
             if self.phase == Phase::Data {
                 self.step_deadline = None;
             }
@@ -152,14 +153,14 @@ impl Relation {
         received
     }
 
-    /// Returns the newest data of every submodule that has outputs; nothing before the connection is up.
+    /// Returns the newest data of every submodule that has outputs; empty before the connection is up.
     pub(super) fn outputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
-        let c_sdu = self.receiver.usable().filter(|_| self.is_up);
+        let c_sdu = self.receiver.usable_data().filter(|_| self.is_up);
         c_sdu.into_iter().flat_map(|c_sdu| self.process.all_data(c_sdu))
     }
 
-    /// Returns whether the exchange of data has just begun.
-    pub(super) fn has_come_up(&mut self) -> bool {
+    /// Returns once that data are exchanged: `true` at the first call after it has begun.
+    pub(super) fn take_up(&mut self) -> bool {
         let comes_up = !self.is_up && self.phase == Phase::Data && self.is_output_good;
         self.is_up |= comes_up;
         comes_up
@@ -169,8 +170,8 @@ impl Relation {
         self.process.write_data(provided, self.sender.c_sdu_mut());
     }
 
-    /// Continues the connection with the next request of the controller.
-    pub(super) fn step(&mut self, now: Instant) {
+    /// Restarts the controller's activity timeout: its next request has arrived.
+    pub(super) fn restart_step_timeout(&mut self, now: Instant) {
         if self.phase != Phase::Data {
             self.step_deadline = Some(now + self.step_time);
         }
@@ -182,7 +183,7 @@ impl Relation {
             return Err(Violation::StateConflict);
         }
         self.phase = Phase::Ready { repeat: now + FIRST_REPETITION, interval: FIRST_REPETITION };
-        self.step(now);
+        self.restart_step_timeout(now);
         self.process.write_statuses(true, self.sender.c_sdu_mut());
         Ok(())
     }
@@ -193,13 +194,13 @@ impl Relation {
             return Err(Violation::StateConflict);
         }
         self.phase = Phase::Parameters;
-        self.step(now);
+        self.restart_step_timeout(now);
         Ok(())
     }
 
     /// Handles the controller's confirmation that the device is ready.
-    pub(super) fn confirmed(&mut self, now: Instant) {
-        self.step(now);
+    pub(super) fn handle_confirmation(&mut self, now: Instant) {
+        self.restart_step_timeout(now);
         self.phase = Phase::Data;
         if self.receiver.received() > 0 {
             self.step_deadline = None;

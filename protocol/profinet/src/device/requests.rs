@@ -1,13 +1,13 @@
-//! Puts fragmented requests together, those of each station apart: no station can spoil the request of another.
+//! Reassembles fragmented requests, separately for each station: no station can spoil the request of another.
 
 use core::net::Ipv4Addr;
 
 use crate::rpc::{Header, Reassembly, Received};
 
-/// Stations whose requests can be unfinished at the same time.
+/// Largest number of stations whose requests are unfinished at the same time.
 const STATIONS: usize = 4;
 
-/// Unfinished requests, one of a station.
+/// Unfinished requests, one for each station.
 #[derive(Debug)]
 pub(super) struct Requests {
     places: [Place; STATIONS],
@@ -22,14 +22,14 @@ struct Place {
 }
 
 impl Requests {
-    /// Takes the memory of all places; nothing later allocates.
+    /// Allocates the memory of all places; nothing later allocates.
     pub(super) fn new() -> Self {
         let place = |_| Place { from: None, last_use: 0, reassembly: Reassembly::new() };
         Self { places: core::array::from_fn(place), uses: 0 }
     }
 
-    /// Takes a request or a fragment of one. A station without a place gets that of the station that was silent longest,
-    /// but never the place of the AR's controller.
+    /// Handles a request or a fragment of one. A station without a place gets the place of the station that has been silent
+    /// longest, but never the place of the AR's controller.
     pub(super) fn take<'a>(
         &'a mut self,
         from: Ipv4Addr,

@@ -1,12 +1,12 @@
-//! The device as an RPC server: Connect, Release, Read, Write, Control, and the endpoint mapper. And its one call to
-//! the controller, ApplicationReady.
+//! The device as an RPC server: Connect, Release, Read, Write, Control, and the endpoint mapper; and as a client: its call
+//! ApplicationReady to the controller.
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, admit};
 use super::answers::{Call, RequestStatus};
 use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
-use super::relation::{ALARM_REFERENCE, Ends, Phase, Relation};
+use super::relation::{ALARM_REFERENCE, Endpoints, Phase, Relation};
 use super::{Core, closed_by_peer};
 use crate::block::BlockReader;
 use crate::connect::{
@@ -24,10 +24,10 @@ use crate::{RPC_PORT, Uuid};
 use machine::wire::{BigEndian, Overflow, Writer};
 use machine::{Instant, Peer, Requested, Sender};
 
-/// MaxAlarmDataLength of the device: the least there is.
+/// MaxAlarmDataLength of the device: the smallest allowed.
 const MAX_ALARM_DATA: u16 = 200;
 
-/// The longest answer, in bytes of blocks, that the device takes from the controller.
+/// The longest answer, in bytes of blocks, that the device accepts from the controller.
 const MOST_ANSWER: u32 = 1308;
 
 /// Returns whether calls to this interface are served here.
@@ -35,7 +35,7 @@ pub(super) fn is_served(interface: Uuid) -> bool {
     interface == DEVICE_INTERFACE || interface == ENDPOINT_MAPPER_INTERFACE
 }
 
-/// Returns the service of an operation, whose status a refusal has; `None` for an unknown operation.
+/// Returns the service that the status of a refusal names; `None` for an unknown operation.
 const fn service(operation: Operation) -> Option<Service> {
     Some(match operation {
         Operation::Connect => Service::Connect,
@@ -48,7 +48,7 @@ const fn service(operation: Operation) -> Option<Service> {
 }
 
 impl Core {
-    /// Takes a whole request.
+    /// Handles a complete request.
     pub(super) fn handle_request(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
         match self.answers.look_up(header, from) {
             RequestStatus::New => {}
@@ -104,8 +104,7 @@ impl Core {
         self.count_overflow(answered);
     }
 
-    /// Counts an answer that does not fit and is not sent; the caller runs into its timeout. No answer of ours is that
-    /// long.
+    /// Counts an answer that does not fit and therefore is not sent. No answer of ours is that long.
     const fn count_overflow(&mut self, answered: Result<(), Overflow>) {
         if answered.is_err() {
             self.counters.malformed += 1;
@@ -119,7 +118,7 @@ impl Core {
         blocks: &[u8],
     ) -> Result<ConnectResponse, Violation> {
         if self.is_foreign(*from.ip()) {
-            // Not even read: that would cost memory while the controller's data are exchanged.
+            // Refused without parsing it, which would allocate while data are exchanged.
             self.refuse_foreign(now, *from.ip(), Requested::Connection);
             return Err(Violation::OutOfArResources);
         }
@@ -139,11 +138,11 @@ impl Core {
                 self.refuse_foreign(now, *from.ip(), Requested::Connection);
                 return Err(Violation::OutOfArResources);
             }
-            // The controller has started anew before it was missed.
+            // The controller restarted, and connects before its watchdog expired.
             self.end(closed_by_peer(Violation::ReRun.status(Service::Abort)));
         }
-        let ends = Ends { mac: self.mac, controller: *from.ip() };
-        let mut relation = Relation::new(now, &ends, &self.description, &request, &admission);
+        let endpoints = Endpoints { mac: self.mac, controller: *from.ip() };
+        let mut relation = Relation::new(now, &endpoints, &self.description, &request, &admission);
         relation.set_inputs(&self.inputs);
         self.relation = Some(relation);
         Ok(self.connect_response(&request, admission))
@@ -184,12 +183,12 @@ impl Core {
         self.relation.as_ref().map(|relation| relation.controller)
     }
 
-    /// Returns whether there is an AR, with another controller.
+    /// Returns whether there is an AR with another controller.
     fn is_foreign(&self, from: Ipv4Addr) -> bool {
         self.controller().is_some_and(|controller| controller != from)
     }
 
-    /// Returns the AR that a control block or record names. For every station but its controller there is no such AR.
+    /// Returns the AR that a control block or record names, if the request comes from its controller.
     fn relation_of(
         &mut self,
         now: Instant,
@@ -237,7 +236,7 @@ impl Core {
         Ok(control)
     }
 
-    /// Does what follows after a control block is answered.
+    /// Executes a control block after it was answered.
     fn after_control(&mut self, command: Command) {
         match command {
             Command::PrmEnd => self.call_ready(),
@@ -253,9 +252,9 @@ impl Core {
         args: &RequestArgs<'_>,
     ) -> Result<Result<(), Overflow>, Violation> {
         let write = WriteRequest::parse(&mut BlockReader::new(args.blocks))?;
-        self.relation_of(now, *call.from.ip(), write.address.ar, Requested::Write)?.step(now);
+        self.relation_of(now, *call.from.ip(), write.address.ar, Requested::Write)?.restart_step_timeout(now);
         let status = if write.address.index == index::MULTIPLE_WRITE {
-            for part in write.parts() {
+            for part in write.writes() {
                 if part?.address.index == index::MULTIPLE_WRITE {
                     return Err(Violation::RecordIndex);
                 }
@@ -302,7 +301,7 @@ impl Core {
                 self.answers
                     .answer_with(call, |body| lookup.answer(object, station_type, RPC_PORT, address, body))
             }
-            // The handle that comes back is nil: there was nothing to free.
+            // The returned handle is nil, because there was nothing to free.
             (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(call, |body| {
                 let mut writer = Writer::<BigEndian>::new(body);
                 writer.zeros(24);
@@ -320,7 +319,7 @@ impl Core {
         self.count_overflow(answered);
     }
 
-    /// Tells the controller that the device is ready.
+    /// Calls ApplicationReady of the controller.
     fn call_ready(&mut self) {
         let Some(relation) = &self.relation else { return };
         self.calls = self.calls.wrapping_add(1);
@@ -340,11 +339,11 @@ impl Core {
         let [a, b, c, d] = self.calls.to_be_bytes();
         let [.., e, f, g, h] = (self.start.as_nanos() / 1_000).to_be_bytes();
         let [i, j, k, l, m, n] = self.mac.0;
-        // Version 1 and the usual variant, as if made from time and node.
+        // Version 1 and the usual variant, as a UUID that is made from time and node.
         Uuid([a, b, c, d, e, f, 0x10 | g >> 4, h, 0x80, 0, i, j, k, l, m, n])
     }
 
-    /// Takes the controller's answer to ApplicationReady.
+    /// Handles the controller's answer to ApplicationReady.
     pub(super) fn handle_response(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
         if self.is_foreign(*from.ip()) {
             self.counters.foreign += 1;
@@ -375,8 +374,8 @@ impl Core {
                     == (wanted.command, wanted.ar, wanted.session) =>
             {
                 self.call.clear();
-                relation.confirmed(now);
-                self.come_up();
+                relation.handle_confirmation(now);
+                self.report_up();
             }
             Ok(_) => self.counters.foreign += 1,
             Err(_) => self.counters.malformed += 1,

@@ -5,7 +5,7 @@
 //! response  PNIOStatus  · ArgsLength · MaximumCount · Offset (0) · ActualCount (= ArgsLength) · blocks
 //! ```
 
-use super::{ARGS_LEN, Header, Order};
+use super::{ARGS_LEN, DataRepresentation, Header};
 use crate::status::{Status, Violation};
 use machine::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Writer};
 
@@ -75,8 +75,8 @@ fn split_args<'a>(header: &Header, body: &'a [u8]) -> Option<(u32, &'a [u8])> {
         (whole && args_len == actual_count && offset == 0).then_some((first, blocks))
     }
     match header.order {
-        Order::Big => split::<BigEndian>(body),
-        Order::Little => split::<LittleEndian>(body),
+        DataRepresentation::Big => split::<BigEndian>(body),
+        DataRepresentation::Little => split::<LittleEndian>(body),
     }
 }
 

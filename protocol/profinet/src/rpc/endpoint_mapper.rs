@@ -1,4 +1,4 @@
-//! The endpoint mapper's Lookup: at which UDP port an interface is served (C706, chapter 6 and appendix L).
+//! The endpoint mapper's Lookup: returns the UDP port of an interface (C706, chapter 6 and appendix L).
 //!
 //! ```text
 //! request   inquiry type u32 · object: pointer u32, UUID 16 · interface: pointer u32, UUID 16, major u16, minor u16
@@ -14,7 +14,7 @@
 
 use core::net::Ipv4Addr;
 
-use super::{DEVICE_INTERFACE, Header, Order};
+use super::{DEVICE_INTERFACE, DataRepresentation, Header};
 use crate::Uuid;
 use machine::wire::{BigEndian, ByteOrder, LittleEndian, Overflow, Reader, Truncated, Writer};
 
@@ -33,7 +33,7 @@ const ANNOTATION_LEN: usize = 64;
 /// Why a Lookup request cannot be parsed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum LookupError {
-    /// It is cut.
+    /// It is truncated.
     #[error("the endpoint mapper's request is cut: {0}")]
     Truncated(#[from] Truncated),
 }
@@ -51,8 +51,8 @@ impl Lookup {
     /// Parses a request's body in the byte order of its header.
     pub fn parse(header: &Header, body: &[u8]) -> Result<Self, LookupError> {
         match header.order {
-            Order::Big => Self::parse_in::<BigEndian>(body),
-            Order::Little => Self::parse_in::<LittleEndian>(body),
+            DataRepresentation::Big => Self::parse_in::<BigEndian>(body),
+            DataRepresentation::Little => Self::parse_in::<LittleEndian>(body),
         }
     }
 

@@ -3,11 +3,11 @@
 use alloc::boxed::Box;
 use alloc::vec;
 
-use super::{BODY_CAPACITY, FRAGMENT_LEN, HEADER_LEN, Header, Kind, Order, flags};
+use super::{BODY_CAPACITY, DataRepresentation, FRAGMENT_LEN, HEADER_LEN, Header, Kind, flags};
 use crate::Uuid;
 use machine::wire::Overflow;
 
-/// A message that is stored so that it can be sent, and sent again.
+/// A stored message, which can be sent repeatedly.
 #[derive(Debug)]
 pub struct Message {
     header: Option<Header>,
@@ -118,7 +118,7 @@ struct Call {
     kind: Kind,
     activity: Uuid,
     sequence: u32,
-    order: Order,
+    order: DataRepresentation,
     next: u16,
 }
 
@@ -134,7 +134,7 @@ impl Reassembly {
         self.call = None;
     }
 
-    /// Takes a PDU. One that is not a fragment is complete.
+    /// Handles a PDU. A PDU that is not a fragment is complete.
     pub fn take<'a>(&'a mut self, header: &Header, body: &'a [u8]) -> Received<'a> {
         if !header.is_fragment() {
             return Received::Whole(body);

@@ -58,7 +58,7 @@ pub fn object(instance: u16, identity: Identity) -> Uuid {
 
 /// Byte order of an RPC header's sender.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Order {
+pub enum DataRepresentation {
     /// Most significant byte first.
     Big,
     /// Least significant byte first.
@@ -231,7 +231,7 @@ pub struct Header {
     /// Flags2: bit 1 = cancel pending.
     pub flags2: u8,
     /// The sender's byte order of this header and of the NDR numbers.
-    pub order: Order,
+    pub order: DataRepresentation,
     /// Number of the PDU within one call; fragments and repetitions count.
     pub serial: u16,
     /// The called station.
@@ -279,7 +279,7 @@ impl Header {
             kind: Kind::Request,
             flags: flags::IDEMPOTENT,
             flags2: 0,
-            order: Order::Big,
+            order: DataRepresentation::Big,
             serial: 0,
             object,
             interface,
@@ -301,7 +301,7 @@ impl Header {
             kind,
             flags: flags::IDEMPOTENT | flags::NO_FRAGMENT_ACK,
             flags2: 0,
-            order: Order::Big,
+            order: DataRepresentation::Big,
             serial: 0,
             fragment: 0,
             ..*self
@@ -331,14 +331,17 @@ impl Header {
             return Err(Error::Version(version));
         }
         match representation >> 4 {
-            0 => Self::parse_rest(reader, (kind, flags, flags2, Order::Big)),
-            _ => Self::parse_rest(reader.in_order::<LittleEndian>(), (kind, flags, flags2, Order::Little)),
+            0 => Self::parse_rest(reader, (kind, flags, flags2, DataRepresentation::Big)),
+            _ => Self::parse_rest(
+                reader.in_order::<LittleEndian>(),
+                (kind, flags, flags2, DataRepresentation::Little),
+            ),
         }
     }
 
     fn parse_rest<O: ByteOrder>(
         mut reader: Reader<'_, O>,
-        (kind, flags, flags2, order): (Kind, u8, u8, Order),
+        (kind, flags, flags2, order): (Kind, u8, u8, DataRepresentation),
     ) -> Result<(Self, &[u8]), Error> {
         let serial_high = reader.u8()?;
         let object = Uuid::read(&mut reader)?;
@@ -381,14 +384,16 @@ impl Header {
     pub fn emit(&self, body: &[u8], datagram: &mut [u8]) -> Result<usize, Overflow> {
         let mut writer = Writer::<BigEndian>::new(datagram);
         let representation = match self.order {
-            Order::Big => 0x00,
-            Order::Little => 0x10,
+            DataRepresentation::Big => 0x00,
+            DataRepresentation::Little => 0x10,
         };
         let [serial_high, serial_low] = self.serial.to_be_bytes();
         writer.bytes(&[4, self.kind.into(), self.flags, self.flags2, representation, 0, 0, serial_high]);
         match self.order {
-            Order::Big => self.emit_rest(body.len(), serial_low, &mut writer),
-            Order::Little => writer.in_order::<LittleEndian>(|w| self.emit_rest(body.len(), serial_low, w)),
+            DataRepresentation::Big => self.emit_rest(body.len(), serial_low, &mut writer),
+            DataRepresentation::Little => {
+                writer.in_order::<LittleEndian>(|w| self.emit_rest(body.len(), serial_low, w))
+            }
         }
         writer.bytes(body);
         writer.finish()
@@ -414,8 +419,8 @@ impl Header {
 #[must_use]
 pub fn read_rpc_status(header: &Header, body: &[u8]) -> Option<u32> {
     match header.order {
-        Order::Big => Reader::<BigEndian>::new(body).u32().ok(),
-        Order::Little => Reader::<LittleEndian>::new(body).u32().ok(),
+        DataRepresentation::Big => Reader::<BigEndian>::new(body).u32().ok(),
+        DataRepresentation::Little => Reader::<LittleEndian>::new(body).u32().ok(),
     }
 }
 

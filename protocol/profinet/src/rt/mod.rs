@@ -1,4 +1,4 @@
-//! Cyclic data: one frame a cycle and direction, over Ethernet (RT_CLASS_1) or over UDP (RT_CLASS_UDP).
+//! Cyclic data: one frame in each cycle and direction, over Ethernet (RT_CLASS_1) or over UDP (RT_CLASS_UDP).
 //!
 //! ```text
 //! 0..2      FrameID           0x8000–0xBFFF RT_CLASS_2 numbering · 0xC000–0xFBFF RT_CLASS_1 and RT_CLASS_UDP
@@ -20,7 +20,7 @@ mod timing;
 
 pub use receiver::{CyclicReceiver, Received};
 pub use sender::{CyclicSender, Route};
-pub use timing::{CycleTime, Transport, UnfitCycle, cycle_counter};
+pub use timing::{CycleTime, Transport, UnsupportedCycle, cycle_counter};
 
 use machine::wire::{BigEndian, Reader, Truncated, Writer};
 
@@ -74,7 +74,7 @@ pub struct DataStatus(pub u8);
 impl DataStatus {
     /// Primary of a redundant pair, or the only one.
     pub const PRIMARY: u8 = 1 << 0;
-    /// In a backup: there is no primary.
+    /// In the data of a backup: there is no primary.
     pub const REDUNDANCY: u8 = 1 << 1;
     /// The data is valid.
     pub const VALID: u8 = 1 << 2;

@@ -6,11 +6,12 @@ use alloc::vec::Vec;
 use super::{CycleTime, CyclicFrame, DataStatus};
 use machine::{Duration, Instant, Numbering, Sequence};
 
-/// How far a cycle counter may be ahead of the last one, in counts: 1.92 s. A counter further "ahead" is from the 128
-/// ms before the last one: that frame is late.
+/// Largest difference by which a cycle counter counts as newer than the last one, in counts: 1.92 s. The remaining 128 ms
+/// of the counter's range count as older: such a frame is late.
 const NEWER_WINDOW: u32 = 61_440;
 
-/// How far it may be ahead at once, in counts: 128 ms, as far as a late frame may be behind.
+/// Largest difference that is accepted whatever the time since the last frame, in counts: 128 ms, as much as a late frame
+/// may be older.
 const SLACK: u32 = 4_096;
 
 /// Result of receiving a frame with this receiver's FrameID.
@@ -83,7 +84,7 @@ impl CyclicReceiver {
             self.late += 1;
             return Received::Late;
         };
-        // Nearly always it is the next one; avoid the division then, which takes as long as all the rest here.
+        // Nearly always it is the next frame. Avoid the division then, which takes as long as the rest of this function.
         if ahead != self.counts {
             // Half a cycle of jitter in the provider's grid is not a lost frame.
             let cycles = (ahead + self.counts / 2) / self.counts;
@@ -99,7 +100,7 @@ impl CyclicReceiver {
     /// Returns the data of the newest frame, if its status allows to use it. The data stays even after the watchdog
     /// time; check [`is_expired`](Self::is_expired).
     #[must_use]
-    pub fn usable(&self) -> Option<&[u8]> {
+    pub fn usable_data(&self) -> Option<&[u8]> {
         (self.sequence.has_started() && self.data_status.is_usable()).then_some(&self.c_sdu[..])
     }
 
@@ -116,7 +117,7 @@ impl CyclicReceiver {
     }
 
     /// Restarts the watchdog, as if a frame had arrived.
-    pub fn rearm(&mut self, now: Instant) {
+    pub fn restart_watchdog(&mut self, now: Instant) {
         self.deadline = now + self.hold;
     }
 

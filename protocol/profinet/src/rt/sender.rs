@@ -85,7 +85,7 @@ impl CyclicSender {
     /// Handles a timeout. A frame that is due now is sent by the next [`poll_transmit`](Self::poll_transmit).
     pub fn handle_timeout(&mut self, now: Instant) {
         if let Some(tick) = self.cycle.tick(now) {
-            // The counter is that of the last grid point, so that a late frame does not look old.
+            // The cycle counter of the last grid point, so that a late frame does not look old.
             self.due = Some(self.cycle.next() - self.cycle.period());
             self.skipped += tick.skipped;
         }

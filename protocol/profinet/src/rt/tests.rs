@@ -27,7 +27,7 @@ fn frame(cycle_counter: u16, data_status: DataStatus, c_sdu: &[u8]) -> Vec<u8> {
 }
 
 fn receiver() -> CyclicReceiver {
-    CyclicReceiver::new(0x8000, MS, 1, MS.times(3), Instant::ZERO)
+    CyclicReceiver::new(0x8000, MS, 1, MS.multiplied(3), Instant::ZERO)
 }
 
 #[test]
@@ -96,13 +96,13 @@ fn late_and_duplicate_frames_are_dropped_and_missing_ones_counted() {
     assert_eq!(take(128, 4), Received::New);
     assert_eq!(take(96, 5), Received::Late);
     assert_eq!(take(159, 6), Received::New, "a count of jitter is no loss");
-    assert_eq!(receiver.usable(), Some(&[6][..]));
+    assert_eq!(receiver.usable_data(), Some(&[6][..]));
     assert_eq!((receiver.received(), receiver.late(), receiver.lost()), (4, 2, 3));
 }
 
 #[test]
 fn after_one_frame_with_a_wrong_counter_no_connection_ends_and_few_frames_are_missing() {
-    let watchdog = MS.times(3);
+    let watchdog = MS.multiplied(3);
     for wrong in [33, 4_000, 10_000, 40_000, 61_440, 61_441, 65_000] {
         let mut receiver = CyclicReceiver::new(0x8000, MS, 1, watchdog, Instant::ZERO);
         for cycle in 1..100_u16 {
@@ -116,7 +116,7 @@ fn after_one_frame_with_a_wrong_counter_no_connection_ends_and_few_frames_are_mi
         }
         assert!(receiver.lost() <= 4_096 / 32, "{wrong} ahead: {}", receiver.lost());
         assert!(receiver.late() <= 3, "{wrong} ahead: {}", receiver.late());
-        assert_eq!(receiver.usable(), Some(&[1][..]));
+        assert_eq!(receiver.usable_data(), Some(&[1][..]));
     }
 }
 
@@ -133,14 +133,14 @@ fn the_watchdog_time_starts_with_the_last_accepted_frame() {
 #[test]
 fn data_is_usable_only_if_valid_and_from_a_running_provider() {
     let mut receiver = receiver();
-    assert_eq!(receiver.usable(), None);
+    assert_eq!(receiver.usable_data(), None);
     receiver.handle_frame(Instant::ZERO, &frame(32, DataStatus::STOPPED, &[1]));
-    assert_eq!((receiver.usable(), receiver.c_sdu()), (None, Some(&[1][..])));
+    assert_eq!((receiver.usable_data(), receiver.c_sdu()), (None, Some(&[1][..])));
     receiver.handle_frame(Instant::ZERO, &frame(64, DataStatus::RUNNING, &[2]));
-    assert_eq!(receiver.usable(), Some(&[2][..]));
+    assert_eq!(receiver.usable_data(), Some(&[2][..]));
     let ignore = DataStatus(DataStatus::RUNNING.0 | DataStatus::IGNORE);
     assert_eq!(receiver.handle_frame(Instant::ZERO, &frame(96, ignore, &[3])), Received::Ignored);
-    assert_eq!(receiver.usable(), Some(&[2][..]));
+    assert_eq!(receiver.usable_data(), Some(&[2][..]));
 }
 
 #[test]
@@ -170,7 +170,7 @@ proptest! {
     #[test]
     fn no_frame_makes_the_receiver_panic(frames in proptest::collection::vec(
         proptest::collection::vec(any::<u8>(), 0..12), 0..8)) {
-        let mut receiver = CyclicReceiver::new(0x8000, MS, 2, MS.times(3), Instant::ZERO);
+        let mut receiver = CyclicReceiver::new(0x8000, MS, 2, MS.multiplied(3), Instant::ZERO);
         for frame in &frames {
             let received = receiver.handle_frame(Instant::ZERO, frame);
             prop_assert_eq!(received == Received::Malformed, frame.len() < 8 || frame[7] != 0);

@@ -12,7 +12,7 @@ pub const fn cycle_counter(at: Instant) -> u16 {
     (at.as_nanos() / COUNT_NANOS) as u16
 }
 
-/// What carries the cyclic frames.
+/// Transport of the cyclic frames.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum Transport {
     /// RT_CLASS_1: EtherType 0x8892.
@@ -66,12 +66,12 @@ pub struct CycleTime {
      over Ethernet, the first or a power of two of ms up to 512",
     .0.as_nanos() as f64 / 1000.0
 )]
-pub struct UnfitCycle(pub Duration);
+pub struct UnsupportedCycle(pub Duration);
 
 impl CycleTime {
     /// Finds the factors of a cycle of `period`. From 1 ms on the send clock is 1 ms, which every device supports.
-    pub fn new(period: Duration, transport: Transport) -> Result<Self, UnfitCycle> {
-        let unfit = UnfitCycle(period);
+    pub fn new(period: Duration, transport: Transport) -> Result<Self, UnsupportedCycle> {
+        let unfit = UnsupportedCycle(period);
         let nanos = u64::try_from(period.as_nanos()).map_err(|_| unfit)?;
         let counts = nanos / COUNT_NANOS;
         let (clock, ratio) = if counts <= 32 { (counts, 1) } else { (32, counts / 32) };
@@ -100,7 +100,7 @@ impl CycleTime {
 
     /// Returns `factor` cycles, as a watchdog time or a data hold time.
     #[must_use]
-    pub fn times(self, factor: u16) -> Duration {
+    pub fn multiplied(self, factor: u16) -> Duration {
         self.period().saturating_mul(u32::from(factor))
     }
 

@@ -35,7 +35,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 (Side::A, true) => self.a.handle_broadcast(local, source, frame),
                 (Side::B, true) => self.b.handle_broadcast(local, source, frame),
             }
-            self.settle(side, local);
+            self.poll_machine(side, local);
         }
         self.spare_bufs.push(buf);
     }
@@ -73,18 +73,18 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             }
             (port, _) => (port, None, Carrier::Ethernet),
         };
-        let (fate, arrives) = sender.link.decide(now, len);
-        let label = Label { carrier, dscp, fate };
+        let (effect, arrives) = sender.link.decide(now, len);
+        let label = Label { carrier, dscp, effect };
         if let Some(tap) = &mut self.tap {
             let frame = self.buf.get(..len).unwrap_or_default();
-            tap.see(Tapped { at: now, end: from, from, carrier, dscp, fate, frame });
+            tap.see(Tapped { at: now, end: from, from, carrier, dscp, effect, frame });
         }
         let Some(arrives) = arrives else { return };
         let mut buf = self.take_buf();
-        if let Some(bit) = fate.flipped_bit {
+        if let Some(bit) = effect.flipped_bit {
             flip(&mut buf, bit);
         }
-        let second = fate.duplicated.then(|| holding(self.spare_bufs.pop(), buf.get(..len)));
+        let second = effect.duplicated.then(|| holding(self.spare_bufs.pop(), buf.get(..len)));
         let delivery = |buf| Delivery::Frame { port, peer, label, buf, len };
         self.in_flight.push(arrives, from.other(), delivery(buf));
         if let Some(second) = second {

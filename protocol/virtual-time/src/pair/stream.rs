@@ -11,7 +11,7 @@ use super::frames::holding;
 use super::in_flight::{Delivery, InFlight};
 use super::tap::Label;
 use super::tap::{Carrier, Segment};
-use crate::link::{Fate, Passed, flip};
+use crate::link::{LinkEffect, SentPiece, flip};
 use crate::side::Side;
 use machine::{Attempt, Duration, Instant, Machine, Port, StreamChange, StreamId, StreamRequest};
 
@@ -166,7 +166,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             self.push_stream(from.other(), id, Delivery::Opened(id, to));
         } else {
             self.name_stream(from, id, source, to);
-            self.tap_stream(self.now, from, id, Segment::Connect, Fate::default(), &[]);
+            self.tap_stream(self.now, from, id, Segment::Connect, LinkEffect::default(), &[]);
             self.push_stream(from.other(), id, Delivery::Closed(id));
         }
     }
@@ -187,13 +187,13 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         from: Side,
         id: StreamId,
         segment: Segment,
-        fate: Fate,
+        effect: LinkEffect,
         bytes: &[u8],
     ) {
         let Some(carrier) = self.streams.get(id).and_then(|stream| stream.carrier(from, segment)) else {
             return;
         };
-        let label = Label { carrier, dscp: self.dscp(from, Port::Stream(id)), fate };
+        let label = Label { carrier, dscp: self.dscp(from, Port::Stream(id)), effect };
         self.tap_departure(at, from, label, bytes);
     }
 
@@ -204,7 +204,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             return;
         };
         let dscp = self.dscp(from, Port::Stream(id));
-        self.tap_arrival(end, Label { carrier, dscp, fate: Fate::default() }, &[]);
+        self.tap_arrival(end, Label { carrier, dscp, effect: LinkEffect::default() }, &[]);
     }
 
     /// Returns the segment of a delivery, except for the answer to a connection request, which is sent when the
@@ -237,7 +237,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             let offset = *stream.sent(from);
             *stream.sent(from) = offset.wrapping_add((end - start) as u32);
             let Some(carrier) = stream.carrier(from, Segment::Data { offset }) else { return };
-            let label = Label { carrier, dscp, fate: Fate::default() };
+            let label = Label { carrier, dscp, effect: LinkEffect::default() };
             let (buf, len) = (holding(self.spare_bufs.pop(), self.buf.get(start..end)), end - start);
             let delivery = Delivery::Frame { port: Port::Stream(id), peer: None, label, buf, len };
             self.push_stream(from, id, delivery);
@@ -258,12 +258,12 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 _ => &[],
             };
             for loss in 0..passed.map_or(1, |passed| passed.losses) {
-                let fate = Fate { lost: passed.is_some(), cut: passed.is_none(), ..Fate::default() };
-                self.tap_stream(now + RETRANSMISSION * loss, from, id, segment, fate, bytes);
+                let effect = LinkEffect { lost: passed.is_some(), cut: passed.is_none(), ..LinkEffect::default() };
+                self.tap_stream(now + RETRANSMISSION * loss, from, id, segment, effect, bytes);
             }
-            if let Some(Passed { losses, flipped_bit, .. }) = passed {
-                let fate = Fate { flipped_bit, ..Fate::default() };
-                self.tap_stream(now + RETRANSMISSION * losses, from, id, segment, fate, bytes);
+            if let Some(SentPiece { losses, flipped_bit, .. }) = passed {
+                let effect = LinkEffect { flipped_bit, ..LinkEffect::default() };
+                self.tap_stream(now + RETRANSMISSION * losses, from, id, segment, effect, bytes);
             }
         }
         if let (Delivery::Frame { buf, .. }, Some(bit)) =
@@ -349,7 +349,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                     self.change_stream(side, id, StreamChange::Connected(attempt));
                 } else {
                     self.tap_stream_arrival(side, id, Segment::Connect);
-                    self.tap_stream(self.now, side, id, Segment::Accept, Fate::default(), &[]);
+                    self.tap_stream(self.now, side, id, Segment::Accept, LinkEffect::default(), &[]);
                     self.change_stream(side, id, StreamChange::Accepted(peer));
                 }
             }
@@ -390,7 +390,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             self.tap_stream_arrival(side, id, Segment::Close { offset });
         } else if stream.between.is_some() {
             self.tap_stream_arrival(from, id, Segment::Connect);
-            self.tap_stream(self.now, from, id, Segment::Refuse, Fate::default(), &[]);
+            self.tap_stream(self.now, from, id, Segment::Refuse, LinkEffect::default(), &[]);
             self.tap_stream_arrival(side, id, Segment::Refuse);
         }
     }
@@ -409,6 +409,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         if let Some(stream) = self.streams.get(id).filter(|_| is_end) {
             *stream.ended(side) = true;
         }
-        self.settle(side, local);
+        self.poll_machine(side, local);
     }
 }

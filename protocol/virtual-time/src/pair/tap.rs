@@ -5,7 +5,7 @@ use core::fmt;
 use core::net::SocketAddrV4;
 
 use super::Pair;
-use crate::link::Fate;
+use crate::link::LinkEffect;
 use crate::side::Side;
 use machine::{Instant, Machine, Port};
 
@@ -67,7 +67,7 @@ pub struct Tapped<'a> {
     /// The DSCP of its packet, 0 to 63.
     pub dscp: u8,
     /// What the cable does to it.
-    pub fate: Fate,
+    pub effect: LinkEffect,
     /// The frame; at the receiver's end as it arrived.
     pub frame: &'a [u8],
 }
@@ -77,7 +77,7 @@ pub struct Tapped<'a> {
 pub(super) struct Label {
     pub(super) carrier: Carrier,
     pub(super) dscp: u8,
-    pub(super) fate: Fate,
+    pub(super) effect: LinkEffect,
 }
 
 pub(super) struct Tap(Box<dyn FnMut(Tapped<'_>)>);
@@ -101,16 +101,16 @@ impl<A: Machine, B: Machine> Pair<A, B> {
     }
 
     pub(super) fn tap_departure(&mut self, at: Instant, from: Side, label: Label, frame: &[u8]) {
-        let Label { carrier, dscp, fate } = label;
+        let Label { carrier, dscp, effect } = label;
         if let Some(tap) = &mut self.tap {
-            tap.see(Tapped { at, end: from, from, carrier, dscp, fate, frame });
+            tap.see(Tapped { at, end: from, from, carrier, dscp, effect, frame });
         }
     }
 
     pub(super) fn tap_arrival(&mut self, end: Side, label: Label, frame: &[u8]) {
-        let Label { carrier, dscp, fate } = label;
+        let Label { carrier, dscp, effect } = label;
         if let Some(tap) = &mut self.tap {
-            tap.see(Tapped { at: self.now, end, from: end.other(), carrier, dscp, fate, frame });
+            tap.see(Tapped { at: self.now, end, from: end.other(), carrier, dscp, effect, frame });
         }
     }
 

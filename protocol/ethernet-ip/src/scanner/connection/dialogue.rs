@@ -25,19 +25,19 @@ pub(super) enum ScannerMessage {
     Release,
     /// UnRegisterSession.
     Unregister,
-    /// NOP: keeps the session from being taken for a dead one.
+    /// NOP: shows the adapter that the session is still in use.
     Nop,
 }
 
 /// Writes a message that has no CIP request in it.
-pub(super) fn emit_plain(buf: &mut [u8], say: ScannerMessage, session: u32) -> Result<usize, Overflow> {
-    let command = match say {
+pub(super) fn emit_plain(buf: &mut [u8], message: ScannerMessage, session: u32) -> Result<usize, Overflow> {
+    let command = match message {
         ScannerMessage::Register => Command::RegisterSession,
         ScannerMessage::Unregister => Command::UnRegisterSession,
         _ => Command::Nop,
     };
     Header::request(command, session).emit(buf, |writer| {
-        if say == ScannerMessage::Register {
+        if message == ScannerMessage::Register {
             writer.u16(PROTOCOL_VERSION);
             writer.u16(0);
         }
@@ -99,12 +99,12 @@ pub(super) const fn number_of(header: &Header) -> u32 {
     u32::from_le_bytes([a, b, c, d])
 }
 
-/// Where data goes, as far as the adapter says so.
+/// Destinations of the data that the adapter's reply contains.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub(super) struct Sockets {
     /// O→T.
     pub(super) o_t: Option<SocketAddrV4>,
-    /// T→O, which it has to say of a multicast.
+    /// T→O; the reply must contain it for a multicast.
     pub(super) t_o: Option<SocketAddrV4>,
 }
 

@@ -4,21 +4,21 @@ use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
 use super::{Connection, KEEP_ALIVE, Numbers, Refusal, RequestedConnection, Step};
 use crate::cip::{General, KeyMismatch, Path, Reply, service};
-use crate::connection::{CloseRequest, OpenRequest, Opened, Transport};
+use crate::connection::{CloseRequest, OpenReply, OpenRequest, Transport};
 use crate::encapsulation::{Command, Header, Status};
 use core::net::SocketAddrV4;
 use machine::Instant;
 use machine::{Down, DownCause};
 
-/// The shortest interval at which an adapter may want its data: its word alone decides how often frames go out.
+/// The shortest interval that is accepted from an adapter: its reply alone decides how often the scanner sends.
 const LEAST_INTERVAL_US: u32 = 100;
 
-/// How many times as long as asked an adapter's intervals may be: a connection waits for four intervals at least, so that
-/// neither watchdog notices a longer one.
+/// Largest ratio of the adapter's interval to the requested one. A connection waits for at least four requested intervals,
+/// so that neither watchdog expires.
 const MOST_INTERVALS: u32 = 4;
 
 impl Connection {
-    fn asked(&self) -> RequestedConnection {
+    fn requested(&self) -> RequestedConnection {
         let config = &self.config;
         RequestedConnection {
             target: config.target,
@@ -32,7 +32,7 @@ impl Connection {
     }
 
     fn refused(&mut self, now: Instant, reply: &Reply<'_>) {
-        let refusal = Refusal::of_reply(reply, self.asked(), self.found);
+        let refusal = Refusal::of_reply(reply, self.requested(), self.found);
         self.refusal = Some(refusal);
         // There is nothing to close.
         self.step = Step::Idle;
@@ -79,7 +79,7 @@ impl Connection {
     fn handle_reply(&mut self, now: Instant, reply: &Reply<'_>, sockets: Sockets, numbers: &mut Numbers) {
         match (self.step, reply.service) {
             (Step::Identifying, service::GET_ATTRIBUTES_ALL) => {
-                // An adapter that does not tell all its attributes may still be the right one.
+                // An adapter that does not report all its attributes may still be the right one.
                 self.found = Some(reply.data)
                     .filter(|_| reply.general == General::Success)
                     .and_then(|data| dialogue::read_identity(data).ok());
@@ -101,12 +101,12 @@ impl Connection {
                 if reply.general != General::Success {
                     return self.refused(now, reply);
                 }
-                match Opened::parse(reply.data) {
+                match OpenReply::parse(reply.data) {
                     Ok(opened) if opened.triad == self.numbers.triad => self.opened(now, &opened, sockets),
                     _ => self.counters.malformed += 1,
                 }
             }
-            // Where it was not open, there is nothing to close.
+            // If it was not open, there is nothing to close.
             (Step::Releasing, service::FORWARD_CLOSE) => {
                 self.unreleased = None;
                 self.enter(now, Step::Identifying, ScannerMessage::Identify);
@@ -118,9 +118,9 @@ impl Connection {
         }
     }
 
-    /// Handles an opened connection: data are sent, unless the reply contains something that cannot be served; then the
-    /// connection is closed again.
-    fn opened(&mut self, now: Instant, opened: &Opened, sockets: Sockets) {
+    /// Handles an opened connection: starts to send data, or closes the connection again if the reply contains something
+    /// that cannot be served.
+    fn opened(&mut self, now: Instant, opened: &OpenReply, sockets: Sockets) {
         if let Err((code, text)) = self.check_opened(opened, sockets) {
             return self.fail(now, Down { cause: DownCause::Refused, code, text });
         }
@@ -136,9 +136,9 @@ impl Connection {
     }
 
     /// Checks the packet intervals and the receiver that the adapter names; returns a status and what is wrong.
-    fn check_opened(&self, opened: &Opened, sockets: Sockets) -> Result<(), (u32, &'static str)> {
+    fn check_opened(&self, opened: &OpenReply, sockets: Sockets) -> Result<(), (u32, &'static str)> {
         let config = &self.config;
-        let most = |asked: u32| asked.saturating_mul(MOST_INTERVALS).max(LEAST_INTERVAL_US);
+        let most = |requested: u32| requested.saturating_mul(MOST_INTERVALS).max(LEAST_INTERVAL_US);
         if opened.o_t_api_us < LEAST_INTERVAL_US {
             return Err((
                 opened.o_t_api_us,
@@ -147,7 +147,9 @@ impl Connection {
             ));
         }
         let intervals = [(opened.o_t_api_us, config.o_t_rpi_us), (opened.t_o_api_us, config.t_o_rpi_us)];
-        if let Some((code, _)) = intervals.into_iter().find(|(api, asked)| *api == 0 || *api > most(*asked)) {
+        if let Some((code, _)) =
+            intervals.into_iter().find(|(api, requested)| *api == 0 || *api > most(*requested))
+        {
             return Err((
                 code,
                 "the adapter's packet interval is 0, or more than four times as long as asked (the status is its \
@@ -165,7 +167,7 @@ impl Connection {
         }
     }
 
-    /// Checks whether the device is the wanted one, before anything is opened.
+    /// Checks whether the device is the configured one, before a connection is opened.
     fn check_identity(&self) -> Result<(), KeyMismatch> {
         match (&self.config.key, &self.found) {
             (Some(key), Some(found)) => key.check(&found.key),
@@ -185,13 +187,13 @@ impl Connection {
         self.enter(now, Step::Opening, ScannerMessage::Open);
     }
 
-    pub(super) fn emit(&mut self, say: ScannerMessage, buf: &mut [u8]) -> Option<usize> {
+    pub(super) fn emit(&mut self, message: ScannerMessage, buf: &mut [u8]) -> Option<usize> {
         self.request = self.request.wrapping_add(1);
         let numbers = (self.session, self.request);
         let path = Path(&self.path);
-        let written = match say {
+        let written = match message {
             ScannerMessage::Register | ScannerMessage::Unregister | ScannerMessage::Nop => {
-                dialogue::emit_plain(buf, say, self.session)
+                dialogue::emit_plain(buf, message, self.session)
             }
             ScannerMessage::Identify => dialogue::emit_identify(buf, numbers),
             ScannerMessage::Open => {
@@ -211,12 +213,12 @@ impl Connection {
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
             ScannerMessage::Close | ScannerMessage::Release => {
-                let earlier = self.unreleased.filter(|_| say == ScannerMessage::Release);
+                let earlier = self.unreleased.filter(|_| message == ScannerMessage::Release);
                 let triad = earlier.unwrap_or(self.numbers.triad);
                 dialogue::emit_close(buf, numbers, &CloseRequest { triad, path })
             }
         };
-        if say == ScannerMessage::Unregister {
+        if message == ScannerMessage::Unregister {
             self.session = 0;
         }
         written.ok()

@@ -6,7 +6,7 @@ use super::super::config::ConnectionConfig;
 use super::dialogue::Sockets;
 use crate::IO_PORT;
 use crate::class1::{self, Frame};
-use crate::connection::{Opened, Watchdog, sequence};
+use crate::connection::{OpenReply, Watchdog, sequence};
 use machine::Counters;
 use machine::{Cycle, Duration, Instant, Sequence};
 
@@ -27,7 +27,7 @@ pub(super) struct Io {
     o_t_run_idle: bool,
     /// The multicast group that T→O frames go to.
     pub(super) group: Option<Ipv4Addr>,
-    /// The adapter's data is there and good.
+    /// Whether good data of the adapter has arrived.
     pub(super) good: bool,
 }
 
@@ -36,12 +36,12 @@ impl Io {
     pub(super) fn new(
         now: Instant,
         config: &ConnectionConfig,
-        opened: &Opened,
+        opened: &OpenReply,
         sockets: Sockets,
     ) -> Option<Self> {
         let micros = |micros: u32| Duration::from_micros(micros.into());
         let header = if config.t_o_run_idle { class1::RUN_IDLE_LEN } else { 0 };
-        // The adapter may want the data at another port than the usual one.
+        // The adapter may name another port than the usual one.
         let port = sockets.o_t.map(|socket| socket.port()).filter(|port| *port != 0);
         let to = SocketAddrV4::new(config.target, port.unwrap_or(IO_PORT));
         let group = sockets.t_o.map(|socket| *socket.ip()).filter(Ipv4Addr::is_multicast);
@@ -65,7 +65,7 @@ impl Io {
         })
     }
 
-    /// Returns the connection number of the frames that it takes.
+    /// Returns the connection number of the frames that it receives.
     pub(super) const fn t_o_id(&self) -> u32 {
         self.t_o_id
     }
@@ -78,8 +78,8 @@ impl Io {
         self.watchdog.expired(now)
     }
 
-    /// Takes a frame and puts its data into `input`.
-    pub(super) fn take(
+    /// Handles a frame and copies its data to `input`.
+    pub(super) fn receive(
         &mut self,
         now: Instant,
         frame: &Frame<'_>,

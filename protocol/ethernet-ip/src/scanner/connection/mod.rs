@@ -1,4 +1,4 @@
-//! One connection of a scanner: its TCP connection and session, what opens it, and its cyclic data.
+//! One connection of a scanner: its TCP connection and session, its establishment, and its cyclic data.
 //!
 //! In one file, because the owner's calls and the scanner's change the same state.
 
@@ -30,10 +30,10 @@ use crate::description::Identity;
 use crate::encapsulation::{Message, Reassembly};
 use crate::{ENCAPSULATION_PORT, IO_PORT};
 
-/// How often a session without requests shows that it is alive: adapters end silent ones after 120 s.
+/// Time between NOPs on a session without requests. Adapters end silent sessions after 120 s.
 const KEEP_ALIVE: Duration = Duration::from_secs(30);
 
-/// Numbers that no two connections of a scanner have at a time.
+/// The last numbers given to a connection: no two connections of a scanner have the same at a time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Numbers {
     /// The last connection serial number, with the scanner's own numbers.
@@ -49,10 +49,10 @@ impl Numbers {
     }
 }
 
-/// Where the connection stands. Each step but the first and the last waits for an answer.
+/// Step of the establishment. Each step but the first and the last waits for an answer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Step {
-    /// Waits to begin anew, or for ever after a disconnect.
+    /// Waits for the next attempt, or for ever after a disconnect.
     Idle,
     Connecting,
     Registering,
@@ -70,23 +70,23 @@ pub struct Connection {
     attempt: Attempt,
     path: Vec<u8>,
     step: Step,
-    /// When the answer must be there, or the next attempt begins.
+    /// Deadline of the answer, or start of the next attempt.
     deadline: Option<Instant>,
     stream: Option<StreamId>,
     reassembly: Option<Reassembly>,
     session: u32,
     /// Number of the last request.
     request: u32,
-    to_say: VecDeque<(StreamId, ScannerMessage)>,
+    to_send: VecDeque<(StreamId, ScannerMessage)>,
     connect: bool,
     to_close: VecDeque<StreamId>,
     keep_alive_at: Option<Instant>,
-    /// Connects only to close what it left open.
+    /// Whether it connects only to close the connection that is still open.
     leaving: bool,
-    /// Of the connection that was opened last.
+    /// Numbers of the connection that was opened last.
     numbers: Numbers,
-    /// A connection that the adapter may still hold: an attempt failed before its answer, or without a way to close it. Until
-    /// its watchdog expires it would keep a place that the next attempt may need.
+    /// A connection that the adapter may still hold, because an attempt failed before the answer came, or could not close
+    /// it. Until the adapter's watchdog expires, it occupies a place that the next attempt may need.
     unreleased: Option<Triad>,
     io: Option<Io>,
     run: bool,
@@ -113,7 +113,7 @@ impl Connection {
             reassembly: Some(Reassembly::default()),
             session: 0,
             request: 0,
-            to_say: VecDeque::with_capacity(8),
+            to_send: VecDeque::with_capacity(8),
             connect: false,
             to_close: VecDeque::with_capacity(8),
             keep_alive_at: None,
@@ -140,7 +140,7 @@ impl Connection {
         self.up
     }
 
-    /// Returns why the adapter refused the last connection, with what it has instead.
+    /// Returns the adapter's refusal of the last connection, with what the adapter has instead.
     #[must_use]
     pub const fn refusal(&self) -> Option<&Refusal> {
         self.refusal.as_ref()
@@ -189,8 +189,8 @@ impl Connection {
         self.run = run;
     }
 
-    /// Closes the connection by a Forward_Close and the session behind it, over a new TCP connection where the old one
-    /// is gone. [`LinkEvent::Down`] tells when it is done.
+    /// Closes the connection by a Forward_Close, and then the session; over a new TCP connection if the old one is gone.
+    /// [`LinkEvent::Down`] reports the end.
     pub fn disconnect(&mut self, now: Instant) {
         if self.leaving {
             return;
@@ -214,15 +214,15 @@ impl Connection {
         }
     }
 
-    fn enter(&mut self, now: Instant, step: Step, say: ScannerMessage) {
+    fn enter(&mut self, now: Instant, step: Step, message: ScannerMessage) {
         self.step = step;
         self.deadline = Some(now + self.config.request_timeout);
-        self.say(say);
+        self.queue(message);
     }
 
-    fn say(&mut self, say: ScannerMessage) {
+    fn queue(&mut self, message: ScannerMessage) {
         if let Some(stream) = self.stream {
-            self.to_say.push_back((stream, say));
+            self.to_send.push_back((stream, message));
         }
     }
 
@@ -232,13 +232,13 @@ impl Connection {
         self.connect = true;
     }
 
-    /// Ends what there is without waiting for answers, so that the adapter does not have to run into its timeout.
+    /// Closes the connection and the session without waiting for answers, so that the adapter need not wait for its timeout.
     fn abandon(&mut self) {
         if matches!(self.step, Step::Opening | Step::Running) {
-            self.say(ScannerMessage::Close);
+            self.queue(ScannerMessage::Close);
         }
         if self.session != 0 {
-            self.say(ScannerMessage::Unregister);
+            self.queue(ScannerMessage::Unregister);
         }
         self.to_close.extend(self.stream.take());
         self.io = None;
@@ -295,10 +295,10 @@ impl Connection {
         self.config.target == peer && self.io.as_ref().is_some_and(|io| io.t_o_id() == id)
     }
 
-    /// Takes a cyclic frame.
+    /// Handles a cyclic frame.
     pub(super) fn handle_io(&mut self, now: Instant, frame: &Frame<'_>) {
         if let Some(io) = &mut self.io {
-            io.take(now, frame, &mut self.input, &mut self.counters);
+            io.receive(now, frame, &mut self.input, &mut self.counters);
             self.follow_io();
         }
     }
@@ -313,9 +313,9 @@ impl Connection {
         self.stream == Some(stream)
     }
 
-    /// Takes bytes of its TCP connection.
+    /// Handles bytes of its TCP connection.
     pub(super) fn handle_bytes(&mut self, now: Instant, bytes: &[u8], numbers: &mut Numbers) {
-        // Lent out while messages are taken from it; always put back.
+        // Taken out while its messages are handled, then put back.
         let Some(mut reassembly) = self.reassembly.take() else { return };
         let taken = reassembly.push(bytes).is_ok();
         while let Some(message) = reassembly.next_message() {
@@ -331,7 +331,7 @@ impl Connection {
         }
     }
 
-    /// Handles the requested TCP connection, which is up now. Returns whether it is still wanted.
+    /// Handles the requested TCP connection, which is up now. Returns whether the connection still needs it.
     pub(super) fn handle_connected(&mut self, now: Instant, stream: StreamId) -> bool {
         if self.step != Step::Connecting || self.stream.is_some() {
             return false;
@@ -386,7 +386,7 @@ impl Connection {
         }
         if self.keep_alive_at.is_some_and(|at| now >= at) {
             self.keep_alive_at = Some(now + KEEP_ALIVE);
-            self.say(ScannerMessage::Nop);
+            self.queue(ScannerMessage::Nop);
         }
         if self.deadline.is_some_and(|deadline| now >= deadline) {
             match self.step {
@@ -405,8 +405,8 @@ impl Connection {
 
     /// Writes the next message over TCP.
     pub(super) fn poll_message(&mut self, buf: &mut [u8]) -> Option<Transmit> {
-        while let Some((stream, say)) = self.to_say.pop_front() {
-            if let Some(len) = self.emit(say, buf) {
+        while let Some((stream, message)) = self.to_send.pop_front() {
+            if let Some(len) = self.emit(message, buf) {
                 return Some(Transmit { port: Port::Stream(stream), to: None, len });
             }
         }

@@ -9,7 +9,7 @@ use crate::description::{Assembly, Description, Identity, Role};
 use machine::wire::Truncated;
 use machine::{Down, DownCause};
 
-/// A refused request, with what was asked and what is there.
+/// A refused request: what was requested, and what the device has.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Refusal {
     /// General status of its reply; [`General::KeyFailure`] where this side found the device to be another one.
@@ -21,8 +21,8 @@ pub struct Refusal {
     /// The packet intervals O→T and T→O that the device would serve, in µs, if it reports them.
     pub intervals_us: Option<(u32, u32)>,
     /// Requested connection.
-    pub asked: RequestedConnection,
-    /// Who the device says it is.
+    pub requested: RequestedConnection,
+    /// The identity that the device reported.
     pub found: Option<Identity>,
 }
 
@@ -31,9 +31,9 @@ pub struct Refusal {
 pub struct RequestedConnection {
     /// The adapter.
     pub target: Ipv4Addr,
-    /// What the EDS file of the device that is wanted says.
+    /// What the EDS file of the required device says.
     pub described: Option<&'static Description>,
-    /// The device that is wanted.
+    /// The required device.
     pub key: Option<ElectronicKey>,
     /// O→T assembly, and connection size in bytes.
     pub consumed: (u32, u16),
@@ -46,8 +46,12 @@ pub struct RequestedConnection {
 }
 
 impl Refusal {
-    pub(super) fn of_reply(reply: &Reply<'_>, asked: RequestedConnection, found: Option<Identity>) -> Self {
-        let extended = reply.word(0).map(Extended::from);
+    pub(super) fn of_reply(
+        reply: &Reply<'_>,
+        requested: RequestedConnection,
+        found: Option<Identity>,
+    ) -> Self {
+        let extended = reply.additional_status(0).map(Extended::from);
         let (mut size, mut intervals_us) = (None, None);
         match extended {
             Some(
@@ -55,11 +59,11 @@ impl Refusal {
                 | Extended::InvalidConfigurationSize
                 | Extended::InvalidOtSize
                 | Extended::InvalidToSize,
-            ) => size = reply.word(1),
+            ) => size = reply.additional_status(1),
             Some(Extended::RpiNotAcceptable) => intervals_us = read_intervals(reply.additional).ok(),
             _ => {}
         }
-        Self { general: reply.general, extended, size, intervals_us, asked, found }
+        Self { general: reply.general, extended, size, intervals_us, requested, found }
     }
 
     /// Returns the meaning of the status in words.
@@ -71,7 +75,8 @@ impl Refusal {
         }
     }
 
-    /// Converts the refusal to the news of a connection, with the general status in the upper half of the code.
+    /// Converts the refusal to the reason of a [`LinkEvent::Down`](machine::LinkEvent::Down). The upper half of its code is
+    /// the general status.
     #[must_use]
     pub fn down(&self) -> Down {
         let extended = self.extended.map_or(0, u16::from);
@@ -82,7 +87,7 @@ impl Refusal {
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the adapter {} refused the connection: {}", self.asked.target, self.text())?;
+        write!(f, "the adapter {} refused the connection: {}", self.requested.target, self.text())?;
         write!(f, " (general status 0x{:02X}", u8::from(self.general))?;
         if let Some(extended) = self.extended {
             write!(f, ", extended status 0x{:04X}", u16::from(extended))?;
@@ -122,7 +127,7 @@ impl Refusal {
     fn write_described(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_described =
             |device: &&Description| self.found.is_some_and(|found| device.key().check(&found.key).is_ok());
-        let Some(device) = self.asked.described.filter(is_described) else {
+        let Some(device) = self.requested.described.filter(is_described) else {
             return match self.extended {
                 Some(Extended::RpiNotSupported) => {
                     f.write_str("; the device's EDS file has its shortest and longest interval")
@@ -172,7 +177,7 @@ impl Refusal {
     }
 
     fn write_asked(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let RequestedConnection { key, consumed, produced, configuration, rpi_us, .. } = self.asked;
+        let RequestedConnection { key, consumed, produced, configuration, rpi_us, .. } = self.requested;
         match self.extended {
             _ if self.is_about_key() => write_key(f, key),
             Some(Extended::InvalidOtSize) => {

@@ -8,18 +8,18 @@ use crate::status::{Service, Violation};
 use machine::{Down, DownCause};
 use machine::{Instant, Port, Transmit};
 
-/// State of everything besides cyclic data. While cyclic data are exchanged, this seldom changes, so it is not polled at
-/// every frame.
+/// Whether anything besides cyclic data needs to be polled. While cyclic data are exchanged this is rare, so it is not
+/// polled at every frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Acyclic {
-    /// Something happened: there may be something to send, and another deadline.
+    /// There may be something to send, and another deadline.
     Active,
-    /// All of it is sent, and nothing is due before.
+    /// Everything is sent, and nothing is due before this time.
     Quiet { until: Option<Instant> },
 }
 
 impl Ar {
-    /// Writes the next frame that is no cyclic one.
+    /// Writes the next frame that is not cyclic.
     pub(in super::super) fn poll_acyclic(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         if matches!(self.acyclic, Acyclic::Quiet { .. }) {
             return None;
@@ -49,7 +49,9 @@ impl Ar {
     /// Returns when something besides cyclic frames is due, in either direction.
     pub(super) fn acyclic_timeout(&self) -> Option<Instant> {
         let of_phase = match self.phase {
-            Phase::Pausing { until } | Phase::Readying { until } | Phase::Releasing { until } => Some(until),
+            Phase::Pausing { until } | Phase::AwaitingReady { until } | Phase::Releasing { until } => {
+                Some(until)
+            }
             _ => None,
         };
         let of_alarms = self.link.as_ref().and_then(|link| link.alarms.poll_timeout());
@@ -67,8 +69,8 @@ impl Ar {
             self.give_up_call(now);
         }
         match self.phase {
-            Phase::Pausing { until } if now >= until => self.look(now),
-            Phase::Readying { until } if now >= until => {
+            Phase::Pausing { until } if now >= until => self.start_attempt(now),
+            Phase::AwaitingReady { until } if now >= until => {
                 let status = Violation::ApplicationReadyTimeout.status(Service::Abort);
                 let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NOT_READY };
                 self.fail(now, down, Some(status));

@@ -1,10 +1,10 @@
-//! The controller's end of the alarm connection: every alarm of the device is acknowledged, so that the device goes
-//! on, and an error PDU ends the AR (IEC 61158-6-10, 4.8).
+//! The controller's end of the alarm connection: it acknowledges every alarm, so that the device can send the next one. An
+//! error PDU ends the AR (IEC 61158-6-10, 4.8).
 //!
 //! ```text
 //! device  DATA notification  ──▶
-//!         ◀── ACK                 the PDU has come
-//!         ◀── DATA AlarmAck       the application has the alarm
+//!         ◀── ACK                 the PDU has arrived
+//!         ◀── DATA AlarmAck       the application has received the alarm
 //!         ACK ──▶
 //! ```
 
@@ -31,7 +31,7 @@ const BEFORE_FIRST: u16 = 0xFFFE;
 pub(super) enum Outcome {
     /// It belongs to the connection.
     Taken,
-    /// It belongs to another connection, or answers nothing that was sent.
+    /// It belongs to another connection, or answers a PDU that was not sent.
     Foreign,
     /// It broke the format.
     Malformed,
@@ -67,7 +67,7 @@ struct Outstanding {
     due: bool,
 }
 
-/// An error PDU that ends an AR which is no longer there.
+/// An error PDU that is sent after its AR has ended.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FinalError {
     route: Route,
@@ -87,7 +87,7 @@ impl Alarms {
         Self { route, references, high: Endpoint::new(Priority::High), low: Endpoint::new(Priority::Low) }
     }
 
-    /// Takes a PDU that followed this FrameID.
+    /// Handles a PDU that followed this FrameID.
     pub(super) fn handle(&mut self, now: Instant, frame_id: u16, pdu: &[u8]) -> Outcome {
         let Ok((rta, variable)) = Rta::parse(pdu) else { return Outcome::Malformed };
         if (rta.destination, rta.source) != self.references {

@@ -5,7 +5,7 @@ use crate::rpc::{Header, Kind, Message, Operation, Reassembly, Received, flags, 
 use machine::wire::Overflow;
 use machine::{Duration, Instant};
 
-/// When an unanswered call is repeated first; the pauses then double up to [`REPEAT_AT_MOST`].
+/// Pause before the first repetition of an unanswered call; it doubles up to [`REPEAT_AT_MOST`].
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
 /// The longest pause between repetitions.
 const REPEAT_AT_MOST: Duration = Duration::from_millis(800);
@@ -110,7 +110,7 @@ impl Caller {
         let Some(wait) = self.wait.as_mut().filter(|_| ours) else { return AnswerOutcome::Foreign };
         match header.kind {
             Kind::Response => {
-                wait.heard(now);
+                wait.restart_timeout(now);
                 if header.is_fragment() && header.flags & flags::NO_FRAGMENT_ACK == 0 {
                     self.reply = Some(Header {
                         kind: Kind::FragmentAck,
@@ -136,7 +136,7 @@ impl Caller {
             }
             Kind::Working => {
                 wait.working = true;
-                wait.heard(now);
+                wait.restart_timeout(now);
                 AnswerOutcome::Pending
             }
             Kind::NoCall => {
@@ -184,8 +184,8 @@ impl Caller {
 }
 
 impl Wait {
-    /// Notes that the device is alive and has the call.
-    fn heard(&mut self, now: Instant) {
+    /// Restarts the timeout: the device is alive and has received the call.
+    fn restart_timeout(&mut self, now: Instant) {
         self.give_up_at = (now + UNHEARD_FOR).min(self.last_resort);
         self.repeat_at = now + self.pause;
     }
@@ -194,7 +194,7 @@ impl Wait {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rpc::{DEVICE_INTERFACE, FRAGMENT_LEN, Order};
+    use crate::rpc::{DEVICE_INTERFACE, DataRepresentation, FRAGMENT_LEN};
 
     const ACTIVITY: Uuid = Uuid([7; 16]);
 
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn an_answer_in_either_byte_order_ends_the_call_and_others_do_not() {
-        for order in [Order::Big, Order::Little] {
+        for order in [DataRepresentation::Big, DataRepresentation::Little] {
             let mut caller = calling();
             let request = sent(&mut caller).unwrap();
             let answer = Header { order, ..request.answer(Kind::Response) };

@@ -1,4 +1,4 @@
-//! Finding the device by its name and giving it its address, by DCP.
+//! Finds the device by its name and sets its address, by DCP.
 
 use alloc::boxed::Box;
 
@@ -10,7 +10,7 @@ use machine::{Duration, Instant};
 
 /// Pause between repetitions of a request that was not answered.
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
-/// Set requests to one station before it is looked for again.
+/// Set requests to one station before the search starts again.
 const SET_ATTEMPTS: u8 = 5;
 
 const WRONG_IDENTITY: &str = "the station of this name is another device than described (the status is its \
@@ -22,7 +22,7 @@ const ADDRESS_REFUSED: &str = "the device refused the IP address that was set by
 
 /// Device to find, and the address to give it.
 #[derive(Debug)]
-pub(super) struct Wanted {
+pub(super) struct WantedStation {
     pub(super) own_mac: Mac,
     pub(super) name: Box<[u8]>,
     /// VendorID and DeviceID.
@@ -37,7 +37,7 @@ pub(super) struct Wanted {
 pub(super) enum Progress {
     /// Nothing yet.
     Pending,
-    /// It is not about this discovery.
+    /// It does not belong to this search.
     Foreign,
     /// The station is there and has its address.
     Found(Mac),
@@ -45,10 +45,10 @@ pub(super) enum Progress {
     Refused(Refusal),
 }
 
-/// Looks for the device until it has it.
+/// Searches for the device until it is found and has its address.
 #[derive(Debug)]
 pub(super) struct Discovery {
-    wanted: Wanted,
+    wanted: WantedStation,
     xid: u32,
     device: Option<Mac>,
     step: Step,
@@ -63,11 +63,11 @@ enum Step {
 }
 
 impl Discovery {
-    pub(super) const fn new(wanted: Wanted) -> Self {
+    pub(super) const fn new(wanted: WantedStation) -> Self {
         Self { wanted, xid: 0, device: None, step: Step::Idle, send: false }
     }
 
-    /// Starts looking. `xid` is not to be used again soon, so that old answers are not taken for new ones.
+    /// Starts to search. `xid` must not have been used lately, so that old answers are not accepted for new ones.
     pub(super) fn begin(&mut self, now: Instant, xid: u32) {
         self.xid = xid;
         self.device = None;
@@ -75,7 +75,7 @@ impl Discovery {
         self.send = true;
     }
 
-    /// Returns the station that answered to the name first.
+    /// Returns the first station that answered to the name.
     pub(super) const fn device(&self) -> Option<Mac> {
         self.device
     }
@@ -85,7 +85,7 @@ impl Discovery {
         self.device.is_some()
     }
 
-    /// Stops looking.
+    /// Stops the search.
     pub(super) const fn stop(&mut self) {
         self.step = Step::Idle;
         self.send = false;
@@ -220,8 +220,13 @@ mod tests {
 
     fn looking() -> Discovery {
         let name = Box::from(&b"robot"[..]);
-        let mut discovery =
-            Discovery::new(Wanted { own_mac: OWN, name, identity: (0x0493, 2), mac: None, address: ADDRESS });
+        let mut discovery = Discovery::new(WantedStation {
+            own_mac: OWN,
+            name,
+            identity: (0x0493, 2),
+            mac: None,
+            address: ADDRESS,
+        });
         discovery.begin(Instant::ZERO, 100);
         discovery
     }

@@ -78,7 +78,7 @@ impl Direction {
     }
 
     fn object(&self, (slot, subslot): (u16, u16)) -> Object {
-        // An offset past 65535 comes with a C_SDU that is refused as too long.
+        // An offset above 65535 implies a C_SDU that is refused as too long.
         Object { slot, subslot, offset: u16::try_from(self.end).unwrap_or(u16::MAX) }
     }
 

@@ -1,9 +1,9 @@
-//! What a connected AR consists of: both cyclic connections and the alarm connection.
+//! A connected AR: both cyclic connections and the alarm connection.
 
 use core::net::SocketAddrV4;
 
 use super::alarms::Alarms;
-use super::plan::{INPUT, OUTPUT, Plan};
+use super::connect_plan::{ConnectPlan, INPUT, OUTPUT};
 use super::{ArConfig, Refusal, down_reasons};
 use crate::connect::{ConnectResponse, DiffModule, ModuleState};
 use crate::provided::Provided;
@@ -29,7 +29,7 @@ impl Link {
         now: Instant,
         (own, found): (Mac, Option<Mac>),
         config: &ArConfig,
-        plan: &Plan,
+        plan: &ConnectPlan,
         output: &Provided,
         granted: &ConnectResponse,
     ) -> Result<Self, Refusal> {
@@ -47,7 +47,7 @@ impl Link {
             }
         };
         let device = granted.ar.responder_mac;
-        // The cyclic frames go to the station that was found, not to a third one that the answer names.
+        // The cyclic frames go to the station that was found, even if the answer names another one.
         if device.is_group() || config.transport == Transport::Rt1 && found != Some(device) {
             return Err(unfit);
         }
@@ -70,13 +70,13 @@ impl Link {
         Ok(link)
     }
 
-    /// Writes the outputs into the frames that go out from now on.
-    pub(super) fn write_output(&mut self, plan: &Plan, output: &Provided) {
+    /// Writes the outputs into the next and all later frames.
+    pub(super) fn write_output(&mut self, plan: &ConnectPlan, output: &Provided) {
         plan.layout.output.write_data(output, self.sender.c_sdu_mut());
     }
 
     /// Sets the consumer status: the controller accepts the device's data.
-    pub(super) fn accept_input(&mut self, plan: &Plan) {
+    pub(super) fn accept_input(&mut self, plan: &ConnectPlan) {
         plan.layout.output.write_consumer_statuses(IoxStatus::GOOD, self.sender.c_sdu_mut());
     }
 

@@ -1,23 +1,23 @@
-//! An application relation (AR): one device, from the first look for it to its end, and again after each failure.
+//! An application relation (AR): one device, from the search for it to its end, and again after each failure.
 //!
 //! ```text
-//! Pausing ──▶ Looking ──▶ Connecting ──▶ Writing ──▶ Ending ──▶ Readying ──▶ Exchanging
-//!    ▲        (DCP)       (Connect)      (records)   (PrmEnd)   (ApplicationReady)   │
-//!    └───────────────────────── any failure, after a pause ◀─────────────────────────┘
+//! Pausing ──▶ Searching ──▶ Connecting ──▶ Writing ──▶ EndingParameters ──▶ AwaitingReady ──▶ Exchanging
+//!    ▲        (DCP)         (Connect)      (records)   (PrmEnd)             (ApplicationReady)    │
+//!    └──────────────────────────────── any failure, after a pause ◀──────────────────────────────┘
 //! ```
 //!
 //! It finds the device by its name, gives it its address, connects, writes its parameters and exchanges data. Any failure
-//! is reported once by [`LinkEvent::Down`]; then the AR starts over. Outputs go out from the answer to Connect on, since
-//! a device may already watch for them; they are bad until the owner sets them.
+//! is reported once by [`LinkEvent::Down`]; then the AR starts over. Outputs are sent from the answer to Connect on,
+//! because the device's watchdog may already run; they are bad until the owner sets them.
 
 mod acyclic;
 mod alarms;
 mod call;
+mod connect_plan;
 mod discovery;
 mod down_reasons;
 mod layout;
 mod link;
-mod plan;
 mod startup;
 
 use alloc::collections::VecDeque;
@@ -41,9 +41,9 @@ use crate::status::Status;
 use acyclic::Acyclic;
 use alarms::{FinalError, Outcome};
 use call::Caller;
-use discovery::{Discovery, Wanted};
+use connect_plan::ConnectPlan;
+use discovery::{Discovery, WantedStation};
 use link::Link;
-use plan::Plan;
 
 /// Time without a connection after which we report it.
 const SILENT_FOR: Duration = Duration::from_secs(3);
@@ -56,31 +56,31 @@ const READY_WITHIN: Duration = Duration::from_secs(20);
 /// How long we wait for the answer to a Release.
 const RELEASED_WITHIN: Duration = Duration::from_secs(1);
 
-/// Why a device cannot be driven: a status and what it says.
+/// Why a device cannot be used: a status and its text.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Refusal {
     code: u32,
     text: &'static str,
 }
 
-/// What the AR is doing.
+/// State of the AR.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Phase {
-    /// Nothing, for good: the owner ended it.
+    /// The owner ended it; it does not start again.
     Stopped,
     /// It waits before it tries again.
     Pausing { until: Instant },
-    /// It looks for the device.
-    Looking,
+    /// It searches for the device.
+    Searching,
     /// Connect is called.
     Connecting,
     /// The parameter record of this index is being written.
     Writing { parameter: usize },
-    /// PrmEnd is called. ApplicationReady may be there already.
-    Ending { ready: bool },
-    /// The device prepares itself.
-    Readying { until: Instant },
-    /// Data go both ways.
+    /// PrmEnd is called. `ready`: ApplicationReady has already arrived.
+    EndingParameters { ready: bool },
+    /// The device prepares itself until it calls ApplicationReady.
+    AwaitingReady { until: Instant },
+    /// Data are exchanged.
     Exchanging,
     /// Release is called.
     Releasing { until: Instant },
@@ -92,7 +92,7 @@ pub struct Ar {
     /// MAC address of the controller.
     own: Mac,
     config: ArConfig,
-    plan: Plan,
+    plan: ConnectPlan,
     random: Pcg64Mcg,
     phase: Phase,
     pause: Duration,
@@ -102,21 +102,21 @@ pub struct Ar {
     final_error: Option<FinalError>,
     output: Provided,
     up: bool,
-    /// When we report that no connection came about, unless something else is reported before.
+    /// When we report that there is no connection, unless something else is reported before.
     silent_at: Option<Instant>,
-    /// What the last failure said.
+    /// The last failure.
     words: &'static str,
     /// Last failure reported since the connection was up.
     reported: Option<Down>,
     diff: Vec<DiffModule>,
     events: VecDeque<LinkEvent>,
-    /// What earlier connections counted, and what belongs to none.
+    /// Counters of earlier connections, and of frames that belong to none.
     counters: Counters,
     acyclic: Acyclic,
 }
 
 impl Ar {
-    /// Creates an AR that starts to look for its device at `start`. `number` distinguishes the ARs of one controller,
+    /// Creates an AR that starts to search for its device at `start`. `number` distinguishes the ARs of one controller,
     /// from 0.
     pub(super) fn new(
         own: &ControllerConfig,
@@ -126,9 +126,9 @@ impl Ar {
     ) -> Result<Self, ConfigError> {
         let seed = own.seed ^ start.as_nanos().rotate_left(32) ^ u64::from(number) << 48;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
-        let plan = Plan::new(own, &config, number, random_uuid(&mut random))?;
+        let plan = ConnectPlan::new(own, &config, number, random_uuid(&mut random))?;
         let identity = config.description.identity;
-        let discovery = Discovery::new(Wanted {
+        let discovery = Discovery::new(WantedStation {
             own_mac: own.mac,
             name: config.station_name.as_bytes().into(),
             identity: (identity.vendor, identity.device),
@@ -192,13 +192,13 @@ impl Ar {
     }
 
     /// Returns the newest input data of every submodule that has data, as ((slot, subslot), data) by ascending slot and
-    /// subslot; `None` for data that the device marks as bad. Nothing at all while the AR is not up.
+    /// subslot; `None` for data that the device marks as bad. Empty while the AR is not up.
     pub fn inputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
         self.c_sdu().into_iter().flat_map(|c_sdu| self.plan.layout.input.all_data(c_sdu))
     }
 
     fn c_sdu(&self) -> Option<&[u8]> {
-        self.link.as_ref().filter(|_| self.up)?.receiver.usable()
+        self.link.as_ref().filter(|_| self.up)?.receiver.usable_data()
     }
 
     /// Sets the output data of a submodule, for the next cyclic frame and every one after it. Until then they are zeros,
@@ -222,8 +222,8 @@ impl Ar {
         }
     }
 
-    /// Releases the AR as the standard wants it, or gives up the attempt to connect. [`LinkEvent::Down`] tells when it is
-    /// done; nothing is sent afterwards.
+    /// Releases the AR as the standard requires, or gives up the attempt to connect. [`LinkEvent::Down`] reports the end;
+    /// nothing is sent afterwards.
     pub fn disconnect(&mut self, now: Instant) {
         self.acyclic = Acyclic::Active;
         self.release(now);
@@ -244,7 +244,7 @@ impl Ar {
         self.link.as_ref().map(|link| link.device)
     }
 
-    /// Takes a cyclic frame or an alarm, from the FrameID on. Returns whether it belongs to this AR.
+    /// Handles a cyclic frame or an alarm, from the FrameID on. Returns whether it belongs to this AR.
     pub(super) fn handle_rt(&mut self, now: Instant, frame_id: u16, payload: &[u8]) -> bool {
         let Some(link) = &mut self.link else { return false };
         if frame_id == link.receiver.frame_id() {
@@ -289,7 +289,7 @@ impl Ar {
         let same = |reported: Down| (reported.cause, reported.code) == (down.cause, down.code);
         let nothing_new = match self.reported {
             Some(reported) => down.cause == DownCause::NoAnswer || same(reported),
-            // Silence is reported when it has lasted.
+            // A silent device is reported only after a while.
             None => down.cause == DownCause::NoAnswer,
         };
         self.words = down.text;
@@ -322,8 +322,10 @@ impl Ar {
     /// Returns a hint for the user if the device stays silent in this phase.
     const fn reason_for_silence(&self) -> &'static str {
         match self.phase {
-            Phase::Connecting | Phase::Writing { .. } | Phase::Ending { .. } => down_reasons::NO_RPC,
-            Phase::Readying { .. } => down_reasons::NOT_READY,
+            Phase::Connecting | Phase::Writing { .. } | Phase::EndingParameters { .. } => {
+                down_reasons::NO_RPC
+            }
+            Phase::AwaitingReady { .. } => down_reasons::NOT_READY,
             Phase::Exchanging => down_reasons::NO_CYCLIC,
             Phase::Pausing { .. } => self.words,
             _ if self.discovery.has_found() => down_reasons::NO_SET,

@@ -1,4 +1,4 @@
-//! The steps from an unknown station to data exchange, and back.
+//! The steps from the search to data exchange, and the Release.
 
 use rand_core::Rng;
 
@@ -19,25 +19,25 @@ use machine::Instant;
 use machine::ethernet::Mac;
 use machine::{Down, DownCause, LinkEvent};
 
-/// ArgsMaximum: the longest answer, in bytes of blocks, that we take.
+/// ArgsMaximum: the longest answer, in bytes of blocks, that we accept.
 const LONGEST_ANSWER: u32 = 4096;
 
 impl Ar {
-    /// Starts an attempt.
-    pub(super) fn look(&mut self, now: Instant) {
-        self.phase = Phase::Looking;
+    /// Starts an attempt to connect: searches for the device.
+    pub(super) fn start_attempt(&mut self, now: Instant) {
+        self.phase = Phase::Searching;
         self.diff.clear();
         self.discovery.begin(now, self.random.next_u32());
     }
 
-    /// Takes an answer to DCP. Returns whether it belongs to this AR.
+    /// Handles a DCP answer. Returns whether it belongs to this AR.
     pub(in super::super) fn handle_dcp(&mut self, now: Instant, from: Mac, pdu: &Pdu<'_>) -> bool {
         self.acyclic = Acyclic::Active;
         match self.discovery.handle(now, from, pdu) {
-            Progress::Found(_) if self.phase == Phase::Looking => self.connect(now),
-            Progress::Refused(refusal) if self.phase == Phase::Looking => self.refuse(now, refusal),
+            Progress::Found(_) if self.phase == Phase::Searching => self.connect(now),
+            Progress::Refused(refusal) if self.phase == Phase::Searching => self.refuse(now, refusal),
             Progress::Pending | Progress::Found(_) => {}
-            // Once the device is called, another station of its name is no reason to stop.
+            // After the search, another station of the same name is no reason to stop.
             Progress::Refused(_) | Progress::Foreign => return false,
         }
         true
@@ -46,8 +46,8 @@ impl Ar {
     fn connect(&mut self, now: Instant) {
         let activity = random_uuid(&mut self.random);
         self.caller.begin(activity);
-        // A controller that starts anew keeps its AR, and so its ARUUID and its alarm endpoint; the session key alone
-        // tells one connection of the AR from the next (IEC 61158-6-10, CMInitiator).
+        // ARUUID and alarm endpoint stay the same for all connections of an AR; only the session key differs
+        // (IEC 61158-6-10, CMInitiator).
         let request = &mut self.plan.connect;
         request.ar.session = request.ar.session.wrapping_add(1);
         let request = &self.plan.connect;
@@ -60,7 +60,7 @@ impl Ar {
         }
     }
 
-    /// Takes an answer of the device, or a report on a call of ours. Returns whether it belongs to this AR.
+    /// Handles a PDU of the device about one of our calls. Returns whether it belongs to this AR.
     pub(in super::super) fn handle_answer(&mut self, now: Instant, header: &Header, body: &[u8]) -> bool {
         self.acyclic = Acyclic::Active;
         let answered = match self.caller.handle(now, header, body) {
@@ -76,7 +76,7 @@ impl Ar {
             },
         };
         match answered {
-            Ok(answer) => self.go_on(now, answer),
+            Ok(answer) => self.continue_startup(now, answer),
             Err(_) if matches!(self.phase, Phase::Releasing { .. }) => self.stop(),
             Err(refusal) => {
                 let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
@@ -87,14 +87,14 @@ impl Ar {
         true
     }
 
-    /// Takes the next step after a good answer.
-    fn go_on(&mut self, now: Instant, answer: Answer) {
+    /// Takes the next step after a positive answer.
+    fn continue_startup(&mut self, now: Instant, answer: Answer) {
         match (self.phase, answer) {
             (Phase::Connecting, Answer::Connected(granted)) => self.connected(now, granted),
             (Phase::Writing { parameter }, Answer::Done) => self.write(now, parameter + 1),
-            (Phase::Ending { ready: true }, Answer::Done) => self.exchange(now),
-            (Phase::Ending { ready: false }, Answer::Done) => {
-                self.phase = Phase::Readying { until: now + READY_WITHIN };
+            (Phase::EndingParameters { ready: true }, Answer::Done) => self.exchange(now),
+            (Phase::EndingParameters { ready: false }, Answer::Done) => {
+                self.phase = Phase::AwaitingReady { until: now + READY_WITHIN };
             }
             (Phase::Releasing { .. }, _) => self.stop(),
             _ => {}
@@ -115,11 +115,11 @@ impl Ar {
         self.write(now, 0);
     }
 
-    /// Writes the parameter record of this index, or ends the parameters if there is none.
+    /// Writes the parameter record of this index; after the last one, calls PrmEnd.
     fn write(&mut self, now: Instant, index: usize) {
         let ar = self.plan.connect.ar.uuid;
         let Some(parameter) = self.config.parameters.get(index) else {
-            self.phase = Phase::Ending { ready: false };
+            self.phase = Phase::EndingParameters { ready: false };
             return self.control(now, Operation::Control, Command::PrmEnd);
         };
         let request = WriteRequest {
@@ -153,7 +153,10 @@ impl Ar {
     /// Returns ARUUID and SessionKey while the device may call.
     pub(in super::super) fn expects_call(&self) -> Option<(Uuid, u16)> {
         let ar = &self.plan.connect.ar;
-        let expects = matches!(self.phase, Phase::Ending { .. } | Phase::Readying { .. } | Phase::Exchanging);
+        let expects = matches!(
+            self.phase,
+            Phase::EndingParameters { .. } | Phase::AwaitingReady { .. } | Phase::Exchanging
+        );
         expects.then_some((ar.uuid, ar.session))
     }
 
@@ -161,8 +164,8 @@ impl Ar {
     pub(in super::super) fn application_ready(&mut self, now: Instant) {
         self.acyclic = Acyclic::Active;
         match self.phase {
-            Phase::Ending { .. } => self.phase = Phase::Ending { ready: true },
-            Phase::Readying { .. } => self.exchange(now),
+            Phase::EndingParameters { .. } => self.phase = Phase::EndingParameters { ready: true },
+            Phase::AwaitingReady { .. } => self.exchange(now),
             _ => {}
         }
     }
@@ -171,7 +174,7 @@ impl Ar {
         self.phase = Phase::Exchanging;
         if let Some(link) = &mut self.link {
             link.accept_input(&self.plan);
-            link.receiver.rearm(now);
+            link.receiver.restart_watchdog(now);
         }
     }
 
@@ -184,13 +187,13 @@ impl Ar {
         self.fail(now, down, Some(Violation::InitiatorTimeout.status(Service::Abort)));
     }
 
-    /// Refuses a device that is there but cannot be driven.
+    /// Ends the attempt: the device answers, but cannot be used.
     fn refuse(&mut self, now: Instant, Refusal { code, text }: Refusal) {
         let down = Down { cause: DownCause::Refused, code, text };
         self.fail(now, down, Some(Violation::ArRemoved.status(Service::Abort)));
     }
 
-    /// Ends the AR as the standard wants it.
+    /// Ends the AR as the standard requires.
     pub(super) fn release(&mut self, now: Instant) {
         if matches!(self.phase, Phase::Stopped | Phase::Releasing { .. }) {
             return;
@@ -215,7 +218,7 @@ impl Ar {
     }
 }
 
-/// What a good answer says.
+/// Content of a positive answer.
 enum Answer {
     Connected(ConnectResponse),
     Done,
@@ -238,7 +241,7 @@ fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal
             Ok(written) => Err(Refusal { code: written.status.0, text: written.status.text() }),
             Err(_) => Err(unfit),
         },
-        Phase::Ending { .. } => control(Command::PrmEnd),
+        Phase::EndingParameters { .. } => control(Command::PrmEnd),
         Phase::Releasing { .. } => control(Command::Release),
         _ => Ok(Answer::Done),
     }

@@ -1,4 +1,4 @@
-//! What the rig tells the live view of its nodes' messages.
+//! Forwards the messages of the rig's nodes to the live view.
 
 use ::node::message::Message;
 use ::node::role::NodeRole;
@@ -10,29 +10,31 @@ use super::node_process::NodeEvent;
 use crate::output::live::Feed;
 
 impl Rig {
-    /// Tells the live view a message that the rig's state already contains.
-    pub(super) fn tell_live(&self, event: &NodeEvent) {
+    /// Sends a message of a node to the live view. The rig has already handled it.
+    pub(super) fn feed_live(&self, event: &NodeEvent) {
         let Some(feed) = &self.feed else { return };
         let reports = || self.reports();
         match event {
             NodeEvent::Plc(Message::Node(PlcMessage::Started { at_ns, .. })) => feed.started(*at_ns),
-            NodeEvent::Plc(Message::Node(PlcMessage::Finished(run))) => feed.moved(run.execution_time_ns),
+            NodeEvent::Plc(Message::Node(PlcMessage::Finished(run))) => {
+                feed.motions_done(run.execution_time_ns)
+            }
             NodeEvent::Plc(Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
                 feed.report(NodeRole::Plc, reports().plc);
             }
             NodeEvent::Robot(Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
                 feed.report(NodeRole::Robot, reports().robot);
             }
-            NodeEvent::Plc(message) => said(feed, NodeRole::Plc, message, is_alarm_of_plc),
-            NodeEvent::Robot(message) => said(feed, NodeRole::Robot, message, is_alarm_of_robot),
+            NodeEvent::Plc(message) => forward(feed, NodeRole::Plc, message, is_alarm_of_plc),
+            NodeEvent::Robot(message) => forward(feed, NodeRole::Robot, message, is_alarm_of_robot),
             NodeEvent::Ended(role) => feed.note(format!("the node of the {role} has ended")),
             NodeEvent::UnreadableLine { role, line } => feed.alarm(format!("{role}: {line}")),
         }
     }
 }
 
-/// Tells a message in its own words, if it is one that a person may want to know.
-fn said<M: std::fmt::Display>(
+/// Forwards the text of a message that a person may want to read.
+fn forward<M: std::fmt::Display>(
     feed: &Feed,
     role: NodeRole,
     message: &Message<M>,

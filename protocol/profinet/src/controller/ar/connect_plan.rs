@@ -1,4 +1,4 @@
-//! What follows from the configuration of an AR: layout of the frames, times, and the Connect request.
+//! What the configuration of an AR determines: layout of the frames, times, and the Connect request.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -16,19 +16,20 @@ use crate::{ETHER_TYPE, LT_UDP, Uuid, rpc};
 use machine::Duration;
 use machine::ethernet::Mac;
 
-/// CMInitiatorActivityTimeoutFactor, in 100 ms: the device gives a connection up that stands still for so long.
+/// CMInitiatorActivityTimeoutFactor, in 100 ms: the device ends a connection whose establishment makes no progress for so
+/// long.
 const ACTIVITY_TIMEOUT: u16 = 200;
 
 /// The longest parameter record in bytes: with its head it fits [`rpc::BODY_CAPACITY`].
 const MAX_PARAMETER_LEN: usize = 4096;
 
-/// What follows from a configuration once and for all.
+/// What a configuration determines for all connections of an AR.
 #[derive(Debug)]
-pub(super) struct Plan {
+pub(super) struct ConnectPlan {
     pub(super) layout: Layout,
     pub(super) time: CycleTime,
     pub(super) hold: Duration,
-    /// The Connect request, but for what changes from session to session.
+    /// The Connect request; only the session key changes from connection to connection.
     pub(super) connect: ConnectRequest,
 }
 
@@ -37,7 +38,7 @@ pub(super) const INPUT: u16 = 1;
 /// IOCRReference of the output.
 pub(super) const OUTPUT: u16 = 2;
 
-impl Plan {
+impl ConnectPlan {
     /// Creates the plan. `number` distinguishes the ARs of one controller, from 0.
     pub(super) fn new(
         own: &ControllerConfig,
@@ -57,7 +58,7 @@ impl Plan {
         }
         let time = CycleTime::new(config.cycle, config.transport)?;
         let (cycles, limit) = (config.watchdog_cycles, config.transport.max_hold_time());
-        let hold = time.times(cycles);
+        let hold = time.multiplied(cycles);
         if hold.is_zero() || hold > limit {
             return Err(ConfigError::Watchdog { cycles, time: hold, limit });
         }
@@ -205,7 +206,7 @@ mod tests {
             cycle: Duration::from_millis(32),
             watchdog_cycles: 3,
         };
-        let mut ours = Plan::new(&own, &config, 0, theirs.ar.uuid).unwrap().connect;
+        let mut ours = ConnectPlan::new(&own, &config, 0, theirs.ar.uuid).unwrap().connect;
         ours.ar.session = theirs.ar.session;
         ours.ar.initiator_object = theirs.ar.initiator_object;
         assert_eq!(ours, theirs);
@@ -216,7 +217,7 @@ mod tests {
         let datagram = captured::datagram(captured::WRITE_REQ);
         let blocks = &datagram[HEADER_LEN + ARGS_LEN..];
         let multiple = WriteRequest::parse(&mut BlockReader::new(blocks)).unwrap();
-        let first = multiple.parts().next().unwrap().unwrap();
+        let first = multiple.writes().next().unwrap().unwrap();
         let Parameter { slot, subslot, index, data } = Parameter::interface_adjust();
         let Address { slot: s, subslot: ss, index: i, .. } = first.address;
         assert_eq!((slot, subslot, index, &data[..]), (s, ss, i, first.record));

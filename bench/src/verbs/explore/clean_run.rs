@@ -1,4 +1,4 @@
-//! One run of an exploration: a world of its own in virtual time, and how it ends.
+//! The run without a fault, and runs of the same cell with faults, each in virtual time, and how they end.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,10 +15,10 @@ use crate::records::mode::Mode;
 use crate::records::schedule::{Schedule, Step};
 use crate::stands::planned_cell::PlannedCell;
 use crate::stands::verification::Verification;
-use crate::stands::virtual_run::{Endless, Extras, VirtualRun};
+use crate::stands::virtual_run::{Extras, NeverEnded, VirtualRun};
 
-/// The run of a type without a fault, which the others are compared with.
-pub(super) struct Clean<'a> {
+/// The run of an execution type without a fault. Runs with faults are compared with it.
+pub(super) struct CleanRun<'a> {
     setup: &'a Setup,
     planned: &'a PlannedCell,
     seed: u64,
@@ -32,21 +32,22 @@ pub(super) struct Clean<'a> {
     pub(super) frames: [u64; 2],
 }
 
-impl<'a> Clean<'a> {
+impl<'a> CleanRun<'a> {
     /// Makes the run without a fault.
     ///
     /// # Errors
     ///
     /// It does not pass.
     pub(super) fn of(
-        of: ExecutionType,
+        execution_type: ExecutionType,
         setup: &'a Setup,
         planned: &'a PlannedCell,
         seed: u64,
         lengths: Lengths,
         late_ms: u32,
     ) -> anyhow::Result<Self> {
-        let step = Schedule::new(&[of], 1, seed).steps().next().context("a schedule without a run")?;
+        let step =
+            Schedule::new(&[execution_type], 1, seed).steps().next().context("a schedule without a run")?;
         let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
         let mut run = VirtualRun::switch_on(setup, planned.clone(), seed, &Extras::default())?;
         run.connect()?;
@@ -88,7 +89,7 @@ impl<'a> Clean<'a> {
         let ended = run.connect().and_then(|()| run.execute_unrecorded(self.step));
         match ended {
             Ok(measured) => Ok(self.passed(&measured, &extras.faults)),
-            Err(reason) if reason.is::<Endless>() => Ok(Outcome::new(Class::Stuck, reason.to_string())),
+            Err(reason) if reason.is::<NeverEnded>() => Ok(Outcome::new(Class::Stuck, reason.to_string())),
             Err(reason) => Ok(self.refused(run, &extras.faults, &reason)),
         }
     }

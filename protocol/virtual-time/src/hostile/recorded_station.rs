@@ -1,0 +1,91 @@
+//! A station of the pair, with a record of what it sends and of what the stranger costs it.
+
+use alloc::collections::BTreeSet;
+use alloc::vec::Vec;
+use core::net::SocketAddrV4;
+
+use machine::{Instant, Machine, Port, Source, StreamChange, StreamId, Transmit};
+
+use super::{STRANGER, STRANGER_MAC};
+
+/// A frame that one station of the pair sent.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Sent {
+    /// When.
+    pub at: Instant,
+    /// By which port, and to whom.
+    pub port: Port,
+    /// The receiver of a datagram.
+    pub to: Option<SocketAddrV4>,
+    /// The bytes.
+    pub frame: Vec<u8>,
+}
+
+/// A station of the pair, watched.
+#[derive(Debug)]
+pub struct Watched<M> {
+    /// The station.
+    pub machine: M,
+    /// What it sent to the other station, or to all.
+    pub sent: Vec<Sent>,
+    /// Heap allocations while it took frames of the stranger.
+    pub allocations: u64,
+    /// Frames and changes of TCP connections that came from the stranger.
+    pub foreign: u64,
+    count: fn() -> u64,
+    streams: BTreeSet<StreamId>,
+}
+
+impl<M: Machine> Watched<M> {
+    /// Watches a station. `count` returns the heap allocations so far.
+    pub const fn new(machine: M, count: fn() -> u64) -> Self {
+        Self { machine, sent: Vec::new(), allocations: 0, foreign: 0, count, streams: BTreeSet::new() }
+    }
+
+    fn measured(&mut self, is_foreign: bool, handle: impl FnOnce(&mut M)) {
+        let before = (self.count)();
+        handle(&mut self.machine);
+        if is_foreign {
+            self.foreign += 1;
+            self.allocations += (self.count)() - before;
+        }
+    }
+
+    fn is_foreign(&self, from: Source, frame: &[u8]) -> bool {
+        match (from.port, from.peer) {
+            (Port::Stream(stream), _) => self.streams.contains(&stream),
+            (_, Some(peer)) => *peer.ip() == STRANGER,
+            _ => frame.get(6..12) == Some(&STRANGER_MAC.0[..]),
+        }
+    }
+
+    pub(super) fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        let is_foreign = self.is_foreign(from, frame);
+        self.measured(is_foreign, |machine| machine.handle_frame(now, from, frame));
+    }
+
+    pub(super) fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        if matches!(change, StreamChange::Accepted(peer) if *peer.ip() == STRANGER) {
+            self.streams.insert(stream);
+        }
+        let is_foreign = self.streams.contains(&stream);
+        self.measured(is_foreign, |machine| machine.handle_stream(now, stream, change));
+    }
+
+    pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let transmit = self.machine.poll_transmit(now, buf)?;
+        let frame = buf.get(..transmit.len).unwrap_or_default();
+        let to_stranger = match (transmit.port, transmit.to) {
+            (Port::Stream(stream), _) => self.streams.contains(&stream),
+            (_, Some(to)) => *to.ip() == STRANGER,
+            _ => frame.get(..6) == Some(&STRANGER_MAC.0[..]),
+        };
+        if !to_stranger {
+            // The number of a TCP connection is the network's, and no byte on the wire.
+            let port =
+                if let Port::Stream(_) = transmit.port { Port::Stream(StreamId(0)) } else { transmit.port };
+            self.sent.push(Sent { at: now, port, to: transmit.to, frame: frame.to_vec() });
+        }
+        Some(transmit)
+    }
+}
