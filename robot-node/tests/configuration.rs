@@ -3,48 +3,20 @@
 
 mod driven;
 
+#[path = "../../cell/arm/src/opw/tests/reference.rs"]
+mod reference;
+
 use std::sync::Arc;
 
 use driven::{Driven, bare, lin, ptp};
 use proptest::prelude::*;
 use protocol::image::{Configuration, ErrorNumber, Motion, MotionKind, Skill};
-use robot_node::arm::{Arm, AxisLimits, Joints, Opw, OpwParameters, Scara, distance};
+use reference::{IRB_1100, ODD, reference};
+use robot_node::arm::{Arm, AxisLimits, Joints, Opw, Scara, distance};
 use robot_node::{Program, RobotConfig};
 use rs_opw_kinematics::glam::{DQuat, DVec3};
 use rs_opw_kinematics::kinematic_traits::{Kinematics as _, Pose};
 use rs_opw_kinematics::kinematics_impl::OPWKinematics;
-use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
-
-const IRB_1100: OpwParameters = OpwParameters {
-    a1: 0.0,
-    a2: -10.0,
-    b: 0.0,
-    c1: 327.0,
-    c2: 225.0,
-    c3: 250.0,
-    c4: 64.0,
-    offsets: [0.0, 0.0, -90.0, 0.0, 0.0, 0.0],
-    signs: [1; 6],
-};
-
-/// An arm with every parameter: nothing cancels.
-const ODD: OpwParameters = OpwParameters {
-    a1: 25.0,
-    a2: 35.0,
-    b: 40.0,
-    c1: 400.0,
-    c2: 455.0,
-    c3: 420.0,
-    c4: 80.0,
-    offsets: [10.0, -90.0, 30.0, 0.0, 5.0, 180.0],
-    signs: [-1, 1, 1, -1, 1, -1],
-};
-
-fn reference(parameters: OpwParameters) -> OPWKinematics {
-    let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
-    let offsets = offsets.map(f64::to_radians);
-    OPWKinematics::new(Parameters { a1, a2, b, c1, c2, c3, c4, offsets, sign_corrections: signs, dof: 6 })
-}
 
 /// Status of joints in radians, from where the crate has the arm's parts. None near a border between two configurations,
 /// where rounding chooses.

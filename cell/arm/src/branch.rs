@@ -1,7 +1,9 @@
 //! What six-axis arms of both kinds have in common: the eight ways to reach a pose, and joints whose signs and zeros differ
 //! from those of the model.
 
-use crate::Joints;
+use core::fmt::Debug;
+
+use crate::{Frame, Joints, Kinematics, Violation};
 
 /// Which of the eight ways to reach a pose.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -36,6 +38,52 @@ impl Branch {
         (if self.front { 0 } else { Self::BEHIND })
             | (if self.elbow_positive { Self::ELBOW_POSITIVE } else { 0 })
             | (if self.wrist_positive { Self::WRIST_POSITIVE } else { 0 })
+    }
+}
+
+/// A six-axis arm by the equations of its model. The rest of [`Kinematics`] is the same for all of them.
+pub(super) trait SixAxes: Debug + Send + Sync {
+    /// Converts joints to the model's angles, in degrees.
+    fn model(&self, joints: &Joints) -> Joints;
+
+    /// Returns the pose of the flange at these angles of the model.
+    fn pose(&self, model: &Joints) -> Frame;
+
+    /// Returns the way in which the arm reaches its pose at these angles of the model.
+    fn branch(&self, model: &Joints) -> Branch;
+
+    /// Returns the joints for this pose of the flange in one of the eight ways, near the model's angles `near`.
+    fn solve(&self, flange: &Frame, branch: Branch, near: &Joints) -> Result<Joints, Violation>;
+}
+
+impl<A: SixAxes> Kinematics for A {
+    fn axes(&self) -> usize {
+        6
+    }
+
+    fn is_rotary(&self, _axis: usize) -> bool {
+        true
+    }
+
+    fn forward(&self, joints: &Joints) -> Frame {
+        self.pose(&self.model(joints))
+    }
+
+    fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
+        let near = self.model(near);
+        self.solve(flange, self.branch(&near), &near)
+    }
+
+    fn status_bits(&self) -> u8 {
+        Branch::STATUS_BITS
+    }
+
+    fn status(&self, joints: &Joints) -> u8 {
+        self.branch(&self.model(joints)).status()
+    }
+
+    fn inverse_with(&self, flange: &Frame, status: u8, near: &Joints) -> Result<Joints, Violation> {
+        self.solve(flange, Branch::with(status), &self.model(near))
     }
 }
 

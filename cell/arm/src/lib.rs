@@ -28,6 +28,10 @@ pub use surface::{Surface, contact_force};
 pub use three_parallel::{ThreeParallel, ThreeParallelParameters};
 pub use violation::{LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
 
+// A file of the tests is also a module of the robot node's tests, and names this crate.
+#[cfg(test)]
+extern crate self as arm;
+
 /// Largest number of joints of an arm. Joints that an arm does not have stay 0.
 pub const AXES: usize = 6;
 

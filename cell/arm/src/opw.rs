@@ -15,8 +15,8 @@
 //! with the crate.
 
 use super::angles::{degrees, sin_cos};
-use super::branch::{Branch, to_joints, to_model};
-use super::{Frame, Joints, Kinematics, Rotation, Violation};
+use super::branch::{Branch, SixAxes, to_joints, to_model};
+use super::{Frame, Joints, Rotation, Violation};
 
 /// Tangent of half of axis 5's angle below which axes 4 and 6 turn about one line; then axis 4 keeps its angle.
 const WRIST_STRETCHED: f64 = 1e-9;
@@ -78,31 +78,8 @@ impl Opw {
         }
     }
 
-    /// Converts joints to the model's angles, in degrees.
-    fn model(&self, joints: &Joints) -> Joints {
-        to_model(joints, &self.parameters.offsets, &self.parameters.signs)
-    }
-
     fn joints(&self, model: &Joints) -> Joints {
         to_joints(model, &self.parameters.offsets, &self.parameters.signs)
-    }
-
-    fn branch(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Branch {
-        let elbow = q3 + self.lean;
-        let OpwParameters { a1, c2, .. } = self.parameters;
-        let wrist_centre = || {
-            let ([upper_arm, forearm], _) = sin_cos([q2, q2 + elbow]);
-            a1 + c2 * upper_arm + self.forearm * forearm
-        };
-        // If all of its parts lie in front, their sum need not be computed.
-        let front =
-            (a1 >= 0.0 && is_within_the_first_half_turn(q2) && is_within_the_first_half_turn(q2 + elbow))
-                || wrist_centre() >= 0.0;
-        Branch {
-            front,
-            elbow_positive: is_within_the_first_half_turn(elbow),
-            wrist_positive: is_within_the_first_half_turn(q5),
-        }
     }
 
     /// Returns axes 1 and 2 of the model that bring the wrist centre to this point, the angle between forearm and upper
@@ -136,30 +113,6 @@ impl Opw {
         let (turn, lift) = (base.half(), shoulder.and(elbow).and(self.lean_direction.opposite()).half());
         let turned = [turn.0 * lift.0, -turn.1 * lift.1, turn.0 * lift.1, turn.1 * lift.0];
         Ok(([base, shoulder, elbow], Rotation::from_parts(turned)))
-    }
-
-    /// Returns the joints for this pose of the flange in one of the eight ways, near the model's joints `near`.
-    fn solve(&self, flange: &Frame, branch: Branch, near: &Joints) -> Result<Joints, Violation> {
-        let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
-        let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
-        let ([base, shoulder, elbow], forearm) = self.arm(centre, branch)?;
-        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and axis 5.
-        let [w, x, y, z] = (forearm.inverse() * flange.rotation).quaternion();
-        // The squares of the sine and of the cosine of half of axis 5.
-        let (sine, cosine) = (x * x + y * y, w * w + z * z);
-        let [q1, q2, bend, half_sum, half_difference, q5] = degrees(
-            [base.cos, shoulder.cos, elbow.cos, w, y, cosine - sine],
-            [base.sin, shoulder.sin, elbow.sin, z, x, 2.0 * (sine * cosine).sqrt()],
-        );
-        let (q4, q6) = (half_sum - half_difference, half_sum + half_difference);
-        let [q4, q5, q6] = if sine < WRIST_STRETCHED * WRIST_STRETCHED * cosine {
-            [near[3], 0.0, 2.0 * half_sum - near[3]]
-        } else if branch.wrist_positive {
-            [q4, q5, q6]
-        } else {
-            [q4 + 180.0, -q5, q6 - 180.0]
-        };
-        Ok(self.joints(&[q1, q2, bend - self.lean, q4, q5, q6]))
     }
 }
 
@@ -210,18 +163,13 @@ impl Direction {
     }
 }
 
-impl Kinematics for Opw {
-    fn axes(&self) -> usize {
-        6
+impl SixAxes for Opw {
+    fn model(&self, joints: &Joints) -> Joints {
+        to_model(joints, &self.parameters.offsets, &self.parameters.signs)
     }
 
-    fn is_rotary(&self, _axis: usize) -> bool {
-        true
-    }
-
-    fn forward(&self, joints: &Joints) -> Frame {
+    fn pose(&self, &[q1, q2, q3, q4, q5, q6]: &Joints) -> Frame {
         let OpwParameters { a1, a2, b, c1, c2, c3, c4, .. } = self.parameters;
-        let [q1, q2, q3, q4, q5, q6] = self.model(joints);
         let lift = q2 + q3;
         // Axes 1 to 3 as they are, and half of what turns the flange: axes 4 and 6 together, and one against the other.
         let ([s1, s2, s_lift, s_turn, s_lifted, s_sum, s_difference, s_bend], cosines) =
@@ -239,21 +187,45 @@ impl Kinematics for Opw {
         Frame { position: core::array::from_fn(|i| centre[i] + c4 * hand[i]), rotation }
     }
 
-    fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
-        let near = self.model(near);
-        self.solve(flange, self.branch(&near), &near)
+    fn branch(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Branch {
+        let elbow = q3 + self.lean;
+        let OpwParameters { a1, c2, .. } = self.parameters;
+        let wrist_centre = || {
+            let ([upper_arm, forearm], _) = sin_cos([q2, q2 + elbow]);
+            a1 + c2 * upper_arm + self.forearm * forearm
+        };
+        // If all of its parts lie in front, their sum need not be computed.
+        let front =
+            (a1 >= 0.0 && is_within_the_first_half_turn(q2) && is_within_the_first_half_turn(q2 + elbow))
+                || wrist_centre() >= 0.0;
+        Branch {
+            front,
+            elbow_positive: is_within_the_first_half_turn(elbow),
+            wrist_positive: is_within_the_first_half_turn(q5),
+        }
     }
 
-    fn status_bits(&self) -> u8 {
-        Branch::STATUS_BITS
-    }
-
-    fn status(&self, joints: &Joints) -> u8 {
-        self.branch(&self.model(joints)).status()
-    }
-
-    fn inverse_with(&self, flange: &Frame, status: u8, near: &Joints) -> Result<Joints, Violation> {
-        self.solve(flange, Branch::with(status), &self.model(near))
+    fn solve(&self, flange: &Frame, branch: Branch, near: &Joints) -> Result<Joints, Violation> {
+        let hand = flange.rotation.z_axis().map(|part| part * self.parameters.c4);
+        let centre = core::array::from_fn(|i| flange.position[i] - hand[i]);
+        let ([base, shoulder, elbow], forearm) = self.arm(centre, branch)?;
+        // What the wrist does: half of axes 4 and 6 together, half of one against the other, and axis 5.
+        let [w, x, y, z] = (forearm.inverse() * flange.rotation).quaternion();
+        // The squares of the sine and of the cosine of half of axis 5.
+        let (sine, cosine) = (x * x + y * y, w * w + z * z);
+        let [q1, q2, bend, half_sum, half_difference, q5] = degrees(
+            [base.cos, shoulder.cos, elbow.cos, w, y, cosine - sine],
+            [base.sin, shoulder.sin, elbow.sin, z, x, 2.0 * (sine * cosine).sqrt()],
+        );
+        let (q4, q6) = (half_sum - half_difference, half_sum + half_difference);
+        let [q4, q5, q6] = if sine < WRIST_STRETCHED * WRIST_STRETCHED * cosine {
+            [near[3], 0.0, 2.0 * half_sum - near[3]]
+        } else if branch.wrist_positive {
+            [q4, q5, q6]
+        } else {
+            [q4 + 180.0, -q5, q6 - 180.0]
+        };
+        Ok(self.joints(&[q1, q2, bend - self.lean, q4, q5, q6]))
     }
 }
 

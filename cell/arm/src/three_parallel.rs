@@ -15,8 +15,8 @@
 //! the flange's x and y give axis 6. Two links in a plane remain (two ways).
 
 use super::angles::{degrees, sin_cos};
-use super::branch::{Branch, to_joints, to_model};
-use super::{Frame, Joints, Kinematics, Rotation, Violation, dot};
+use super::branch::{Branch, SixAxes, to_joints, to_model};
+use super::{Frame, Joints, Rotation, Violation, dot};
 
 /// Sine of axis 5's angle below which axis 6 is parallel to axes 2, 3 and 4; then axis 6 keeps its angle.
 const WRIST_STRETCHED: f64 = 1e-9;
@@ -56,11 +56,6 @@ impl ThreeParallel {
         Self(parameters)
     }
 
-    /// Converts joints to the model's angles, in degrees.
-    fn model(&self, joints: &Joints) -> Joints {
-        to_model(joints, &self.0.offsets, &self.0.signs)
-    }
-
     fn joints(&self, model: &Joints) -> Joints {
         to_joints(model, &self.0.offsets, &self.0.signs)
     }
@@ -68,17 +63,6 @@ impl ThreeParallel {
     /// Returns 1 if the arm points along x at zero, −1 if it points against it.
     const fn forward_sign(&self) -> f64 {
         if self.0.a2 < 0.0 { -1.0 } else { 1.0 }
-    }
-
-    fn branch(&self, &[_, q2, q3, q4, q5, _]: &Joints) -> Branch {
-        let ([_, _, along_5, elbow, wrist], [along_2, along_3, ..]) =
-            sin_cos([q2, q2 + q3, q2 + q3 + q4, q3, q5]);
-        let radial = self.0.a2 * along_2 + self.0.a3 * along_3 + self.0.d5 * along_5;
-        Branch {
-            front: radial * self.forward_sign() >= 0.0,
-            elbow_positive: elbow >= 0.0,
-            wrist_positive: wrist >= 0.0,
-        }
     }
 
     /// Returns x of the arm's plane, which axis 1 turns, and how far along it the point before the flange lies.
@@ -99,7 +83,71 @@ impl ThreeParallel {
         Ok(([(radial * x - d4 * y) / ground, (radial * y + d4 * x) / ground], radial))
     }
 
-    /// Returns the joints for this pose of the flange in one of the eight ways, near the model's joints `near`.
+    /// Returns the directions of axes 2 and 3 that bring axis 4 there in the arm's plane, seen from axis 2.
+    fn links(&self, [u, v]: [f64; 2], elbow_positive: bool) -> Result<([f64; 2], [f64; 2]), Violation> {
+        let ThreeParallelParameters { a2, a3, .. } = self.0;
+        let reach = u * u + v * v;
+        let cos_3 = (reach - a2 * a2 - a3 * a3) / (2.0 * a2 * a3);
+        if cos_3.is_nan() || cos_3.abs() > 1.0 + ROUNDING {
+            return Err(Violation::WristReach {
+                distance_mm: reach.sqrt(),
+                nearest_mm: (a2 - a3).abs(),
+                farthest_mm: (a2 + a3).abs(),
+            });
+        }
+        let cos_3 = cos_3.clamp(-1.0, 1.0);
+        let sine = (1.0 - cos_3 * cos_3).sqrt();
+        let sin_3 = if elbow_positive { sine } else { -sine };
+        let (along, across) = (a2 + a3 * cos_3, a3 * sin_3);
+        Ok(([u * along + v * across, v * along - u * across], [cos_3, sin_3]))
+    }
+}
+
+impl SixAxes for ThreeParallel {
+    fn model(&self, joints: &Joints) -> Joints {
+        to_model(joints, &self.0.offsets, &self.0.signs)
+    }
+
+    fn pose(&self, &[q1, q2, q3, q4, q5, q6]: &Joints) -> Frame {
+        let ThreeParallelParameters { d1, a2, a3, d4, d5, d6, .. } = self.0;
+        let lift = q2 + q3 + q4;
+        let (
+            [sin_1, sin_2, sin_23, sin_lift, sin_5, half_sin_1, half_sin_lift, half_sin_5, half_sin_6],
+            [cos_1, cos_2, cos_23, cos_lift, cos_5, half_cos_1, half_cos_lift, half_cos_5, half_cos_6],
+        ) = sin_cos([q1, q2, q2 + q3, lift, q5, q1 / 2.0, lift / 2.0, q5 / 2.0, q6 / 2.0]);
+        let along = a2 * cos_2 + a3 * cos_23 + d5 * sin_lift - d6 * sin_5 * cos_lift;
+        let up = d1 + a2 * sin_2 + a3 * sin_23 - d5 * cos_lift - d6 * sin_5 * sin_lift;
+        let across = d4 + d6 * cos_5;
+        // Rz(θ1)·Rx(90°)·Rz(φ)·Rx(90°)·Rz(θ5)·Rx(−90°)·Rz(θ6), which is Rz(θ1)·Ry(−φ)·Rx(90°)·Ry(−θ5)·Rz(θ6):
+        // Rx(90°) turns z to −y.
+        let turn = |half_cos: f64, axis: [f64; 3], half_sin: f64| {
+            let [x, y, z] = axis.map(|part| part * half_sin);
+            Rotation::from_parts([half_cos, x, y, z])
+        };
+        let rotation = turn(half_cos_1, [0.0, 0.0, 1.0], half_sin_1)
+            * turn(half_cos_lift, [0.0, -1.0, 0.0], half_sin_lift)
+            * Rotation::from_parts([
+                core::f64::consts::FRAC_1_SQRT_2,
+                core::f64::consts::FRAC_1_SQRT_2,
+                0.0,
+                0.0,
+            ])
+            * turn(half_cos_5, [0.0, -1.0, 0.0], half_sin_5)
+            * turn(half_cos_6, [0.0, 0.0, 1.0], half_sin_6);
+        Frame { position: [along * cos_1 + across * sin_1, along * sin_1 - across * cos_1, up], rotation }
+    }
+
+    fn branch(&self, &[_, q2, q3, q4, q5, _]: &Joints) -> Branch {
+        let ([_, _, along_5, elbow, wrist], [along_2, along_3, ..]) =
+            sin_cos([q2, q2 + q3, q2 + q3 + q4, q3, q5]);
+        let radial = self.0.a2 * along_2 + self.0.a3 * along_3 + self.0.d5 * along_5;
+        Branch {
+            front: radial * self.forward_sign() >= 0.0,
+            elbow_positive: elbow >= 0.0,
+            wrist_positive: wrist >= 0.0,
+        }
+    }
+
     fn solve(&self, flange: &Frame, branch: Branch, near: &Joints) -> Result<Joints, Violation> {
         let ThreeParallelParameters { d1, d5, d6, .. } = self.0;
         let [x6, y6, z6] =
@@ -133,82 +181,6 @@ impl ThreeParallel {
         );
         let q6 = if angle_6.is_some() { q6 } else { near[5] };
         Ok(self.joints(&[q1, q2, q3, lift - q2 - q3, q5, q6]))
-    }
-
-    /// Returns the directions of axes 2 and 3 that bring axis 4 there in the arm's plane, seen from axis 2.
-    fn links(&self, [u, v]: [f64; 2], elbow_positive: bool) -> Result<([f64; 2], [f64; 2]), Violation> {
-        let ThreeParallelParameters { a2, a3, .. } = self.0;
-        let reach = u * u + v * v;
-        let cos_3 = (reach - a2 * a2 - a3 * a3) / (2.0 * a2 * a3);
-        if cos_3.is_nan() || cos_3.abs() > 1.0 + ROUNDING {
-            return Err(Violation::WristReach {
-                distance_mm: reach.sqrt(),
-                nearest_mm: (a2 - a3).abs(),
-                farthest_mm: (a2 + a3).abs(),
-            });
-        }
-        let cos_3 = cos_3.clamp(-1.0, 1.0);
-        let sine = (1.0 - cos_3 * cos_3).sqrt();
-        let sin_3 = if elbow_positive { sine } else { -sine };
-        let (along, across) = (a2 + a3 * cos_3, a3 * sin_3);
-        Ok(([u * along + v * across, v * along - u * across], [cos_3, sin_3]))
-    }
-}
-
-impl Kinematics for ThreeParallel {
-    fn axes(&self) -> usize {
-        6
-    }
-
-    fn is_rotary(&self, _axis: usize) -> bool {
-        true
-    }
-
-    fn forward(&self, joints: &Joints) -> Frame {
-        let ThreeParallelParameters { d1, a2, a3, d4, d5, d6, .. } = self.0;
-        let [q1, q2, q3, q4, q5, q6] = self.model(joints);
-        let lift = q2 + q3 + q4;
-        let (
-            [sin_1, sin_2, sin_23, sin_lift, sin_5, half_sin_1, half_sin_lift, half_sin_5, half_sin_6],
-            [cos_1, cos_2, cos_23, cos_lift, cos_5, half_cos_1, half_cos_lift, half_cos_5, half_cos_6],
-        ) = sin_cos([q1, q2, q2 + q3, lift, q5, q1 / 2.0, lift / 2.0, q5 / 2.0, q6 / 2.0]);
-        let along = a2 * cos_2 + a3 * cos_23 + d5 * sin_lift - d6 * sin_5 * cos_lift;
-        let up = d1 + a2 * sin_2 + a3 * sin_23 - d5 * cos_lift - d6 * sin_5 * sin_lift;
-        let across = d4 + d6 * cos_5;
-        // Rz(θ1)·Rx(90°)·Rz(φ)·Rx(90°)·Rz(θ5)·Rx(−90°)·Rz(θ6), which is Rz(θ1)·Ry(−φ)·Rx(90°)·Ry(−θ5)·Rz(θ6):
-        // Rx(90°) turns z to −y.
-        let turn = |half_cos: f64, axis: [f64; 3], half_sin: f64| {
-            let [x, y, z] = axis.map(|part| part * half_sin);
-            Rotation::from_parts([half_cos, x, y, z])
-        };
-        let rotation = turn(half_cos_1, [0.0, 0.0, 1.0], half_sin_1)
-            * turn(half_cos_lift, [0.0, -1.0, 0.0], half_sin_lift)
-            * Rotation::from_parts([
-                core::f64::consts::FRAC_1_SQRT_2,
-                core::f64::consts::FRAC_1_SQRT_2,
-                0.0,
-                0.0,
-            ])
-            * turn(half_cos_5, [0.0, -1.0, 0.0], half_sin_5)
-            * turn(half_cos_6, [0.0, 0.0, 1.0], half_sin_6);
-        Frame { position: [along * cos_1 + across * sin_1, along * sin_1 - across * cos_1, up], rotation }
-    }
-
-    fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {
-        let near = self.model(near);
-        self.solve(flange, self.branch(&near), &near)
-    }
-
-    fn status_bits(&self) -> u8 {
-        Branch::STATUS_BITS
-    }
-
-    fn status(&self, joints: &Joints) -> u8 {
-        self.branch(&self.model(joints)).status()
-    }
-
-    fn inverse_with(&self, flange: &Frame, status: u8, near: &Joints) -> Result<Joints, Violation> {
-        self.solve(flange, Branch::with(status), &self.model(near))
     }
 }
 

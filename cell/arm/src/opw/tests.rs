@@ -1,23 +1,13 @@
 use super::*;
-use crate::{Arm, AxisLimits, distance};
+use crate::{Arm, AxisLimits, Kinematics as _, distance};
 use proptest::prelude::*;
 use rs_opw_kinematics::glam::{DQuat, DVec3};
 use rs_opw_kinematics::kinematic_traits::{Kinematics as _, Pose};
-use rs_opw_kinematics::kinematics_impl::OPWKinematics;
-use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
 use std::sync::Arc;
 
-const IRB_1100: OpwParameters = OpwParameters {
-    a1: 0.0,
-    a2: -10.0,
-    b: 0.0,
-    c1: 327.0,
-    c2: 225.0,
-    c3: 250.0,
-    c4: 64.0,
-    offsets: [0.0, 0.0, -90.0, 0.0, 0.0, 0.0],
-    signs: [1; 6],
-};
+mod reference;
+
+use reference::{IRB_1100, ODD, reference};
 
 const LOWER: Joints = [-230.0, -115.0, -205.0, -230.0, -125.0, -400.0];
 const UPPER: Joints = [230.0, 113.0, 55.0, 230.0, 120.0, 400.0];
@@ -25,28 +15,6 @@ const UPPER: Joints = [230.0, 113.0, 55.0, 230.0, 120.0, 400.0];
 fn arm() -> Arm {
     let limits = AxisLimits { lower: LOWER, upper: UPPER, ..AxisLimits::NONE };
     Arm::new(Arc::new(Opw::new(IRB_1100)), limits)
-}
-
-/// Returns an arm in which no parameter is 0, so that a wrong term cannot cancel out.
-fn odd() -> OpwParameters {
-    OpwParameters {
-        a1: 25.0,
-        a2: 35.0,
-        b: 40.0,
-        c1: 400.0,
-        c2: 455.0,
-        c3: 420.0,
-        c4: 80.0,
-        offsets: [10.0, -90.0, 30.0, 0.0, 5.0, 180.0],
-        signs: [-1, 1, 1, -1, 1, -1],
-    }
-}
-
-/// Returns the same arm in the crate `rs-opw-kinematics`, which takes radians.
-fn reference(parameters: OpwParameters) -> OPWKinematics {
-    let OpwParameters { a1, a2, b, c1, c2, c3, c4, offsets, signs } = parameters;
-    let offsets = offsets.map(f64::to_radians);
-    OPWKinematics::new(Parameters { a1, a2, b, c1, c2, c3, c4, offsets, sign_corrections: signs, dof: 6 })
 }
 
 fn any_joints() -> impl Strategy<Value = Joints> {
@@ -125,7 +93,7 @@ proptest! {
 
     #[test]
     fn forward_undoes_inverse_for_an_arm_with_every_parameter(joints in any_joints(), near in any_joints()) {
-        let opw = Opw::new(odd());
+        let opw = Opw::new(ODD);
         prop_assume!(is_regular(&opw, &joints) && is_regular(&opw, &near));
         let flange = opw.forward(&joints);
         if let Ok(found) = opw.inverse(&flange, &near) {
@@ -137,7 +105,7 @@ proptest! {
 
     #[test]
     fn the_crate_has_the_flange_at_the_same_pose(joints in any_joints()) {
-        for parameters in [IRB_1100, odd()] {
+        for parameters in [IRB_1100, ODD] {
             let found = Opw::new(parameters).forward(&joints);
             let expected = reference(parameters).forward(&joints.map(f64::to_radians));
             prop_assert!(distance(found.position, expected.translation.to_array()) < 1e-9);
@@ -149,7 +117,7 @@ proptest! {
 
     #[test]
     fn the_crate_finds_the_same_joints_among_all_configurations(joints in any_joints(), near in any_joints()) {
-        for parameters in [IRB_1100, odd()] {
+        for parameters in [IRB_1100, ODD] {
             let opw = Opw::new(parameters);
             prop_assume!(is_regular(&opw, &joints) && is_regular(&opw, &near));
             let flange = opw.forward(&joints);

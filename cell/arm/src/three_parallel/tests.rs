@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Arm, AxisLimits, distance};
+use crate::{Arm, AxisLimits, Kinematics as _, distance};
 use proptest::prelude::*;
 use std::sync::Arc;
 
