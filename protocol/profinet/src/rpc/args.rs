@@ -75,8 +75,8 @@ fn split_args<'a>(header: &Header, body: &'a [u8]) -> Option<(u32, &'a [u8])> {
         (whole && args_len == actual_count && offset == 0).then_some((first, blocks))
     }
     match header.order {
-        DataRepresentation::Big => split::<BigEndian>(body),
-        DataRepresentation::Little => split::<LittleEndian>(body),
+        DataRepresentation::BigEndian => split::<BigEndian>(body),
+        DataRepresentation::LittleEndian => split::<LittleEndian>(body),
     }
 }
 

@@ -51,8 +51,8 @@ impl Lookup {
     /// Parses a request's body in the byte order of its header.
     pub fn parse(header: &Header, body: &[u8]) -> Result<Self, LookupError> {
         match header.order {
-            DataRepresentation::Big => Self::parse_in::<BigEndian>(body),
-            DataRepresentation::Little => Self::parse_in::<LittleEndian>(body),
+            DataRepresentation::BigEndian => Self::parse_in::<BigEndian>(body),
+            DataRepresentation::LittleEndian => Self::parse_in::<LittleEndian>(body),
         }
     }
 

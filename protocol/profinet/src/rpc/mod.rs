@@ -8,14 +8,14 @@
 //! 68..70 OperationNumber 70..72 InterfaceHint 72..74 ActivityHint
 //! 74..76 LengthOfBody   76..78 FragmentNumber 78 AuthenticationProtocol 79 SerialLow    80.. body
 //! ```
-//!
-//! In one file, because the header is read together with the codes of its PDU types, flags and operations.
 
 mod args;
+mod codes;
 mod endpoint_mapper;
 mod fragment;
 
 pub use args::{RequestArgs, ResponseArgs};
+pub use codes::{Kind, Operation, flags, rpc_status};
 pub use endpoint_mapper::{LOOKUP, LOOKUP_HANDLE_FREE, Lookup, LookupError};
 pub use fragment::{Message, Reassembly, Received};
 
@@ -60,151 +60,9 @@ pub fn object(instance: u16, identity: Identity) -> Uuid {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum DataRepresentation {
     /// Most significant byte first.
-    Big,
+    BigEndian,
     /// Least significant byte first.
-    Little,
-}
-
-/// Kind of a PDU.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Kind {
-    /// A call.
-    Request,
-    /// Asks whether the call is still being executed.
-    Ping,
-    /// The answer to a call.
-    Response,
-    /// The call was started and failed; the body is one RPC status.
-    Fault,
-    /// The call is being executed.
-    Working,
-    /// The call is unknown; the answer to a ping.
-    NoCall,
-    /// The call was not started; the body is one RPC status.
-    Reject,
-    /// Acknowledges the response.
-    Ack,
-    /// Cancels the call.
-    Cancel,
-    /// Acknowledges a fragment.
-    FragmentAck,
-    /// Acknowledges a Cancel.
-    CancelAck,
-    /// A kind that this version does not know; it survives a round trip.
-    Unknown(u8),
-}
-
-impl From<u8> for Kind {
-    fn from(code: u8) -> Self {
-        match code {
-            0 => Self::Request,
-            1 => Self::Ping,
-            2 => Self::Response,
-            3 => Self::Fault,
-            4 => Self::Working,
-            5 => Self::NoCall,
-            6 => Self::Reject,
-            7 => Self::Ack,
-            8 => Self::Cancel,
-            9 => Self::FragmentAck,
-            10 => Self::CancelAck,
-            other => Self::Unknown(other),
-        }
-    }
-}
-
-impl From<Kind> for u8 {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Request => 0,
-            Kind::Ping => 1,
-            Kind::Response => 2,
-            Kind::Fault => 3,
-            Kind::Working => 4,
-            Kind::NoCall => 5,
-            Kind::Reject => 6,
-            Kind::Ack => 7,
-            Kind::Cancel => 8,
-            Kind::FragmentAck => 9,
-            Kind::CancelAck => 10,
-            Kind::Unknown(code) => code,
-        }
-    }
-}
-
-/// Operation of a call: the operation number of the device and controller interfaces.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Operation {
-    /// Connect: sets an AR up.
-    Connect,
-    /// Release: ends an AR.
-    Release,
-    /// Read within an AR.
-    Read,
-    /// Write within an AR.
-    Write,
-    /// Control: PrmBegin, PrmEnd, ApplicationReady.
-    Control,
-    /// Read without an AR.
-    ReadImplicit,
-    /// An operation that this version does not know; it survives a round trip.
-    Unknown(u16),
-}
-
-impl From<u16> for Operation {
-    fn from(code: u16) -> Self {
-        match code {
-            0 => Self::Connect,
-            1 => Self::Release,
-            2 => Self::Read,
-            3 => Self::Write,
-            4 => Self::Control,
-            5 => Self::ReadImplicit,
-            other => Self::Unknown(other),
-        }
-    }
-}
-
-impl From<Operation> for u16 {
-    fn from(operation: Operation) -> Self {
-        match operation {
-            Operation::Connect => 0,
-            Operation::Release => 1,
-            Operation::Read => 2,
-            Operation::Write => 3,
-            Operation::Control => 4,
-            Operation::ReadImplicit => 5,
-            Operation::Unknown(code) => code,
-        }
-    }
-}
-
-/// Flags1 of the header.
-pub mod flags {
-    /// The last fragment.
-    pub const LAST_FRAGMENT: u8 = 0x02;
-    /// One fragment of several.
-    pub const FRAGMENT: u8 = 0x04;
-    /// No FragmentAck is requested.
-    pub const NO_FRAGMENT_ACK: u8 = 0x08;
-    /// No answer is requested.
-    pub const MAYBE: u8 = 0x10;
-    /// Executing the call twice is harmless.
-    pub const IDEMPOTENT: u8 = 0x20;
-    /// The call goes to everyone.
-    pub const BROADCAST: u8 = 0x40;
-}
-
-/// Statuses of RPC itself, the body of a Reject or Fault (C706, appendix E).
-pub mod rpc_status {
-    /// There is no operation with this number.
-    pub const OPERATION_RANGE: u32 = 0x1C01_0002;
-    /// The interface is not offered here.
-    pub const UNKNOWN_INTERFACE: u32 = 0x1C01_0003;
-    /// The protocol was violated.
-    pub const PROTOCOL_ERROR: u32 = 0x1C01_000B;
-    /// The server has no room for the call.
-    pub const SERVER_TOO_BUSY: u32 = 0x1C01_0014;
+    LittleEndian,
 }
 
 /// Why a datagram is not an RPC PDU.
@@ -279,7 +137,7 @@ impl Header {
             kind: Kind::Request,
             flags: flags::IDEMPOTENT,
             flags2: 0,
-            order: DataRepresentation::Big,
+            order: DataRepresentation::BigEndian,
             serial: 0,
             object,
             interface,
@@ -301,7 +159,7 @@ impl Header {
             kind,
             flags: flags::IDEMPOTENT | flags::NO_FRAGMENT_ACK,
             flags2: 0,
-            order: DataRepresentation::Big,
+            order: DataRepresentation::BigEndian,
             serial: 0,
             fragment: 0,
             ..*self
@@ -331,10 +189,10 @@ impl Header {
             return Err(Error::Version(version));
         }
         match representation >> 4 {
-            0 => Self::parse_rest(reader, (kind, flags, flags2, DataRepresentation::Big)),
+            0 => Self::parse_rest(reader, (kind, flags, flags2, DataRepresentation::BigEndian)),
             _ => Self::parse_rest(
                 reader.in_order::<LittleEndian>(),
-                (kind, flags, flags2, DataRepresentation::Little),
+                (kind, flags, flags2, DataRepresentation::LittleEndian),
             ),
         }
     }
@@ -384,14 +242,14 @@ impl Header {
     pub fn emit(&self, body: &[u8], datagram: &mut [u8]) -> Result<usize, Overflow> {
         let mut writer = Writer::<BigEndian>::new(datagram);
         let representation = match self.order {
-            DataRepresentation::Big => 0x00,
-            DataRepresentation::Little => 0x10,
+            DataRepresentation::BigEndian => 0x00,
+            DataRepresentation::LittleEndian => 0x10,
         };
         let [serial_high, serial_low] = self.serial.to_be_bytes();
         writer.bytes(&[4, self.kind.into(), self.flags, self.flags2, representation, 0, 0, serial_high]);
         match self.order {
-            DataRepresentation::Big => self.emit_rest(body.len(), serial_low, &mut writer),
-            DataRepresentation::Little => {
+            DataRepresentation::BigEndian => self.emit_rest(body.len(), serial_low, &mut writer),
+            DataRepresentation::LittleEndian => {
                 writer.in_order::<LittleEndian>(|w| self.emit_rest(body.len(), serial_low, w))
             }
         }
@@ -419,8 +277,8 @@ impl Header {
 #[must_use]
 pub fn read_rpc_status(header: &Header, body: &[u8]) -> Option<u32> {
     match header.order {
-        DataRepresentation::Big => Reader::<BigEndian>::new(body).u32().ok(),
-        DataRepresentation::Little => Reader::<LittleEndian>::new(body).u32().ok(),
+        DataRepresentation::BigEndian => Reader::<BigEndian>::new(body).u32().ok(),
+        DataRepresentation::LittleEndian => Reader::<LittleEndian>::new(body).u32().ok(),
     }
 }
 

@@ -7,7 +7,7 @@ fn a_captured_little_endian_request_is_parsed_and_written_back_unchanged() {
     let datagram = captured::datagram(captured::CONNECT_REQ);
     let (header, body) = Header::parse(&datagram).unwrap();
     assert_eq!(header.kind, Kind::Request);
-    assert_eq!(header.order, DataRepresentation::Little);
+    assert_eq!(header.order, DataRepresentation::LittleEndian);
     assert_eq!(header.interface, DEVICE_INTERFACE);
     assert_eq!(header.object, object(1, Identity { vendor: 0x0493, device: 0x0002 }));
     assert_eq!(Operation::from(header.operation), Operation::Connect);
@@ -117,7 +117,7 @@ fn fragments_of_another_byte_order_and_bodies_over_the_limit_are_refused() {
     let (header, body) = Header::parse(&fragments[0]).unwrap();
     assert!(matches!(reassembly.take(&header, body), Received::Part));
     let (mut header, body) = Header::parse(&fragments[1]).unwrap();
-    header.order = DataRepresentation::Little;
+    header.order = DataRepresentation::LittleEndian;
     assert!(matches!(reassembly.take(&header, body), Received::Refused));
 
     let (mut header, _) = Header::parse(&fragments[0]).unwrap();

@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn an_answer_in_either_byte_order_ends_the_call_and_others_do_not() {
-        for order in [DataRepresentation::Big, DataRepresentation::Little] {
+        for order in [DataRepresentation::BigEndian, DataRepresentation::LittleEndian] {
             let mut caller = calling();
             let request = sent(&mut caller).unwrap();
             let answer = Header { order, ..request.answer(Kind::Response) };
