@@ -6,6 +6,7 @@
 //!
 //! `scripts/dev.sh fuzz` runs all of them; each file of `fuzz/corpus` is also a test of the workspace.
 
+mod attack;
 mod ethercat;
 mod ethernet_ip;
 mod files;

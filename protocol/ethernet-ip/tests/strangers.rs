@@ -28,7 +28,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 const PHASES: Phases = Phases {
     up: Instant::from_millis(50),
-    parting: Instant::from_millis(350),
+    disconnect: Instant::from_millis(350),
     end: Instant::from_millis(360),
 };
 
@@ -40,7 +40,7 @@ fn a_stranger_that_sends_altered_copies_of_all_frames_changes_nothing_and_costs_
     // Without a list the stranger may own the outputs as long as nobody else does: it begins when the scanner's
     // Forward_Open is answered, and ends with the connection. With it the stranger begins at once.
     for (listed, start_us, end_us) in [(false, 400, 350_000), (true, 0, 360_000)] {
-        let (alone, _) = ScannerAndAdapter::life::<Random>(listed, allocation::count).whole(None, PHASES);
+        let (alone, _) = ScannerAndAdapter::new::<Random>(listed, allocation::count).run_whole(None, PHASES);
         assert!(alone.images[60..350].iter().all(|image| image[0].is_some() && image[1].is_some()));
         let heard = alone.sent.concat();
         for seed in 0..runs {
@@ -48,7 +48,7 @@ fn a_stranger_that_sends_altered_copies_of_all_frames_changes_nothing_and_costs_
             let listen = Some(SocketAddrV4::new(STATIONS[1].1, ENCAPSULATION_PORT));
             let stranger = Stranger::new(seed, &heard, STATIONS, listen, time);
             let (disturbed, foreign) =
-                ScannerAndAdapter::life(listed, allocation::count).whole(Some(stranger), PHASES);
+                ScannerAndAdapter::new(listed, allocation::count).run_whole(Some(stranger), PHASES);
             assert!(
                 alone == disturbed,
                 "listed: {listed}, seed {seed}: {}",
@@ -59,7 +59,7 @@ fn a_stranger_that_sends_altered_copies_of_all_frames_changes_nothing_and_costs_
             for side in [0, 1] {
                 let time = (Instant::ZERO, PHASES.end);
                 let forger = Stranger::new(seed, &heard, [STATIONS[side]; 2], listen, time);
-                ScannerAndAdapter::life(listed, allocation::count).forged(
+                ScannerAndAdapter::new(listed, allocation::count).run_with_forger(
                     forger,
                     STATIONS[1 - side],
                     PHASES.end,

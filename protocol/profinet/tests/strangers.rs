@@ -28,7 +28,7 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 const PHASES: Phases = Phases {
     up: Instant::from_millis(50),
-    parting: Instant::from_millis(350),
+    disconnect: Instant::from_millis(350),
     end: Instant::from_millis(360),
 };
 
@@ -45,14 +45,14 @@ fn main() {
         // begins when the device has accepted the Connect, and ends with the connection.
         for (listed, start_us, end_us) in [(false, 160, 350_000), (true, 0, 360_000)] {
             let (alone, _) =
-                ControllerAndDevice::life::<Random>(transport, listed, allocations).whole(None, PHASES);
+                ControllerAndDevice::new::<Random>(transport, listed, allocations).run_whole(None, PHASES);
             assert!(alone.images[60..350].iter().all(|image| image[0].is_some() && image[1].is_some()));
             let heard = alone.sent.concat();
             for seed in 0..runs {
                 let time = (Instant::from_micros(start_us), Instant::from_micros(end_us));
                 let stranger = Stranger::new(seed, &heard, STATIONS, None, time);
-                let (disturbed, foreign) =
-                    ControllerAndDevice::life(transport, listed, allocations).whole(Some(stranger), PHASES);
+                let (disturbed, foreign) = ControllerAndDevice::new(transport, listed, allocations)
+                    .run_whole(Some(stranger), PHASES);
                 assert!(
                     alone == disturbed,
                     "{transport:?}, listed: {listed}, seed {seed}: {}",
@@ -63,7 +63,7 @@ fn main() {
                 for side in [0, 1] {
                     let time = (Instant::ZERO, PHASES.end);
                     let forger = Stranger::new(seed, &heard, [STATIONS[side]; 2], None, time);
-                    ControllerAndDevice::life(transport, listed, allocations).forged(
+                    ControllerAndDevice::new(transport, listed, allocations).run_with_forger(
                         forger,
                         STATIONS[1 - side],
                         PHASES.end,

@@ -1,18 +1,18 @@
-//! A pair of stations and a stranger on one switch: what does the stranger change?
+//! A pair of stations and a stranger on one switch, to test that the stranger changes nothing between them.
 //!
 //! The stranger sends altered copies of the pair's own frames, from addresses of its own, to both. A run with it is
-//! compared with one without it: the pair must send each other the same bytes at the same instants. What it sends is
-//! chosen by a seeded random stream, or by the bytes of a fuzzer.
+//! compared with one without it: the pair must send each other the same bytes at the same instants. A seeded random
+//! stream, or the bytes of a fuzzer, choose what the stranger sends.
 
 mod choices;
 mod pair_run;
+mod recorded_station;
 mod stranger;
-mod watched;
 
 pub use choices::{Choices, Random, Script};
-pub use pair_run::{PairRun, Phases, Place, Record, Reported, StationPair};
+pub use pair_run::{PairRun, PairStation, Phases, ReportedEvent, RunRecord, StationPair};
+pub use recorded_station::{RecordedStation, SentFrame};
 pub use stranger::Stranger;
-pub use watched::{Sent, Watched};
 
 use core::net::Ipv4Addr;
 
@@ -31,9 +31,9 @@ const MS: Duration = Duration::from_millis(1);
 #[derive(Debug)]
 pub enum Member<A, B, C = Random> {
     /// The first of the pair.
-    A(Watched<A>),
+    A(RecordedStation<A>),
     /// The second of the pair.
-    B(Watched<B>),
+    B(RecordedStation<B>),
     /// The stranger.
     Stranger(Stranger<C>),
 }

@@ -12,7 +12,7 @@ mod pair;
 mod side;
 
 pub use clock::Clock;
-pub use link::{LinkEffect, Impairment, Link, LinkCounters, FrameFault, FrameFaults};
+pub use link::{FrameFault, FrameFaults, Impairment, Link, LinkCounters, LinkEffect};
 pub use network::{Network, StationId};
 pub use pair::{Carrier, Event, Pair, PairConfig, Segment, Tapped};
 pub use side::Side;

@@ -223,7 +223,12 @@ impl Link {
 
     /// Calls `arrive` for each copy of the frame that gets through, with its arrival time. An empty frame cannot be
     /// corrupted.
-    pub fn pass(&mut self, now: Instant, frame: &[u8], mut arrive: impl FnMut(Instant, LinkEffect, &[u8])) -> LinkEffect {
+    pub fn pass(
+        &mut self,
+        now: Instant,
+        frame: &[u8],
+        mut arrive: impl FnMut(Instant, LinkEffect, &[u8]),
+    ) -> LinkEffect {
         let (effect, arrival) = self.decide(now, frame.len());
         let Some(arrival) = arrival else { return effect };
         let copies = if effect.duplicated { 2 } else { 1 };

@@ -8,7 +8,7 @@ use machine::{
     Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
-use virtual_time::{Clock, Event, Impairment, Link, Pair, PairConfig, Side, FrameFault, FrameFaults};
+use virtual_time::{Clock, Event, FrameFault, FrameFaults, Impairment, Link, Pair, PairConfig, Side};
 
 /// Sends a number every millisecond of its own clock and reports received numbers.
 struct Counter {
@@ -150,11 +150,11 @@ fn a_strike_hits_the_frame_of_its_number_and_no_other() {
             let mut copies = 0;
             link.pass(Instant::ZERO, &none, |at, _, frame| {
                 (copies, latest) = (copies + 1, latest.max(at));
-                assert_eq!(frame, if number == 3 { third.unwrap() } else { none }, "{strike:?}");
+                assert_eq!(frame, if number == 3 { third.unwrap() } else { none }, "{frame_fault:?}");
             });
             copies
         });
-        assert_eq!((arrivals, latest), (copies, Instant::from_millis(latest_ms)), "{strike:?}");
+        assert_eq!((arrivals, latest), (copies, Instant::from_millis(latest_ms)), "{frame_fault:?}");
     }
 }
 

@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
 use machine::ethernet::Mac;
 use machine::{Allowed, Instant, Peer};
-use virtual_time::hostile::{Choices, PairRun, Place, StationPair};
+use virtual_time::hostile::{Choices, PairRun, PairStation, StationPair};
 
 use super::samples::{CONSUMED, DEVICE, LEN, PRODUCED};
 
@@ -20,7 +20,7 @@ pub(crate) struct ScannerAndAdapter(ConnectionId);
 
 impl ScannerAndAdapter {
     /// Creates a pair whose adapter lists its scanner if `listed`.
-    pub(crate) fn life<C: Choices>(listed: bool, allocations: fn() -> u64) -> PairRun<Self, C> {
+    pub(crate) fn new<C: Choices>(listed: bool, allocations: fn() -> u64) -> PairRun<Self, C> {
         let [(scanner_mac, plc), (adapter_mac, robot)] = STATIONS;
         let mut scanner =
             Scanner::new(ScannerConfig { vendor: 0xFFFF, serial_number: 1, first_id: 0x5C00_0000 });
@@ -37,8 +37,8 @@ impl ScannerAndAdapter {
             first_id: 0x0100_0000,
             originators: Allowed(if listed { vec![listed_peer] } else { Vec::new() }),
         });
-        let scanner = Place { machine: scanner, mac: scanner_mac, address: Some(plc) };
-        let adapter = Place { machine: adapter, mac: adapter_mac, address: Some(robot) };
+        let scanner = PairStation { machine: scanner, mac: scanner_mac, address: Some(plc) };
+        let adapter = PairStation { machine: adapter, mac: adapter_mac, address: Some(robot) };
         PairRun::new(Self(connection), scanner, adapter, allocations)
     }
 }
@@ -60,7 +60,7 @@ impl StationPair for ScannerAndAdapter {
         adapter.consumed(CONSUMED).map(|data| data[0])
     }
 
-    fn part(&self, scanner: &mut Scanner, now: Instant) {
+    fn disconnect(&self, scanner: &mut Scanner, now: Instant) {
         if let Some(connection) = scanner.connection_mut(self.0) {
             connection.disconnect(now);
         }

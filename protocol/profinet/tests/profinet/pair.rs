@@ -9,7 +9,7 @@ use machine::ethernet::Mac;
 use machine::{DownCause, LinkEvent};
 use profinet::rt::Transport;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Device, DeviceConfig};
-use virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side, Strikes};
+use virtual_time::{Clock, Event, FrameFaults, Impairment, Pair, PairConfig, Side};
 
 const CONTROLLER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const DEVICE: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
@@ -23,7 +23,7 @@ const CABLE: Impairment = Impairment {
     reorder_by: Duration::ZERO,
     corrupt_ppm: 0,
     corrupt_on_wire_ppm: 0,
-    strikes: Strikes::NONE,
+    frame_faults: FrameFaults::NONE,
 };
 
 /// What either side reports.

@@ -6,7 +6,7 @@ use machine::ethernet::Mac;
 use machine::{Allowed, Duration, Instant, Peer};
 use profinet::rt::Transport;
 use profinet::{ArConfig, ArId, Controller, ControllerConfig, Device, DeviceConfig, Parameter};
-use virtual_time::hostile::{Choices, PairRun, Place, StationPair};
+use virtual_time::hostile::{Choices, PairRun, PairStation, StationPair};
 
 use super::samples::{self, LEN};
 
@@ -22,7 +22,7 @@ pub(crate) struct ControllerAndDevice(ArId);
 
 impl ControllerAndDevice {
     /// Creates a pair whose stations know each other by address if `listed`.
-    pub(crate) fn life<C: Choices>(
+    pub(crate) fn new<C: Choices>(
         transport: Transport,
         listed: bool,
         allocations: fn() -> u64,
@@ -58,8 +58,8 @@ impl ControllerAndDevice {
             controllers: Allowed(if listed { vec![listed_peer] } else { Vec::new() }),
         };
         let device = Device::new(config, Instant::ZERO);
-        let controller = Place { machine: controller, mac: controller_mac, address: Some(plc) };
-        let device = Place { machine: device, mac: device_mac, address: None };
+        let controller = PairStation { machine: controller, mac: controller_mac, address: Some(plc) };
+        let device = PairStation { machine: device, mac: device_mac, address: None };
         PairRun::new(Self(ar), controller, device, allocations)
     }
 }
@@ -82,7 +82,7 @@ impl StationPair for ControllerAndDevice {
         device.output(1, 1).map(|data| data[0])
     }
 
-    fn part(&self, controller: &mut Controller, now: Instant) {
+    fn disconnect(&self, controller: &mut Controller, now: Instant) {
         if let Some(ar) = controller.ar_mut(self.0) {
             ar.disconnect(now);
         }

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use rand_core::Rng;
 use rand_pcg::Pcg64Mcg;
 
-/// Where a stranger's choices come from.
+/// Source of a stranger's choices.
 pub trait Choices {
     /// Returns a number below `limit`, or 0 if that is 0.
     fn below(&mut self, limit: usize) -> usize;
@@ -26,7 +26,7 @@ impl Choices for Random {
     }
 }
 
-/// Choices read from bytes, such as a fuzzer's: each takes as many bytes as its limit has.
+/// Choices read from bytes, such as a fuzzer's: each choice reads as many bytes as its limit has.
 #[derive(Clone, Debug)]
 pub struct Script(VecDeque<u8>);
 
@@ -37,7 +37,7 @@ impl Script {
         Self(bytes.iter().copied().collect())
     }
 
-    /// Takes so many bytes as they are, or what is left.
+    /// Takes the next `len` bytes unchanged, or all that are left.
     pub fn take(&mut self, len: usize) -> Vec<u8> {
         self.0.drain(..len.min(self.0.len())).collect()
     }

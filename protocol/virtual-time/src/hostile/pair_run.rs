@@ -1,4 +1,4 @@
-//! The life of the pair: it connects, exchanges data and parts, alone or beside a stranger.
+//! The run of a pair: it connects, exchanges data and disconnects, alone or beside a stranger.
 
 use alloc::format;
 use alloc::string::String;
@@ -8,20 +8,22 @@ use core::net::Ipv4Addr;
 use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent, Machine};
 
-use super::{Choices, MS, Member, MemberEvent, Random, STRANGER, STRANGER_MAC, Sent, Stranger, Watched};
+use super::{
+    Choices, MS, Member, MemberEvent, Random, RecordedStation, STRANGER, STRANGER_MAC, SentFrame, Stranger,
+};
 use crate::{Network, StationId};
 
-/// What both stations of a pair do in their life, by their protocol.
+/// The two stations of a pair, and what they do in a run, by their protocol.
 pub trait StationPair {
     /// Name of a connection of the first station.
     type Id: core::fmt::Debug;
-    /// The first station: it connects and parts.
+    /// The first station: it connects and disconnects.
     type A: Machine<Event = (Self::Id, LinkEvent)>;
     /// The second station.
     type B: Machine<Event = LinkEvent>;
     /// Names of the stations.
     const NAMES: [&'static str; 2];
-    /// The second station asks for its address.
+    /// Whether the second station requests its IP address.
     const ASKS_FOR_ADDRESS: bool = false;
 
     /// Fills the data that the first station sends with a value; returns the first byte of what it received.
@@ -31,9 +33,9 @@ pub trait StationPair {
     fn exchange_b(&self, station: &mut Self::B, value: u8) -> Option<u8>;
 
     /// Ends the connection.
-    fn part(&self, station: &mut Self::A, now: Instant);
+    fn disconnect(&self, station: &mut Self::A, now: Instant);
 
-    /// Tells the second station that it has the address that it asked for.
+    /// Confirms the IP address that the second station requested.
     fn address_set(&self, station: &mut Self::B, now: Instant) {
         let _ = (station, now);
     }
@@ -41,7 +43,7 @@ pub trait StationPair {
 
 /// A station of the pair before it is on the switch.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<M> {
+pub struct PairStation<M> {
     /// The station.
     pub machine: M,
     /// Its MAC address.
@@ -51,27 +53,27 @@ pub struct Place<M> {
 }
 
 /// An event of either station, and when.
-pub type Reported = (Instant, MemberEvent<LinkEvent, LinkEvent>);
+pub type ReportedEvent = (Instant, MemberEvent<LinkEvent, LinkEvent>);
 
-/// When what happens in the life of the pair.
+/// The phases of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Phases {
-    /// Data are exchanged by then; from now on nothing of a stranger may cost heap memory.
+    /// By now data are exchanged; from now on no frame of a stranger may allocate.
     pub up: Instant,
-    /// The pair parts.
-    pub parting: Instant,
-    /// The end.
+    /// The pair disconnects.
+    pub disconnect: Instant,
+    /// The run ends.
     pub end: Instant,
 }
 
-/// What a life left behind.
+/// The record of a run.
 #[derive(PartialEq, Debug)]
-pub struct Record {
+pub struct RunRecord {
     /// Bytes and instants of each side's frames.
-    pub sent: [Vec<Sent>; 2],
-    /// What both reported.
-    pub events: Vec<Reported>,
-    /// Data that arrived, one entry a millisecond: the first byte at each side.
+    pub sent: [Vec<SentFrame>; 2],
+    /// Events that both reported.
+    pub events: Vec<ReportedEvent>,
+    /// Received data: the first byte at each side, one entry for each millisecond.
     pub images: Vec<[Option<u8>; 2]>,
 }
 
@@ -81,23 +83,23 @@ pub struct PairRun<P: StationPair, C: Choices = Random> {
     pair: P,
     network: Network<Member<P::A, P::B, C>>,
     stations: [StationId; 2],
-    events: Vec<Reported>,
+    events: Vec<ReportedEvent>,
     images: Vec<[Option<u8>; 2]>,
 }
 
 impl<P: StationPair, C: Choices> PairRun<P, C> {
     /// Puts the pair on a switch. `count` returns the heap allocations so far.
     #[must_use]
-    pub fn new(pair: P, a: Place<P::A>, b: Place<P::B>, count: fn() -> u64) -> Self {
+    pub fn new(pair: P, a: PairStation<P::A>, b: PairStation<P::B>, count: fn() -> u64) -> Self {
         let mut network = Network::new(Duration::from_micros(25));
         let stations = [
-            network.add(Member::A(Watched::new(a.machine, count)), a.mac, a.address),
-            network.add(Member::B(Watched::new(b.machine, count)), b.mac, b.address),
+            network.add(Member::A(RecordedStation::new(a.machine, count)), a.mac, a.address),
+            network.add(Member::B(RecordedStation::new(b.machine, count)), b.mac, b.address),
         ];
         Self { pair, network, stations, events: Vec::new(), images: Vec::new() }
     }
 
-    fn a<R>(&mut self, command: impl FnOnce(&P, &mut Watched<P::A>, Instant) -> R) -> Option<R> {
+    fn a<R>(&mut self, command: impl FnOnce(&P, &mut RecordedStation<P::A>, Instant) -> R) -> Option<R> {
         let pair = &self.pair;
         let done = self.network.command(self.stations[0], |station, now| match station {
             Member::A(watched) => Some(command(pair, watched, now)),
@@ -106,7 +108,7 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
         done.flatten()
     }
 
-    fn b<R>(&mut self, command: impl FnOnce(&P, &mut Watched<P::B>, Instant) -> R) -> Option<R> {
+    fn b<R>(&mut self, command: impl FnOnce(&P, &mut RecordedStation<P::B>, Instant) -> R) -> Option<R> {
         let pair = &self.pair;
         let done = self.network.command(self.stations[1], |station, now| match station {
             Member::B(watched) => Some(command(pair, watched, now)),
@@ -120,7 +122,7 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
         while self.network.now() < until {
             let step = self.network.now() + MS;
             while let Some((_, event)) = self.network.next_event(step) {
-                self.take(event);
+                self.record(event);
             }
             let value = (self.images.len() % 251) as u8;
             let input = self.a(|pair, watched, _| pair.exchange_a(&mut watched.machine, value));
@@ -129,7 +131,7 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
         }
     }
 
-    fn take(&mut self, event: MemberEvent<(P::Id, LinkEvent), LinkEvent>) {
+    fn record(&mut self, event: MemberEvent<(P::Id, LinkEvent), LinkEvent>) {
         let now = self.network.now();
         let reported = match event {
             MemberEvent::A((_, LinkEvent::Foreign(_))) | MemberEvent::B(LinkEvent::Foreign(_)) => return,
@@ -144,27 +146,27 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
         self.events.push((now, reported));
     }
 
-    /// Connects, exchanges data, parts, and waits; returns what was sent and reported, and how many frames of a stranger
-    /// each side got.
+    /// Connects, exchanges data, disconnects, and waits; returns what was sent and reported, and how many frames of a
+    /// stranger each side received.
     ///
     /// # Panics
     ///
-    /// While data are exchanged, a frame of the stranger costs heap memory.
-    pub fn whole(mut self, stranger: Option<Stranger<C>>, phases: Phases) -> (Record, [u64; 2]) {
+    /// A frame of the stranger allocates while data are exchanged.
+    pub fn run_whole(mut self, stranger: Option<Stranger<C>>, phases: Phases) -> (RunRecord, [u64; 2]) {
         if let Some(stranger) = stranger {
             self.network.add(Member::Stranger(stranger), STRANGER_MAC, Some(STRANGER));
         }
         self.run(phases.up);
         let before = self.allocations();
-        self.run(phases.parting);
+        self.run(phases.disconnect);
         assert_eq!(self.allocations(), before, "allocations for a stranger while data are exchanged");
         let foreign = [self.a(|_, a, _| a.foreign), self.b(|_, b, _| b.foreign)];
-        self.a(|pair, watched, now| pair.part(&mut watched.machine, now));
+        self.a(|pair, watched, now| pair.disconnect(&mut watched.machine, now));
         self.run(phases.end);
         let sent =
             [self.a(|_, a, _| core::mem::take(&mut a.sent)), self.b(|_, b, _| core::mem::take(&mut b.sent))];
         let record =
-            Record { sent: sent.map(Option::unwrap_or_default), events: self.events, images: self.images };
+            RunRecord { sent: sent.map(Option::unwrap_or_default), events: self.events, images: self.images };
         (record, foreign.map(Option::unwrap_or_default))
     }
 
@@ -172,14 +174,15 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
         [self.a(|_, a, _| a.allocations), self.b(|_, b, _| b.allocations)]
     }
 
-    /// Lives beside a station that sends from the addresses of one of the pair. Whether it ends the connection is not judged.
-    pub fn forged(mut self, stranger: Stranger<C>, (mac, address): (Mac, Ipv4Addr), end: Instant) {
+    /// Runs beside a station that sends from the addresses of one of the pair. It may end the connection; only a panic is an
+    /// error.
+    pub fn run_with_forger(mut self, stranger: Stranger<C>, (mac, address): (Mac, Ipv4Addr), end: Instant) {
         self.network.add(Member::Stranger(stranger.forging(mac)), mac, Some(address));
         self.run(end);
     }
 }
 
-impl Record {
+impl RunRecord {
     /// Returns the first frame in which a disturbed run of such a pair differs.
     #[must_use]
     pub fn difference<P: StationPair>(&self, disturbed: &Self) -> String {

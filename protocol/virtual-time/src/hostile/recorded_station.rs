@@ -10,10 +10,10 @@ use super::{STRANGER, STRANGER_MAC};
 
 /// A frame that one station of the pair sent.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Sent {
-    /// When.
+pub struct SentFrame {
+    /// Instant at which it was sent.
     pub at: Instant,
-    /// By which port, and to whom.
+    /// The port that it was sent by.
     pub port: Port,
     /// The receiver of a datagram.
     pub to: Option<SocketAddrV4>,
@@ -23,12 +23,12 @@ pub struct Sent {
 
 /// A station of the pair, watched.
 #[derive(Debug)]
-pub struct Watched<M> {
+pub struct RecordedStation<M> {
     /// The station.
     pub machine: M,
     /// What it sent to the other station, or to all.
-    pub sent: Vec<Sent>,
-    /// Heap allocations while it took frames of the stranger.
+    pub sent: Vec<SentFrame>,
+    /// Heap allocations while it handled frames of the stranger.
     pub allocations: u64,
     /// Frames and changes of TCP connections that came from the stranger.
     pub foreign: u64,
@@ -36,7 +36,7 @@ pub struct Watched<M> {
     streams: BTreeSet<StreamId>,
 }
 
-impl<M: Machine> Watched<M> {
+impl<M: Machine> RecordedStation<M> {
     /// Watches a station. `count` returns the heap allocations so far.
     pub const fn new(machine: M, count: fn() -> u64) -> Self {
         Self { machine, sent: Vec::new(), allocations: 0, foreign: 0, count, streams: BTreeSet::new() }
@@ -81,10 +81,10 @@ impl<M: Machine> Watched<M> {
             _ => frame.get(..6) == Some(&STRANGER_MAC.0[..]),
         };
         if !to_stranger {
-            // The number of a TCP connection is the network's, and no byte on the wire.
+            // The number of a TCP connection belongs to the network and is not sent.
             let port =
                 if let Port::Stream(_) = transmit.port { Port::Stream(StreamId(0)) } else { transmit.port };
-            self.sent.push(Sent { at: now, port, to: transmit.to, frame: frame.to_vec() });
+            self.sent.push(SentFrame { at: now, port, to: transmit.to, frame: frame.to_vec() });
         }
         Some(transmit)
     }

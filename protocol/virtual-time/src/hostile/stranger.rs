@@ -5,12 +5,10 @@ use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::ethernet::{EthernetHeader, Mac};
-use machine::{
-    Attempt, Duration, Instant, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
-};
+use machine::{Attempt, Duration, Instant, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 use rand_core::SeedableRng;
 
-use super::{Choices, MS, Random, STRANGER_MAC, Sent};
+use super::{Choices, MS, Random, STRANGER_MAC, SentFrame};
 
 /// TCP connections that the stranger holds at a time.
 const STREAMS: usize = 24;
@@ -37,12 +35,12 @@ pub struct Stranger<C = Random> {
 }
 
 impl Stranger {
-    /// Creates a stranger that has heard `heard` and sends from `start` to `end` to stations with these addresses. It
-    /// connects to `listen` over TCP, if that is given.
+    /// Creates a stranger that alters the frames `heard` and sends during `time`, from start to end, to stations with these
+    /// addresses. It connects to `listen` over TCP, if that is given.
     #[must_use]
     pub fn new(
         seed: u64,
-        heard: &[Sent],
+        heard: &[SentFrame],
         targets: [(Mac, Ipv4Addr); 2],
         listen: Option<SocketAddrV4>,
         time: (Instant, Instant),
@@ -52,16 +50,16 @@ impl Stranger {
 }
 
 impl<C: Choices> Stranger<C> {
-    /// A stranger as [`new`](Stranger::new) makes it, whose choices come from elsewhere.
+    /// Creates a stranger like [`new`](Stranger::new) with other choices.
     #[must_use]
     pub fn choosing(
         choices: C,
-        heard: &[Sent],
+        heard: &[SentFrame],
         targets: [(Mac, Ipv4Addr); 2],
         listen: Option<SocketAddrV4>,
         (start, end): (Instant, Instant),
     ) -> Self {
-        let port = |sent: &Sent| match (sent.port, sent.to) {
+        let port = |sent: &SentFrame| match (sent.port, sent.to) {
             (Port::Udp(_), Some(to)) => Port::Udp(to.port()),
             (port, _) => port,
         };
@@ -160,7 +158,7 @@ impl<C: Choices> Stranger<C> {
                 {
                     place.copy_from_slice(&session);
                 }
-                // The head stays most of the time: a wrong length only leaves the stream out of step.
+                // Most frames keep their header: a wrong length would only make the rest of the stream unreadable.
                 let from = if self.below(8) == 0 { 0 } else { 24.min(frame.len()) };
                 self.alter(&mut frame, from);
                 (Port::Stream(stream), None)
@@ -170,7 +168,7 @@ impl<C: Choices> Stranger<C> {
         Some(Transmit { port, to, len: frame.len() })
     }
 
-    /// Asks for another TCP connection, or closes one.
+    /// Requests another TCP connection, and may close one.
     fn change_streams(&mut self) {
         let Some(to) = self.listen else { return };
         if self.streams.len() >= STREAMS || self.below(8) == 0 {

@@ -258,7 +258,8 @@ impl<A: Machine, B: Machine> Pair<A, B> {
                 _ => &[],
             };
             for loss in 0..passed.map_or(1, |passed| passed.losses) {
-                let effect = LinkEffect { lost: passed.is_some(), cut: passed.is_none(), ..LinkEffect::default() };
+                let effect =
+                    LinkEffect { lost: passed.is_some(), cut: passed.is_none(), ..LinkEffect::default() };
                 self.tap_stream(now + RETRANSMISSION * loss, from, id, segment, effect, bytes);
             }
             if let Some(SentPiece { losses, flipped_bit, .. }) = passed {
