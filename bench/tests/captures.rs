@@ -12,7 +12,7 @@ use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use plc_node::ExecutionType;
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::Retention;
 
 #[derive(Clone, PartialEq, Debug)]
 struct Seen {
@@ -51,7 +51,7 @@ fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::recor
     let (setup, found) = planning::setup_with_application(setup).unwrap();
     let extras = Extras {
         faults: faults.iter().map(|fault| fault.parse().unwrap()).collect(),
-        capture: Some((place.path().to_owned(), Keep::All)),
+        capture: Some((place.path().to_owned(), Retention::All)),
         frames: false,
     };
     let mut run =

@@ -1,11 +1,11 @@
 //! The control port: instructions over TCP instead of standard input, from one controller at a time.
 //!
-//! It carries the messages of [`crate::message`]. Whoever controls a node can move the robot, so on any address but
-//! the loopback a controller must send the node's token first, and hears nothing before. What arrives is still not trusted.
+//! It carries the messages of [`crate::message`]. A controller can move the robot, so on any address but the loopback it
+//! must send the node's token first, and receives nothing before. What it sends is still not trusted.
 //! A controller that sends anything but an instruction is disconnected. This also keeps a web page from controlling a
 //! node through its reader's browser, because the first line of HTTP is no instruction. A controller that does not read
-//! is disconnected before its unread messages fill the memory, one that sends nothing after some minutes, and one whose
-//! host disappeared after some seconds. Nothing is encrypted: who can listen to the network can read the token.
+//! is disconnected before its unread messages fill the memory; one that sends nothing, after some minutes; and one whose
+//! host disappeared, after some seconds. Nothing is encrypted: anyone who can listen to the network can read the token.
 
 mod client;
 
@@ -29,8 +29,8 @@ const FIRST_LINE: Duration = Duration::from_secs(10);
 /// Longest time without anything from a controller. A bench sends an empty line each minute.
 const SILENCE: Duration = Duration::from_secs(600);
 
-/// Clients that may be about to send the token; a further one takes the place of the oldest.
-const GUESTS: usize = 8;
+/// Largest number of clients that have not sent the token yet; a further one replaces the oldest.
+const MOST_UNAUTHENTICATED: usize = 8;
 
 /// Shortest time between two reports of refused clients.
 const REPORT_EVERY: Duration = Duration::from_secs(10);
@@ -66,10 +66,10 @@ pub struct ControlPort {
     listener: TcpListener,
     token: Option<ControlToken>,
     controller: Option<Client>,
-    /// Clients that have not shown the token yet.
-    guests: Vec<Client>,
+    /// Clients that have not sent the token yet.
+    unauthenticated: Vec<Client>,
     waiting: VecDeque<Input>,
-    /// Accepting failed on the host; trying again at once would only cost time.
+    /// Whether accepting pauses because the host failed to accept a client.
     paused: bool,
     /// When a client was last reported as refused, and how many were since.
     refused: (Option<Instant>, u32),
@@ -91,7 +91,7 @@ impl ControlPort {
             listener,
             token,
             controller: None,
-            guests: Vec::new(),
+            unauthenticated: Vec::new(),
             waiting: VecDeque::new(),
             paused: false,
             refused: (None, 0),
@@ -154,13 +154,16 @@ impl ControlPort {
     /// Returns what to poll: the listener, unless it pauses, and all clients.
     pub(crate) fn poll_fds(&self) -> Vec<PollFd<'_>> {
         let listener = (!self.paused).then(|| PollFd::new(&self.listener, PollFlags::IN));
-        listener.into_iter().chain(self.controller.iter().chain(&self.guests).map(Client::poll_fd)).collect()
+        listener
+            .into_iter()
+            .chain(self.controller.iter().chain(&self.unauthenticated).map(Client::poll_fd))
+            .collect()
     }
 
     /// Returns how long to wait at most before [`Self::handle`] is called although nothing is ready.
     pub(crate) fn time_left(&self) -> Option<Duration> {
         let now = Instant::now();
-        let silent = self.controller.iter().chain(&self.guests);
+        let silent = self.controller.iter().chain(&self.unauthenticated);
         let silent = silent.map(|client| (client.heard + limit(client)).saturating_duration_since(now));
         silent.chain(self.paused.then_some(PAUSE)).min()
     }
@@ -170,7 +173,7 @@ impl ControlPort {
         self.paused = false;
         // The controller first: if it just left, the next one can be accepted.
         self.read_controller();
-        self.read_guests();
+        self.read_unauthenticated();
         match self.listener.accept() {
             Ok((stream, peer)) => self.receive(stream, peer),
             Err(error) => {
@@ -192,17 +195,17 @@ impl ControlPort {
         }
     }
 
-    /// Lets in the guests that show the token, and sends away those that show something else or nothing in time.
-    fn read_guests(&mut self) {
-        for mut guest in std::mem::take(&mut self.guests) {
-            let mut lines = match guest.read() {
-                Ok(lines) if lines.is_empty() && guest.heard.elapsed() < limit(&guest) => {
-                    self.guests.push(guest);
+    /// Admits the clients that send the token, and disconnects those that send something else, or nothing in time.
+    fn read_unauthenticated(&mut self) {
+        for mut client in std::mem::take(&mut self.unauthenticated) {
+            let mut lines = match client.read() {
+                Ok(lines) if lines.is_empty() && client.heard.elapsed() < limit(&client) => {
+                    self.unauthenticated.push(client);
                     continue;
                 }
                 Ok(lines) => lines.into_iter(),
                 Err(reason) => {
-                    self.refuse(guest.peer, &reason);
+                    self.refuse(client.peer, &reason);
                     continue;
                 }
             };
@@ -213,11 +216,11 @@ impl ControlPort {
                 _ => Some(NO_TOKEN),
             };
             match problem {
-                None => self.admit(guest, lines),
+                None => self.admit(client, lines),
                 Some(reason) => {
                     // The line fits a new connection's buffer; if the client is gone already, it does not matter.
-                    let _ = guest.send(&Message::<()>::Denied { reason: reason.to_owned() }.to_json());
-                    self.refuse(guest.peer, reason);
+                    let _ = client.send(&Message::<()>::Denied { reason: reason.to_owned() }.to_json());
+                    self.refuse(client.peer, reason);
                 }
             }
         }
@@ -228,11 +231,11 @@ impl ControlPort {
         if self.token.is_none() {
             return self.admit(client, Vec::new().into_iter());
         }
-        if self.guests.len() == GUESTS {
-            let oldest = self.guests.remove(0);
+        if self.unauthenticated.len() == MOST_UNAUTHENTICATED {
+            let oldest = self.unauthenticated.remove(0);
             self.refuse(oldest.peer, "others connected before it sent the control token");
         }
-        self.guests.push(client);
+        self.unauthenticated.push(client);
     }
 
     /// Makes a client the controller, if there is none, or one that has not sent a line.

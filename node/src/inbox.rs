@@ -1,4 +1,4 @@
-//! Inputs of the thread beside the cyclic one: instructions, signals, and news from the cyclic thread.
+//! Inputs of the thread beside the cyclic one: instructions, signals, and notices of the cyclic thread.
 
 use std::collections::VecDeque;
 use std::os::fd::AsFd;
@@ -25,25 +25,32 @@ pub enum Commands {
 #[derive(Debug)]
 pub struct Inbox {
     signals: StopSignals,
-    news: Notifier,
+    notices: Notifier,
     commands: Commands,
     lines: Lines,
     waiting: VecDeque<Input>,
     /// Whether the cyclic thread has notified since the last input.
-    has_news: bool,
+    has_notices: bool,
 }
 
 impl Inbox {
-    /// Creates an inbox for signals, `news` and the instructions' source.
+    /// Creates an inbox for signals, `notices` and the instructions' source.
     #[must_use]
-    pub fn new(signals: StopSignals, news: Notifier, commands: Commands) -> Self {
-        Self { signals, news, commands, lines: Lines::default(), waiting: VecDeque::new(), has_news: false }
+    pub fn new(signals: StopSignals, notices: Notifier, commands: Commands) -> Self {
+        Self {
+            signals,
+            notices,
+            commands,
+            lines: Lines::default(),
+            waiting: VecDeque::new(),
+            has_notices: false,
+        }
     }
 
-    /// Waits for the next input; `None` if the cyclic thread has news, or ended.
+    /// Waits for the next input; `None` if the cyclic thread has sent a notice, or ended.
     pub fn wait(&mut self) -> std::io::Result<Option<Input>> {
         loop {
-            if core::mem::take(&mut self.has_news) {
+            if core::mem::take(&mut self.has_notices) {
                 return Ok(None);
             }
             if let Some(input) = self.waiting.pop_front() {
@@ -69,8 +76,8 @@ impl Inbox {
     fn poll(&mut self) -> std::io::Result<()> {
         let stdin = std::io::stdin();
         let mut time_left = None;
-        let [news, stop, commands] = {
-            let news = PollFd::new(&self.news, PollFlags::IN);
+        let [notices, stop, commands] = {
+            let notices = PollFd::new(&self.notices, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
             let commands = match &self.commands {
                 Commands::None => Vec::new(),
@@ -80,20 +87,20 @@ impl Inbox {
                     port.poll_fds()
                 }
             };
-            let mut waits: Vec<_> = [news, stop].into_iter().chain(commands).collect();
+            let mut waits: Vec<_> = [notices, stop].into_iter().chain(commands).collect();
             let ready = match poll(&mut waits, time_left.as_ref()) {
                 Ok(ready) => ready,
                 Err(Errno::INTR) => return Ok(()),
                 Err(error) => return Err(error.into()),
             };
             let is_ready = |wait: &PollFd<'_>| !wait.revents().is_empty();
-            let [news, stop] = [0, 1].map(|index| waits.get(index).is_some_and(is_ready));
-            [news, stop, ready == 0 || waits.iter().skip(2).any(is_ready)]
+            let [notices, stop] = [0, 1].map(|index| waits.get(index).is_some_and(is_ready));
+            [notices, stop, ready == 0 || waits.iter().skip(2).any(is_ready)]
         };
-        // News from before a stop is returned before the stop.
-        if news {
-            self.news.clear();
-            self.has_news = true;
+        // Notices from before a stop are returned before the stop.
+        if notices {
+            self.notices.clear();
+            self.has_notices = true;
         }
         if stop && let Some(signal) = self.signals.take() {
             self.waiting.push_back(Input::Stop(signal));

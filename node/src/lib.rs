@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! run         the command `run`: its options, and what happens before and after a node runs on its bus
-//! supervise   the thread beside the cyclic one: news become messages, instructions become commands
+//! supervise   the thread beside the cyclic one: notices become messages, instructions become commands
 //! ├─ message  the messages and instructions, one JSON line each; report has their figures
-//! ├─ inbox    waits for instructions, signals and news at once; input lists them
+//! ├─ inbox    waits for instructions, signals and notices at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
 //! node        a node on its cyclic thread; short_text is text without allocation
@@ -36,7 +36,7 @@ mod version;
 pub use control::{ControlError, ControlPort};
 pub use inbox::{Commands, Inbox};
 pub use input::Input;
-pub use node::{Command, CyclicTask, News, Node, NodeError, NodeProcess, ProcessEvent, Snapshot};
+pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot};
 pub use short_text::ShortText;
 pub use trace_file::TraceError;
 pub use version::version;

@@ -179,8 +179,8 @@ pub enum Console {
 impl Console {
     /// Prints a message on standard output.
     ///
-    /// A failure is ignored: nobody is left to report it to, and standard input ends then too.
-    pub fn tell<M: Serialize + fmt::Display>(self, message: &Message<M>) {
+    /// A failure is ignored: it cannot be reported, and standard input ends then, too.
+    pub fn print<M: Serialize + fmt::Display>(self, message: &Message<M>) {
         let line = match self {
             Self::Text => message.to_string(),
             Self::Json => message.to_json(),

@@ -16,8 +16,8 @@ use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, Inbox, Input, ShortText};
 use protocol_linux::handover::Taken;
 use protocol_linux::{
-    CyclicThread, Driver, DriverError, Interface, InterfaceError, Notifier, Outbox, PortError, RingFull,
-    StartError, Statistics, StopSignals, Task, allocation,
+    CyclicThread, Driver, DriverError, Interface, InterfaceError, NoticeSender, Notifier, PortError,
+    RingFull, StartError, Statistics, StopSignals, Task, allocation,
 };
 
 /// Longest wait for the peer to confirm the end of the connection, before the process ends.
@@ -68,7 +68,7 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 /// Commands of the process to the cyclic thread.
 #[derive(Debug)]
 pub enum Command<O> {
-    /// Send a [`News::Snapshot`].
+    /// Send a [`Notice::Snapshot`].
     Report,
     /// Close the connection in order and end.
     Stop,
@@ -81,10 +81,10 @@ pub enum Command<O> {
 /// What the cyclic thread sends to the process.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would be an allocation on the cyclic thread")]
-pub enum News<E, A> {
+pub enum Notice<E, A> {
     /// An event of the node.
     Event(E),
-    /// Why the peer refused the connection and what it offers instead; the next news is the event itself.
+    /// Why the peer refused the connection and what it offers instead; the next notice is the event itself.
     Explanation(ShortText),
     /// An answer to an order.
     Answer(A),
@@ -144,7 +144,7 @@ pub struct CyclicTask<S> {
 
 impl<N: Node> Task<N> for CyclicTask<N::Sample> {
     type Command = Command<N::Order>;
-    type News = News<N::Event, N::Answer>;
+    type Notice = Notice<N::Event, N::Answer>;
 
     fn command(
         &mut self,
@@ -152,12 +152,12 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         node: &mut N,
         statistics: &Statistics,
         command: Self::Command,
-        news: &mut Outbox<Self::News>,
+        notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()> {
         match command {
             Command::Report => {
                 let allocations = allocation::is_armed().then(allocation::count);
-                news.tell(News::Snapshot(Snapshot::of(node, statistics, allocations, self.at_up)));
+                notices.send(Notice::Snapshot(Snapshot::of(node, statistics, allocations, self.at_up)));
             }
             Command::Stop => {
                 node.disconnect(now);
@@ -173,7 +173,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             }
             Command::Order(order) => {
                 if let Some(answer) = node.order(now, order) {
-                    news.tell(News::Answer(answer));
+                    notices.send(Notice::Answer(answer));
                 }
             }
         }
@@ -185,7 +185,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         now: Instant,
         node: &mut N,
         event: N::Event,
-        news: &mut Outbox<Self::News>,
+        notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()> {
         let link = N::link_event(&event);
         if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
@@ -193,10 +193,10 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             // Text that does not fit is cut off.
             let _ = node.explain(&mut words);
             if !words.as_str().is_empty() {
-                news.tell(News::Explanation(words));
+                notices.send(Notice::Explanation(words));
             }
         }
-        news.tell(News::Event(event));
+        notices.send(Notice::Event(event));
         match link {
             Some(LinkEvent::Up) => {
                 self.connected = true;
@@ -212,7 +212,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 let done = self.interface.set_address(address, mask);
                 node.address_set(now, done.is_ok());
                 if let Err(error) = done {
-                    news.tell(News::NoAddress(address, error));
+                    notices.send(Notice::NoAddress(address, error));
                 }
             }
             Some(LinkEvent::Foreign(_)) | None => {}
@@ -220,9 +220,9 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         ControlFlow::Continue(())
     }
 
-    fn look(&mut self, now: Instant, node: &N) {
+    fn inspect(&mut self, now: Instant, node: &N) {
         if let Some(trace) = &mut self.trace {
-            trace.look(node.cycle_number(), || node.sample(now));
+            trace.record_cycle(node.cycle_number(), || node.sample(now));
         }
     }
 
@@ -248,8 +248,8 @@ pub struct NodeProcess<N: Node> {
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "taken apart at once, never kept")]
 pub enum ProcessEvent<E, A> {
-    /// News from the cyclic thread.
-    News(News<E, A>),
+    /// A notice of the cyclic thread.
+    Notice(Notice<E, A>),
     /// An input of the process.
     Input(Input),
     /// The cyclic thread ended; no event follows.
@@ -328,8 +328,8 @@ impl<N: Node> NodeProcess<N> {
     /// Waits for the next event.
     pub fn next_event(&mut self) -> Result<ProcessEvent<N::Event, N::Answer>, NodeError> {
         loop {
-            match self.thread.news() {
-                Taken::Item(news) => return Ok(ProcessEvent::News(news)),
+            match self.thread.next_notice() {
+                Taken::Item(notice) => return Ok(ProcessEvent::Notice(notice)),
                 Taken::Ended if !self.ended => {
                     self.ended = true;
                     return Ok(ProcessEvent::Ended);

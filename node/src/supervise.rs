@@ -1,4 +1,4 @@
-//! The thread beside the cyclic one: turns news into messages, and instructions, signals and the end of standard
+//! The thread beside the cyclic one: turns notices into messages, and instructions, signals and the end of standard
 //! input into commands.
 //!
 //! Over a control port, controllers come and go while the node runs. The node sends each new one its current state,
@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
-use crate::{Command, Input, News, Node, NodeError, NodeProcess, ProcessEvent, ShortText, errln};
+use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
 pub trait OperatingMode<N: Node> {
@@ -87,7 +87,7 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
     hello: Hello,
 ) -> Outcome {
     let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
-    console.tell::<C::Message>(&Message::Hello(hello.clone()));
+    console.print::<C::Message>(&Message::Hello(hello.clone()));
     let port = process.control().map(|port| (port.address(), port.wants_token()));
     if let Some((Ok(address), wants_token)) = port {
         let who = if wants_token { "by who has the token" } else { "by any program on this computer" };
@@ -98,13 +98,13 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
     let result = supervisor.run();
     let (snapshot, ended) = match result {
         Ok(_) => process.finish(),
-        // Without inputs nobody could stop the cyclic thread; it ends with the process.
+        // Without inputs nothing could stop the cyclic thread; it ends with the process.
         Err(NodeError::Inbox { .. }) => (None, Ok(())),
         Err(_) => process.finish(),
     };
     let problem = result.as_ref().err().or(ended.as_ref().err()).map(ToString::to_string);
     let report = snapshot.as_ref().map(Into::into);
-    console.tell::<C::Message>(&Message::Farewell { report, problem: problem.clone() });
+    console.print::<C::Message>(&Message::Farewell { report, problem: problem.clone() });
     if let Some(problem) = problem {
         errln!("error: {problem}");
     }
@@ -132,7 +132,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let mut outcome = Outcome::Done;
         loop {
             let next = match self.process.next_event()? {
-                ProcessEvent::News(news) => self.handle_news(news),
+                ProcessEvent::Notice(notice) => self.handle_notice(notice),
                 ProcessEvent::Input(Input::Line(line)) => self.handle_instruction(&line),
                 ProcessEvent::Input(Input::Attached(peer)) => {
                     log(format_args!("controlled by {peer}"));
@@ -207,9 +207,9 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         }
     }
 
-    fn handle_news(&mut self, news: News<N::Event, N::Answer>) -> Next<N::Order> {
-        let (message, next) = match news {
-            News::Event(event) => match N::link_event(&event) {
+    fn handle_notice(&mut self, notice: Notice<N::Event, N::Answer>) -> Next<N::Order> {
+        let (message, next) = match notice {
+            Notice::Event(event) => match N::link_event(&event) {
                 Some(link) => {
                     match link {
                         LinkEvent::Up => self.linked = true,
@@ -223,32 +223,32 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     (message.map(Message::Node), next)
                 }
             },
-            News::Explanation(words) => {
+            Notice::Explanation(words) => {
                 self.explanation = Some(words);
                 (None, Next::Wait)
             }
-            News::Answer(answer) => {
+            Notice::Answer(answer) => {
                 let (message, next) = self.mode.answer(answer);
                 (Some(Message::Node(message)), next)
             }
-            News::NoAddress(address, error) => {
+            Notice::NoAddress(address, error) => {
                 (Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
             }
-            News::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
+            Notice::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
         };
         if let Some(message) = message {
-            self.tell(&message);
+            self.send(&message);
         }
         next
     }
 
     /// Sends a message to the controller. Results of its instructions go to it alone; messages about the node are
     /// also printed.
-    fn tell(&mut self, message: &Message<C::Message>) {
-        let Some(port) = self.process.control() else { return self.console.tell(message) };
+    fn send(&mut self, message: &Message<C::Message>) {
+        let Some(port) = self.process.control() else { return self.console.print(message) };
         port.send(&message.to_json());
         if !matches!(message, Message::Node(_) | Message::Report(_)) {
-            self.console.tell(message);
+            self.console.print(message);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The secret that a controller and a node share: whoever knows it may control the node.
+//! The secret that a controller and a node share: a controller that knows it may control the node.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Environment variable with the token, where no file is given.
 pub const VARIABLE: &str = "SKILLBENCH_CONTROL_TOKEN";
 
-/// Shortest token in bytes: shorter ones are guessed.
+/// Shortest token in bytes: a shorter one could be guessed.
 const SHORTEST: usize = 16;
 
 /// A token.
@@ -68,7 +68,7 @@ impl ControlToken {
     }
 
     /// Returns whether a text is the token. The time that this takes depends on the length of the given text alone, so it
-    /// does not tell how many of its characters are right.
+    /// does not reveal how many of its characters are right.
     #[must_use]
     pub fn is(&self, given: &str) -> bool {
         let own = self.0.as_bytes();

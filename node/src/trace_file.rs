@@ -39,7 +39,7 @@ impl<S> TraceRing<S> {
     }
 
     /// Sends a sample if there was a cycle since the last one. If the ring is full, the sample is dropped.
-    pub(crate) fn look(&mut self, cycle: u64, sample: impl FnOnce() -> (Instant, S)) {
+    pub(crate) fn record_cycle(&mut self, cycle: u64, sample: impl FnOnce() -> (Instant, S)) {
         if self.recording && self.last != Some(cycle) {
             self.last = Some(cycle);
             let _ = self.samples.send(sample());
@@ -120,7 +120,7 @@ mod tests {
         let (mut ring, writer) = start(&path).unwrap();
         for (cycle, on) in [(1, false), (2, true), (2, true), (3, true), (4, false)] {
             ring.record(on);
-            ring.look(cycle, || (Instant::from_nanos(cycle * 10), Cycle(cycle)));
+            ring.record_cycle(cycle, || (Instant::from_nanos(cycle * 10), Cycle(cycle)));
         }
         drop(ring);
         writer.finish().unwrap();

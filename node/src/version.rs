@@ -2,8 +2,8 @@
 
 use std::sync::OnceLock;
 
-/// Returns the version for `--version`: with the commit that the program was built from, where the build was told by the variable
-/// `SKILLBENCH_COMMIT`, as releases and images are.
+/// Returns the version for `--version`, with the commit that the program was built from if the variable `SKILLBENCH_COMMIT`
+/// contained it during the build, as for releases and images.
 #[must_use]
 pub fn version() -> &'static str {
     static VERSION: OnceLock<String> = OnceLock::new();

@@ -146,8 +146,8 @@ impl AxesGroup {
         self.command.outputs = outputs;
     }
 
-    /// Clears everything but the number, the override and the digital outputs. This image must be on the bus while nobody
-    /// commands, so that a robot that starts meanwhile finds nothing to execute.
+    /// Clears everything but the number, the override and the digital outputs. This image must be on the bus while there is no
+    /// command, so that a robot that starts meanwhile finds nothing to execute.
     pub fn disarm(&mut self) {
         self.command.control = Control::default();
         self.commanded = false;

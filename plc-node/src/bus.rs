@@ -113,8 +113,8 @@ fn profinet_controller(
 
 /// Returns the description of a setup's device, for a controller that expects it.
 ///
-/// A description lives as long as the program, since the usual one is compiled in. One out of a setup is read once a
-/// start, so leaking its few hundred bytes costs less than counting references to them.
+/// A description exists as long as the program, since the usual one is compiled in. A description from a setup is read once
+/// at the start, so leaking its few hundred bytes costs less than counting references to them.
 fn described(device: &ProfinetDevice) -> Description {
     let modules: Vec<Module> = device
         .modules

@@ -126,8 +126,8 @@ impl Sequence {
         self.ended.plus(self.current)
     }
 
-    /// Executes one scan of the program, which began at `now`; the first one sets the start edge. `stops` tells where
-    /// the continuous motions end.
+    /// Executes one scan of the program, which began at `now`; the first one sets the start edge. `stops` contains where the
+    /// continuous motions end.
     pub(crate) fn scan(
         &mut self,
         now: Instant,

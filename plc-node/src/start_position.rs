@@ -51,8 +51,8 @@ impl StartPosition {
         start.iter().zip(now).all(|(start, now)| (start - now).abs() <= TOLERANCE)
     }
 
-    /// Begins to move there. Where the arm stands at the end of the sequence, the way is free of the application's
-    /// obstacles; from elsewhere nobody knows.
+    /// Begins to move there. From the end of the sequence, the planned way is free of the application's obstacles; from
+    /// other positions this is unknown.
     pub(crate) fn begin(&mut self, is_at_end: bool) {
         self.under_way = Sequence::new(ExecutionType::Sm, 0, 1);
         self.is_from_end = is_at_end && !self.from_end.is_empty();

@@ -16,7 +16,7 @@ use protocol::buses::EthercatSubDevice;
 use protocol::fieldbus::LinkEvent;
 use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, OpenPort, Outbox, Task, clock};
+use protocol_linux::{CyclicThread, Driver, Interface, NoticeSender, Notifier, OpenPort, Task, clock};
 use serde_json::{Value, json};
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
@@ -103,14 +103,14 @@ impl<M: Machine<Event = LinkEvent> + Send + 'static> Drop for Attached<M> {
     }
 }
 
-/// Ends when it is told to.
+/// Ends when the test ends it.
 struct Idle;
 
 impl<M: Machine<Event = LinkEvent>> Task<M> for Idle {
     type Command = ();
-    type News = ();
+    type Notice = ();
 
-    fn event(&mut self, _: Instant, _: &mut M, _: LinkEvent, _: &mut Outbox<()>) -> ControlFlow<()> {
+    fn event(&mut self, _: Instant, _: &mut M, _: LinkEvent, _: &mut NoticeSender<()>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 }

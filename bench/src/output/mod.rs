@@ -4,7 +4,7 @@
 //! table      the printed table; figures are its first part, quality is its second
 //! verdicts   how far a run is from the paper, and which of its claims it supports
 //! progress   the lines of a run that is going on, on the terminal
-//! live       the page of a run that is going on, and its server
+//! live       the page of a run in progress, and its server
 //! report     report.html and race.html of a run, and comparisons of runs; html has what all pages share
 //! export     the results in formats of other programs
 //! timeline   a trace for Perfetto

@@ -12,12 +12,12 @@ use node::role::NodeRole;
 use protocol_linux::impaired::ImpairmentPlan;
 use robot_node::Disturbance;
 use serde::{Deserialize, Serialize};
-use virtual_time::{Impairment, LinkCounters, Side, Strike};
+use virtual_time::{FrameFault, Impairment, LinkCounters, Side};
 
 pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
-pub use limits::{NotReal, TooManyStrikes, check_drives, check_real, check_strikes};
+pub use limits::{NotReal, TooManyFrameFaults, check_drives, check_frame_faults, check_real};
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]
@@ -38,7 +38,7 @@ enum Kind {
     Reorder(u32, Duration),
     Corrupt(u32),
     CorruptOnWire(u32),
-    Strike(u64, Strike),
+    FrameFault(u64, FrameFault),
     AtFrame(AtFrame),
     Cut(Duration, Duration),
     Kill(NodeRole, Duration),
@@ -108,11 +108,11 @@ impl FromStr for Fault {
                 let (part, by) = value.split_once('@').ok_or_else(form)?;
                 Kind::Reorder(share(part)?, time(by)?)
             }
-            "lose-frame" if from.is_some() => Kind::Strike(frame(value)?, Strike::Lose),
-            "double-frame" if from.is_some() => Kind::Strike(frame(value)?, Strike::Double),
+            "lose-frame" if from.is_some() => Kind::FrameFault(frame(value)?, FrameFault::Lose),
+            "double-frame" if from.is_some() => Kind::FrameFault(frame(value)?, FrameFault::Double),
             "hold-frame" if from.is_some() => {
                 let (number, by) = value.split_once('@').ok_or_else(form)?;
-                Kind::Strike(frame(number)?, Strike::Hold(time(by)?))
+                Kind::FrameFault(frame(number)?, FrameFault::Hold(time(by)?))
             }
             "flip-frame" if from.is_some() => flip(value).ok_or_else(form)??,
             "cut-at" if from.is_none() => {
@@ -149,15 +149,15 @@ fn frame(text: &str) -> Result<u64, FaultError> {
 
 /// Parses a bit that flips, such as `17.93@memory` for bit 93 of frame 17, or `17@wire`; `None` for another form.
 fn flip(text: &str) -> Option<Result<Kind, FaultError>> {
-    let (place, strike) = match text.split_once('@')? {
-        (number, "wire") => (number, Strike::FlipOnWire),
+    let (place, frame_fault) = match text.split_once('@')? {
+        (number, "wire") => (number, FrameFault::FlipOnWire),
         (place, "memory") => {
             let (number, bit) = place.split_once('.')?;
-            (number, Strike::Flip(bit.parse().ok()?))
+            (number, FrameFault::Flip(bit.parse().ok()?))
         }
         _ => return None,
     };
-    Some(frame(place).map(|frame| Kind::Strike(frame, strike)))
+    Some(frame(place).map(|frame| Kind::FrameFault(frame, frame_fault)))
 }
 
 fn time(text: &str) -> Result<Duration, FaultError> {
@@ -193,8 +193,8 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
                     Kind::Duplicate(ppm) => link.duplicate_ppm = ppm,
                     Kind::Corrupt(ppm) => link.corrupt_ppm = ppm,
                     Kind::CorruptOnWire(ppm) => link.corrupt_on_wire_ppm = ppm,
-                    // What has no room is refused by `check_strikes`.
-                    Kind::Strike(frame, strike) => _ = link.strikes.add(frame, strike),
+                    // What has no room is refused by `check_frame_faults`.
+                    Kind::FrameFault(frame, frame_fault) => _ = link.frame_faults.add(frame, frame_fault),
                     Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
                     Kind::AtFrame(_) | Kind::Cut(..) | Kind::Kill(..) | Kind::Drive(..) => {}
                 }
@@ -320,108 +320,4 @@ impl fmt::Display for FaultReport {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn faults(texts: &[&str]) -> Vec<Fault> {
-        texts.iter().map(|text| text.parse().unwrap()).collect()
-    }
-
-    #[test]
-    fn faults_are_combined_and_can_be_limited_to_one_direction() {
-        let cable = Impairment { delay: Duration::from_micros(2), ..Impairment::default() };
-        let [to_robot, to_plc] =
-            links(&faults(&["loss=0.1%", "to-robot:delay=0.1ms", "to-plc:reorder=0.5@2ms"]), cable);
-        let lossy = Impairment { loss_ppm: 1_000, ..cable };
-        assert_eq!(to_robot, Impairment { delay: Duration::from_micros(102), ..lossy });
-        let by = Duration::from_millis(2);
-        assert_eq!(to_plc, Impairment { reorder_ppm: 500_000, reorder_by: by, ..lossy });
-        let [corrupt, _] = links(&faults(&["corrupt=0.1@memory", "to-robot:corrupt=0.2@wire"]), cable);
-        let [_, struck] = links(&faults(&["to-plc:hold-frame=17@2ms"]), cable);
-        assert!(struck.strikes.iter().eq([(17, Strike::Hold(Duration::from_millis(2)))]));
-        let flips = ["to-plc:flip-frame=3.93@memory", "to-plc:flip-frame=4@wire"];
-        let [_, struck] = links(&faults(&flips), cable);
-        assert!(struck.strikes.iter().eq([(3, Strike::Flip(93)), (4, Strike::FlipOnWire)]));
-        assert_eq!((corrupt.corrupt_ppm, corrupt.corrupt_on_wire_ppm), (100_000, 200_000));
-    }
-
-    #[test]
-    fn cuts_and_kills_come_in_order() {
-        let changes = changes(&faults(&["kill-robot-at=5s", "cut-at=2s..2.1s", "loss=0.1"]));
-        let ms = Duration::from_millis;
-        assert_eq!(
-            changes,
-            [(ms(2_000), Change::Cut), (ms(2_100), Change::Mend), (ms(5_000), Change::Kill(NodeRole::Robot))]
-        );
-    }
-
-    #[test]
-    fn a_shaft_is_held_for_a_time_and_only_drives_that_are_there_have_faults() {
-        let block = faults(&["drive-block=2@1s..1.5s", "drive-fault=4@1.2s"]);
-        let ms = Duration::from_millis;
-        let expected = [
-            (ms(1_000), Change::Drive(2, Disturbance::Block)),
-            (ms(1_200), Change::Drive(4, Disturbance::Fault)),
-            (ms(1_500), Change::Drive(2, Disturbance::Release)),
-        ];
-        assert_eq!(changes_of_nodes(&block), expected);
-        let without = setup::setup("A").unwrap();
-        let with = without.clone().with_drives(setup::Drives::Ethercat);
-        assert_eq!(check_drives(&block, &with), Ok(()));
-        insta::assert_snapshot!(check_drives(&block, &without).unwrap_err(), @"drive-fault, drive-stop and drive-block need drives, and setup A has none: add --drives ethercat");
-        let fifth = faults(&["drive-stop=5@1s"]);
-        insta::assert_snapshot!(check_drives(&fifth, &with).unwrap_err(), @"there is no drive of axis 5: this arm has axes 1 to 4");
-    }
-
-    #[test]
-    fn more_faults_of_single_frames_than_there_is_room_for_are_refused() {
-        let mut five = vec!["to-plc:lose-frame=1"; 4];
-        assert_eq!(check_strikes(&faults(&five)), Ok(()));
-        five.extend(["to-robot:lose-frame=1", "to-plc:flip-frame=9@wire"]);
-        insta::assert_snapshot!(check_strikes(&faults(&five)).unwrap_err(), @"5 faults of single frames in one direction, and there is room for 4: ask for fewer");
-    }
-
-    #[test]
-    fn a_cut_from_a_frame_on_is_for_virtual_time() {
-        let cut = faults(&["to-robot:cut-frame=17@10ms"]);
-        insta::assert_snapshot!(check_real(&cut).unwrap_err(), @"`to-robot:cut-frame=17@10ms` is for virtual time only: add --mode virtual, or give a time, as in cut-at=2s..2.1s");
-    }
-
-    #[test]
-    fn a_real_cable_holds_no_frame_for_longer_than_a_second() {
-        assert_eq!(
-            check_real(&faults(&["to-plc:delay=600ms", "to-robot:jitter=600ms", "cut-at=1s..9s"])),
-            Ok(())
-        );
-        let said = check_real(&faults(&["delay=600ms", "reorder=0.1@500ms"])).unwrap_err().to_string();
-        assert!(said.starts_with("these faults hold frames for up to 1.1s, and a cable"), "{said}");
-    }
-
-    #[test]
-    fn the_error_for_a_wrong_fault_shows_correct_ones() {
-        let said = |text: &str| text.parse::<Fault>().unwrap_err().to_string();
-        assert!(said("lag=2ms").starts_with("`lag=2ms` is no fault; write loss=0.001"));
-        assert!(said("to-robot:cut-at=1s..2s").contains("is no fault"));
-        assert_eq!(
-            said("loss=2"),
-            "`2` is no share of the frames; write a number from 0 to 1, such as 0.001, or 0.1%"
-        );
-        assert_eq!(
-            said("delay=3"),
-            "`3` is no time; write a number with its unit, such as 100us, 2.5ms or 2s"
-        );
-        assert_eq!(said("cut-at=2s..1s"), "`cut-at=2s..1s` ends before it begins");
-        assert_eq!(said("drive-block=1@2s..1s"), "`1@2s..1s` ends before it begins");
-        for wrong in ["drive-fault=0@1s", "drive-fault=1", "drive-stop=x@1s"] {
-            assert!(said(wrong).contains("is no axis and time; write 3@2s"), "{wrong}");
-        }
-        assert!(said("drive-fault=1@1s..2s").contains("is no time"));
-        assert!(said("to-plc:drive-fault=1@1s").contains("is no fault"));
-        for wrong in
-            ["to-plc:flip-frame=1", "to-plc:flip-frame=1@memory", "cut-frame=1@1ms", "to-plc:cut-frame=1"]
-        {
-            assert!(said(wrong).contains("is no fault"), "{wrong}");
-        }
-        assert!(said("to-plc:restart-plc=0@1ms").contains("is no number of a frame"));
-    }
-}
+mod tests;

@@ -1,7 +1,7 @@
 //! The ratio of two means of one real run, with its confidence interval.
 //!
 //! On a shared host, absolute times depend on the neighbours as much as on the program. But the types of one run are
-//! interleaved, so the host affects all of them alike, and their ratio can be judged. If the samples do not suffice
+//! interleaved, so the host affects all of them equally, and their ratio can be judged. If the samples do not suffice
 //! for a verdict, the verdict says so.
 
 use rand_core::{Rng, SeedableRng};

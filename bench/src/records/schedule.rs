@@ -16,7 +16,7 @@ pub(crate) const REPETITIONS: u32 = 25;
 pub(crate) const PAUSE: Duration = Duration::from_millis(40);
 
 /// Largest random extension of the pause, evenly distributed: several times the longest cycle, so that start edges
-/// meet all phases of every cycle alike.
+/// meet all phases of every cycle equally often.
 const SPREAD: Duration = Duration::from_millis(60);
 
 /// One run of a schedule.
@@ -32,7 +32,7 @@ pub struct Step {
     pub overrides: Option<OverrideSchedule>,
 }
 
-/// All runs of a measurement, in an order in which a drift affects all types alike.
+/// All runs of a measurement, in an order in which a drift affects all types equally.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Schedule {
     /// Execution types in the order of each round, each once.

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use machine::Instant;
 use machine::ethernet::Mac;
-use protocol_linux::capture::{CaptureFile, Keep, Note, Packet};
+use protocol_linux::capture::{CableEvent, CaptureFile, Packet, Retention};
 use virtual_time::{Carrier, Segment, Side, Tapped};
 
 use packet::{Ip, Tcp};
@@ -54,13 +54,13 @@ pub struct VirtualCapture {
 struct End {
     file: CaptureFile,
     /// Packets that passed or will pass, by time: a retransmitted segment is announced in advance.
-    waiting: BinaryHeap<Reverse<Passed>>,
+    waiting: BinaryHeap<Reverse<WaitingPacket>>,
     /// Comment for the next packet.
     note: Option<String>,
 }
 
 #[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Passed {
+struct WaitingPacket {
     at: Instant,
     number: u64,
     sent: bool,
@@ -117,7 +117,7 @@ impl VirtualCapture {
     /// # Errors
     ///
     /// A file cannot be created.
-    pub fn create(directory: &Path, config: CableConfig, keep: Keep) -> io::Result<Self> {
+    pub fn create(directory: &Path, config: CableConfig, keep: Retention) -> io::Result<Self> {
         let end = |file, interface| {
             let file = CaptureFile::create(&directory.join(file), interface, &config.about, keep)?;
             io::Result::Ok(End { file, waiting: BinaryHeap::new(), note: None })
@@ -127,11 +127,11 @@ impl VirtualCapture {
     }
 
     /// Comments a change of the cable or of a node, at both ends beside the next packet there.
-    pub fn note(&mut self, note: Note) {
+    pub fn note(&mut self, note: CableEvent) {
         match note {
-            Note::Cut { .. } => self.cut = true,
-            Note::Mended => self.cut = false,
-            Note::Killed(_) => {}
+            CableEvent::Cut { .. } => self.cut = true,
+            CableEvent::Mended => self.cut = false,
+            CableEvent::Killed(_) => {}
         }
         for end in &mut self.ends {
             let before = end.note.take().map_or_else(String::new, |before| before + "; ");
@@ -143,7 +143,7 @@ impl VirtualCapture {
     pub fn see(&mut self, tapped: &Tapped<'_>) {
         self.seal_before(tapped.at);
         let leaves = tapped.end == tapped.from;
-        let comment = (!tapped.fate.is_clean()).then(|| tapped.fate.to_string());
+        let comment = (!tapped.effect.is_clean()).then(|| tapped.effect.to_string());
         match tapped.carrier {
             Carrier::Ethernet => self.pass(tapped.at, tapped.end, leaves, comment, tapped.frame.to_vec()),
             Carrier::Udp { source, to } => {
@@ -213,7 +213,7 @@ impl VirtualCapture {
                     at: tapped.at,
                     way,
                     tcp: Tcp { sequence, acknowledged: connection.acknowledged(), flags },
-                    gets_through: !(tapped.fate.lost || tapped.fate.cut),
+                    gets_through: !(tapped.effect.lost || tapped.effect.cut),
                     comment,
                     bytes: tapped.frame.to_vec(),
                 });
@@ -303,7 +303,7 @@ impl VirtualCapture {
     fn pass(&mut self, at: Instant, end: Side, sent: bool, comment: Option<String>, packet: Vec<u8>) {
         self.next_number += 1;
         let number = self.next_number;
-        self.end(end).waiting.push(Reverse(Passed { at, number, sent, comment, packet }));
+        self.end(end).waiting.push(Reverse(WaitingPacket { at, number, sent, comment, packet }));
     }
 
     /// Writes what passed up to `until`.
@@ -340,7 +340,7 @@ impl VirtualCapture {
 impl Leaving {
     /// Returns whether a piece belongs to this segment.
     fn goes_on(&self, piece: &Tapped<'_>, sequence: u32, flags: u8) -> bool {
-        let clean = self.comment.is_none() && piece.fate.is_clean();
+        let clean = self.comment.is_none() && piece.effect.is_clean();
         let follows = sequence == self.tcp.sequence.wrapping_add(self.bytes.len() as u32);
         let fits = self.bytes.len() + piece.frame.len() <= usize::from(packet::MAXIMUM_SEGMENT);
         clean && fits && follows && self.at == piece.at && flags == self.tcp.flags && flags & packet::PSH != 0

@@ -4,8 +4,8 @@
 //! rig          two processes on a real network, or nodes that already run
 //! virtual_run  both nodes in virtual time
 //! planned_cell the robot in its cell and the motions of an application
-//! verification compares each repetition with the plan; reaction_limits tells what the cycles alone take
-//! capture      what passes a virtual cable, as the packets of a network; frame_name tells what they are
+//! verification compares each repetition with the plan; reaction_limits computes what the cycles alone take
+//! capture      the frames of a virtual cable as packets of a network; frame_name names them by their protocol
 //! ```
 
 pub mod capture;
@@ -20,7 +20,7 @@ use std::path::Path;
 
 use ::node::token::ControlToken;
 use planning::Application;
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::Retention;
 use setup::Setup;
 
 use crate::output::exit::Failure;
@@ -76,7 +76,7 @@ pub struct StandConfig<'a> {
     /// The run directory: node processes read the setup from it; captures and traces are written to it.
     pub directory: &'a Path,
     /// How much of a capture is kept; `None` for no captures.
-    pub capture: Option<Keep>,
+    pub capture: Option<Retention>,
     /// Whether the frames of recorded repetitions are kept, for a timeline.
     pub frames: bool,
     /// Faults of the cable and of the nodes.

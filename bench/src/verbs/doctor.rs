@@ -76,7 +76,7 @@ impl Finding {
 /// # Errors
 ///
 /// The setup cannot be used, or wake-ups cannot be measured. A computer on which real mode does not run is not an
-/// error: its findings are printed, and the exit code tells.
+/// error: its findings are printed, and the exit code reports it.
 pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let setup = setup::setup(options.setup.name())?;
     // Before this process enters a namespace, from where it sees fewer files of others.

@@ -35,9 +35,9 @@ pub(super) fn run<J: Sync, R: Send>(
     Ok(results.into_iter().flatten().collect())
 }
 
-/// How jobs are run.
+/// Options for running jobs.
 pub(super) struct Pool<'a> {
-    /// What the line of progress begins with.
+    /// Beginning of the line of progress.
     pub(super) name: &'a str,
     /// Whether there is none.
     pub(super) quiet: bool,
@@ -70,7 +70,7 @@ impl Pool<'_> {
                     while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
                         .and_then(|index| Some((index, jobs.get(index)?)))
                     {
-                        // After a job failed, nobody receives results any more.
+                        // After a job failed, the receiver of the results is gone.
                         if ended.send((index, work(job))).is_err() {
                             break;
                         }

@@ -1,5 +1,5 @@
-//! `bench soak`: many hours of the plant in virtual time, over many seeds, with faults all the time: every repetition is
-//! verified, and memory and descriptors of this process must not grow.
+//! `bench soak`: many hours of the plant in virtual time, with faults all the time and many seeds. It verifies every
+//! repetition, and checks that memory and descriptors of this process do not grow.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -21,11 +21,11 @@ use crate::stands::planned_cell::PlannedCell;
 use crate::stands::verification::{Difference, Verification};
 use crate::stands::virtual_run::{Extras, VirtualRun};
 
-/// Faults that a cell lives with: more of each than any plant has.
+/// Faults of a cell in the soak: more of each than any plant has.
 const BACKGROUND: &str =
     "loss=0.001,duplicate=0.0005,jitter=100us,reorder=0.0005@2ms,corrupt=0.0001@memory,corrupt=0.0001@wire";
 
-/// Growth of resident memory in MiB that is taken for growth: the allocator keeps what it once had.
+/// Growth of resident memory in MiB that is reported as growth. The allocator keeps freed memory, so less means nothing.
 const GROWTH_MIB: f64 = 8.0;
 
 /// Options of the soak.
@@ -58,7 +58,7 @@ pub struct SoakOptions {
     pub quiet: bool,
 }
 
-/// Counts of one life, or of all.
+/// Counts of one cell, or of all.
 #[derive(Clone, Default, Debug)]
 struct Counts {
     plant: Duration,
@@ -71,7 +71,7 @@ struct Counts {
     difference: Option<String>,
 }
 
-/// What this process has.
+/// Memory and descriptors of this process.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Held {
     /// Resident memory in MiB.
@@ -80,7 +80,7 @@ struct Held {
     descriptors: usize,
 }
 
-/// Runs all lives and prints what they did.
+/// Runs all cells one after another and prints their results.
 ///
 /// # Errors
 ///
@@ -89,7 +89,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     let (setup, found) = options.setup.load()?;
     let faults = flat(&options.fault);
     faults::check_drives(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
-    faults::check_strikes(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
+    faults::check_frame_faults(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
     let (life, started) = (options.life_minutes.max(1.0 / 60.0), Instant::now());
     let lives = (options.hours * 60.0 / life).ceil().max(1.0) as u64;
@@ -112,7 +112,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     Ok(if is_well { Exit::Pass } else { Exit::RunFailed })
 }
 
-/// Lives with these faults for so long: one repetition of each type after the other.
+/// Runs a cell with these faults for this time: one repetition of each type after the other.
 fn live(
     setup: &Setup,
     planned: &PlannedCell,
@@ -124,7 +124,7 @@ fn live(
     let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, faults)?;
     let mut run = VirtualRun::switch_on(setup, planned.clone(), seed, &extras)?;
     let mut counts = Counts::default();
-    // A connection that the faults cut off is made again.
+    // Connects again after the faults ended a connection.
     let mut connected = run.connect();
     for step in Schedule::new(&ExecutionType::ALL, u32::MAX, seed).steps() {
         let ended = connected
@@ -188,7 +188,7 @@ impl Held {
     }
 }
 
-/// How much more this process has after the last life than after the first tenth of them.
+/// Growth of this process from the first tenth of the cells to the last cell.
 #[derive(Clone, Copy, Debug)]
 struct Growth {
     from: Held,
@@ -198,7 +198,7 @@ struct Growth {
 impl Growth {
     fn of(held: &[Held]) -> Self {
         let nothing = Held { memory_mib: 0.0, descriptors: 0 };
-        // By then every thread has had a life.
+        // By then every thread has run a cell.
         let from = held.get(held.len() / 10).copied().unwrap_or(nothing);
         Self { from, to: held.last().copied().unwrap_or(nothing) }
     }

@@ -1,5 +1,4 @@
-//! What all studies share: their options, and where they save their table. A study is many virtual runs with one
-//! table.
+//! The options of all studies, and the files in which they save their tables. A study is many virtual runs with one table.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;

@@ -66,7 +66,7 @@ pub struct Motion {
     pub configuration: Option<Configuration>,
     /// The intermediate point in mm of a circle, or the force in N; zero otherwise.
     pub auxiliary: [f64; 3],
-    /// The points before its start and after its target that a spline bends by, where it goes on through them.
+    /// The points before the start and after the target of a spline, if the motion continues through them: they bend it.
     pub spline_neighbours: [Option<Point>; 2],
     /// Length of its path in mm; for a PTP and a spline, of the straight line.
     pub length_mm: f64,

@@ -158,7 +158,7 @@ impl Walk<'_> {
         let arm = self.arm();
         let next = self.flange(motion, track.tool(to)).and_then(|flange| arm.follow(&flange, &joints));
         let turn = next.as_ref().map_or((1, f64::INFINITY), |next| arm.largest_turn(&joints, next));
-        // Where the arm ends within the step, the halves tell where.
+        // If the arm cannot follow within the step, its halves show where.
         if turn.1 > HALVED_DEG && halvings > 0 {
             let middle = f64::midpoint(from, to);
             let half = self.step(motion, track, (from, joints), middle, speed_mm_s, halvings - 1)?;

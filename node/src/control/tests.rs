@@ -159,14 +159,14 @@ fn a_wrong_token_and_a_line_before_it_are_answered_by_the_reason_alone() {
 #[test]
 fn clients_that_never_show_the_token_keep_nobody_out_and_are_reported_once() {
     let (mut port, address) = guarded_port();
-    let silent: Vec<_> = (0..3 * GUESTS)
+    let silent: Vec<_> = (0..3 * MOST_UNAUTHENTICATED)
         .map(|_| {
             let stream = TcpStream::connect(address).unwrap();
             port.handle();
             stream
         })
         .collect();
-    assert_eq!(port.guests.len(), GUESTS);
+    assert_eq!(port.unauthenticated.len(), MOST_UNAUTHENTICATED);
     let mut client = TcpStream::connect(address).unwrap();
     client.write_all(format!("{{\"token\":\"{TOKEN}\"}}\n").as_bytes()).unwrap();
     assert!(matches!(next(&mut port), Input::Refused { more: 0, .. }));
@@ -185,12 +185,12 @@ fn a_client_that_is_silent_for_too_long_is_disconnected() {
 
     let (mut port, address) = guarded_port();
     let _guest = TcpStream::connect(address).unwrap();
-    while port.guests.is_empty() {
+    while port.unauthenticated.is_empty() {
         port.handle();
     }
-    port.guests[0].heard = Instant::now().checked_sub(FIRST_LINE).unwrap();
+    port.unauthenticated[0].heard = Instant::now().checked_sub(FIRST_LINE).unwrap();
     port.handle();
-    assert!(matches!(next(&mut port), Input::Refused { .. }) && port.guests.is_empty());
+    assert!(matches!(next(&mut port), Input::Refused { .. }) && port.unauthenticated.is_empty());
 }
 
 #[test]

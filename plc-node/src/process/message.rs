@@ -1,4 +1,4 @@
-//! What a PLC says and is told, as messages and as orders to the cyclic thread.
+//! Messages of a PLC, instructions to it, and the orders to its cyclic thread.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Execution, ExecutionType, OverrideError, OverrideSchedule, PlcEvent, StartError};
 
-/// What only a PLC says.
+/// A message that only a PLC sends.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlcMessage {
@@ -34,7 +34,7 @@ pub enum PlcMessage {
         /// Why not, in words.
         reason: String,
     },
-    /// An instruction was not followed; what runs goes on.
+    /// An instruction was refused; a run in progress continues.
     Refused {
         /// Why not, in words.
         reason: String,
@@ -70,7 +70,7 @@ impl fmt::Display for PlcMessage {
     }
 }
 
-/// What only a PLC is told.
+/// An instruction that only a PLC receives.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlcInstruction {

@@ -1,4 +1,4 @@
-//! Who decides what the PLC does: whoever gives instructions, or the command line alone.
+//! The PLC's two modes of operation: it follows instructions, or the command line alone.
 
 use std::fmt;
 
@@ -8,10 +8,10 @@ use protocol::fieldbus::{Fieldbus, LinkEvent};
 use super::message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal, message, refusal};
 use crate::{ExecutionType, OverrideSchedule, PlcEvent, PlcNode, StartError};
 
-/// Does what it is told.
+/// The mode in which the PLC follows instructions.
 #[derive(Default)]
 pub(super) struct OnInstruction {
-    /// The robot was ready when it was last heard of: a controller that comes later missed that.
+    /// Whether the robot was ready at its last message. A controller that connects later gets this state.
     ready: bool,
 }
 

@@ -92,7 +92,7 @@ impl ScriptedRobot {
         }
     }
 
-    /// Restarts its program while the bus goes on: it knows no command any more.
+    /// Restarts its program while the bus continues: it knows no command any more.
     pub(crate) fn restart(&mut self) {
         self.feedback = Feedback { life: self.feedback.life, ..Feedback::default() };
         self.seen = 0;

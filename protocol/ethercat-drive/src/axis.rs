@@ -75,7 +75,7 @@ impl Axis {
         };
     }
 
-    /// Returns what to send next. A target counts once the drive is on; before that it is told to stay where it is.
+    /// Returns the next process data. The target is sent once the drive is on; before that, the drive's own position.
     pub fn send(&mut self, wanted: Wanted, target: i32) -> Outputs {
         self.sent = self.control_word(wanted);
         let target = if self.power == Power::On { target } else { self.position };

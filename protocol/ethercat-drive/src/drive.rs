@@ -114,7 +114,7 @@ impl Drive {
         self.fail(error);
     }
 
-    /// Stops the drive as an input of its own does: by a quick stop that nobody commanded.
+    /// Stops the drive as one of its own inputs does: by a quick stop without a command.
     pub fn stop(&mut self, quick_stop: QuickStop) {
         if self.state == State::OperationEnabled {
             self.state = quick_stop.state();

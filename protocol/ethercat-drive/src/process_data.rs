@@ -19,7 +19,7 @@ pub const OUTPUT_LEN: usize = 8;
 /// Bytes from a drive to the controller.
 pub const INPUT_LEN: usize = 14;
 
-/// What a controller tells a drive. Positions are in increments.
+/// Process data from the controller to a drive. Positions are in increments.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Outputs {
     /// Object 0x6040.
@@ -50,7 +50,7 @@ impl Outputs {
     }
 }
 
-/// What a drive tells its controller. Positions are in increments.
+/// Process data from a drive to its controller. Positions are in increments.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Inputs {
     /// Object 0x6041.

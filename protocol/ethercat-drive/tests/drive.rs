@@ -14,7 +14,7 @@ fn parameters() -> Parameters {
     Parameters { window: Some(2_000), window_time: MS * 10, quick_stop: QuickStop::Brake, deceleration: 1e7 }
 }
 
-/// A drive that is told the same until it is told otherwise.
+/// A drive that gets the same process data until a test changes them.
 struct Told {
     drive: Drive,
     outputs: Outputs,

@@ -1,12 +1,12 @@
-//! What a machine and its future share: the machine lends it to the thread while it polls the future.
+//! Lets a machine and its future share a value: while the machine polls the future, the value is in a thread-local place.
 //!
-//! So neither needs a lock or a pointer to the other, and the machine can move to another thread between two polls.
+//! Neither needs a lock or a pointer to the other, and the machine can move to another thread between two polls.
 
 use std::cell::RefCell;
 use std::mem::swap;
 use std::thread::LocalKey;
 
-/// The place in a thread that holds a lent value.
+/// The thread-local place of the shared value.
 pub(crate) type Place<T> = LocalKey<RefCell<T>>;
 
 /// Runs `poll` while `value` is in its place. The value comes back if `poll` panics, too.

@@ -53,7 +53,7 @@ impl MainDevice {
     }
 
     /// Returns the counters of process data: `sent` and `received` are exchanges. An exchange without a good reply is
-    /// `lost`, and so are the cycles that pass while it is waited for. Frames that nobody waited for any more are `late`.
+    /// `lost`, and so are the cycles that pass while it waits for the reply. Replies after that are `late`.
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters { late: self.refused_before + self.operation.refused(), ..self.process.counters }

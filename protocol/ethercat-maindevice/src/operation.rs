@@ -196,7 +196,7 @@ impl<'a> Exchange<'a> {
                 process.leaving
             });
             if leaving {
-                // Whether they do or not: nobody is there any more to wait for it.
+                // The devices' answer does not matter: the MainDevice ends here.
                 let request = Command::bwr(RegisterAddress::AlControl.into()).ignore_wkc();
                 let _ = request.send(main, REQUEST_INIT).await;
                 return Ok(());

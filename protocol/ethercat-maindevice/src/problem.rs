@@ -40,7 +40,7 @@ pub(crate) enum Problem {
     NoDevice,
     /// Other devices than expected.
     OtherDevices { expected: Vec<ExpectedDevice>, found: Vec<FoundDevice> },
-    /// There are more devices than this MainDevice can tell apart.
+    /// There are more devices than this MainDevice can hold.
     TooManyDevices { expected: usize },
     /// A device has other process data.
     OtherProcessData { number: usize, found: FoundDevice, expected: [usize; 2], bytes: [usize; 2] },
@@ -97,7 +97,7 @@ impl Problem {
         Down { cause, code, text }
     }
 
-    /// Writes what [`Problem::down`] does not tell; nothing if it tells all.
+    /// Writes what [`Problem::down`] leaves out, if anything.
     pub(crate) fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         match self {
             Self::Silence | Self::NoDevice | Self::Watchdog | Self::Panic => Ok(()),

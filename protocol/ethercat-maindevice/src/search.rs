@@ -96,7 +96,7 @@ pub fn search(start: Instant, length: Duration) -> Scripted<impl Future<Output =
     Scripted::new(script, start)
 }
 
-/// Asks one position after the other, until nobody counts the frame.
+/// Reads one position after the other, until no device answers.
 async fn list(main: &ethercrab::MainDevice<'_>, found: &mut Found) {
     for position in 0..MOST_DEVICES {
         match device(main, position).await {

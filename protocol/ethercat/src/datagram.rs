@@ -4,7 +4,7 @@
 //! 0..2        EtherCAT header: length of the datagrams in bits 0..11, type 1 in bits 12..16
 //! datagram:
 //! 0           command
-//! 1           index, which the MainDevice tells datagrams by
+//! 1           index, by which the MainDevice recognises its datagrams
 //! 2..6        address: position or station (2..4) and offset (4..6), or logical address
 //! 6..8        length of the data in bits 0..11, circulating bit 14, more follow bit 15
 //! 8..10       event requests of the devices

@@ -19,7 +19,7 @@ pub struct AllocationCounter;
 
 impl AllocationCounter {
     fn count() {
-        // A thread that is ending has no counter any more, and nobody reads it then.
+        // A thread that is ending has no counter any more; its count is not needed.
         let _ = ARMED.try_with(|armed| {
             if armed.get() {
                 let _ = COUNT.try_with(|count| count.set(count.get() + 1));

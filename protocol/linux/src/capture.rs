@@ -32,7 +32,7 @@ const LAST: usize = 64 << 20;
 
 /// Which frames a capture keeps.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Keep {
+pub enum Retention {
     /// All frames, written to disk as they come.
     All,
     /// The first MiB and the last 64 MiB, held in memory and written at the end.
@@ -54,7 +54,7 @@ pub struct Packet<'a> {
 
 /// Comment beside the next frame when the cable's or a node's state changes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Note {
+pub enum CableEvent {
     /// The cable was cut.
     Cut {
         /// Frames that were on the cable and are lost.
@@ -66,7 +66,7 @@ pub enum Note {
     Killed(Side),
 }
 
-impl fmt::Display for Note {
+impl fmt::Display for CableEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cut { lost_under_way: 0 } => f.write_str("fault: the cable is cut from here on"),
@@ -102,10 +102,10 @@ impl CaptureFile {
     /// # Errors
     ///
     /// The file cannot be created.
-    pub fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> io::Result<Self> {
-        let sink = match keep {
-            Keep::All => Sink::Disk(BufWriter::with_capacity(1 << 16, File::create(path)?)),
-            Keep::FirstAndLast => Sink::Memory(Ring::default()),
+    pub fn create(path: &Path, interface: &str, about: &str, retention: Retention) -> io::Result<Self> {
+        let sink = match retention {
+            Retention::All => Sink::Disk(BufWriter::with_capacity(1 << 16, File::create(path)?)),
+            Retention::FirstAndLast => Sink::Memory(Ring::default()),
         };
         let mut writer = PcapNgWriter::new(sink).map_err(io::Error::other)?;
         let mut options = vec![

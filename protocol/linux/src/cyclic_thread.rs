@@ -1,4 +1,4 @@
-//! A driver on a thread of its own: commands go in and news come out through wait-free rings.
+//! A driver on a thread of its own: commands go in and notices come out through wait-free rings.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc;
@@ -7,9 +7,9 @@ use std::thread::JoinHandle;
 use machine::{Instant, Machine};
 
 use crate::handover::{Receiver, Sender, Taken, ring};
-use crate::{Driver, DriverError, Notifier, Outbox, Owner, Statistics, scheduling};
+use crate::{Driver, DriverError, NoticeSender, Notifier, Owner, Statistics, scheduling};
 
-/// Commands, and news, that a ring holds.
+/// Largest number of commands, and of notices, that a ring holds.
 const RING_CAPACITY: usize = 64;
 
 /// What the owner of a machine does on the cyclic thread. Like [`Owner`], a task must not block, allocate, lock or
@@ -18,7 +18,7 @@ pub trait Task<M: Machine>: Send + 'static {
     /// What another thread sends to the task.
     type Command: Send + 'static;
     /// What the task reports to another thread.
-    type News: Send + 'static;
+    type Notice: Send + 'static;
 
     /// Handles a command; `statistics` are the driver's so far. `Break` ends the thread. A task that does not
     /// implement this ends at its first command.
@@ -28,7 +28,7 @@ pub trait Task<M: Machine>: Send + 'static {
         _machine: &mut M,
         _statistics: &Statistics,
         _command: Self::Command,
-        _news: &mut Outbox<Self::News>,
+        _notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
@@ -39,7 +39,7 @@ pub trait Task<M: Machine>: Send + 'static {
         now: Instant,
         machine: &mut M,
         event: M::Event,
-        news: &mut Outbox<Self::News>,
+        notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()>;
 
     /// Handles the instant of [`deadline`](Self::deadline). `Break` ends the thread.
@@ -48,7 +48,7 @@ pub trait Task<M: Machine>: Send + 'static {
     }
 
     /// Inspects the machine after it did what was due, for records.
-    fn look(&mut self, _now: Instant, _machine: &M) {}
+    fn inspect(&mut self, _now: Instant, _machine: &M) {}
 
     /// Returns when to call [`expired`](Self::expired), if at all.
     fn deadline(&self) -> Option<Instant> {
@@ -81,7 +81,7 @@ where
     M: Machine,
 {
     commands: Sender<T::Command>,
-    news: Receiver<T::News>,
+    notices: Receiver<T::Notice>,
     waker: Notifier,
     warning: Option<String>,
     thread: JoinHandle<Ended<M, T>>,
@@ -102,8 +102,8 @@ pub struct Finished<M, T> {
     pub driver: Driver<M>,
     /// The task, with the data that it collected.
     pub task: T,
-    /// News dropped because the ring was full.
-    pub news_dropped: u64,
+    /// Notices dropped because the ring was full.
+    pub notices_dropped: u64,
     /// How the loop ended.
     pub result: Result<(), DriverError>,
 }
@@ -113,13 +113,14 @@ where
     M: Machine + Send + 'static,
     T: Task<M>,
 {
-    /// Starts the loop. `waker` is the notifier that the driver was created with; `reader` is notified of news and of
+    /// Starts the loop. `waker` is the notifier that the driver was created with; `reader` is notified of notices and of
     /// the end.
     pub fn start(driver: Driver<M>, task: T, waker: Notifier, reader: Notifier) -> Result<Self, StartError> {
         let (commands, command_ring) = ring(RING_CAPACITY);
-        let (news_ring, news) = ring(RING_CAPACITY);
+        let (notice_ring, notices) = ring(RING_CAPACITY);
         let (started, start) = mpsc::sync_channel(1);
-        let mut owner = RingOwner { task, commands: command_ring, outbox: Outbox::new(news_ring, reader) };
+        let mut owner =
+            RingOwner { task, commands: command_ring, notices: NoticeSender::new(notice_ring, reader) };
         let body = move || {
             let _ = started.send(scheduling::make_real_time().refused());
             let mut driver = driver;
@@ -129,7 +130,7 @@ where
         let thread = std::thread::Builder::new().name("cyclic".to_owned()).spawn(body)?;
         // `start` has no message only if the thread panics before its first line.
         let warning = start.recv().ok().flatten();
-        Ok(Self { commands, news, waker, warning, thread })
+        Ok(Self { commands, notices, waker, warning, thread })
     }
 
     /// Returns what the host refused the thread and how to allow it.
@@ -144,31 +145,31 @@ where
         result
     }
 
-    /// Takes the next news, if there is any. It ends when the loop has ended and all news is read.
-    pub fn news(&mut self) -> Taken<T::News> {
-        self.news.take()
+    /// Takes the next notice, if there is any. It ends when the loop has ended and all notices are read.
+    pub fn next_notice(&mut self) -> Taken<T::Notice> {
+        self.notices.take()
     }
 
     /// Waits until the loop ends. The error is a panic on the cyclic thread.
     pub fn join(self) -> std::thread::Result<Finished<M, T>> {
-        let Self { news, thread, .. } = self;
+        let Self { notices, thread, .. } = self;
         let Ended { driver, task, result } = thread.join()?;
-        Ok(Finished { driver, task, news_dropped: news.dropped(), result })
+        Ok(Finished { driver, task, notices_dropped: notices.dropped(), result })
     }
 }
 
 struct RingOwner<M: Machine, T: Task<M>> {
     task: T,
     commands: Receiver<T::Command>,
-    outbox: Outbox<T::News>,
+    notices: NoticeSender<T::Notice>,
 }
 
 impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
-        self.task.look(now, machine);
+        self.task.inspect(now, machine);
         // One command per wake: the machine's contract requires that everything is sent between two changes.
         if let Taken::Item(command) = self.commands.take() {
-            self.task.command(now, machine, statistics, command, &mut self.outbox)?;
+            self.task.command(now, machine, statistics, command, &mut self.notices)?;
         }
         if self.task.deadline().is_some_and(|deadline| deadline <= now) {
             self.task.expired(now, machine)?;
@@ -177,7 +178,7 @@ impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     }
 
     fn event(&mut self, now: Instant, machine: &mut M, event: M::Event) -> ControlFlow<()> {
-        self.task.event(now, machine, event, &mut self.outbox)
+        self.task.event(now, machine, event, &mut self.notices)
     }
 
     fn deadline(&self) -> Option<Instant> {

@@ -208,7 +208,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             self.streams.follow(self.machine.dscp(Streams::UNNUMBERED));
             for port in self.ports {
                 let groups = (0..).map_while(|index| self.machine.group(port.port(), index));
-                port.follow_groups(groups);
+                port.update_groups(groups);
             }
             self.streams.await_in(waits, 1 + self.ports.len());
             let early = wake.map(|wake| wake.since(clock::now()).saturating_sub(EARLY));

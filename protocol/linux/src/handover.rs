@@ -78,23 +78,23 @@ impl<T> Receiver<T> {
     }
 }
 
-/// Where a thread puts its news for another thread, which sleeps until it is notified.
+/// Sends the notices of a thread to another thread, which sleeps until it is notified.
 #[derive(Debug)]
-pub struct Outbox<N> {
+pub struct NoticeSender<N> {
     // Dropped in this order: the reader is notified when it can see the ring's end, also after a panic.
     ring: Sender<N>,
     reader: NotifyAtEnd,
 }
 
-impl<N> Outbox<N> {
-    /// Creates an outbox that notifies `reader` of each news and of its own end.
+impl<N> NoticeSender<N> {
+    /// Creates a sender that notifies `reader` of each notice and of its own end.
     pub(crate) fn new(ring: Sender<N>, reader: Notifier) -> Self {
         Self { ring, reader: NotifyAtEnd(reader) }
     }
 
-    /// Sends news to the other thread. If the ring is full, the news is dropped and counted.
-    pub fn tell(&mut self, news: N) {
-        let _ = self.ring.send(news);
+    /// Sends a notice to the other thread. If the ring is full, the notice is dropped and counted.
+    pub fn send(&mut self, notice: N) {
+        let _ = self.ring.send(notice);
         self.reader.0.notify();
     }
 }

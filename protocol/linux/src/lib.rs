@@ -49,7 +49,7 @@ pub mod wakeups;
 pub use arrivals::{Arrival, ArrivalLog};
 pub use cyclic_thread::{CyclicThread, Finished, RingFull, StartError, Task};
 pub use driver::{Driver, DriverError, Owner, Statistics};
-pub use handover::Outbox;
+pub use handover::NoticeSender;
 pub use interface::{Interface, InterfaceError};
 pub use notifier::Notifier;
 pub use open_port::{OpenPort, PortError, Received};

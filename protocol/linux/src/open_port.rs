@@ -163,9 +163,9 @@ impl OpenPort {
     }
 
     /// Joins these multicast groups and leaves all others.
-    pub(crate) fn follow_groups(&self, groups: impl Iterator<Item = Ipv4Addr> + Clone) {
+    pub(crate) fn update_groups(&self, groups: impl Iterator<Item = Ipv4Addr> + Clone) {
         if let Kind::Udp(udp) = &self.kind {
-            udp.follow_groups(groups);
+            udp.update_groups(groups);
         }
     }
 

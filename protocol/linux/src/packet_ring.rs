@@ -31,7 +31,7 @@ pub(crate) struct PacketRing {
     next: usize,
 }
 
-// SAFETY: the ring owns its memory, and whoever owns the ring is its only reader.
+// SAFETY: the ring owns its memory, and the owner of the ring is its only reader.
 unsafe impl Send for PacketRing {}
 
 impl PacketRing {

@@ -14,7 +14,7 @@ use socket2::{SockFilter, Socket};
 use machine::Instant;
 
 use crate::Interface;
-use crate::capture::{CaptureFile, Keep, Packet};
+use crate::capture::{CaptureFile, Packet, Retention};
 use crate::clock;
 use crate::handover::{EndRequest, Ending};
 use crate::packet_ring::PacketRing;
@@ -68,8 +68,13 @@ pub struct Recorder {
 
 impl Recorder {
     /// Starts to record what passes `interface` into the new file `path`, with a comment on the interface.
-    pub fn start(interface: &Interface, path: &Path, about: &str, keep: Keep) -> Result<Self, RecorderError> {
-        let capture = CaptureFile::create(path, interface.name(), about, keep)
+    pub fn start(
+        interface: &Interface,
+        path: &Path,
+        about: &str,
+        retention: Retention,
+    ) -> Result<Self, RecorderError> {
+        let capture = CaptureFile::create(path, interface.name(), about, retention)
             .map_err(|reason| RecorderError::File { path: path.to_owned(), reason })?;
         Self::start_with(interface, capture)
     }
@@ -97,12 +102,12 @@ impl Recorder {
         Ok(Self { end, socket, thread })
     }
 
-    /// Pauses the recording, or goes on. While it is paused, the kernel hands the recorder no frames, so it costs
-    /// almost nothing.
+    /// Pauses or continues the recording. While it is paused, the kernel hands the recorder no frames, so it costs almost
+    /// nothing.
     ///
     /// # Errors
     ///
-    /// The kernel's error; the recorder then goes on as before.
+    /// The kernel's error; the recorder then continues as before.
     pub fn pause(&self, paused: bool) -> io::Result<()> {
         if paused {
             // A filter program of one instruction: keep no byte of the packet.

@@ -54,7 +54,7 @@ impl UdpPort {
     }
 
     /// Joins these multicast groups and leaves the previous ones that are not among them.
-    pub(crate) fn follow_groups(&self, wanted: impl Iterator<Item = Ipv4Addr> + Clone) {
+    pub(crate) fn update_groups(&self, wanted: impl Iterator<Item = Ipv4Addr> + Clone) {
         let mut groups = self.groups.borrow_mut();
         if groups.iter().copied().eq(wanted.clone()) {
             return;

@@ -11,7 +11,7 @@
 //!
 //! The last four bytes of a command's head are its check, too: [`Sealer`] writes it and [`Checker`] verifies it.
 //!
-//! Motion `k`, counted from 0, lives in slot `k mod 5`. The PLC writes the first five before the start; whenever the
+//! Motion `k`, counted from 0, is in slot `k mod 5`. The PLC writes the first five before the start; whenever the
 //! robot has executed one (`executed`, the paper's `curExec`), the next one goes into the slot that became free,
 //! until `total` (the paper's `totalNo`) are executed.
 

@@ -1,4 +1,4 @@
-//! The live view: a page that shows a run while it is going on, served by the bench itself.
+//! The live view: a page that shows a run in progress. The bench itself serves it.
 //!
 //! ```text
 //! nodes' cyclic threads ── ring ── nodes' writers ── trace-*.rows ──┐ rows
@@ -7,9 +7,9 @@
 //!                                            frames, parts ──▶ state ──▶ hub ──▶ server ──▶ pages
 //! ```
 //!
-//! Data flows one way: nothing that a page does reaches the run. The view has a thread with an event loop of its own, the
-//! channel to it is bounded, and what does not fit is lost to the view. What the cyclic threads do is what they do for every
-//! recorded repetition: they write each cycle to a ring.
+//! Data flows one way: nothing that a page does reaches the run. The view has a thread with an event loop of its own. The
+//! channel to it is bounded; events that do not fit are dropped. The cyclic threads do no more than for every recorded
+//! repetition: they write each cycle to a ring.
 
 mod address;
 mod connection;
@@ -48,7 +48,7 @@ use state::{Ended, Line, Part, Repetition};
 /// Interval at which rows are read: 30 times a second.
 const EVERY: Duration = Duration::from_millis(33);
 
-/// Time that open pages get to take the last news.
+/// Time for open pages to receive the last events.
 const LAST_EVENTS: Duration = Duration::from_millis(300);
 
 /// Why there is no live view.
@@ -134,7 +134,7 @@ impl Live {
         self.address
     }
 
-    /// Returns the end of the channel that the run tells its news to.
+    /// Returns the end of the channel into which the run sends its events.
     #[must_use]
     pub fn feed(&self) -> Feed {
         self.feed.clone()

@@ -1,4 +1,4 @@
-//! The page: the race's arm, slots and curve for the repetition that runs, and what the run tells besides.
+//! The page: the race's arm, slots and curve for the present repetition, and tables, figures and messages of the run.
 
 use minijinja::Value;
 use planning::Application;

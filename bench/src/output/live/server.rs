@@ -63,7 +63,8 @@ async fn page(State(shown): State<Served>) -> Html<String> {
     Html(shown.page.to_string())
 }
 
-/// Sends the state, then each change, as server-sent events. A page that another run served is told to load this one's.
+/// Sends the state, then each change, as server-sent events. A page that another run served gets an event that makes it
+/// load this run's page.
 async fn events(State(shown): State<Served>, headers: HeaderMap) -> Response {
     if headers.get("last-event-id").is_some_and(|last| last.as_bytes() != shown.digest.as_bytes()) {
         let reload = stream::iter([Ok::<_, Infallible>(

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use setup::Setup;
-use virtual_time::{Impairment, Side, Strikes};
+use virtual_time::{FrameFaults, Impairment, Side};
 
 use super::{Fault, Kind, NoSuchDrive, links};
 
@@ -19,19 +19,19 @@ pub fn check_drives(faults: &[Fault], setup: &Setup) -> Result<(), NoSuchDrive> 
     })
 }
 
-/// Checks whether the cable can strike so many frames.
+/// Checks whether the cable has room for so many faults of single frames.
 ///
 /// # Errors
 ///
 /// There are more in one direction.
-pub fn check_strikes(faults: &[Fault]) -> Result<(), TooManyStrikes> {
-    let strikes = |side| {
-        let of = |fault: &&Fault| matches!(fault.kind, Kind::Strike(..)) && fault.from == Some(side);
+pub fn check_frame_faults(faults: &[Fault]) -> Result<(), TooManyFrameFaults> {
+    let frame_faults = |side| {
+        let of = |fault: &&Fault| matches!(fault.kind, Kind::FrameFault(..)) && fault.from == Some(side);
         faults.iter().filter(of).count()
     };
-    match [Side::A, Side::B].map(strikes).into_iter().max().unwrap_or(0) {
-        0..=Strikes::MOST => Ok(()),
-        found => Err(TooManyStrikes { found }),
+    match [Side::A, Side::B].map(frame_faults).into_iter().max().unwrap_or(0) {
+        0..=FrameFaults::MOST => Ok(()),
+        found => Err(TooManyFrameFaults { found }),
     }
 }
 
@@ -39,9 +39,9 @@ pub fn check_strikes(faults: &[Fault]) -> Result<(), TooManyStrikes> {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
     "{found} faults of single frames in one direction, and there is room for {}: ask for fewer",
-    Strikes::MOST
+    FrameFaults::MOST
 )]
-pub struct TooManyStrikes {
+pub struct TooManyFrameFaults {
     found: usize,
 }
 
@@ -58,7 +58,7 @@ pub fn check_real(faults: &[Fault]) -> Result<(), NotReal> {
         return Err(NotReal::AtFrame(fault.to_string()));
     }
     let hold =
-        |link: &Impairment| link.delay + link.jitter + link.reorder_by.max(link.strikes.longest_hold());
+        |link: &Impairment| link.delay + link.jitter + link.reorder_by.max(link.frame_faults.longest_hold());
     let longest = links(faults, Impairment::default()).iter().map(hold).max().unwrap_or_default();
     if longest > LONGEST_HOLD { Err(NotReal::HeldTooLong { longest }) } else { Ok(()) }
 }

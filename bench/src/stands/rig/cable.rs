@@ -4,7 +4,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use protocol_linux::capture::{CaptureFile, Keep};
+use protocol_linux::capture::{CaptureFile, Retention};
 use protocol_linux::impaired::{ImpairedCable, Observer};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, Recorder, RecorderError, veth};
@@ -28,7 +28,7 @@ const TO_ROBOT: &str = "to-robot";
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CableOptions<'a> {
     /// Directory for captures of both ends, from the first frame on, and how much is kept.
-    pub(super) capture: Option<&'a (PathBuf, Keep)>,
+    pub(super) capture: Option<&'a (PathBuf, Retention)>,
     /// Faults to inject.
     pub(super) faults: &'a [Fault],
     /// Seed that decides which frames they hit.
@@ -77,11 +77,12 @@ impl Cable {
         // Both ends, since otherwise the first node would find a cable without a carrier.
         switch_on(&self.plc, PLC)??;
         switch_on(&self.robot, ROBOT)??;
-        if let Some((directory, keep)) = capture {
+        if let Some((directory, retention)) = capture {
             for (network, interface, file) in [(&self.plc, PLC, PLC_FILE), (&self.robot, ROBOT, ROBOT_FILE)] {
                 let path = directory.join(file);
-                let start =
-                    || Ok::<_, RigError>(Recorder::start(&Interface::open(interface)?, &path, "", *keep)?);
+                let start = || {
+                    Ok::<_, RigError>(Recorder::start(&Interface::open(interface)?, &path, "", *retention)?)
+                };
                 self.recorders.push(network.run(start)??);
             }
         }
@@ -101,8 +102,8 @@ impl Cable {
         }
         let about = faults::about(faults);
         let observer = |end, interface, file| {
-            let capture =
-                capture.map(|(directory, keep)| create(&directory.join(file), interface, &about, *keep));
+            let capture = capture
+                .map(|(directory, retention)| create(&directory.join(file), interface, &about, *retention));
             let see = frames.map(|frames| Box::new(frames.at(end)) as _);
             Ok::<_, RecorderError>(Observer { capture: capture.transpose()?, see })
         };
@@ -200,8 +201,13 @@ fn all<E>(results: impl Iterator<Item = Result<(), E>>) -> Result<(), E> {
     results.fold(Ok(()), Result::and)
 }
 
-fn create(path: &Path, interface: &str, about: &str, keep: Keep) -> Result<CaptureFile, RecorderError> {
-    CaptureFile::create(path, interface, about, keep)
+fn create(
+    path: &Path,
+    interface: &str,
+    about: &str,
+    retention: Retention,
+) -> Result<CaptureFile, RecorderError> {
+    CaptureFile::create(path, interface, about, retention)
         .map_err(|reason| RecorderError::File { path: path.to_owned(), reason })
 }
 

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::Retention;
 use setup::{Cyclic, Setup};
 
 use super::frames::FrameLog;
@@ -23,7 +23,7 @@ pub struct RigConfig {
     /// Seed of the robot's interpreter.
     pub seed: u64,
     /// Directory for captures of both interfaces, from before the first frame on, and how much is kept.
-    pub capture: Option<(PathBuf, Keep)>,
+    pub capture: Option<(PathBuf, Retention)>,
     /// Directory in which each node writes its recorded cycles; they record while [`Rig::record`](super::Rig::record)
     /// is on.
     pub trace: Option<PathBuf>,

@@ -8,7 +8,8 @@ use plc_node::process::{PlcInstruction, PlcMessage};
 use plc_node::{Execution, ExecutionType, OverrideSchedule};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::{FirstReports, Rig, RigError};
+use super::reports::FirstReports;
+use super::{Rig, RigError};
 use crate::records::conditions::{Measured, MotionTotals};
 use crate::records::schedule::PAUSE;
 use crate::records::trace::Window;

@@ -29,6 +29,7 @@ mod live_feed;
 mod messages;
 mod node;
 mod node_process;
+mod reports;
 mod stand;
 mod wanted_cell;
 
@@ -36,6 +37,7 @@ pub use attach::{Attach, AttachError};
 pub use config::RigConfig;
 pub use error::RigError;
 pub use frames::FrameLog;
+pub use reports::Reports;
 
 use std::io;
 use std::path::PathBuf;
@@ -43,7 +45,6 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use ::node::message::{Hello, Instruction, Message};
-use ::node::report::NodeReport;
 use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use protocol_linux::{Interface, OpenPort, PortError};
@@ -56,9 +57,10 @@ use cable::{Cable, CableOptions};
 use changes::Changes;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
+use reports::FirstReports;
 
 use crate::output::live::Feed;
-use crate::records::conditions::{Counts, Health, MotionTotals};
+use crate::records::conditions::{Health, MotionTotals};
 use crate::records::faults::{self, Change, FaultReport};
 use crate::records::trace::{Window, tables};
 use crate::stands::Stand as _;
@@ -96,7 +98,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// # Errors
 ///
-/// The outer error tells why there is no cable, the inner one why there are no sockets on it.
+/// The outer error: the cable cannot be created. The inner error: its sockets cannot be opened.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
     let cable = Cable::set_up(CableOptions::default())?;
     let open = || {
@@ -152,46 +154,6 @@ pub struct Rig {
     writes_all: bool,
     /// The last field, so that it is dropped after the nodes; `None` if the rig did not create it.
     cable: Option<Cable>,
-}
-
-/// The last reports of both nodes.
-#[derive(Clone, PartialEq, Default, Debug)]
-pub struct Reports {
-    /// The PLC's.
-    pub plc: NodeReport,
-    /// The robot's; empty if the robot is not one of our nodes.
-    pub robot: NodeReport,
-}
-
-/// The first reports of a run.
-#[derive(Clone, Default, Debug)]
-struct FirstReports {
-    with: Reports,
-    /// Whether those of PLC and robot are still to come.
-    is_awaited: [bool; 2],
-}
-
-impl Reports {
-    fn since(&self, before: &Self) -> Self {
-        Self { plc: self.plc.since(&before.plc), robot: self.robot.since(&before.robot) }
-    }
-
-    const fn of(&mut self, role: NodeRole) -> &mut NodeReport {
-        match role {
-            NodeRole::Plc => &mut self.plc,
-            NodeRole::Robot => &mut self.robot,
-        }
-    }
-
-    const fn counts(&self) -> Counts {
-        let Self { plc, robot } = self;
-        Counts {
-            missed: [plc.cycle.missed, robot.cycle.missed],
-            runs: [plc.cycle.runs, robot.cycle.runs],
-            bus: [plc.bus, robot.bus],
-            images: [plc.images, robot.images],
-        }
-    }
 }
 
 impl Rig {

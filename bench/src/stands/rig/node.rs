@@ -39,7 +39,7 @@ impl Node {
         }
     }
 
-    /// Returns the error that tells how it ended.
+    /// Returns the error that describes how it ended.
     pub(super) async fn end_error(&mut self) -> RigError {
         match self {
             Self::Process(node) => node.end_error().await,

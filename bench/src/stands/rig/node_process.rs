@@ -104,7 +104,7 @@ impl NodeProcess {
         self.last_stderr.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
-    /// Returns the error that tells how it ended, with its last lines.
+    /// Returns the error that describes how it ended, with its last lines.
     pub(super) async fn end_error(&mut self) -> RigError {
         // Its standard output is closed; its last lines on standard error arrive within moments.
         let status = timeout(EXIT_WAIT, self.child.wait()).await;

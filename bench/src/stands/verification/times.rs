@@ -34,7 +34,7 @@ impl Times {
         let [scan, robot_cycle, bus_cycle] =
             [setup.plc.scan_cycle_us.value, setup.robot.cycle_us.value, setup.bus.cycle_us.value].map(micros);
         let hold =
-            |link: Impairment| link.delay + link.jitter + link.reorder_by + link.strikes.longest_hold();
+            |link: Impairment| link.delay + link.jitter + link.reorder_by + link.frame_faults.longest_hold();
         let held: Duration = faults::links(faults, Impairment::default()).into_iter().map(hold).sum();
         let reaction = reaction_limits(setup).1;
         // The PLC's outputs leave at the end of a scan, and its next step begins with the next scan.
@@ -77,7 +77,7 @@ impl Times {
         }
     }
 
-    /// Returns by how much host and bus may have delayed what the nodes told each other.
+    /// Returns the largest delay of the nodes' images that host and bus can explain.
     fn delayed(&self, interference: &Interference) -> Duration {
         let times = |cycle: Duration, count: u64| cycle * u32::try_from(count).unwrap_or(u32::MAX);
         let Interference { missed, altered, skipped, lost, .. } = *interference;

@@ -1,4 +1,6 @@
 //! Both nodes of a virtual run on their cable, for every bus.
+//!
+//! In one file, because events, faults and runs change the same state of the pair.
 
 use std::cell::RefCell;
 use std::net::Ipv4Addr;
@@ -12,7 +14,7 @@ use machine::{Instant, Lateness};
 use plc_node::{ExecutionType, PlcEvent, PlcNode};
 use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::Digest;
-use protocol_linux::capture::Note;
+use protocol_linux::capture::CableEvent;
 use robot_node::{RobotEvent, RobotNode};
 use setup::Setup;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
@@ -21,7 +23,6 @@ use super::Work;
 use super::changes::Changes;
 use super::new_nodes::{Restart, new_plc, new_robot};
 use super::phases::Phases;
-
 use super::watch::{SharedFrames, Watch};
 use crate::records::conditions::{Counts, Health, Measured, MotionTotals};
 use crate::records::faults::{self, Change, Fault, FaultReport};
@@ -65,7 +66,7 @@ pub(super) trait Cell {
     fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
     /// Waits until the robot is ready again after a run that failed.
     fn recover(&mut self) -> anyhow::Result<()>;
-    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
+    fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
     fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent>;
     fn digests(&self) -> [Digest; 2];
     fn health(&self) -> Health;
@@ -137,7 +138,7 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
             Carrier::Tcp { source, to, .. } => frame_name::of_tcp([source.port(), to.port()], tapped.frame),
         },
         bytes: tapped.frame.len(),
-        faulty: !tapped.fate.is_clean(),
+        faulty: !tapped.effect.is_clean(),
     }
 }
 
@@ -175,9 +176,9 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
                 return Some(event);
             }
             let pair = &self.pair;
-            let struck = self.changes.take_at(pair.now(), |side| pair.link_counters(side).sent);
+            let at_frame = self.changes.take_at(pair.now(), |side| pair.link_counters(side).sent);
             // Without a frame the pair stops at the instant that was asked for.
-            let change = struck.or_else(|| due.and_then(|_| self.changes.take()))?;
+            let change = at_frame.or_else(|| due.and_then(|_| self.changes.take()))?;
             self.change(change);
         }
     }
@@ -238,9 +239,9 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         let Some(capture) = &self.capture else { return };
         if let Some(capture) = &mut *capture.borrow_mut() {
             capture.note(match change {
-                Change::Cut => Note::Cut { lost_under_way: lost },
-                Change::Mend => Note::Mended,
-                Change::Kill(node) => Note::Killed(faults::end_of(node)),
+                Change::Cut => CableEvent::Cut { lost_under_way: lost },
+                Change::Mend => CableEvent::Mended,
+                Change::Kill(node) => CableEvent::Killed(faults::end_of(node)),
                 Change::Restart(_) | Change::Drive(..) => return,
             });
         }
@@ -290,7 +291,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         while self.next_plc_event(start).is_some() {}
         self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
         let before = self.counts();
-        self.begin(step.execution_type)?;
+        self.start_run(step.execution_type)?;
         let until = self.pair.now() + LONGEST_RUN;
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
         while let Some(event) = match &mut watch {
@@ -331,7 +332,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         self.until_at_start(RECOVERY)
     }
 
-    fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+    fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
         self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
     }
 

@@ -29,7 +29,7 @@ use machine::ethernet::Mac;
 use planning::{Application, Stop, ToStart};
 use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion};
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::Retention;
 use robot_node::RobotConfig;
 use setup::Setup;
 use virtual_time::Side;
@@ -120,7 +120,7 @@ pub struct Extras {
     /// Faults of the cable and of the nodes.
     pub faults: Vec<Fault>,
     /// Directory for captures of both ends, and how much is kept.
-    pub capture: Option<(PathBuf, Keep)>,
+    pub capture: Option<(PathBuf, Retention)>,
     /// Whether the frames of recorded repetitions are kept, for a timeline.
     pub frames: bool,
 }
@@ -247,7 +247,7 @@ impl VirtualRun {
 
     /// Sets the start edge of a run; [`run_for`](Self::run_for) continues it.
     pub(crate) fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
-        self.cell.begin(execution_type)
+        self.cell.start_run(execution_type)
     }
 
     /// Runs for up to `time` of true time, or until the PLC's next event.

@@ -1,4 +1,4 @@
-//! Looks at both nodes of a virtual pair after each of their ticks, for a trace.
+//! Records the trace of a virtual run: samples both nodes after each of their cycles.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -13,10 +13,10 @@ use virtual_time::{Pair, Side};
 use super::Nodes;
 use crate::records::trace::{Frame, PlcScan, Recording, RobotTick};
 
-/// Interval between looks; shorter than any cycle, so that no tick is missed. Looking takes no virtual time.
+/// Interval between samples; shorter than any cycle, so that no cycle is missed. Sampling takes no virtual time.
 const LOOK: Duration = Duration::from_micros(100);
 
-/// Frames that the tap saw and the watch has not taken yet; `None` while nobody watches.
+/// Frames of the tap that are not in the recording yet; `None` while nothing is recorded.
 pub(crate) type SharedFrames = Rc<RefCell<Option<Vec<(Instant, Frame)>>>>;
 
 /// A run that is being recorded.

@@ -1,4 +1,4 @@
-//! What a calibration found: lines for the setup's file, and what they reach.
+//! The result of a calibration: lines for the setup's file, and the figures that the setup then has.
 
 use std::fmt::Write as _;
 
@@ -12,20 +12,20 @@ use crate::records::distance::Estimate;
 use crate::records::schedule::REPETITIONS;
 use crate::records::statistics::error_of_mad;
 
-/// A number and what the figures say of it.
+/// A number, and the value that follows from the figures.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Found {
     /// Which number.
     pub number: Parameter,
     /// Its value in the calibrated setup.
     pub value: f64,
-    /// Where the setup says that it is from; only a calibrated one is changed.
+    /// Its source in the setup; only a calibrated number is changed.
     pub from: Provenance,
-    /// What the figures say.
+    /// The value that follows from the figures.
     pub fit: Fit,
 }
 
-/// What a calibration was made with.
+/// The conditions of a calibration.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Conditions {
     seeds: u32,
@@ -38,14 +38,14 @@ impl Conditions {
     }
 }
 
-/// What a calibration found.
+/// The result of a calibration.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Calibration {
     /// The setup with the numbers that were found.
     pub setup: Setup,
     /// The numbers.
     pub found: Vec<Found>,
-    /// What the setup reaches, over all seeds.
+    /// The figures of the setup, over all seeds.
     pub reached: Vec<(Metric, Estimate)>,
     /// How RC's AET depends on programmed speed and acceleration.
     pub speed: Speed,
@@ -54,7 +54,7 @@ pub struct Calibration {
 }
 
 impl Found {
-    /// Returns from where to where the figures stay within their errors, with two digits of the error.
+    /// Returns the range in which the figures stay within their errors, with two digits of the error.
     pub(super) fn interval(&self) -> String {
         let Fit { value, known_to, .. } = self.fit;
         let (lowest, highest, _) = self.number.range();
@@ -83,7 +83,7 @@ impl Calibration {
         }
     }
 
-    /// Returns what a setup says of a number: from what it was found, and how well it is known.
+    /// Returns the note of a number in a setup: the figures that it was found from, and how well it is known.
     pub(super) fn note(&self, found: &Found) -> String {
         let seeds = self.conditions.seeds;
         let interval = found.interval();
@@ -113,7 +113,7 @@ impl Calibration {
         format!("of which 1 % more does as much as {percent:.digits$} % more speed")
     }
 
-    /// Returns the lines to put into the setup's file, and what they reach.
+    /// Returns the lines for the setup's file, and the figures that the setup then has.
     #[must_use]
     pub fn report(&self) -> String {
         let mut text = String::new();

@@ -1,8 +1,8 @@
 //! Finds the value of a number with which the model reproduces figures.
 //!
-//! An AET goes up in steps, because motions start and end with a robot cycle: those of SM, which has many motions of one
-//! length, are of several cycles. So the figures are measured at a few values around the wanted one. A straight line
-//! through them gives the value at which they are met, and how much each figure depends on the number. Further
+//! An AET changes in steps, because motions start and end with a robot cycle. A step of SM is several cycles long, since
+//! SM has many motions of one length. So the figures are measured at a few values around the target. A straight line
+//! through them gives the value at which the figures are met, and how much each figure depends on the number. Further
 //! measurements find the value near it that meets an AET best.
 
 use anyhow::bail;
@@ -41,7 +41,7 @@ pub(super) struct Target {
     pub(super) wanted: Estimate,
 }
 
-/// What was found for a number.
+/// The result for a number.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Fit {
     /// The value that meets the figures best.
@@ -182,7 +182,7 @@ pub(super) fn fit(
         if round == ROUNDS {
             bail!("no value from {lowest} to {highest} meets it; the last one tried is {middle:.3}");
         }
-        // Not farther than the line was looked at, twice: the curve bends. The next look is as wide as the way to there.
+        // At most twice as far as the line was measured, because the curve bends. The next round measures as far as this step.
         let step = offset.clamp(-2.0 * half_width, 2.0 * half_width);
         middle = (middle + step).clamp(lowest, highest);
         half_width = (2.0 * step.abs()).clamp(wanted_width, (WIDEST * middle).max(wanted_width));

@@ -1,4 +1,4 @@
-//! Figures over many seeds, and what the paper says of each.
+//! Figures over many seeds, and the paper's value of each.
 
 use planning::Application;
 use plc_node::ExecutionType;
@@ -98,7 +98,7 @@ pub struct Seeds<'a> {
     pub reps: u32,
 }
 
-/// Repetitions of each seed for means alone: more seeds tell more than more repetitions.
+/// Repetitions of each seed if only means are needed: more seeds then improve the estimate more than more repetitions.
 const MEAN_REPETITIONS: u32 = 5;
 
 impl Seeds<'_> {

@@ -1,11 +1,11 @@
 //! `bench calibrate`: finds the numbers of a setup that only the paper's Table 2 can fix, in virtual time, over many seeds.
 //!
 //! ```text
-//! number     which numbers, and the figure that each one is found from
-//! figure     a figure over many seeds, and the paper's with its error
-//! fit        the value with which a figure comes out, and how well it is known
-//! findings   what was found, in words and as lines of a setup
-//! write      these lines into a setup's file
+//! parameter  the numbers of a setup, and the figures that each one is found from
+//! metric     a figure over many seeds, and the paper's with its error
+//! fit        finds the value with which a figure is met, and how well it is known
+//! findings   the result in words and as lines of a setup
+//! write      writes these lines into a setup's file
 //! ```
 //!
 //! Each figure depends on one number more than on the others, so the numbers are found one after another. Only numbers
@@ -40,8 +40,8 @@ use fit::Target;
 /// Number of seeds of a calibration: with this many, its own error is small compared with the paper's.
 const SEEDS: u32 = 32;
 
-/// Number of rounds: speed and cost of a call both affect the same figures, and each round corrects the effect of the
-/// other number.
+/// Number of rounds: speed and cost of a call affect the same figures, so each round corrects the effect of the other
+/// number.
 const ROUNDS: usize = 2;
 
 /// A programmed speed from which the right one is found where the setup's own is on a plateau, in %.

@@ -72,8 +72,8 @@ impl Parameter {
         setup
     }
 
-    /// Returns the figures that it is found from. SM's motions are no starts, so with a quantum of the start each of the
-    /// two has a MAD of its own.
+    /// Returns the figures that it is found from. A quantum of the start, if the setup has one, affects RC alone, because
+    /// SM's motions are not starts; then each of the two is found from a MAD of its own.
     #[must_use]
     pub const fn figures(self, setup: &Setup) -> &'static [Metric] {
         match self {

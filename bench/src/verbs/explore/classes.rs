@@ -17,7 +17,7 @@ pub(super) enum Class {
     TooLate,
     /// It never ended, or no run passed after it.
     Stuck,
-    /// It ended as if nothing had been, but the verification found a difference from the plan.
+    /// It ended without an error, but the verification found a difference from the plan.
     Altered,
     /// The program panicked.
     Panicked,
@@ -44,7 +44,7 @@ impl Class {
         Self::ALL.into_iter().find(|class| class.name() == name)
     }
 
-    /// Returns whether no run may end so.
+    /// Returns whether this outcome is an error of the program.
     pub(super) fn is_wrong(self) -> bool {
         self > Self::Refused
     }
@@ -94,7 +94,7 @@ pub(super) struct Reason {
     pub(super) first: Job,
 }
 
-/// All that is counted.
+/// The counts of an exploration.
 #[derive(Clone, Default, Debug)]
 pub(super) struct Classes {
     /// By type and kinds of faults.

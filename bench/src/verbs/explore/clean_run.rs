@@ -116,7 +116,7 @@ impl<'a> CleanRun<'a> {
         })
     }
 
-    /// Looks whether a run passes after one that was refused. Each further fault may fail one run more.
+    /// Checks whether a run passes after one that was refused. Each further fault may fail one more run.
     fn refused(&self, mut run: VirtualRun, faults: &[Fault], reason: &anyhow::Error) -> Outcome {
         let mut again = || {
             run.recover()?;

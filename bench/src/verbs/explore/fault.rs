@@ -1,4 +1,4 @@
-//! What an exploration does to a run: one fault at each frame, or pairs of faults drawn by a seed.
+//! The faults of an exploration: one at each frame, or pairs drawn by a seed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,8 +8,8 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::records::faults::Fault;
 
-/// Bits of the longest frame: which of them flips is drawn below this, and counted from the start again behind the
-/// frame's end.
+/// Bits of the longest frame. The bit to flip is drawn below this number; behind a frame's end it is counted from the start
+/// again.
 const BITS: u64 = 12_000;
 
 /// Kind of a fault that begins with one frame.

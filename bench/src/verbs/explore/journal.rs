@@ -1,5 +1,5 @@
-//! The outcomes of an exploration on disk, a line each as they come: one that is interrupted can be read, and goes on
-//! where it ended.
+//! The outcomes of an exploration in a file, one line each, written at once: an interrupted exploration can be read, and
+//! continued where it ended.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead as _, BufReader, BufWriter, Write as _};
@@ -37,7 +37,7 @@ impl Journal {
         let about = || format!("cannot write {}", path.display());
         let whole = if path.exists() { read(&path, &mut known)? } else { 0 };
         let file = OpenOptions::new().create(true).append(true).open(&path).with_context(about)?;
-        // What was cut off by an interruption is made again.
+        // A run whose line was cut off by an interruption is made again.
         file.set_len(whole).with_context(about)?;
         let mut file = BufWriter::new(file);
         if whole == 0 {
@@ -105,7 +105,7 @@ fn parse(line: &str) -> Option<(usize, Outcome)> {
     Some((run, Outcome { class, later_ns, reason }))
 }
 
-/// Writes what an exploration explores, or compares it with what this directory has already.
+/// Writes what determines the jobs of an exploration, or compares it with the file that the directory already has.
 ///
 /// # Errors
 ///

@@ -1,11 +1,11 @@
-//! `bench explore`: one fault at every single frame of a short run, or pairs of faults by a seed, in virtual time, and how
-//! each of these runs ends.
+//! `bench explore`: runs with one fault at each frame of a short run, or with pairs of faults drawn by a seed, in virtual
+//! time; counts how they end.
 //!
 //! ```text
-//! fault      what is done to a run
-//! world      one run, and how it ends
-//! classes    counts of the ends
-//! journal    the ends on disk, as they come
+//! fault      the faults of a run
+//! clean_run  the run without faults, and runs with faults, which are compared with it
+//! classes    counts of the outcomes
+//! journal    the outcomes in a file
 //! table      the counts and the reasons on screen
 //! page       explore.html
 //! ```
@@ -108,7 +108,7 @@ impl ExploreOptions {
         Lengths { hold: self.hold_ms, cut: self.cut_ms, restart: self.restart_ms }
     }
 
-    /// Returns what determines the jobs, for an exploration that goes on.
+    /// Returns everything that determines the jobs: an exploration can only be continued if this is the same.
     fn claim(&self, application: &str) -> String {
         let Self { setup, types, kinds, every, pairs, seed, hold_ms, cut_ms, restart_ms, late_ms, .. } = self;
         let joined = |texts: Vec<String>| texts.join(",");

@@ -15,7 +15,7 @@ use crate::records::results::Results;
 /// Version of the format.
 const SCHEMA_VERSION: u32 = 1;
 
-/// Repetitions of each type, and the seed, of a baseline that is made anew.
+/// Repetitions of each type, and the seed, of a new baseline.
 pub(super) const REPETITIONS: u32 = 25;
 pub(super) const SEED: u64 = 1;
 

@@ -1,7 +1,7 @@
-//! The gate: a virtual run set against figures that are committed, so that a change that costs a millisecond is seen.
+//! The gate: compares a virtual run with committed figures, so that a change that costs a millisecond is noticed.
 //!
-//! Virtual time repeats to the nanosecond, so a difference is never noise: it is a change of the program, of a setup
-//! or of an application. Tolerances only keep the last digits of floating point out of it.
+//! Virtual time repeats to the nanosecond, so a difference is never noise: it is a change of the program, of a setup or of
+//! an application. Tolerances only allow for the last digits of floating point.
 
 mod baseline;
 mod real;

@@ -1,4 +1,4 @@
-//! A real run against its baseline. A host's stalls and its speed hit all execution types of a run alike, so only
+//! A real run against its baseline. A host's stalls and its speed affect all execution types of a run equally, so only
 //! ratios within the run are compared, each with the interval that repetitions as different as these allow.
 
 use std::fmt::Write as _;

@@ -25,7 +25,7 @@ impl Change {
     /// Returns whether the figure is there on both sides and within its tolerance.
     #[must_use]
     pub fn is_within(&self) -> bool {
-        // Values have three decimals; what floating point adds to their difference does not count.
+        // Values have three decimals; errors of floating point in their difference do not count.
         let within = |difference: f64, expected: &Expected| difference.abs() <= expected.tolerance + 1e-9;
         self.difference().zip(self.expected.as_ref()).is_some_and(|(by, expected)| within(by, expected))
     }

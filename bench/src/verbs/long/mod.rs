@@ -2,8 +2,8 @@
 //! time.
 //!
 //! ```text
-//! supply   the motions: planned or read by a thread, a few thousand ahead
-//! run      both nodes at work on them; digests of the motions sent and of the motions accepted
+//! supply   the motions: a thread plans or reads them, a few thousand ahead
+//! run      both nodes, which execute them; digests of the motions sent and of the motions accepted
 //! memory   memory of this process
 //! ```
 

@@ -11,7 +11,7 @@ use setup::Setup;
 use super::supply::{Origin, SupplyThread};
 use crate::stands::virtual_run::{Extras, VirtualBus, VirtualRun, Work};
 
-/// Both nodes at work on one long sequence.
+/// Both nodes, executing one long sequence.
 pub struct LongRun {
     run: VirtualRun,
     supply: SupplyThread,
@@ -164,7 +164,7 @@ impl LongRun {
         let list = self.supply.finish();
         match (ended, list) {
             (Ok(execution), Ok(list)) => Ok(Finished { execution, list, sent, accepted }),
-            // A list that broke off is why the run failed.
+            // If the list ended early, that is why the run failed.
             (Err(run), Err(list)) => Err(list.context(format!("{run:#}"))),
             (Ok(_), Err(list)) => Err(list).context("the run ended before its list"),
             (Err(run), Ok(_)) => Err(run),

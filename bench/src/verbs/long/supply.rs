@@ -140,7 +140,7 @@ impl SupplyThread {
                 if chunk.len() < CHUNK {
                     return ControlFlow::Continue(());
                 }
-                // The receiver ended and wants no more motions.
+                // The receiver has ended and needs no more motions.
                 match sender.send(std::mem::replace(&mut chunk, Vec::with_capacity(CHUNK))) {
                     Ok(()) => ControlFlow::Continue(()),
                     Err(_) => ControlFlow::Break(()),
@@ -152,7 +152,7 @@ impl SupplyThread {
         (Self(thread), SuppliedMotions { total, next: 0, chunks, chunk: Vec::new().into_iter() })
     }
 
-    /// Returns the digest of the whole list, once the PLC has all of it or wants no more.
+    /// Returns the digest of the whole list, once the PLC has all of it or needs no more.
     ///
     /// # Errors
     ///

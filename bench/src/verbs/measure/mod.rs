@@ -1,99 +1,48 @@
 //! A measured run: from its options to its table and exit code.
 
+mod measurement;
 mod options;
 mod reference_runs;
 pub mod session;
 
 pub use options::{Capture, RunOptions};
 
-use std::future::Future;
-use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::path::Path;
 
 use ::node::token::ControlToken;
 use anyhow::anyhow;
 use node::list::flat;
 use planning::Found;
-use protocol_linux::capture::Keep;
 use robot_node::RobotConfig;
 use setup::Setup;
 
 use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
-use crate::output::live::{About, Live, LiveAddress, Reserved};
-#[cfg(feature = "mcap")]
-use crate::output::playback;
-use crate::output::progress::Progress;
+use crate::output::live::{LiveAddress, Reserved};
 use crate::output::report::{self, Pages};
 use crate::output::table;
-use crate::output::timeline;
-use crate::records::conditions::Measured;
-use crate::records::faults::{self, Fault, NoSuchDrive};
-use crate::records::host::{self, Host};
+use crate::records::faults::{self, NoSuchDrive};
 use crate::records::mode::Mode;
-use crate::records::paper::PaperComparison;
-use crate::records::results::{Results, Status};
-use crate::records::run_directory::{self, Durability, RunDirectory, replace};
 use crate::records::schedule::Schedule;
-use crate::records::trace::Trace;
-use crate::stands::rig::{self, Rig, RigError};
-use crate::stands::verification::Verification;
-use crate::stands::virtual_run::VirtualRun;
-use crate::stands::{Finished, Stand, StandConfig};
-use crate::verbs::event_loop::{event_loop, interrupt};
-use reference_runs::ReferenceRuns;
-use session::{Ended, Session};
-
-/// Warnings of a plan that are shown before a run.
-const WARNINGS: usize = 5;
-
-/// Why a live view of attached nodes has no arm.
-const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write their cycles nowhere that it could read. Leave out --attach \
-     to see it. Table, lateness, frames and alarms follow the run.";
-
-/// What the nodes' cyclic threads have if the host refused nothing.
-const GRANTED: &str = "SCHED_FIFO, memory locked";
+use crate::stands::rig;
+use crate::verbs::event_loop::event_loop;
+use measurement::Measurement;
+use session::Ended;
 
 /// Runs a measurement and prints its table.
 ///
 /// # Errors
 ///
 /// The options, the setup, the computer or the disk does not allow it. A failed repetition is not an error: the table
-/// is printed as far as it is complete, and the exit code tells.
+/// is printed as far as it is complete, and the exit code reports the failure.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
-    let (mut setup, found) = options.setup.load_with(options.application.as_deref())?;
-    if let Some(cyclic) = options.cyclic {
-        if !setup.bus.set_cyclic(cyclic.into()) {
-            let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);
-            return Err(Failure::new(Exit::Usage, error));
-        }
-        setup::check(&setup)?;
-    }
-    if let Some(drives) = options.drives {
-        setup = setup.with_drives(drives.into());
-        setup::check(&setup)?;
-    }
+    let (setup, found) = load(options)?;
     let plan = found.plan(&setup)?;
     check_robot(&setup, &found, &plan)?;
     let warnings = plan.warnings().collect();
-    if let Some(file) = options.exports.written_twice() {
-        let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
-        return Err(Failure::new(Exit::Usage, error));
-    }
-    if options.mcap && !cfg!(feature = "mcap") {
-        let error = anyhow!(
-            "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \
-             `cargo run -p bench --features mcap -- …` runs it"
-        );
-        return Err(Failure::new(Exit::Usage, error));
-    }
-    let usage = |error: NoSuchDrive| Failure::new(Exit::Usage, error);
-    faults::check_drives(&flat(&options.fault), &setup).map_err(usage)?;
-    faults::check_strikes(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
-    if options.mode == Mode::Real {
-        faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
-    }
+    check_outputs(options)?;
+    check_faults(options, &setup)?;
     let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
     let mut token = None;
     if options.attach.is_some() {
@@ -121,13 +70,57 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let runtime = event_loop()?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
     outln!("{}", table::render(&ended.results));
-    tell_where(&ended, &directory);
+    print_where(&ended, &directory);
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }
 
+/// Loads the setup with the options in it, and the application.
+fn load(options: &RunOptions) -> Result<(Setup, Found), Failure> {
+    let (mut setup, found) = options.setup.load_with(options.application.as_deref())?;
+    if let Some(cyclic) = options.cyclic {
+        if !setup.bus.set_cyclic(cyclic.into()) {
+            let error = anyhow!("--cyclic is about PROFINET, and setup {} does not use it", setup.name);
+            return Err(Failure::new(Exit::Usage, error));
+        }
+        setup::check(&setup)?;
+    }
+    if let Some(drives) = options.drives {
+        setup = setup.with_drives(drives.into());
+        setup::check(&setup)?;
+    }
+    Ok((setup, found))
+}
+
+/// Rejects exports that cannot be written.
+fn check_outputs(options: &RunOptions) -> Result<(), Failure> {
+    if let Some(file) = options.exports.written_twice() {
+        let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    if options.mcap && !cfg!(feature = "mcap") {
+        let error = anyhow!(
+            "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \
+             `cargo run -p bench --features mcap -- …` runs it"
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    Ok(())
+}
+
+/// Rejects faults that the drives, the cable or the mode do not have.
+fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
+    let usage = |error: NoSuchDrive| Failure::new(Exit::Usage, error);
+    faults::check_drives(&flat(&options.fault), setup).map_err(usage)?;
+    faults::check_frame_faults(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
+    if options.mode == Mode::Real {
+        faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
+    }
+    Ok(())
+}
+
 /// Prints where the run is saved, how much of it, and where its report is.
-fn tell_where(ended: &Ended, directory: &Path) {
+fn print_where(ended: &Ended, directory: &Path) {
     let shown = directory.display();
     if ended.exit == Exit::Internal {
         outln!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
@@ -150,7 +143,7 @@ fn tell_where(ended: &Ended, directory: &Path) {
     }
 }
 
-/// Takes the address of the live view.
+/// Reserves the address of the live view.
 fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
     if mode == Mode::Virtual {
         let error = anyhow!(
@@ -184,243 +177,4 @@ fn check_attach(options: &RunOptions) -> Result<(), Failure> {
         return Ok(());
     };
     Err(Failure::new(Exit::Usage, anyhow!(instead)))
-}
-
-/// Returns whether the rig says by this error that a capture lacks something.
-fn is_of_capture(error: &anyhow::Error) -> bool {
-    matches!(error.downcast_ref::<RigError>(), Some(RigError::Capture(_)))
-}
-
-struct Measurement<'a> {
-    options: &'a RunOptions,
-    faults: Vec<Fault>,
-    setup: Setup,
-    found: Found,
-    schedule: Schedule,
-    /// Warnings about the planned motions that a person should read: blends that had to shrink.
-    warnings: Vec<String>,
-    token: Option<ControlToken>,
-    /// Address of the live view.
-    live: Option<Reserved>,
-}
-
-impl Measurement<'_> {
-    async fn run(mut self) -> Result<(Ended, PathBuf), Failure> {
-        let started = SystemTime::now();
-        let path = self.options.out.clone().unwrap_or_else(|| {
-            run_directory::default_path(&self.setup.name, self.options.mode.name(), started)
-        });
-        let durability = match self.options.mode {
-            Mode::Real => Durability::Synced,
-            Mode::Virtual => Durability::Written,
-        };
-        let mut session = Session {
-            directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
-            exports: self.options.exports.clone().of_run(host::date(started)),
-            progress: Progress::start(&self.schedule, self.options.quiet),
-            live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
-        };
-        self.warn(&session.progress);
-        let host = Host::read(started);
-        session.write_host(&host)?;
-        let interrupt = interrupt()?;
-        let results = self.empty_results();
-        let of_the_paper = results.paper.is_some();
-        let reference_runs = || match self.has_modelled_robot() {
-            true => ReferenceRuns::start(&self.setup, &self.found.application, &self.schedule, of_the_paper),
-            false => ReferenceRuns::default(),
-        };
-        // In real mode they run afterwards, so that they take no core from the nodes.
-        let meanwhile = (self.options.mode == Mode::Virtual).then(reference_runs);
-        let ran = match self.options.mode {
-            Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await,
-            Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await,
-        };
-        if let Some(live) = session.live.take() {
-            live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);
-        }
-        let ended = ran?;
-        let ended = match ended.exit {
-            Exit::Pass => {
-                let results = meanwhile.unwrap_or_else(reference_runs).finish(ended.results)?;
-                Ended { results, ..ended }
-            }
-            // After an interrupt, or if a node needs attention, the user does not want to wait for them.
-            _ => ended,
-        };
-        // If the disk was full before, the files there are complete, and stay so if this does not fit either.
-        let saved = session.finish(&ended.results);
-        let saved = if ended.exit == Exit::Internal { Ok(()) } else { saved };
-        Ok((ended.and_saved(saved), path))
-    }
-
-    /// Starts the live view of a run in `directory`, and says where it is.
-    fn serve(&self, address: Reserved, directory: &Path) -> Result<Live, Failure> {
-        let about = About {
-            setup: &self.setup,
-            application: &self.found.application,
-            types: &self.schedule.types,
-            reps: self.schedule.reps,
-            no_rows: self.options.attach.as_ref().map(|_| NO_ROWS),
-        };
-        let rows = self.options.attach.is_none().then_some(directory);
-        let live = Live::start(address, &about, rows)?;
-        // Even with `--quiet`: without the address nobody finds the page.
-        errln!("Live at http://{}/", live.address());
-        Ok(live)
-    }
-
-    fn empty_results(&self) -> Results {
-        let (setup, application) = (&self.setup, &self.found.application);
-        let overrides = self.schedule.overrides.as_ref();
-        let comparison = PaperComparison::of(setup, application, overrides, &self.faults);
-        let results = Results::new(setup, &application.name, self.options.mode, &self.schedule)
-            .with_paper(setup, comparison);
-        if self.has_modelled_robot() { results } else { results.without_calibration() }
-    }
-
-    /// Returns whether the robot is our model of one, and not another device beside an attached PLC.
-    fn has_modelled_robot(&self) -> bool {
-        self.options.attach.as_ref().is_none_or(|attach| attach.robot.is_some())
-    }
-
-    /// Prints the plan's first warnings: for a grid each would be repeated in every cycle.
-    fn warn(&self, progress: &Progress) {
-        self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
-        let more = self.warnings.len().saturating_sub(WARNINGS);
-        if more > 0 {
-            let Setup { name, application, .. } = &self.setup;
-            progress.warn(&format!(
-                "{more} more of that kind; `plc-node plan {application} --setup {name}` shows them all"
-            ));
-        }
-    }
-
-    /// Executes the schedule on a stand, from its start to its end.
-    async fn run_on<S: Stand>(
-        &self,
-        session: &mut Session,
-        host: Host,
-        results: Results,
-        interrupt: impl Future<Output = ()>,
-    ) -> Result<Ended, Failure> {
-        let directory = session.directory.path().to_owned();
-        let feed = session.live.as_ref().map(Live::feed);
-        let config = StandConfig {
-            setup: &self.setup,
-            application: &self.found.application,
-            application_text: &self.found.text,
-            seed: self.options.seed,
-            directory: &directory,
-            capture: self.keep(),
-            frames: self.options.trace,
-            faults: &self.faults,
-            feed: feed.as_ref(),
-            attach: self.options.attach.as_ref(),
-            token: self.token.as_ref(),
-        };
-        let mut verification =
-            Verification::new(&self.setup, &self.found.application, self.options.mode, &self.faults)?;
-        let mut interrupt = std::pin::pin!(interrupt);
-        let started = tokio::select! {
-            () = &mut interrupt => None,
-            stand = S::start(&config) => Some(stand),
-        };
-        let mut stand = match started {
-            Some(Ok(stand)) => stand,
-            Some(Err(failure)) => {
-                session.finish(&Results { status: Status::Failed, ..results })?;
-                return Err(failure);
-            }
-            None => {
-                let results = Results { status: Status::Interrupted, ..results };
-                return Ok(Ended { results, exit: Exit::Interrupted, failures: Vec::new() });
-            }
-        };
-        if let Some(refused) = stand.refused() {
-            let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
-            session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
-            refused.iter().for_each(|warning| session.progress.warn(warning));
-        }
-        let results = Results { attached: stand.attached(), ..results };
-        let verify = |measured: &Measured| verification.check(measured);
-        let ended = session.run(&mut stand, &self.schedule, results, verify, interrupt).await?;
-        let finished = stand.finish(self.wants_capture(ended.exit)).await;
-        Ok(self.take_up(ended, finished, session))
-    }
-
-    /// Saves the stand's trace and captures, and adds its final conditions to the results.
-    fn take_up(&self, ended: Ended, finished: Finished, session: &Session) -> Ended {
-        let Finished { trace, health, capture, remark } = finished;
-        if let Some(remark) = remark {
-            session.progress.say(&remark);
-        }
-        let mut ended = ended;
-        // What a capture lacks is found when it is written to its end.
-        let of_rig = health.as_ref().err().map(|failure| &failure.error).filter(|error| is_of_capture(error));
-        if let Some(error) = capture.as_ref().err().or(of_rig) {
-            ended.results.incomplete.push(format!("The captures are incomplete: {error:#}."));
-        }
-        let mut ended = ended.and_saved(capture);
-        match trace {
-            Ok(Some(trace)) => {
-                if let Some(lack) = trace.incomplete() {
-                    session.progress.warn(&lack);
-                    ended.results.incomplete.push(lack);
-                }
-                ended = ended.and_saved(self.save_trace(&trace, session));
-            }
-            Ok(None) => {}
-            Err(error) => {
-                let lack = format!("The report lacks the curves over time: {error:#}.");
-                session.progress.warn(&lack);
-                ended.results.incomplete.push(lack);
-            }
-        }
-        match health {
-            // The two nodes' final counts belong together; their earlier reports are not simultaneous.
-            Ok(Some(health)) if ended.failures.is_empty() => ended.results.set_health(&health),
-            // A failed run already has its error; the nodes' end adds little.
-            Err(Failure { exit, error }) if !ended.exit.is_failed_run() => {
-                // No repetition failed, so the exit code must not say so.
-                let exit = if exit == Exit::RunFailed { Exit::Internal } else { exit };
-                ended.failures.push(error);
-                ended.exit = if ended.exit == Exit::Pass { exit } else { ended.exit };
-            }
-            _ => {}
-        }
-        ended
-    }
-
-    /// Saves the tables for the report, and the timeline and the arm's motion if requested.
-    fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
-        trace.save(session.directory.path())?;
-        if self.options.trace {
-            let path = session.directory.path().join(timeline::FILE);
-            let plan = self.found.plan(&self.setup)?;
-            let motions: Vec<_> = plan.motions.iter().map(|motion| motion.name.as_str()).collect();
-            replace(&path, &timeline::json(trace, &motions)?, Durability::Written)?;
-        }
-        #[cfg(feature = "mcap")]
-        if self.options.mcap {
-            let path = session.directory.path().join(playback::FILE);
-            let plan = self.found.plan(&self.setup)?;
-            replace(&path, playback::bytes(trace, &self.setup, &plan)?, Durability::Written)?;
-        }
-        Ok(())
-    }
-
-    /// Returns how much of a capture is kept.
-    fn keep(&self) -> Option<Keep> {
-        match self.options.capture {
-            Capture::Always => Some(Keep::All),
-            Capture::OnFailure => Some(Keep::FirstAndLast),
-            Capture::Never => None,
-        }
-    }
-
-    /// Returns whether the captures of a run with this exit code are written.
-    fn wants_capture(&self, exit: Exit) -> bool {
-        self.options.capture == Capture::Always || exit.is_failed_run()
-    }
 }

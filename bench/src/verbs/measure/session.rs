@@ -1,18 +1,17 @@
-//! Executes one schedule up to its table. Every repetition is saved before the next one starts, so that an early end
-//! loses nothing.
+//! Executes one schedule. It saves each repetition before the next one starts, so that an early end loses nothing.
 
 use crate::output::exit::Exit;
 use crate::output::export::Exports;
-use crate::output::live::Live;
+use crate::output::live::{Feed, Live};
 use crate::output::progress::Progress;
-use crate::records::conditions::Measured;
+use crate::records::conditions::{Health, Measured};
 use crate::records::host::Host;
 use crate::records::results::{Results, Status};
 use crate::records::run_directory::{Durability, RunDirectory};
 use crate::records::schedule::{Schedule, Step};
 use crate::stands::Stand;
 
-/// Where a run writes its files and shows its progress.
+/// The files of a run, and its progress on screen and in the live view.
 #[derive(Debug)]
 pub struct Session {
     /// The run directory.
@@ -21,14 +20,14 @@ pub struct Session {
     pub exports: Exports,
     /// The lines on the terminal.
     pub progress: Progress,
-    /// The page that shows the run while it is going on.
+    /// The page that shows the run in progress.
     pub live: Option<Live>,
 }
 
 /// Result of a run, and how it ended.
 #[derive(Debug)]
 pub struct Ended {
-    /// What it found out.
+    /// Its results.
     pub results: Results,
     /// The program's exit code.
     pub exit: Exit,
@@ -101,12 +100,7 @@ impl Session {
             };
             let outcome = record(&mut results, &step, outcome, &mut verify);
             let health = stand.health();
-            for lost in health.repeated.iter().skip(results.repeated as usize) {
-                self.progress.warn(&format!("run again, {lost}"));
-                if let Some(feed) = &feed {
-                    feed.alarm(format!("run again, {lost}"));
-                }
-            }
+            self.warn_repeated(&health, results.repeated, feed.as_ref());
             results.set_health(&health);
             let so_far = if outcome.is_ok() { Status::Running } else { Status::Failed };
             let status = std::mem::replace(&mut results.status, so_far);
@@ -119,11 +113,7 @@ impl Session {
                 feed.results(&results);
             }
             if let Err(error) = outcome {
-                if let Some(feed) = &feed {
-                    feed.alarm(format!("{} {} failed: {error:#}", step.execution_type, step.repetition));
-                }
-                let name = format!("{} {} of {}", step.execution_type, step.repetition, schedule.reps);
-                failures.push(error.context(format!("repetition {name} failed")));
+                failures.push(failure(error, &step, schedule.reps, feed.as_ref()));
             }
             if let Err(error) = saved {
                 self.progress.end();
@@ -140,6 +130,16 @@ impl Session {
         Ok(Ended { exit: exit(results.status, &failures), results, failures }.and_saved(saved))
     }
 
+    /// Warns of repetitions that were run again, behind the `known` ones.
+    fn warn_repeated(&self, health: &Health, known: u32, feed: Option<&Feed>) {
+        for lost in health.repeated.iter().skip(known as usize) {
+            self.progress.warn(&format!("run again, {lost}"));
+            if let Some(feed) = feed {
+                feed.alarm(format!("run again, {lost}"));
+            }
+        }
+    }
+
     /// Writes the final results.
     ///
     /// # Errors
@@ -153,6 +153,15 @@ impl Session {
         self.directory.save_results(results)?;
         self.exports.write(results, durability)
     }
+}
+
+/// Returns the error of a failed repetition with its name, and shows it in the live view.
+fn failure(error: anyhow::Error, step: &Step, reps: u32, feed: Option<&Feed>) -> anyhow::Error {
+    let Step { execution_type, repetition, .. } = step;
+    if let Some(feed) = feed {
+        feed.alarm(format!("{execution_type} {repetition} failed: {error:#}"));
+    }
+    error.context(format!("repetition {execution_type} {repetition} of {reps} failed"))
 }
 
 /// Adds a repetition to the results, as failed if `verify` does not accept it or a joint exceeded its rating.

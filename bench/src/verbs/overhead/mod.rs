@@ -1,8 +1,9 @@
-//! What recording costs: `bench overhead` runs the sequence repeatedly in real mode, switches captures and traces on
-//! and off meanwhile, and compares the lateness of the cycles. With `--live` it is the live view with one page that watches.
+//! `bench overhead`: the cost of recording. It runs the sequence repeatedly in real mode, switches captures and traces on
+//! and off meanwhile, and compares the lateness of the cycles. With `--live` it switches a live view with one open page
+//! instead.
 //!
 //! One second of cycles has one figure, the 99th percentile of its lateness. Recorded and unrecorded seconds come in
-//! pairs, in an order drawn from the seed, and are compared pair by pair: a drift of the host affects both alike, and
+//! pairs, in an order drawn from the seed, and are compared pair by pair: a drift of the host affects both equally, and
 //! a stall affects only one of many pairs. A pair is left out if the hypervisor ran other machines during it, by the
 //! kernel's count of stolen time. Pairs of whole repetitions would take four to eight times as long, and a shared
 //! host is seldom in the same state for so long.
@@ -19,7 +20,7 @@ use node::report::LatenessReport;
 use page::Watched;
 use planning::Found;
 use plc_node::ExecutionType;
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::Retention;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;
@@ -227,7 +228,7 @@ async fn measure(
     let watched = options.live.then(watched).transpose()?;
     let config = RigConfig {
         seed: options.seed,
-        capture: (!options.live).then(|| (directory.to_owned(), Keep::All)),
+        capture: (!options.live).then(|| (directory.to_owned(), Retention::All)),
         feed: watched.as_ref().map(Watched::feed),
         trace: Some(directory.to_owned()),
         ..RigConfig::new(setup, options.setup.name())

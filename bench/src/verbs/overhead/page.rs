@@ -1,4 +1,4 @@
-//! A live view with one page that watches it, as a browser does: it reads every event and draws nothing.
+//! A live view with one open page. The page reads every event, as a browser does, and draws nothing.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -12,7 +12,7 @@ use setup::Setup;
 
 use crate::output::live::{About, Feed, Live, Reserved};
 
-/// Fewest bytes that a page gets of a measurement: more than the state at its beginning.
+/// Fewest bytes that a page receives during a measurement: more than the state at the beginning.
 const FEWEST: u64 = 10_000;
 
 /// A live view and its page.
@@ -51,7 +51,7 @@ impl Watched {
             bytes
         };
         let page = std::thread::Builder::new().name("page".to_owned()).spawn(read)?;
-        // A page that gets the next repetition forgets the one before.
+        // A page that receives the next repetition drops the previous one.
         live.feed().next(execution_type, 1);
         Ok(Self { live, page })
     }
@@ -60,7 +60,7 @@ impl Watched {
         self.live.feed()
     }
 
-    /// Ends the view; an error if the page did not watch.
+    /// Ends the view; an error if the page received too little.
     pub(super) fn end(self) -> anyhow::Result<()> {
         self.live.stop();
         let bytes = self.page.join().unwrap_or_default();

@@ -134,7 +134,7 @@ enum Variant {
 /// # Errors
 ///
 /// The options or the setup do not allow it, a run fails, or the results cannot be written. A case that the planner
-/// or the robot refuses is not an error: its row tells why.
+/// or the robot refuses is not an error: its row contains the reason.
 pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;

@@ -14,7 +14,7 @@ use crate::stands::virtual_run;
 use crate::verbs::jobs;
 
 /// Cost of a skill call in the sweep, in µs: longer than the robot needs to look through its program before it starts,
-/// so that RC and CM start alike. Both pay it once, and it is taken off again.
+/// so that RC and CM start equally late. Both contain it once, and it is subtracted from the results.
 const OVERHEAD_US: u32 = 200_000;
 
 /// Share of RC's time from which on CM counts as slower; smaller differences come from the robot's cycle.
@@ -54,17 +54,17 @@ pub struct Point {
     pub blends_suppressed: f64,
     /// The round trip from an executed motion to the next one in its slot, at its longest, in ms.
     pub round_trip_ms: f64,
-    /// What the round trip alone says.
+    /// The verdict of the round trip alone.
     pub predicted: Predicted,
 }
 
-/// What the round trip alone says of a point, whatever the profile of the motions.
+/// The verdict of the round trip alone on a point, for any profile of the motions.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Predicted {
     /// CM loses no blend.
     KeepsUp,
-    /// It depends on where in a motion the robot must know of the next.
+    /// It depends on when the robot needs the next motion during a motion.
     Open,
     /// CM loses blends.
     Starves,
@@ -155,7 +155,7 @@ impl Grid {
             None => (ExecutionType::Rc, setup.plc.slots_in_use()),
             Some(depth) => (ExecutionType::Cm, depth),
         };
-        // What CM needs before its first motion is the same at every point, and no matter of slots or bus cycle.
+        // The time that CM needs before its first motion is the same at every point; it depends on neither slots nor bus cycle.
         let setup = setup
             .clone()
             .without_start_cycles()

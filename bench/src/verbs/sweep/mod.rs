@@ -6,7 +6,7 @@
 //! ├─ square      that application
 //! └─ round_trip  the time from a free slot to the next motion in it
 //! found       the results of the grid as sentences
-//! table       the grid on screen, and as CSV; report::sweep draws it
+//! table       the grid on screen, and as CSV; page draws it
 //! ```
 
 mod found;

@@ -1,4 +1,4 @@
-//! How long a slot of the image stays empty, and what that asks of a motion.
+//! How long a slot of the image stays empty, and how long a motion must be so that CM keeps up.
 //!
 //! When the robot counts motion k as executed, which is in the middle of its corner, it writes so into its feedback; the
 //! PLC reads it, writes motion k + n into the slot, and the robot reads that. With n slots the robot meanwhile has n − 1
@@ -17,9 +17,9 @@ use setup::Setup;
 /// From the instant at which a motion is executed to the robot's cycle that finds another one in its slot.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct RoundTrip {
-    /// Where every cycle on the way is met as soon as it can be.
+    /// The shortest: no cycle on the way has to be waited for.
     pub shortest: Duration,
-    /// Where every cycle on the way was just missed.
+    /// The longest: every cycle on the way was just missed.
     pub longest: Duration,
 }
 

@@ -123,7 +123,7 @@ impl Loop {
         Ok(Self { port, to, frame, header: header.len(), due: None, end: Instant::ZERO })
     }
 
-    /// Sends in cycles or at once, and tells the other end how long its last frame took.
+    /// Sends in cycles or at once; each frame contains the transmission time of the last frame from the other end.
     fn answer(mut self) -> anyhow::Result<Vec<RoundTrip>> {
         let mut last = Duration::ZERO;
         loop {

@@ -10,7 +10,7 @@ use machine::{Duration, Instant, Machine};
 use plc_node::bus::PlcBus;
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
 use protocol_linux::handover::Taken;
-use protocol_linux::{CyclicThread, Driver, Interface, Notifier, Outbox, Task, clock};
+use protocol_linux::{CyclicThread, Driver, Interface, NoticeSender, Notifier, Task, clock};
 use robot_node::bus::RobotBus;
 use setup::Bus;
 
@@ -68,12 +68,12 @@ impl Connection {
         }
         let until = clock::now() + PATIENCE;
         own.up_at = loop {
-            match own.plc.news() {
-                Taken::Item(News::Up(at)) => break at,
-                Taken::Item(News::Down(down)) if clock::now() >= until => {
+            match own.plc.next_notice() {
+                Taken::Item(Notice::Up(at)) => break at,
+                Taken::Item(Notice::Down(down)) if clock::now() >= until => {
                     bail!("no connection came about: {down}")
                 }
-                Taken::Item(News::Down(_)) => {}
+                Taken::Item(Notice::Down(_)) => {}
                 Taken::Nothing if clock::now() >= until => {
                     bail!("nobody answered at {ROBOT} within {PATIENCE:?}")
                 }
@@ -135,14 +135,14 @@ struct Serve;
 
 impl Task<Stopwatch<RobotBus>> for Serve {
     type Command = ();
-    type News = ();
+    type Notice = ();
 
     fn event(
         &mut self,
         now: Instant,
         robot: &mut Stopwatch<RobotBus>,
         event: LinkEvent,
-        _: &mut Outbox<()>,
+        _: &mut NoticeSender<()>,
     ) -> ControlFlow<()> {
         if let LinkEvent::SetAddress { address, .. } = event {
             // The cable's ends have their addresses from the start.
@@ -154,12 +154,12 @@ impl Task<Stopwatch<RobotBus>> for Serve {
 
 /// What the PLC's thread reports.
 #[derive(Clone, Copy, Debug)]
-enum News {
+enum Notice {
     Up(Instant),
     Down(Down),
 }
 
-/// Keeps a connection until it is told to close it.
+/// Keeps a connection until the command to close it.
 #[derive(Default, Debug)]
 struct Call {
     up: bool,
@@ -171,7 +171,7 @@ struct Call {
 
 impl Task<Stopwatch<PlcBus>> for Call {
     type Command = ();
-    type News = News;
+    type Notice = Notice;
 
     fn command(
         &mut self,
@@ -179,7 +179,7 @@ impl Task<Stopwatch<PlcBus>> for Call {
         plc: &mut Stopwatch<PlcBus>,
         _: &protocol_linux::Statistics,
         (): (),
-        _: &mut Outbox<News>,
+        _: &mut NoticeSender<Notice>,
     ) -> ControlFlow<()> {
         self.deadline = Some(now + PATIENCE);
         plc.bus_mut().disconnect(now);
@@ -191,12 +191,12 @@ impl Task<Stopwatch<PlcBus>> for Call {
         now: Instant,
         _: &mut Stopwatch<PlcBus>,
         event: LinkEvent,
-        news: &mut Outbox<News>,
+        notices: &mut NoticeSender<Notice>,
     ) -> ControlFlow<()> {
         match event {
             LinkEvent::Up => {
                 self.up = true;
-                news.tell(News::Up(now));
+                notices.send(Notice::Up(now));
             }
             LinkEvent::Down(down) => {
                 // Before the first connection the PLC keeps trying.
@@ -204,7 +204,7 @@ impl Task<Stopwatch<PlcBus>> for Call {
                     self.down = Some(down);
                     return ControlFlow::Break(());
                 }
-                news.tell(News::Down(down));
+                notices.send(Notice::Down(down));
             }
             LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
         }

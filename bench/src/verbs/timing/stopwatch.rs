@@ -32,7 +32,7 @@ pub(super) struct RoundTrip {
     pub(super) whole: Option<Duration>,
 }
 
-/// What the two ends tell each other besides the bus, in ns of the common clock.
+/// Times that the two ends share in memory, in ns of their common clock.
 #[derive(Default, Debug)]
 pub(super) struct Times {
     plc_sent: AtomicU64,

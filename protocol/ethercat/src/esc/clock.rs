@@ -64,7 +64,8 @@ pub(crate) struct Clock {
     pulses: [Option<Pulses>; 2],
 }
 
-/// Returns whether a system time is still to come. It begins anew after 2^64 ns, and an offset may put it just before that.
+/// Returns whether a system time is in the future. The system time wraps after 2^64 ns, and an offset may put it just
+/// before that.
 const fn is_ahead(time: u64, system: u64) -> bool {
     let ahead = time.wrapping_sub(system);
     ahead != 0 && ahead <= u64::MAX / 2
@@ -148,7 +149,7 @@ impl Clock {
             self.difference.saturating_add(difference.saturating_sub(self.difference) >> depth.min(15));
         self.show_difference(memory);
         let elapsed = self.compared_at.replace(now).map(|before| now.since(before).as_nanos() as i64);
-        // The first one tells only where to begin from.
+        // The first value only sets the starting point.
         let Some(elapsed) = elapsed.filter(|elapsed| *elapsed > 0) else { return };
         self.base = self.parts(now);
         self.base_at = now;

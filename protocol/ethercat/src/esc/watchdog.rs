@@ -12,7 +12,7 @@ pub(crate) struct Watchdog {
 }
 
 impl Watchdog {
-    /// Starts it, or starts it anew.
+    /// Starts or restarts it.
     pub(crate) fn trigger(&mut self, now: Instant, memory: &mut Memory) {
         self.triggered = Some(now);
         memory.set(WATCHDOG_STATUS, &[1]);

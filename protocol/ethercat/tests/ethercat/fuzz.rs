@@ -82,7 +82,7 @@ proptest! {
         }
     }
 
-    /// What did not count changed nothing: a segment that got it goes on like one that did not.
+    /// A frame that did not count changed nothing: a segment that received it behaves like one that did not.
     #[test]
     fn what_did_not_count_changed_nothing(before in vec(sent(), 0..20), tried in sent(), after in vec(sent(), 1..20)) {
         let mut one = two_bridges();

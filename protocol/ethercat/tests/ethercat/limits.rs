@@ -1,4 +1,4 @@
-//! What ethercrab 0.7.1 cannot bear, so that whoever uses it knows: each test shows one limit, and fails once it is gone.
+//! The limits of ethercrab 0.7.1, for its users: each test shows one limit, and fails once a version does not have it.
 
 use embassy_time::Timer;
 use ethercat_maindevice::time;

@@ -5,10 +5,10 @@ use std::collections::BinaryHeap;
 use std::time::Duration;
 
 use machine::Instant;
-use virtual_time::{Fate, Impairment, Link, LinkCounters, Side};
+use virtual_time::{Impairment, Link, LinkCounters, LinkEffect, Side};
 
 use super::frame::{Contents, put_in};
-use crate::capture::Note;
+use crate::capture::CableEvent;
 
 /// Frames that the cable holds at once: one second of both directions at two frames a millisecond.
 const PLACES: usize = 4_096;
@@ -33,7 +33,7 @@ struct UnderWay {
     arrives: Instant,
     number: u64,
     to: Side,
-    fate: Fate,
+    effect: LinkEffect,
     place: usize,
     len: usize,
 }
@@ -42,9 +42,9 @@ struct UnderWay {
 #[derive(Debug)]
 pub(super) enum Due<'a> {
     /// The cable's state changes.
-    Change(Note),
+    Change(CableEvent),
     /// A frame arrives.
-    Frame { to: Side, fate: Fate, frame: &'a [u8] },
+    Frame { to: Side, effect: LinkEffect, frame: &'a [u8] },
 }
 
 #[derive(Debug)]
@@ -92,13 +92,13 @@ impl Forwarder {
     }
 
     /// Takes a frame that `from` sent and returns what happens to it.
-    pub(super) fn take(&mut self, now: Instant, from: Side, frame: &[u8]) -> Fate {
+    pub(super) fn take(&mut self, now: Instant, from: Side, frame: &[u8]) -> LinkEffect {
         let contents = Contents::of(frame);
         let (cut, delay) = (self.cut, self.delays[from.index()]);
         let Self { links, under_way, places, free, next_number, .. } = self;
         let link = &mut links[from.index()];
         let mut has_room = true;
-        let mut put = |arrives, fate, seen: &[u8]| {
+        let mut put = |arrives, effect, seen: &[u8]| {
             let fits = if frame.len() <= ROOM { free.pop() } else { None };
             let copy = fits.and_then(|place| Some((place, places.get_mut(place)?.get_mut(..frame.len())?)));
             let Some((place, copy)) = copy else {
@@ -109,25 +109,25 @@ impl Forwarder {
             put_in(copy, &contents, seen);
             *next_number += 1;
             let (number, to, len) = (*next_number, from.other(), frame.len());
-            under_way.push(Reverse(UnderWay { arrives, number, to, fate, place, len }));
+            under_way.push(Reverse(UnderWay { arrives, number, to, effect, place, len }));
         };
-        let mut fate = match &contents {
+        let mut effect = match &contents {
             Contents::Machine { seen, .. } => {
                 link.pass(now, frame.get(seen.clone()).unwrap_or_default(), &mut put)
             }
             // A piece is not corrupted: its receiver would find that, so it would only be lost.
             Contents::Piece => link.pass(now, &[], &mut put),
-            Contents::Hosts if cut => Fate { cut, ..Fate::default() },
+            Contents::Hosts if cut => LinkEffect { cut, ..LinkEffect::default() },
             Contents::Hosts => {
-                put(now + delay, Fate::default(), &[]);
-                Fate::default()
+                put(now + delay, LinkEffect::default(), &[]);
+                LinkEffect::default()
             }
         };
         if !has_room {
             link.lose_in_flight();
-            fate.lost = true;
+            effect.lost = true;
         }
-        fate
+        effect
     }
 
     /// Returns when [`next_due`](Self::next_due) next has something.
@@ -143,9 +143,9 @@ impl Forwarder {
             self.next_cut += 1;
             return Some(Due::Change(self.set_cut(cut)));
         }
-        let Reverse(UnderWay { to, fate, place, len, .. }) = self.under_way.pop()?;
+        let Reverse(UnderWay { to, effect, place, len, .. }) = self.under_way.pop()?;
         self.free.push(place);
-        Some(Due::Frame { to, fate, frame: self.places.get(place)?.get(..len)? })
+        Some(Due::Frame { to, effect, frame: self.places.get(place)?.get(..len)? })
     }
 
     fn cut_due(&self) -> Option<(Instant, bool)> {
@@ -153,18 +153,18 @@ impl Forwarder {
         Some((self.ready? + *after, *cut))
     }
 
-    fn set_cut(&mut self, cut: bool) -> Note {
+    fn set_cut(&mut self, cut: bool) -> CableEvent {
         self.cut = cut;
         self.links.iter_mut().for_each(|link| link.set_cut(cut));
         if !cut {
-            return Note::Mended;
+            return CableEvent::Mended;
         }
         let lost_under_way = self.under_way.len() as u64;
         for Reverse(UnderWay { to, place, .. }) in self.under_way.drain() {
             self.links[to.other().index()].lose_in_flight();
             self.free.push(place);
         }
-        Note::Cut { lost_under_way }
+        CableEvent::Cut { lost_under_way }
     }
 }
 
@@ -188,8 +188,8 @@ mod tests {
         while let Some(due) = forwarder.next_due(until) {
             found.push(match due {
                 Due::Change(note) => note.to_string(),
-                Due::Frame { to, fate, frame } => {
-                    format!("{to:?} {} {fate}", frame[20]).trim_end().to_owned()
+                Due::Frame { to, effect, frame } => {
+                    format!("{to:?} {} {effect}", frame[20]).trim_end().to_owned()
                 }
             });
         }
@@ -249,8 +249,8 @@ mod tests {
             ["fault: the cable is cut from here on; 1 frames under way are lost"]
         );
         for frame in [profinet(3), arp()] {
-            let fate = forwarder.take(Instant::from_millis(111), Side::B, &frame);
-            assert_eq!(fate.to_string(), "fault: lost, the cable is cut");
+            let effect = forwarder.take(Instant::from_millis(111), Side::B, &frame);
+            assert_eq!(effect.to_string(), "fault: lost, the cable is cut");
         }
         assert_eq!(due(&mut forwarder, Instant::from_millis(120)), ["the cable is mended"]);
         assert!(forwarder.take(Instant::from_millis(121), Side::B, &profinet(4)).is_clean());

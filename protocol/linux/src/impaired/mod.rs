@@ -30,7 +30,7 @@ use rustix::io::Errno;
 use socket2::Socket;
 use virtual_time::{LinkCounters, Side};
 
-use crate::capture::Note;
+use crate::capture::CableEvent;
 use crate::handover::{EndRequest, Ending};
 use crate::packet_socket::{self, FrameBuffer};
 use crate::recorder::RecorderError;
@@ -42,7 +42,7 @@ pub use forwarder::ImpairmentPlan;
 pub use observer::{FrameCallback, Observer};
 
 use forwarder::{Due, Forwarder};
-use observer::{ObserverSender, Passed, Writer};
+use observer::{ObservedFrame, ObserverSender, Writer};
 
 /// Frames taken from one end before the other end gets its turn.
 const BATCH: usize = 64;
@@ -96,7 +96,7 @@ impl ImpairedCable {
         let shared = Arc::new(Shared::default());
         let waker = Notifier::new().map_err(failed)?;
         let (observers, writer) = observer::start(observers, &shared).map_err(failed)?;
-        let mut passing = Passing {
+        let mut forwarding = ForwardingThread {
             sockets,
             forwarder: Forwarder::new(plan),
             observers,
@@ -107,7 +107,7 @@ impl ImpairedCable {
             // Without real-time scheduling the cable is as slow as the host is busy; the nodes report what the host
             // refuses.
             let _ = scheduling::make_real_time();
-            passing.run()
+            forwarding.run()
         };
         let thread = std::thread::Builder::new().name("cable".to_owned()).spawn(body).map_err(failed)?;
         Ok(Self { shared, waker, thread: Some(thread), writer: Some(writer) })
@@ -127,7 +127,7 @@ impl ImpairedCable {
         self.waker.notify();
     }
 
-    /// Pauses the observers, or lets them go on.
+    /// Pauses the observers, or continues them.
     pub fn pause(&self, paused: bool) {
         self.shared.paused.store(paused, Ordering::Relaxed);
     }
@@ -178,7 +178,7 @@ fn open(interface: &Interface) -> Result<Socket, PortError> {
 }
 
 /// What the thread between the ends works with.
-struct Passing {
+struct ForwardingThread {
     sockets: [Socket; 2],
     forwarder: Forwarder,
     observers: ObserverSender,
@@ -186,7 +186,7 @@ struct Passing {
     notifier: Notifier,
 }
 
-impl Passing {
+impl ForwardingThread {
     /// Passes frames on until it is stopped; returns how often it allocated.
     fn run(&mut self) -> u64 {
         let mut waits = WaitSet::new(3);
@@ -227,7 +227,7 @@ impl Passing {
         }
         for (side, killed) in [Side::A, Side::B].into_iter().zip(&self.shared.killed) {
             if killed.swap(false, Ordering::Relaxed) {
-                self.observers.note(Note::Killed(side));
+                self.observers.note(CableEvent::Killed(side));
             }
         }
     }
@@ -236,9 +236,10 @@ impl Passing {
         for _ in 0..BATCH {
             // No frame waits, or the interface fails for a moment; if it keeps failing, the nodes notice.
             let Ok(packet) = packet_socket::receive(&self.sockets[from.index()], buffer) else { return };
-            let fate = self.forwarder.take(clock::now(), from, packet.data);
+            let effect = self.forwarder.take(clock::now(), from, packet.data);
             let (since_1970, at) = (packet.since_1970, clock::instant_of(packet.since_1970));
-            self.observers.passed(Passed { at, since_1970, end: from, sent: true, fate }, packet.data);
+            self.observers
+                .observe(ObservedFrame { at, since_1970, end: from, sent: true, effect }, packet.data);
             // Between frames, so that a batch does not delay a frame that is due.
             self.deliver();
         }
@@ -250,11 +251,12 @@ impl Passing {
             match self.forwarder.next_due(now) {
                 None => return,
                 Some(Due::Change(note)) => self.observers.note(note),
-                Some(Due::Frame { to, fate, frame }) => {
+                Some(Due::Frame { to, effect, frame }) => {
                     let since_1970 = clock::utc();
                     // A frame that the kernel refuses is lost on the cable; the receiver's counters show it.
                     let _ = self.sockets[to.index()].send(frame);
-                    self.observers.passed(Passed { at: now, since_1970, end: to, sent: false, fate }, frame);
+                    self.observers
+                        .observe(ObservedFrame { at: now, since_1970, end: to, sent: false, effect }, frame);
                 }
             }
         }

@@ -7,12 +7,12 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use machine::Instant;
-use virtual_time::{Fate, Side};
+use virtual_time::{LinkEffect, Side};
 
 use super::Shared;
 use super::forwarder::ROOM;
 use crate::RecorderError;
-use crate::capture::{CaptureFile, Note, Packet};
+use crate::capture::{CableEvent, CaptureFile, Packet};
 use crate::handover::{Ending, Sender, Taken, ring};
 
 /// Entries that the ring holds: half a second at two frames a millisecond each way, seen at both ends.
@@ -42,19 +42,19 @@ impl std::fmt::Debug for Observer {
 
 /// A frame at an end of the cable.
 #[derive(Clone, Copy)]
-pub(super) struct Passed {
+pub(super) struct ObservedFrame {
     pub(super) at: Instant,
     pub(super) since_1970: Duration,
     pub(super) end: Side,
     /// Whether the node at this end sent it.
     pub(super) sent: bool,
-    pub(super) fate: Fate,
+    pub(super) effect: LinkEffect,
 }
 
 #[expect(clippy::large_enum_variant, reason = "a box would be an allocation on the cyclic thread")]
 enum Entry {
-    Passed { passed: Passed, len: usize, frame: [u8; ROOM] },
-    Note(Note),
+    ObservedFrame { passed: ObservedFrame, len: usize, frame: [u8; ROOM] },
+    CableEvent(CableEvent),
 }
 
 /// The cyclic thread's end of the ring; without a ring if there is no observer.
@@ -65,7 +65,7 @@ pub(super) struct ObserverSender {
 
 impl ObserverSender {
     /// Passes a frame to the writer. If the ring is full, the frame is left out and counted.
-    pub(super) fn passed(&mut self, passed: Passed, bytes: &[u8]) {
+    pub(super) fn observe(&mut self, passed: ObservedFrame, bytes: &[u8]) {
         let Some(entries) = &mut self.entries else { return };
         if self.shared.paused.load(Ordering::Relaxed) {
             return;
@@ -75,13 +75,13 @@ impl ObserverSender {
         if let (Some(to), Some(from)) = (frame.get_mut(..len), bytes.get(..len)) {
             to.copy_from_slice(from);
         }
-        let _ = entries.send(Entry::Passed { passed, len, frame });
+        let _ = entries.send(Entry::ObservedFrame { passed, len, frame });
     }
 
     /// Adds a comment to the next frames. If the ring is full, it is left out and counts as a frame.
-    pub(super) fn note(&mut self, note: Note) {
+    pub(super) fn note(&mut self, note: CableEvent) {
         if let Some(entries) = &mut self.entries {
-            let _ = entries.send(Entry::Note(note));
+            let _ = entries.send(Entry::CableEvent(note));
         }
     }
 }
@@ -115,7 +115,7 @@ pub(super) fn start(
             let taken = waiting.take();
             if let Taken::Item(entry) = &taken {
                 let recorded = record(&mut ends, entry);
-                // If a capture cannot be written, all captures end; the cable goes on.
+                // If a capture cannot be written, all captures end; the cable continues.
                 if result.is_ok() && recorded.is_err() {
                     result = recorded;
                     ends.iter_mut().for_each(|end| end.observer.capture = None);
@@ -152,16 +152,16 @@ struct End {
 
 fn record(ends: &mut [End; 2], entry: &Entry) -> Result<(), RecorderError> {
     match entry {
-        Entry::Note(note) => {
+        Entry::CableEvent(note) => {
             for end in ends {
                 let before = end.note.take().map_or_else(String::new, |before| before + "; ");
                 end.note = Some(before + &note.to_string());
             }
             Ok(())
         }
-        Entry::Passed { passed: Passed { at, since_1970, end, sent, fate }, len, frame } => {
+        Entry::ObservedFrame { passed: ObservedFrame { at, since_1970, end, sent, effect }, len, frame } => {
             let End { observer, note } = &mut ends[end.index()];
-            let fault = (!fate.is_clean()).then(|| fate.to_string());
+            let fault = (!effect.is_clean()).then(|| effect.to_string());
             let data = frame.get(..*len).unwrap_or_default();
             let packet =
                 Packet { since_1970: *since_1970, sent: Some(*sent), data, comment: fault.as_deref() };

@@ -248,7 +248,7 @@ impl Place {
         let rest = bytes.get(sent..).unwrap_or_default();
         let Some(room) = self.room.get_mut(self.waiting..self.waiting + rest.len()) else {
             connection.state = State::Lost;
-            // Make the kernel drop its buffer as well, rather than keep what nobody reads.
+            // Make the kernel drop its buffer, too: the peer will not read it.
             let _ = connection.socket.set_linger(Some(Duration::ZERO));
             return Err(Overflow);
         };

@@ -10,7 +10,7 @@
 pub mod handover;
 mod parts;
 
-use handover::{EndRequest, Ending, Full, Outbox, Receiver, Taken, ring};
+use handover::{EndRequest, Ending, Full, NoticeSender, Receiver, Taken, ring};
 use loom::sync::Arc;
 use loom::sync::atomic::{AtomicU64, Ordering};
 use loom::thread;
@@ -101,12 +101,12 @@ fn a_reader_that_sleeps_while_there_is_no_news_reads_all_news() {
     in_every_order(|| {
         let (sender, mut receiver) = ring(2);
         let reader = Notifier::new();
-        let mut outbox = Outbox::new(sender, reader.clone());
+        let mut notices = NoticeSender::new(sender, reader.clone());
         let telling = thread::spawn(move || {
-            outbox.tell(1);
-            outbox.tell(2);
+            notices.send(1);
+            notices.send(2);
             // It stays: its end would notify as well.
-            outbox
+            notices
         });
         let news = take_asleep(&mut receiver, &reader, |news, _| news.len() == 2);
         assert_eq!(news, [1, 2]);
@@ -119,8 +119,8 @@ fn a_reader_that_sleeps_while_there_is_no_news_learns_of_the_end_after_the_last(
     in_every_order(|| {
         let (sender, mut receiver) = ring(2);
         let reader = Notifier::new();
-        let mut outbox = Outbox::new(sender, reader.clone());
-        let telling = thread::spawn(move || outbox.tell(1));
+        let mut notices = NoticeSender::new(sender, reader.clone());
+        let telling = thread::spawn(move || notices.send(1));
         let news = take_asleep(&mut receiver, &reader, |_, taken| *taken == Taken::Ended);
         assert_eq!(news, [1]);
         telling.join().unwrap();

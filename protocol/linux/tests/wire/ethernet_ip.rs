@@ -13,7 +13,7 @@ use pcap_file::pcapng::{Block, PcapNgReader};
 use protocol::buses::EthernetIpScanner;
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
-use protocol_linux::capture::Keep;
+use protocol_linux::capture::Retention;
 use protocol_linux::{Interface, Recorder, clock};
 
 use super::test_network::{ADDRESSES, MASK, Progress, TIMEOUT, TestNetwork};
@@ -129,7 +129,7 @@ pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_
     let network = TestNetwork::new();
     let robot = network.start(1, adapter);
     let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
-    let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Keep::All).unwrap();
+    let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Retention::All).unwrap();
     let recorder = network.ends[0].0.run(start).unwrap();
     exchange(&network, false);
     set_scheduled_dscp(&network, 20);

@@ -19,7 +19,7 @@ use machines::{Cable, Echo, Station};
 use protocol::fieldbus::LinkEvent;
 use protocol_linux::handover::Taken;
 use protocol_linux::{
-    CyclicThread, Driver, DriverError, Interface, Notifier, OpenPort, Outbox, Statistics, Task, clock,
+    CyclicThread, Driver, DriverError, Interface, NoticeSender, Notifier, OpenPort, Statistics, Task, clock,
 };
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use test_network::{ADDRESSES, TIMEOUT, TestNetwork};
@@ -140,11 +140,11 @@ fn the_end_of_a_cyclic_thread_that_panics_wakes_its_reader() {
         let driver = Driver::new(station, interface.clone(), waker.clone()).unwrap();
         CyclicThread::start(driver, Fault, waker, reader.clone()).unwrap()
     });
-    assert_eq!(thread.news(), Taken::Nothing);
+    assert_eq!(thread.next_notice(), Taken::Nothing);
     thread.send(()).unwrap();
     let limit = Timespec::try_from(TIMEOUT).unwrap();
     let woken = poll(&mut [PollFd::new(&reader, PollFlags::IN)], Some(&limit)).unwrap();
-    assert_eq!((woken, thread.news()), (1, Taken::Ended));
+    assert_eq!((woken, thread.next_notice()), (1, Taken::Ended));
     thread.join().unwrap_err();
 }
 
@@ -154,7 +154,7 @@ struct Fault;
 
 impl Task<Station> for Fault {
     type Command = ();
-    type News = ();
+    type Notice = ();
 
     fn command(
         &mut self,
@@ -162,12 +162,18 @@ impl Task<Station> for Fault {
         _: &mut Station,
         _: &Statistics,
         (): (),
-        _: &mut Outbox<()>,
+        _: &mut NoticeSender<()>,
     ) -> ControlFlow<()> {
         unreachable!("what a fault of the program does")
     }
 
-    fn event(&mut self, _: Instant, _: &mut Station, _: LinkEvent, _: &mut Outbox<()>) -> ControlFlow<()> {
+    fn event(
+        &mut self,
+        _: Instant,
+        _: &mut Station,
+        _: LinkEvent,
+        _: &mut NoticeSender<()>,
+    ) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 }

@@ -11,7 +11,7 @@ use networked_tests::End;
 use protocol::fieldbus::LinkEvent;
 use protocol_linux::handover::Taken;
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::{CyclicThread, Driver, Finished, Interface, Notifier, Outbox, Task};
+use protocol_linux::{CyclicThread, Driver, Finished, Interface, NoticeSender, Notifier, Task};
 
 pub(crate) const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 pub(crate) const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];
@@ -110,7 +110,7 @@ impl<M: Progress> Running<M> {
     /// Waits until the machine reports that its link is up.
     pub(crate) fn until_up(&mut self) {
         let start = std::time::Instant::now();
-        while self.thread.news() != Taken::Item(LinkEvent::Up) {
+        while self.thread.next_notice() != Taken::Item(LinkEvent::Up) {
             assert!(start.elapsed() < TIMEOUT, "it does not come up");
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -137,21 +137,21 @@ pub(crate) struct Watch {
 
 impl<M: Progress> Task<M> for Watch {
     type Command = ();
-    type News = LinkEvent;
+    type Notice = LinkEvent;
 
     fn event(
         &mut self,
         _: Instant,
         _: &mut M,
         event: LinkEvent,
-        news: &mut Outbox<LinkEvent>,
+        notices: &mut NoticeSender<LinkEvent>,
     ) -> ControlFlow<()> {
         self.ups += u64::from(event == LinkEvent::Up);
-        news.tell(event);
+        notices.send(event);
         ControlFlow::Continue(())
     }
 
-    fn look(&mut self, _: Instant, machine: &M) {
+    fn inspect(&mut self, _: Instant, machine: &M) {
         self.progress.store(machine.progress(), Ordering::Relaxed);
     }
 }

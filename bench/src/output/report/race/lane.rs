@@ -18,8 +18,8 @@ const TICKS: usize = 10_000;
 
 /// Speed of the tool in mm/s below which it counts as standing still, if it stays below for [`STILL_MS`].
 const STILL_MM_S: f32 = 1.0;
-/// Shortest standstill that is shown, in ms: where the tool turns back on its path it is slow for a cycle or two, which
-/// nobody sees.
+/// Shortest standstill that is shown, in ms. Where the tool turns back on its path it is slow for a cycle or two, which is
+/// too short to be seen.
 const STILL_MS: f64 = 20.0;
 
 /// Units of the columns.

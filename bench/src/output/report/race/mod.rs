@@ -9,7 +9,7 @@
 //! *.js     the page's own scripts: recording, scene (three.js), curves (uPlot), panel, race
 //! ```
 //!
-//! The live view has the same arm, scripts and style for a run that is going on.
+//! The live view uses the same arm, scripts and style for a run in progress.
 //!
 //! The page is one file: it includes its data, its scripts and two libraries, which `scripts/vendor.sh` makes.
 
