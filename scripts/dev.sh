@@ -647,7 +647,7 @@ demo_up() {
     demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$1"
 }
 
-verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, REPS=1 of each type (as root)
+verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and C, REPS=1 of each type (as root)
     export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci
     export SETUP RUNS BENCH_USER=65534:65534
     trap demo_end EXIT
@@ -655,7 +655,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setup A and B, 
     RUNS=$(mktemp -d)
     chown "$BENCH_USER" "$RUNS"
     local output type
-    for SETUP in A B; do
+    for SETUP in A B C; do
         output="$RUNS/$SETUP.txt"
         demo_up "$output"
         for type in RC SM CM; do grep -qE "\| +$type +[0-9]+\.[0-9]" "$output"; done

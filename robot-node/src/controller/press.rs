@@ -28,6 +28,10 @@ const SHARE: f64 = 0.25;
 /// Share of the jerk with which stops are computed.
 const JERK_SHARE: f64 = 0.25;
 
+/// Share of the path's jerk for the force. The path before may end within one cycle, and the force begin in the next: the end of
+/// that braking moves the arm by a sixth of what a whole cycle at this jerk does.
+const AFTER_A_PATH: f64 = 6.0 / 7.0;
+
 /// Cycles from the one that enters a surface to the first one that is slowed by what was felt there, and one more.
 const BLIND_CYCLES: f64 = 2.0;
 
@@ -124,7 +128,8 @@ impl Press {
         }
         let limits = segment.steady_limits();
         // Along the line the axes may allow less than the force's own limit.
-        let control = ForceControl { jerk_mm_s3: control.jerk_mm_s3.min(limits.jerk), ..control };
+        let jerk_mm_s3 = control.jerk_mm_s3.min(AFTER_A_PATH * limits.jerk);
+        let control = ForceControl { jerk_mm_s3, ..control };
         let press = Self {
             phase: Phase::Waiting,
             curve: segment.curve,

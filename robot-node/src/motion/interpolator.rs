@@ -139,7 +139,7 @@ impl Interpolator {
             self.stand_still();
             return Ok(Step { suppressed: None, ended: None });
         }
-        self.path.set_override(factor);
+        self.path.set_override(factor, self.cycle_s);
         let (place, left) = self.path.ahead(self.cycle_s);
         if self.path.is_held() {
             self.stand_still();

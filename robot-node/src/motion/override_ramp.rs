@@ -11,8 +11,13 @@ use super::path::Path;
 use super::piece::{Course, Piece};
 use super::time_scale::{BENDS, MOST_BENT, Phase, Ramp, Rate, TimeScale};
 
-/// Duration of a step, in s.
-const STEP_S: f64 = 0.004;
+/// Least duration of a step, in s. In a longer robot cycle a step is as long as the cycle, so that it is not over before the next
+/// one can begin.
+const LEAST_STEP_S: f64 = 0.004;
+
+/// Lengths of a step that are tried while the rate is constant, each a quarter of the one before: where a step is longer than a
+/// corner, even the slowest one is too fast.
+const STEPS: usize = 5;
 
 /// Shares of the highest jerk with which a step is tried: toward the override, and away from it where the present
 /// change must be taken back first.
@@ -58,30 +63,41 @@ const MOST_CHECKS: f64 = 128.0;
 
 impl Path {
     /// Changes the override, 0…1: the share of the programmed speeds. At 0 the arm stops on the path as soon as the limits allow.
-    pub fn set_override(&mut self, factor: f64) {
+    /// This is done every `cycle_s` seconds.
+    pub fn set_override(&mut self, factor: f64, cycle_s: f64) {
         self.factor = factor;
         if self.scale.is_steadily(factor) {
             return;
         }
         if self.rests() {
             self.scale = TimeScale::steady(factor);
-        } else if let Some(ramp) = self.quickest_ramp() {
-            self.scale.start(ramp);
+            return;
+        }
+        let mut step_s = cycle_s.max(LEAST_STEP_S);
+        for _ in 0..STEPS {
+            if let Some(ramp) = self.quickest_ramp(step_s) {
+                return self.scale.start(ramp);
+            }
+            // A ramp under way ends by itself.
+            if !self.scale.is_steady() {
+                return;
+            }
+            step_s /= 4.0;
         }
     }
 
     /// Returns the ramp toward the override that changes the rate most within a step and keeps the limits. None where
     /// the present ramp changes it as much.
-    fn quickest_ramp(&self) -> Option<Ramp> {
+    fn quickest_ramp(&self, step_s: f64) -> Option<Ramp> {
         let (part, spot, Pace { square, acceleration }) = self.here()?;
         let (most, most_jerk) = part.knot(spot.way, 0.0, &Rates::of(part.ratings))?.at_rest();
         let (now, speed) = (self.scale.now(), square.sqrt());
         let sign = 1.0_f64.copysign(self.factor - now.share);
-        let under_way = self.scale.after(STEP_S).change;
+        let under_way = self.scale.after(step_s).change;
         let accelerates = now.share * now.share * acceleration + now.change * speed;
-        let room = (ACCELERATION_SHARE * most - sign * accelerates) / STEP_S;
+        let room = (ACCELERATION_SHARE * most - sign * accelerates) / step_s;
         let course = self.course();
-        let least_gain = if self.scale.is_steady() { 0.0 } else { LEAST_GAIN * STEP_S * most_jerk / speed };
+        let least_gain = if self.scale.is_steady() { 0.0 } else { LEAST_GAIN * step_s * most_jerk / speed };
         // A rate that still moves away from the override goes no farther than it would have gone.
         let farthest = if sign * now.change >= 0.0 { now.share } else { self.scale.target() };
         let is_better = |ramp: &Ramp| {
@@ -95,11 +111,11 @@ impl Path {
             } else {
                 room.min(jerk_share * most_jerk)
             };
-            let bends = self.bends(sign * jerk);
+            let bends = self.bends(sign * jerk, step_s);
             let mut behind = None;
             for (index, [hold, level]) in LEVELS.into_iter().enumerate() {
                 let level = level * most_jerk / speed;
-                if let Some(ramp) = Ramp::stepping(now, bends, STEP_S, [hold, level], self.factor) {
+                if let Some(ramp) = Ramp::stepping(now, bends, step_s, [hold, level], self.factor) {
                     if !is_better(&ramp) {
                         continue;
                     }
@@ -114,7 +130,7 @@ impl Path {
                     }
                 } else if has_landed.get(index) == Some(&false) {
                     has_landed[index] = true;
-                    let ramp = Ramp::landing(now, STEP_S, level, self.factor).filter(is_better);
+                    let ramp = Ramp::landing(now, step_s, level, self.factor).filter(is_better);
                     if ramp.is_some_and(|ramp| self.keeps_limits(ramp.phases(), &mut course.clone())) {
                         return ramp;
                     }
@@ -131,10 +147,10 @@ impl Path {
 
     /// Returns the second derivatives of the rate in the parts of the next step that give the arm this jerk, in the
     /// unit of the present part.
-    fn bends(&self, jerk: f64) -> [f64; BENDS] {
+    fn bends(&self, jerk: f64, step_s: f64) -> [f64; BENDS] {
         let (mut rate, mut course) = (self.scale.now(), self.course());
         rate.bend = 0.0;
-        let each = STEP_S / BENDS as f64;
+        let each = step_s / BENDS as f64;
         core::array::from_fn(|_| {
             let (Rate { share, change, .. }, to_middle) = rate.after(each / 2.0);
             course.advance(to_middle);

@@ -52,7 +52,9 @@ impl Law {
     /// Tool and base of the motions that the feedback may show now.
     fn candidates(&self) -> impl Iterator<Item = (Pose, Pose)> + '_ {
         let index = self.skill.executed as usize;
-        let near = index.saturating_sub(1)..index + 2;
+        // In a long cycle the arm may pass several motions.
+        let before = self.samples[1].among.first;
+        let near = index.saturating_sub(1).min(before)..index + 2;
         self.ways
             .get(near.start..near.end.min(self.ways.len()))
             .unwrap_or(&[])
