@@ -164,10 +164,12 @@ impl Direction {
 }
 
 impl SixAxes for Opw {
+    #[inline]
     fn model(&self, joints: &Joints) -> Joints {
         to_model(joints, &self.parameters.offsets, &self.parameters.signs)
     }
 
+    #[inline]
     fn pose(&self, &[q1, q2, q3, q4, q5, q6]: &Joints) -> Frame {
         let OpwParameters { a1, a2, b, c1, c2, c3, c4, .. } = self.parameters;
         let lift = q2 + q3;

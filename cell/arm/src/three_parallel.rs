@@ -104,10 +104,12 @@ impl ThreeParallel {
 }
 
 impl SixAxes for ThreeParallel {
+    #[inline]
     fn model(&self, joints: &Joints) -> Joints {
         to_model(joints, &self.0.offsets, &self.0.signs)
     }
 
+    #[inline]
     fn pose(&self, &[q1, q2, q3, q4, q5, q6]: &Joints) -> Frame {
         let ThreeParallelParameters { d1, a2, a3, d4, d5, d6, .. } = self.0;
         let lift = q2 + q3 + q4;
