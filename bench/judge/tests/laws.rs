@@ -80,7 +80,8 @@ fn no_list_breaks_a_law_whatever_the_limits_of_the_path() {
 #[test]
 fn lists_that_broke_a_law_with_other_cycles_or_limits_break_none_any_more() {
     const SLOWER: [f64; 3] = [2_000.0, 800.0, 20_000.0];
-    let found: [(&str, u32, [f64; 3], u64, &[u64]); 5] = [
+    type Found = (&'static str, u32, [f64; 3], u64, &'static [u64]);
+    let found: [Found; 5] = [
         // A ramp of the override ended within the cycle that had begun it, so that the arm slowed down late.
         ("A", 12_000, SHIPPED, 77, &[20, 38, 80, 1416, 1656, 2038]),
         ("B", 8_000, SHIPPED, 77, &[4, 12, 71, 2254]),
